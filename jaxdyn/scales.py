@@ -14,7 +14,9 @@ as there are entries; terms that cancel in J u do not with these weights.
 
 `at_rest` finds those of the motions near an equilibrium, which the rate there does not show: from
 the entries, from the Jacobian J, and where all entries are 0 from the distance at which the rate is
-no longer linear.
+no longer linear. A linear rate at 0 has no such distance, and its motions are the same at all
+sizes: entries that move each other have sizes in the ratio that they make of each other, and one of
+them has 1; nothing that is compared in these depends on it.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -274,7 +276,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     while (sizes == 0).any():
         new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
         if (new == sizes).all():
-            new = _with_one_more(field, t, y, sizes, made, alike)
+            new = with_one_more(field, t, y, sizes, made, alike)
         sizes = alike(new)
     slope = terms(field, y, sizes, t)
     fastest = _radius(slope)
@@ -300,14 +302,32 @@ def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def _with_one_more(
-    field: Any, t: float, y: np.ndarray, sizes: np.ndarray, made: np.ndarray, alike: Callable
+def with_one_more(
+    field: Any,
+    t: float,
+    y: np.ndarray,
+    sizes: np.ndarray,
+    made: np.ndarray,
+    alike: Callable,
+    fastest: float = 0.0,
 ) -> np.ndarray:
-    """The sizes (k,), and of an entry that no other one moves that at which the rate bends."""
+    """The sizes (k,), and of an entry that no other one moves that at which the rate bends.
+
+    Where it is linear, any size is as good as another: the mean of those known, or 1.
+
+    Args:
+      field: has ``rate(t, y)``.
+      t: () time at which the field is frozen.
+      y: (k,) the state.
+      sizes: (k,) 0 where there is none.
+      made: (k, k) what entries make of each other in the time of the motion.
+      alike: of numbers (k,), the largest of each group.
+      fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
+    """
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
         way = _moved_by(made, alike(first.astype(float)), sizes == 0)
-        size = _linear_up_to(field, t, y, way, sizes)
+        size = _linear_up_to(field, t, y, way, sizes, fastest)
         if np.isfinite(size):
             return np.where(first, size, sizes)
     mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
@@ -321,11 +341,19 @@ def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarra
     return way
 
 
-def _linear_up_to(field: Any, t: float, y: np.ndarray, way: np.ndarray, sizes: np.ndarray) -> float:
+def _linear_up_to(
+    field: Any,
+    t: float,
+    y: np.ndarray,
+    way: np.ndarray,
+    sizes: np.ndarray,
+    fastest: float = 0.0,
+) -> float:
     """How far along a way (k,), up and down, a rate is linear.
 
-    That is until its Jacobian's terms change by about themselves in a row, those of entries with
-    sizes (k,) or on the way; and of others, which may have any size, each for itself.
+    That is until its Jacobian's terms change by about themselves in a row, or by `fastest`
+    [1/time]: those of entries with sizes (k,) or on the way; and of others, which may have any
+    size, each for itself.
     """
     slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
     alone = (slope > 0) & (sizes == 0) & (way == 0)
@@ -333,7 +361,7 @@ def _linear_up_to(field: Any, t: float, y: np.ndarray, way: np.ndarray, sizes: n
     for _ in range(_ROUNDS):
         distances = np.geomspace(low, high, len(_DISTANCES))
         each = np.maximum(sizes, distances[:, None] * way)
-        own, share = each @ slope.T, np.zeros(len(distances))
+        own, share = each @ slope.T + fastest * each, np.zeros(len(distances))
         for sign in (1, -1):
             at = jnp.asarray(y + sign * distances[:, None] * off)
             with np.errstate(all="ignore"):

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, Status
 from jaxdyn._checks import is_traced
 from jaxdyn.analysis.energy import potential
 from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
@@ -27,6 +27,9 @@ from jaxdyn.solvers.choice import chosen_method
 #: The smallest depth of the potential along a motion, as a share of the median, with which
 #: logarithmic time is used: it diverges where the potential vanishes.
 _LEAST_DEPTH = 0.05
+_SAMPLES = 64  # of a motion, for the sizes of its entries
+_SAMPLE_RTOL = 1e-6  # a size needs no more digits
+_SAMPLE_STEPS = 20_000  # for a motion that is not known to be an orbit
 
 
 def advanced(
@@ -131,3 +134,12 @@ def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
     """Times, and minus the potential energy [J], at equal parts of s; (samples + 1,) each."""
     ts, ys = at_s(scene, jnp.linspace(0.0, s, samples + 1), rtol)
     return ts, _depth(scene, ts, ys)
+
+
+def sampled(scene: Scene, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """(s,) times and (s, k) states of a scene's motion; its start alone if that ends early."""
+    ts = np.linspace(0.0, span, _SAMPLES + 1)
+    flow = solved(scene, span, ts=ts, rtol=_SAMPLE_RTOL, max_steps=_SAMPLE_STEPS)
+    if int(flow.status) != Status.OK:
+        return ts[:1], np.asarray(scene.y0)[None]
+    return ts, np.asarray(flow.ys)

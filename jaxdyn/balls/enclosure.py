@@ -31,6 +31,7 @@ Differential and Integral Inequalities, for (2).
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 
 from jaxdyn.balls.arithmetic import COMPLEX, Undecided, acb, acb_poly, arb, arb_mat, precision
 from jaxdyn.balls.field import BallField
@@ -87,12 +88,14 @@ class About:
       t: () time of the start.
       series: (k) lists of the coefficients 0 to p of the motion from the centre.
       box: (k) a box of starts about it.
+      sizes: (k) of the entries of the state, by which they are compared.
     """
 
     field: BallField
     t: arb
     series: list[list]
     box: list
+    sizes: Sequence[float]
 
 
 def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, float] | None:
@@ -106,7 +109,7 @@ def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, floa
     if not all(x.is_finite() for row in about.series for x in row):
         return None
     with precision(_BITS):
-        reach = min(_convergence(about.series), 2 * farthest / _OUTER)
+        reach = min(_convergence(about), 2 * farthest / _OUTER)
         share = _OUTER if outer is None else min(outer * _LONGER, 0.9)
         for _ in range(_MOST_TRIALS):
             found = _verified(about, share * reach)
@@ -116,8 +119,9 @@ def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, floa
         return None
 
 
-def _convergence(series: list[list]) -> float:
+def _convergence(about: About) -> float:
     """The radius of convergence, about; infinite of polynomials."""
+    series = [[x / s for x in row] for row, s in zip(about.series, about.sizes, strict=True)]
     order = len(series[0]) - 1
     found = [math.inf]
     sizes = [max((_log(x) for x in row[: order // 2]), default=-math.inf) for row in series]
@@ -136,7 +140,7 @@ def _log(x: arb) -> float:
 
 def _verified(about: About, outer: float) -> Disc | None:
     """The disc inside one of radius R', if the bounds can be verified."""
-    k, order = about.field.k, len(about.series[0]) - 1
+    order = len(about.series[0]) - 1
     ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
     inner, share = outer * ratio, _EPS_BY_DEFECT * ratio**order
     r, q = arb(inner), arb(inner) / arb(outer)
@@ -147,8 +151,8 @@ def _verified(about: About, outer: float) -> Disc | None:
     defect = [m * q**order / (1 - q) for m in bounds]
     columns = zip(*(z for _, z, _ in cells), strict=True)
     sizes = [float(max(x.abs_upper() for x in column)) for column in columns]
-    least = min((x for x in sizes if x > 0), default=1.0)
-    start = [arb(share * (x or least)) for x in sizes]
+    known = [x or own for x, own in zip(sizes, about.sizes, strict=True)]
+    start = [arb(share * x) for x in known]
     pairs = zip(about.box, about.series, start, strict=True)
     apart = [(abs(x - row[0]) + eps).upper() for x, row, eps in pairs]
     first = [eta + r * d for eta, d in zip(apart, defect, strict=True)]
@@ -158,8 +162,7 @@ def _verified(about: About, outer: float) -> Disc | None:
         slopes = _largest(_slopes(about, *cell[:2], delta) for cell in near)
         if slopes is None:
             return None
-        matrix = arb_mat([slopes[i * k : (i + 1) * k] for i in range(k)]) * r
-        reached = (matrix.exp() * arb_mat([[x] for x in first])).entries()
+        reached = _grown(slopes, r, first, about.sizes)
         grown = zip(reached, first, strict=True)
         if not all(x.is_finite() and x < _MOST_GROWTH * f for x, f in grown):
             return None
@@ -167,6 +170,17 @@ def _verified(about: About, outer: float) -> Disc | None:
             return Disc(radius=r, state=[x.upper() for x in reached], start=start)
         delta = [(x * arb(_GROWN)).upper() for x in reached]
     return None
+
+
+def _grown(slopes: list, r: arb, first: list, sizes: Sequence[float]) -> list:
+    """(k) exp(R A) times a vector, with A (k k); in sizes, in which A has no large entries."""
+    k = len(first)
+    rows = [
+        [x * r * size / own for x, size in zip(slopes[i * k : (i + 1) * k], sizes, strict=True)]
+        for i, own in enumerate(sizes)
+    ]
+    found = arb_mat(rows).exp() * arb_mat([[x / s] for x, s in zip(first, sizes, strict=True)])
+    return [x * s for x, s in zip(found.entries(), sizes, strict=True)]
 
 
 def _cells(about: About, outer: float) -> list[tuple[acb, list, float]]:

@@ -14,6 +14,7 @@ not as the product of the norms of all steps (Lohner 1987, in Computerarithmetic
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -83,6 +84,7 @@ def tube(
     digits: float,
     bits: int,
     slope_digits: float = SLOPE_DIGITS,
+    sizes: Sequence[float] | None = None,
 ) -> Tube:
     """Enclosures of the end of all motions from a box.
 
@@ -95,6 +97,8 @@ def tube(
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
       slope_digits: the same as `digits` for the derivatives.
+      sizes: (k) of the entries along the motion, to which digits are relative; 1 by default. Powers
+        of 2 do not round.
     Raises:
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
@@ -102,6 +106,7 @@ def tube(
     slope_order = _orders(slope_digits + _GROWTH_DIGITS)
     # Series are cut off at the longest one's order.
     with precision(bits, max(order, slope_order)):
+        sizes = [1.0] * field.k if sizes is None else sizes
         offset = _column(box) - _column(centre)
         unit = arb_mat([[int(i == j) for j in range(field.k)] for i in range(field.k)])
         point = [x.mid() for x in centre]
@@ -109,11 +114,11 @@ def tube(
         done, outer = arb(0), None
         for steps in range(1, _MOST_STEPS):
             around = now.box(offset)
-            if not all(x.is_finite() and float(x.rad()) < 1.0 for x in around):
+            if not _narrow(around, sizes):
                 raise NotEnclosed(
                     f"The tube becomes too wide at t = {float(done):.6g}. Try more bits."
                 )
-            about = _about(field, t + done, now.point, around, order)
+            about = _about(field, t + done, now.point, around, order, sizes)
             left = span[1] - done
             farthest = float(abs(left).upper())  # some of the spans may be over already
             found = about and disc(about, outer, farthest / _SHARE)
@@ -125,17 +130,22 @@ def tube(
                     "singularity. Try more digits."
                 )
             bounds, outer = found
-            h = _short(_share(bounds, now.point, order, digits) * float(bounds.radius))
+            h = _short(_share(bounds, about, order, digits) * float(bounds.radius))
             if left <= h:
                 return _end(about, now, offset, (span[0] - done, left), bounds, slope_order, steps)
             now, done = _stepped(about, now, h, bounds, slope_order), done + h
         raise NotEnclosed("The motion takes too many steps. Prove it in parts of a period.")
 
 
-def _share(bounds: Disc, point: list, order: int, digits: float) -> float:
+def _narrow(box: list, sizes: Sequence[float]) -> bool:
+    """Whether a box is narrower than the sizes of its entries."""
+    return all(x.is_finite() and float(x.rad()) < s for x, s in zip(box, sizes, strict=True))
+
+
+def _share(bounds: Disc, about: About, order: int, digits: float) -> float:
     """The step as a part of the radius: less where motions of a large disc differ widely."""
-    size = max(abs(x) for x in point)
-    largest = max(bounds.state)
+    size = max(abs(row[0]) / s for row, s in zip(about.series, about.sizes, strict=True))
+    largest = max(x / s for x, s in zip(bounds.state, about.sizes, strict=True))
     if not (size > 0 and largest > 0):
         return _SHARE
     allowed = float((size / largest).log()) - digits * math.log(10)
@@ -146,13 +156,15 @@ def _orders(digits: float) -> int:
     return math.ceil(digits * math.log(10) / -math.log(_SHARE))
 
 
-def _about(field: BallField, t: arb, point: list, box: list, order: int) -> About | None:
+def _about(
+    field: BallField, t: arb, point: list, box: list, order: int, sizes: Sequence[float]
+) -> About | None:
     """The motion from a point in a box, if its rate has a series there."""
     try:
         coefficients = series.motion_series(field, t, point, order)
     except (ValueError, ZeroDivisionError, Undecided):  # python-flint's word for a singularity
         return None
-    return About(field, t, coefficients, box)
+    return About(field, t, coefficients, box, sizes)
 
 
 def _short(x: float) -> arb:
@@ -166,7 +178,7 @@ def _stepped(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) ->
     moved = _slopes(about, h, bounds, slope_order) * now.frame
     value = _ending(about, h, bounds)
     point = [x.mid() for x in value]
-    frame = _orthogonal(moved)
+    frame = _orthogonal(moved, np.array(about.sizes))
     back = frame.inv()
     carried = back * moved
     off = carried * now.off + back * (_column(value) - _column(point))
@@ -188,7 +200,7 @@ def _end(
     centre, ends = (_column(_ending(about, span, bounds)) + off for span in spans)
     slopes = moved * now.growth
     ended = (ends + slopes * offset).entries()
-    if not all(x.is_finite() and float(x.rad()) < 1.0 for x in ended):
+    if not _narrow(ended, about.sizes):
         raise NotEnclosed("The tube becomes too wide at its end. Try more bits.")
     return Tube(centre.entries(), ended, slopes, steps)
 
@@ -200,12 +212,12 @@ def _ending(about: About, h: arb, bounds: Disc) -> list:
     return [series.at(row, h) + _ball(error) for row, error in pairs]
 
 
-def _orthogonal(matrix: arb_mat) -> arb_mat:
-    """(k, k) floats, about the orthogonal factor of a matrix; exact as they stand."""
+def _orthogonal(matrix: arb_mat, sizes: np.ndarray) -> arb_mat:
+    """(k, k) floats, about the orthogonal factor of a matrix in sizes (k); exact as they stand."""
     table = np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
     if not np.isfinite(table).all():
         raise NotEnclosed("The derivatives become too large. Try a shorter part of the period.")
-    return arb_mat(np.linalg.qr(table)[0].tolist())
+    return arb_mat((sizes[:, None] * np.linalg.qr(table / sizes[:, None])[0]).tolist())
 
 
 def _column(vector: list) -> arb_mat:

@@ -30,7 +30,8 @@ OTHER = "The file was edited or damaged, or its scenes are others."
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
 _PATIENCE = 1.0  # [s]; a program that writes a file at all writes it for long
-_EARLIER = {"units": None}  # what records of earlier versions do not have
+#: What records of earlier versions do not have.
+EARLIER = {"units": None}
 _SAME = 1e-8  # relative distance below which two first members are one
 
 
@@ -61,7 +62,7 @@ def of_fields(cls: type) -> Codec:
     """The codec of a dataclass of numbers, texts and arrays, which has units."""
 
     def decode(record: Any) -> Any:
-        whole = {**_EARLIER, **record} if isinstance(record, dict) else record
+        whole = {**EARLIER, **record} if isinstance(record, dict) else record
         return typed(whole, cls, "file", OTHER)
 
     return Codec(plain, decode)

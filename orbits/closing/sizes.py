@@ -11,6 +11,7 @@ what the others can do to it: near an equilibrium their effects cancel, and a ve
 there has no size of its own.
 """
 
+import functools
 import math
 
 import jax
@@ -21,12 +22,14 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._notes import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.scales import at_rest, groups, with_one_more
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
 #: Of what other entries make of one: less is rounding.
 _ROUNDING = 1e-9
+#: Relative: numbers that differ by less are as large as each other.
+_ALIKE = 1e-6
 #: Times, as fractions of the span, at which the rate is asked, spread by the golden section: a
 #: drive may be zero at most of them, and has the same phase at no two of them.
 SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
@@ -74,7 +77,7 @@ def _sizes(scene: Scene) -> np.ndarray:
         return sizes_at_rest(scene, y0)
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
     slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
-    return _filled(scene, found, radian * slope)
+    return _filled(scene, found, slope, radian)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -85,18 +88,25 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
 def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
 
-    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there. Where units say
-    which entries are of one kind (`jaxdyn.scales`) these are measured by each other alone.
+    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the
+    span, since a motion adds up no longer, also where J is nilpotent, as at a Bogdanov-Takens
+    point. Where units say which entries are of one kind (`jaxdyn.scales`) these are measured by
+    each other alone.
     """
     if groups(scene.system).known:
         return each
     slope = np.abs(np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0)))
     slope = np.where(np.isfinite(slope), slope, 0.0)
-    fastest = float(np.abs(np.linalg.eigvals(slope)).max())
-    for _ in range(len(each) if fastest > 0 else 0):
+    fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
+    for _ in range(len(each)):
         made = alike(scene, slope @ each / fastest)
         each = np.where(made > (1 + _ROUNDING) * each, made, each)
     return each
+
+
+def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(k,) the sizes of entries that have known ones (k,) at a start, along its motion (s, k)."""
+    return coupled(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
 
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
@@ -108,17 +118,25 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     return np.minimum(found, known.most)
 
 
-def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """The sizes, with those that are 0 from the others by what these change (k, k).
+def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
+    """The entry of a vector (k,) that is largest in sizes (k,); of several, the first."""
+    size = np.abs(vector / each)
+    return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
-    Some are not. An entry that no other one moves has the mean of all, which is decided on for one
-    such entry after the other, and what follows from it.
+
+def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
+    """The sizes, with those that are 0 from the others by what these change (k, k) in a time.
+
+    Some are not. An entry that no other one moves has the size at which the rate's Jacobian changes
+    by itself or by 1 over the time, which is decided on for one such entry after the other, and
+    what follows from it.
     """
+    made, y0 = time * slope, np.asarray(scene.y0)
     while (found == 0).any():
-        new = np.where(found == 0, alike(scene, (slope * found).max(axis=1)), found)
+        new = np.where(found == 0, alike(scene, (made * found).max(axis=1)), found)
         if (new == found).all():
-            mean = np.exp(np.log(found[found > 0]).mean())
-            new = np.where(np.arange(len(found)) == np.argmin(found), mean, found)
+            own = functools.partial(alike, scene)
+            new = with_one_more(scene.field, 0.0, y0, found, made, own, 1 / time)
         found = alike(scene, new)
     return found
 

@@ -39,12 +39,15 @@ class CurvePoint:
       multipliers: of the map over one part of the period, undone by the symmetry of the closing,
         without the one along the flow; with bars.
       angle: of the critical multipliers of a torus point [rad]; NaN for other kinds.
-      residual: largest entry of the residual of the point's equations, and of the condition of its
-        kind at a special point.
+      residual: largest entry of the residual of the point's equations, in its units, and of the
+        condition of its kind at a special point.
       unknowns: (n,) of the equations.
-      tangent: (n,) direction of the curve; a unit vector in start, period and parameters.
+      tangent: (n,) direction of the curve; of unit length in start, period and parameters, in its
+        units.
       tests: of each kind of special point a number that vanishes there.
       kind: kind of special point, if it is one.
+      units: (k + 3,) of the state's entries, of the parameters and of time (`units`), in which the
+        curve is followed. None in a file of an earlier version.
     """
 
     curve: Kind
@@ -57,6 +60,7 @@ class CurvePoint:
     tangent: np.ndarray
     tests: dict[CodimensionTwo, float]
     kind: CodimensionTwo | None = None
+    units: np.ndarray | None = None
 
     @_text.never_raising
     def __repr__(self) -> str:

@@ -4,7 +4,7 @@ With M the derivative of the state after one part of the period by the start, g 
 which the orbit closes (none: 1), and f the rate at the end:
 
 - Fold: closing, M w + b f = g w, |w| = 1; in autonomous scenes w is orthogonal to the rate at the
-  start, in driven ones b = 0.
+  start, in driven ones b = 0. Lengths and angles are in the sizes of the entries (`units`).
 - Period doubling: closing, M w = -g w. With a symmetry of two parts this is a branch point, where
   a second family without the symmetry crosses.
 - Torus point: closing, M w = g u, M u = g (2 c u - w), where the multipliers exp(+-i a) have
@@ -38,7 +38,7 @@ from orbits.shooting.segment import Piece, linearised_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]
 
-#: Added to the start, where the drive may cancel.
+#: Added to the start, in sizes: there the drive may cancel.
 _BESIDE = 0.1
 
 #: How many vectors are carried along the motion.
@@ -105,13 +105,18 @@ class Frame(NamedTuple):
     """What the unknowns are compared with.
 
     Attributes:
+      sizes: (k,) of the entries of the state.
+      time: that of the motion, a radian of the period.
       rows: (1 or 2, k) the first vector has products 1 and 0 with them.
       start: (k,) state; the phase of an autonomous scene is that nearest to it.
-      flow: (k,) rate there.
+      flow: (k,) product with a change of the start: its length along the rate, in sizes.
       point: (k + 3,) a start, period and parameters.
-      along: (k + 3,) normal of the plane through them, in which the solution lies.
+      along: (k + 3,) normal of the plane through them, in which the solution lies: its product with
+        a change of them is a length in units.
     """
 
+    sizes: np.ndarray
+    time: float
     rows: np.ndarray
     start: np.ndarray
     flow: np.ndarray
@@ -239,11 +244,12 @@ class Extended(eqx.Module):
         place = jnp.concatenate([start, unknowns.period[None], unknowns.parameters])
         if self.driven:
             # Beside the start: at rest the drive may cancel.
-            more = [drive(scene, start + _BESIDE, unknowns.period)]
+            more = [drive(scene, start + _BESIDE * frame.sizes, unknowns.period)]
         else:
             more = [(jnp.asarray(frame.flow) @ (start - frame.start))[None]]
             if self.kind == Kind.FOLD:
-                more.append((scene.rate(0.0, start) @ w[0])[None])
+                flow, first = scene.rate(0.0, start) / frame.sizes, w[0] / frame.sizes
+                more.append((frame.time * flow @ first)[None])
         plane = (jnp.asarray(frame.along) @ (place - frame.point))[None]
         parts = [joints.ravel(), carried.ravel(), miss(end, start), *returned, held, *more, plane]
         return jnp.concatenate(parts)

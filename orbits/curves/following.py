@@ -15,18 +15,21 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.kept import Begin, Log, kept_in
+from jaxdyn.continuation.units import Units
 from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import driven
-from orbits.closing.sizes import rate
+from orbits.closing.sizes import rate, sizes
 from orbits.curves.curve import Curve, CurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
 from orbits.curves.kept import ORBIT_CURVE, about, codec
 from orbits.curves.special import special_points
 from orbits.curves.steps import point_at, returned, solve
+from orbits.curves.units import member, of_place, of_unknowns, units_at, units_of
 from orbits.families.family import Kind, Member
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
@@ -67,8 +70,9 @@ def continue_curve(
         `continue_family`; or a special point of another curve, or an orbit near the curve.
       parameters: the values of both parameters at `point`; those of a point of a curve by default.
       kind: of the curve; that of the point by default, required for an orbit.
-      step: length of the first step in start, period and parameters; the others are up to ten
-        times as long.
+      step: length of the first step in start, period and parameters, in units of their sizes, of a
+        radian of the period, and of what the parameters change (`orbits.curves.units`); the others
+        are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller second parameter.
       within: bounds on each parameter; the curve ends at the first member beyond them.
@@ -98,8 +102,8 @@ def continue_curve(
             raise fail("within", "two bounds of each parameter", within)
     orbit, kind, both = _start(point, parameters, kind)
     make = remembered("make", make)
-    extended, start = _unknowns(make, orbit, kind, both, segments, rtol)
-    first = _first(extended, start, step, -1.0 if down else 1.0)
+    extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
+    first = _first(extended, start, units, step, -1.0 if down else 1.0)
     return _walked(extended, first, (step, members, within), report, path)
 
 
@@ -136,7 +140,7 @@ def _closing(orbit: Orbit, kind: Kind) -> Return:
 
 
 def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
-    """The equations, and the unknowns near an orbit."""
+    """The equations, and the unknowns near an orbit with their units."""
     scene = make(*jnp.asarray(both))
     if not isinstance(scene, Scene) or len(scene.labels()) != len(orbit.y0):
         raise fail("make", f"a scene with a state of {len(orbit.y0)} entries", scene)
@@ -156,16 +160,16 @@ def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
         reasons = ", ".join(known.reasons)
         raise fail("make", "scenes without a first integral", reasons, remedy)
     if segments is None:
-        growth = np.linalg.norm(known.monodromy, 2)
+        growth = np.linalg.norm(map_in_units(known.monodromy, sizes(here)), 2)
         pieces = math.log(max(growth, 1.0)) / math.log(_GROWTH) if np.isfinite(growth) else 1.0
         segments = 2 ** math.ceil(math.log2(max(pieces, 1.0)))
     segments = whole("segments", segments, most=_MOST_SEGMENTS)
     extended = dataclasses.replace(extended, segments=segments)
-    return extended, _spread(extended, orbit, both)
+    return extended, *_spread(extended, orbit, both)
 
 
-def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> np.ndarray:
-    """The unknowns of an orbit, with the critical vectors of its monodromy matrix."""
+def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndarray, Units]:
+    """The unknowns of an orbit, with the critical vectors of its monodromy matrix; its units."""
     n, m, k = extended.segments, extended.vectors, extended.k
     scenes = varied(extended.make, m)
     span = orbit.period / (extended.closing.parts * n)
@@ -185,17 +189,20 @@ def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> np.ndarray:
     monodromy = np.eye(k)
     for one in maps:
         monodromy = one @ monodromy
+    units = units_at(extended, np.array(states[:-1]), orbit.period, both)
     scene = extended.make(*jnp.asarray(both)).starting(orbit.y0, orbit.period)
     g = returned(extended, dataclasses.replace(orbit, scene=scene), monodromy)
-    vectors, extra = _critical(extended, g, np.asarray(rate(scene, 0.0, scene.y0)))
-    carried = [vectors]
+    flow = units.time * np.asarray(rate(scene, 0.0, scene.y0)) / units.each
+    vectors, extra = _critical(extended, map_in_units(g, units.each), flow)
+    carried = [vectors * units.each]
     for one in maps[:-1]:
         carried.append(carried[-1] @ one.T)
-    return extended.pack(states[:-1], carried, orbit.period, both, extra)
+    extra = extra * (units.time if extended.kind == Kind.FOLD else 1.0)
+    return extended.pack(states[:-1], carried, orbit.period, both, extra), units
 
 
 def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.ndarray, float]:
-    """(m, k) the critical vectors of the returned map g, and b or c."""
+    """(m, k) the critical vectors of the returned map g, and b or c; all in units."""
     k = len(g)
     if extended.kind == Kind.FOLD:
         if extended.driven:
@@ -211,24 +218,31 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
         raise fail("point", "an orbit with complex multipliers", "real ones alone")
     pair = upper[np.argmin(np.abs(np.abs(values[upper]) - 1))]
     cosine = values[pair].real / abs(values[pair])
-    # In the plane of the pair that with the largest change: not near the eigenvector that is left
-    # of it at a 1:1 resonance.
+    # In the plane of the pair one with a large change: not near the eigenvector that is left of it
+    # at a 1:1 resonance. Where all change alike, as in a rotation, it is the same one all the same.
     plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
-    w = plane @ (np.array([0.8, 0.6]) @ np.linalg.svd(g @ plane - cosine * plane)[2])
+    change = g @ plane - cosine * plane
+    w = plane @ (change.T @ change @ (plane.T @ np.random.default_rng(0).standard_normal(k)))
+    w = w / np.linalg.norm(w)
     return np.stack([w, g @ w]), float(cosine)
 
 
-def _first(extended: Extended, start: np.ndarray, step: float, sign: float) -> CurvePoint:
+def _first(
+    extended: Extended, start: np.ndarray, units: Units, step: float, sign: float
+) -> CurvePoint:
     """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
     size = len(extended.place)
     place = start[extended.place]
     up = np.append(np.zeros(size - 1), sign)
     for fixed in (up, np.roll(up, -1), *np.eye(size)[: size - 3]):
-        found = solve(extended, start, place, fixed)
-        if found is not None and np.linalg.norm(found.x[extended.place] - place) <= step:
-            point = point_at(extended, found, fixed)
+        found = solve(extended, start, place, fixed, units)
+        if found is None:
+            continue
+        moved = (found.x[extended.place] - place) / of_place(units)
+        if np.linalg.norm(moved) <= step:
+            point = point_at(extended, found, fixed, units)
             backwards = point.tangent[extended.place[-1]] * sign < 0
-            return dataclasses.replace(point, tangent=-point.tangent) if backwards else point
+            return member(extended, point, -1.0 if backwards else 1.0)
     raise fail(
         "point",
         f"a {extended.kind} of make(p, q) less than a step away",
@@ -239,7 +253,8 @@ def _first(extended: Extended, start: np.ndarray, step: float, sign: float) -> C
 
 def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curve:
     step, most, within = limits
-    place = np.append(first.unknowns, first.tangent)
+    own = of_unknowns(extended, units_of(extended, first))
+    place = np.append(first.unknowns / own, first.tangent / own)
     begin = Begin(ORBIT_CURVE, step, place, first, about(extended))
 
     def before(new: CurvePoint, special: list[CurvePoint]) -> str:
@@ -260,13 +275,13 @@ def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curv
 
 def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, float]:
     """The member a step further along the curve, and by what the next step may be longer."""
-    place = extended.place
-    along = last.tangent[place]
+    units, place = units_of(extended, last), extended.place
+    along, own = last.tangent[place], of_place(units)
     start = last.unknowns + step * last.tangent
-    found = solve(extended, start, start[place], along)
-    if found is None or np.linalg.norm(found.x[place] - start[place]) > step:
+    found = solve(extended, start, start[place], along, units)
+    if found is None or np.linalg.norm((found.x[place] - start[place]) / own) > step:
         return None, 1.0
-    new = point_at(extended, found, along)
-    if new.tangent[place] @ along < _TURN:
+    new = point_at(extended, found, along, units)
+    if (new.tangent[place] / own) @ (along / own) < _TURN:
         return None, 1.0
-    return new, growth(found.iterations)
+    return member(extended, new), growth(found.iterations)

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation.kept import OTHER, Codec, Stored, stored
+from jaxdyn.continuation.kept import EARLIER, OTHER, Codec, Stored, stored
 from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
@@ -16,6 +16,7 @@ from orbits.closing.symmetry import Symmetry
 from orbits.curves.curve import Curve, CurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
 from orbits.curves.steps import frame_at, orbit_of
+from orbits.curves.units import of_equations, of_unknowns, units_of
 from orbits.families.family import Kind
 
 #: What such a walk is.
@@ -52,7 +53,7 @@ def codec(extended: Extended) -> Codec:
         if not isinstance(record, dict) or "orbit" not in record:
             raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "orbit"}
-        fields = typed_fields(rest, CurvePoint, "file", OTHER, ("orbit",))
+        fields = typed_fields(EARLIER | rest, CurvePoint, "file", OTHER, ("orbit",))
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)
@@ -106,16 +107,17 @@ def _curve(walk: Stored, make: MakeOfTwo) -> Curve:
 
 def _check(extended: Extended, point: CurvePoint) -> None:
     """Refuse scenes in which an orbit does not close."""
-    along = np.zeros(len(extended.place))
+    along, x, units = np.zeros(len(extended.place)), point.unknowns, units_of(extended, point)
     try:
-        frame = frame_at(extended, point.unknowns, point.unknowns[extended.place], along)
+        frame = frame_at(extended, x, x[extended.place], along, units)
         # The length of the vector is that of the point's own frame.
-        size = np.linalg.norm(extended.unpack(point.unknowns).vectors[0][0])
-        residual = extended(point.unknowns, frame._replace(rows=frame.rows / size))[0]
+        size = np.linalg.norm(extended.unpack(x).vectors[0][0] / units.each)
+        residual = extended(x, frame._replace(rows=frame.rows / size))[0]
+        residual = residual / of_equations(extended, units, len(residual))
     except (TypeError, ValueError, IndexError) as error:
         got = f"{type(error).__name__}: {error}"[:120]
         raise fail("make", "the scenes of the file", got, OTHER) from error
     worst = np.abs(residual).max()
-    if not worst <= _HOLDS * (1.0 + np.abs(point.unknowns).max()):
+    if not worst <= _HOLDS * (1.0 + np.abs(x / of_unknowns(extended, units)).max()):
         got = f"others, in which an orbit misses its equations by {worst:.1e}"
         raise fail("make", "the scenes of the file", got, OTHER)

@@ -15,6 +15,7 @@ import numpy as np
 from orbits.curves.curve import CodimensionTwo, CurvePoint
 from orbits.curves.extended import Extended
 from orbits.curves.steps import point_at, solve
+from orbits.curves.units import of_place, units_of
 from orbits.families.family import Kind
 
 #: Largest test at a special point.
@@ -30,9 +31,10 @@ def special_points(extended: Extended, a: CurvePoint, b: CurvePoint) -> list[Cur
     found = [_zero(extended, a, b, kind) for kind in a.tests]
     if extended.kind == Kind.FOLD:
         found.append(_cusp(extended, a, b))
-    along = a.tangent[extended.place]
+    own = of_place(units_of(extended, a))
+    along = a.tangent[extended.place] / own
     kept = [point for point in found if point is not None]
-    return sorted(kept, key=lambda x: float(along @ x.unknowns[extended.place]))
+    return sorted(kept, key=lambda x: float(along @ (x.unknowns[extended.place] / own)))
 
 
 def _zero(extended: Extended, a: CurvePoint, b: CurvePoint, kind) -> CurvePoint | None:
@@ -43,11 +45,16 @@ def _zero(extended: Extended, a: CurvePoint, b: CurvePoint, kind) -> CurvePoint 
 
 
 def _cusp(extended: Extended, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:
-    before = _turning(extended, a)
-    best = _located(extended, a, b, lambda point: float(_turning(extended, point) @ before))
+    units = units_of(extended, a).parameters
+    before = _turning(extended, a) / units
+
+    def turned(point: CurvePoint) -> float:
+        return float(_turning(extended, point) / units @ before)
+
+    best = _located(extended, a, b, turned)
     if best is None:
         return None
-    change = float(np.linalg.norm(_turning(extended, best)))
+    change = float(np.linalg.norm(_turning(extended, best) / units))
     # Elsewhere the curve only turns by a right angle in the plane of the parameters.
     if change > _TURNED * np.linalg.norm(before):
         return None
@@ -88,9 +95,10 @@ def _located(extended: Extended, a: CurvePoint, b: CurvePoint, test) -> CurvePoi
 
 def between(extended: Extended, a: CurvePoint, b: CurvePoint, share: float) -> CurvePoint | None:
     """The point of the curve after a share of the way from one to another."""
-    along = a.tangent[extended.place]
+    units = units_of(extended, a)
+    along, own = a.tangent[extended.place], of_place(units)
     here, there = a.unknowns[extended.place], b.unknowns[extended.place]
     guess = a.unknowns + share * (b.unknowns - a.unknowns)
-    plane = here + share * (along @ (there - here)) * along
-    found = solve(extended, guess, plane, along)
-    return None if found is None else point_at(extended, found, along)
+    plane = here + share * (along / own @ ((there - here) / own)) * along
+    found = solve(extended, guess, plane, along, units)
+    return None if found is None else point_at(extended, found, along, units)

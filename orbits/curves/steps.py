@@ -7,16 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.analysis.eigenvalues import map_eigenvalues
+from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units
+from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import rate
 from orbits.curves.curve import CodimensionTwo, CurvePoint
 from orbits.curves.extended import Extended, Frame
+from orbits.curves.units import of_equations, of_place, of_unknowns
 from orbits.families.family import Kind
 from orbits.orbit import Orbit, Outcome
 
 _CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
 _SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
-#: Largest residual of a point, relative to 1 + the largest entry of its unknowns.
+#: Largest residual of a point, relative to 1 + the largest entry of its unknowns, in units.
 GOAL = 1e-10
 _NOISE = 100.0  # of the tolerance: a test that vanishes all along, where determinants are 1
 _DEPENDENT = 1e-13  # relative: smaller singular values are those of dependent equations
@@ -27,8 +29,8 @@ class Solution(NamedTuple):
 
     Attributes:
       x: (n,) unknowns.
-      residual: largest entry of the residual.
-      jacobian: (r, n), the plane last.
+      residual: largest entry of the residual, in units.
+      jacobian: (r, n) in units, the plane last.
       monodromy: (k, k) M.
       iterations: number of Newton steps.
     """
@@ -41,10 +43,19 @@ class Solution(NamedTuple):
 
 
 def solve(
-    extended: Extended, start: np.ndarray, point: np.ndarray, along: np.ndarray
+    extended: Extended, start: np.ndarray, point: np.ndarray, along: np.ndarray, units: Units
 ) -> Solution | None:
-    """The point of a curve in a plane, near a start; None if Newton's method finds none."""
-    frame = frame_at(extended, start, point, along)
+    """The point of a curve in a plane, near a start; None if Newton's method finds none.
+
+    Args:
+      extended: the equations.
+      start: (n,) unknowns.
+      point: (k + 3,) start, period and parameters in the plane.
+      along: (k + 3,) its normal, orthogonal to it in units.
+      units: the units.
+    """
+    frame = frame_at(extended, start, point, along, units)
+    own = of_unknowns(extended, units)
     x = start
     settled = False
     for iteration in range(_CORRECTIONS):
@@ -53,24 +64,27 @@ def solve(
         value, jacobian, monodromy = extended(x, frame)
         if not (np.isfinite(value).all() and np.isfinite(jacobian).all()):
             return None
+        rows = of_equations(extended, units, len(value))
+        value, jacobian = value / rows, jacobian * own / rows[:, None]
         if settled:
             residual = float(np.abs(value).max())
-            good = residual <= GOAL * (1.0 + np.abs(x).max())
+            good = residual <= GOAL * (1.0 + np.abs(x / own).max())
             return Solution(x, residual, jacobian, monodromy, iteration) if good else None
         step = np.linalg.lstsq(jacobian, value, rcond=_DEPENDENT)[0]
-        x = x - step
-        settled = np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x).max())
+        x = x - step * own
+        settled = np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x / own).max())
     return None
 
 
-def point_at(extended: Extended, found: Solution, along: np.ndarray) -> CurvePoint:
-    """The record of a point whose tangent points the same way as `along` (k + 3,)."""
+def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Units) -> CurvePoint:
+    """The record of a point whose tangent points the same way as `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
-    tangent = tangent / (np.linalg.norm(place) * (1.0 if place @ along >= 0 else -1.0))
+    sign = 1.0 if place @ (along / of_place(units)) >= 0 else -1.0
+    tangent = sign * tangent / np.linalg.norm(place)
     unknowns = extended.unpack(found.x)
     orbit = orbit_of(extended, found.x, found.residual, found.iterations)
-    values = reduced(extended, orbit, found.monodromy)
+    values = reduced(extended, orbit, found.monodromy, units.each)
     cosine = float(unknowns.extra)
     torus = extended.kind == Kind.TORUS
     return CurvePoint(
@@ -81,8 +95,9 @@ def point_at(extended: Extended, found: Solution, along: np.ndarray) -> CurvePoi
         angle=math.acos(min(max(cosine, -1.0), 1.0)) if torus else math.nan,
         residual=found.residual,
         unknowns=found.x,
-        tangent=tangent,
+        tangent=tangent * of_unknowns(extended, units),
         tests=_tests(extended, values, cosine),
+        units=units.numbers,
     )
 
 
@@ -113,14 +128,17 @@ def returned(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndar
     return np.linalg.solve(-before, after @ monodromy)
 
 
-def reduced(extended: Extended, orbit: Orbit, monodromy: np.ndarray):
-    """The multipliers of a part of the period, without the one along the flow."""
-    m = returned(extended, orbit, monodromy)
+def reduced(extended: Extended, orbit: Orbit, monodromy: np.ndarray, each: np.ndarray):
+    """The multipliers of a part of the period, without the one along the flow.
+
+    The entries of the state have sizes `each` (k,).
+    """
+    m = map_in_units(returned(extended, orbit, monodromy), each)
     if not extended.driven:
-        flow = np.asarray(rate(orbit.scene, 0.0, orbit.y0))
+        flow = np.asarray(rate(orbit.scene, 0.0, orbit.y0)) / each
         q = np.linalg.svd(flow[:, None])[0][:, 1:]
         m = q.T @ m @ q
-    return map_eigenvalues(m, extended.rtol * np.linalg.norm(monodromy, 2))
+    return map_eigenvalues(m, extended.rtol * np.linalg.norm(map_in_units(monodromy, each), 2))
 
 
 def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, float]:
@@ -181,10 +199,10 @@ def _least(values: np.ndarray, bars: np.ndarray) -> float:
     return float(np.prod(np.sign(real)) * abs(values[least]))
 
 
-def frame_at(extended: Extended, start, point, along) -> Frame:
-    """The frame at unknowns, with the plane through a point and normal to a direction."""
-    unknowns = extended.unpack(start)
-    w = unknowns.vectors[0]
+def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
+    """The frame at unknowns, with the plane through a point and normal to a direction, in units."""
+    unknowns, each = extended.unpack(start), units.each
+    w = unknowns.vectors[0] / each
     first = w[0] / np.linalg.norm(w[0])
     rows = first[None]
     if extended.kind == Kind.TORUS:
@@ -192,5 +210,14 @@ def frame_at(extended: Extended, start, point, along) -> Frame:
         rows = np.stack([first, across / np.linalg.norm(across)])
     y0 = unknowns.states[0]
     flow = np.asarray(extended.make(*unknowns.parameters).rate(jnp.zeros(()), jnp.asarray(y0)))
-    flow = flow / (np.linalg.norm(flow) or 1.0)
-    return Frame(rows=rows, start=y0, flow=flow, point=point, along=along)
+    flow = flow / each
+    normal = along / of_place(units)
+    return Frame(
+        sizes=each,
+        time=units.time,
+        rows=rows / each,
+        start=y0,
+        flow=flow / (np.linalg.norm(flow) or 1.0) / each,
+        point=point,
+        along=normal / (np.linalg.norm(normal) or 1.0) / of_place(units),
+    )

@@ -16,10 +16,12 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
 from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.sizes import largest_entry
 from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import solved
@@ -51,7 +53,8 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     Args:
       scene: a conservative scene.
       y: (k,) an equilibrium, e.g. of `jaxdyn.equilibria`.
-      amplitude: largest entry of the displacement, in the units of the state.
+      amplitude: displacement of the entry that is displaced most, beside its size, in its unit; of
+        several the first, as of an angle and its velocity.
     Returns:
       The seeds, the slowest first.
     Raises:
@@ -65,18 +68,17 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     y = np.asarray(array("y", y, (len(scene.y0),)))
     positive("amplitude", amplitude)
     linear = linearize(scene, y)
-    each, time, _ = at_rest(scene.field, groups(scene.system), y)
+    each, time = map(np.asarray, at_rest(scene.field, groups(scene.system), y)[:2])
     rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y))))
-    if not (rate * float(time) <= _AT_REST * np.asarray(each)).all():
+    if not (rate * float(time) <= _AT_REST * each).all():
         raise fail("y", "an equilibrium", f"a rate of {rate.max():.3g}", "`equilibria` finds them.")
-    values, vectors = np.linalg.eig(linear.jacobian)
+    values, vectors = np.linalg.eig(map_in_units(linear.jacobian, each))
     bar = linear.bars.max()
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]
     seeds = []
     for i in sorted(turning, key=lambda i: values[i].imag):
-        vector = vectors[:, i]
-        vector = vector * np.exp(-1j * np.angle(vector[np.argmax(np.abs(vector))]))
-        shape = vector.real / np.abs(vector.real).max()
+        vector = each * vectors[:, i]
+        shape = (vector / vector[largest_entry(vector, each)]).real
         seeds.append(Seed(y + amplitude * shape, float(2 * np.pi / values[i].imag)))
     return seeds
 

@@ -22,13 +22,13 @@ from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
 from orbits.families.family import Family, Kind, Member
-from orbits.families.hopf import from_hopf
+from orbits.families.hopf import from_hopf, in_sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.segment import Make
 
 _SAME = 1e-6  # distance in units of the family below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, by parameter and period
-_NEAR = 1e-2  # of the bounds: a family of orbits that ends so near a Hopf point ends there
+_NEAR = 1e-2  # the same for Hopf points and orbits that have shrunk to them
 #: Of the amplitude, at which orbits from a Hopf point are sought: where fast and slow motions meet
 #: they are ellipses very near to it only.
 _SHARES = np.array([1.0, 0.1, 0.01])
@@ -137,8 +137,7 @@ def diagram(
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
       amplitude: distance from a special point at which a new family begins, in the sizes of the
-        entries; from a Hopf point in units of the state, and, if there is no orbit, a tenth or a
-        hundredth of it.
+        entries; from a Hopf point also a tenth or a hundredth of it, if there is no orbit.
       report: called with each family and failure as it is found.
       path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
         where it was interrupted. See `orbits.families.load`.
@@ -226,6 +225,15 @@ def _met(a: Member, b: Member) -> bool:
     return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
 
 
+def _shrunk_to(end: Member, point: Equilibrium) -> bool:
+    """Whether the orbits of a family have shrunk to a Hopf point."""
+    *each, parameter = _units(point)
+    off = (np.asarray(end.orbit.y0) - point.state) / np.maximum(each, end.point.sizes)
+    turns = end.orbit.period * point.frequency / (2 * np.pi)
+    apart = abs(end.parameter - point.parameter) / parameter
+    return max(apart, abs(turns - 1), float(np.linalg.norm(off))) < _NEAR
+
+
 class _Orbits:
     """The families of orbits of a diagram, as they are found."""
 
@@ -247,19 +255,18 @@ class _Orbits:
 
     def _smallest(self, rests: EquilibriumFamily, point: Equilibrium) -> tuple[Orbit, float]:
         """An orbit that begins at a Hopf point, at a smaller amplitude where it must be."""
-        for amplitude in self.amplitude * _SHARES[:-1]:
+        *shares, last = (in_sizes(rests, point, x) for x in self.amplitude * _SHARES)
+        for amplitude in shares:
             try:
                 return from_hopf(rests, point, amplitude=amplitude)
             except SearchError:
                 continue
-        return from_hopf(rests, point, amplitude=self.amplitude * _SHARES[-1])
+        return from_hopf(rests, point, amplitude=last)
 
     def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
-        low, high = self.options["within"]
-        wide = _NEAR * (high - low)
         ends = [x for family, _ in self.families for x in family.special if x.kind == Kind.REST]
-        return any(abs(x.parameter - point.parameter) < wide for x in ends)
+        return any(_shrunk_to(x, point) for x in ends)
 
     def _follow(self, point, begin: Callable, doublings: int, depth: int) -> None:
         try:

@@ -23,6 +23,7 @@ from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
 from orbits.families.family import Family, Kind, Member
@@ -35,7 +36,7 @@ from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.units import units_of_unknowns
 
-#: Distance, relative to their size, of two special points that are one: each is known to the root
+#: Distance, in units, of two special points that are one: each is known to the root
 #: of rounding only, and in between of samples.
 _SAME = 1e-3
 #: Relative: distance of a place from the end of a family that begins there, and of their periods.
@@ -60,6 +61,8 @@ class Place:
       families: numbers of the families that meet, from 0.
       times: of each, how often its orbits trace that of the place: 1, or 2 at a doubling.
       rests: numbers of the families of equilibria that it belongs to.
+      units: (k + 1,) sizes of the entries of the state, and the unit of the parameter, along its
+        family.
     """
 
     kind: str
@@ -69,6 +72,7 @@ class Place:
     families: tuple[int, ...]
     times: tuple[int, ...]
     rests: tuple[int, ...] = ()
+    units: np.ndarray | None = None
 
     @property
     def period(self) -> float:
@@ -178,6 +182,7 @@ def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> l
                     families=(),
                     times=(),
                     rests=(i,),
+                    units=units_of(family.make, point).x,
                 )
                 found.append(place)
     kinds = (Kind.BRANCH, Kind.DOUBLING, Kind.REST)
@@ -189,6 +194,8 @@ def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> l
 
 
 def _place(member: Member) -> Place:
+    point = member.point
+    parameter = 1.0 if math.isnan(member.parameter) else point.units[-2]
     return Place(
         kind=str(member.kind),
         orbit=member.orbit,
@@ -196,6 +203,7 @@ def _place(member: Member) -> Place:
         energy=member.energy,
         families=(),
         times=(),
+        units=np.append(point.sizes, parameter),
     )
 
 
@@ -221,14 +229,17 @@ def _reached(place: Place, family: Family) -> int:
 
 def _same(one: Place, two: Place) -> bool:
     """Whether two special points are the same orbit, at the same parameter."""
-    if abs(one.parameter - two.parameter) > _SAME * (1.0 + abs(one.parameter)):
+    assert one.units is not None
+    assert two.units is not None
+    *each, unit = np.maximum(one.units, two.units)
+    if abs(one.parameter - two.parameter) > _SAME * unit:
         return False
     if abs(one.period - two.period) > _SAME * one.period:
         return False
     resting = [place.kind in _RESTS for place in (one, two)]
-    if any(resting):  # without a size to compare with
-        a, b = (np.asarray(place.orbit.y0) for place in (one, two))
-        return all(resting) and bool(np.linalg.norm(a - b) <= _SAME * (1.0 + np.linalg.norm(a)))
+    if any(resting):  # an orbit that has shrunk has no size
+        off = np.asarray(one.orbit.y0) - np.asarray(two.orbit.y0)
+        return all(resting) and bool(np.linalg.norm(off / each) <= _SAME)
     return _apart(one.orbit, two.orbit) <= _SAME
 
 
@@ -287,7 +298,7 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
         ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
         start = jnp.asarray(end.orbit.y0)
         off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
-        shift = ts[np.argmin(np.linalg.norm(off, axis=1))]
+        shift = ts[np.argmin(np.linalg.norm(np.asarray(off) / end.point.sizes, axis=1))]
         y0 = np.asarray(solved(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
     value = 0.0 if math.isnan(place.parameter) else place.parameter
     return equations.spread(y0, period, orbit.rtol, angle=orbit.angle, parameter=value)

@@ -4,9 +4,11 @@ import numpy as np
 
 from jaxdyn._checks import fail, finite
 from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
 from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
+from orbits.closing.sizes import largest_entry
 from orbits.families.steps import parameter_at
 from orbits.families.surface import Surface
 from orbits.orbit import Orbit, SearchError
@@ -39,10 +41,10 @@ def from_hopf(
     Args:
       family: what `jaxdyn.continue_equilibria` returned.
       point: a Hopf point of ``family.special``.
-      amplitude: distance of the start from the equilibrium along the real part of the eigenvector,
-        in units of the state; by default a hundredth of the sizes of the equilibrium's entries, or
-        where these are 0 of the distance at which the rate is no longer linear, or less where no
-        orbit is found there.
+      amplitude: distance of the start from the equilibrium in the units of the state, along the
+        eigenvector when its largest entry in their sizes is at its most; by default a hundredth of
+        the sizes of the equilibrium's entries, or where these are 0 of the distance at which the
+        rate is no longer linear, or less where no orbit is found there.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
@@ -66,10 +68,8 @@ def from_hopf(
         finite("amplitude", amplitude, "It is a distance in units of the state.")
         if not amplitude:
             raise fail("amplitude", "a number other than 0", amplitude)
-    values, vectors = np.linalg.eig(point.jacobian)
-    critical = vectors[:, np.argmin(np.abs(values - 1j * point.frequency))].real
-    critical = critical / np.linalg.norm(critical)
-    usual = usual_amplitude(family, point, critical) * _SHARES
+    critical = _critical(family, point)
+    usual = in_sizes(family, point, _SMALL) * _SHARES
     period = 2 * np.pi / point.frequency
     for distance in usual if amplitude is None else (amplitude,):
         start = point.state + distance * critical
@@ -85,8 +85,16 @@ def from_hopf(
     raise SearchError(_NO_ORBIT if amplitude is not None else _NO_ORBIT_AT_ALL)
 
 
-def usual_amplitude(family: EquilibriumFamily, point: Equilibrium, critical: np.ndarray) -> float:
-    """The distance along a direction (k,) that is small beside the sizes of an equilibrium."""
-    sizes = units_of(family.make, point).each
-    change = np.abs(critical)
-    return _SMALL * float(np.min(sizes[change > 0] / change[change > 0]))
+def in_sizes(family: EquilibriumFamily, point: Equilibrium, share: float) -> float:
+    """The amplitude at which no entry changes by more than a share of its size."""
+    sizes, change = units_of(family.make, point).each, np.abs(_critical(family, point))
+    return share * float(np.min(sizes[change > 0] / change[change > 0]))
+
+
+def _critical(family: EquilibriumFamily, point: Equilibrium) -> np.ndarray:
+    """(k,) the way in which the orbits of a Hopf point begin, of length 1."""
+    each = units_of(family.make, point).each
+    values, vectors = np.linalg.eig(map_in_units(point.jacobian, each))
+    vector = each * vectors[:, np.argmin(np.abs(values - 1j * point.frequency))]
+    found = (vector / vector[largest_entry(vector, each)]).real
+    return found / np.linalg.norm(found)

@@ -14,16 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status
-from orbits.closing.sizes import alike, coupled
-from orbits.motion import solved
+from jaxdyn import Scene
+from orbits.closing.sizes import sizes_along
+from orbits.motion import sampled
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Make, scene_of
 from orbits.shooting.units import Lengths, sizes_at
-
-_SAMPLES = 64  # of a motion in one segment
-_SAMPLE_RTOL = 1e-6  # a size needs no more digits
-_MAX_STEPS = 20_000  # for a motion that is not known to be an orbit
 
 
 def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
@@ -32,13 +28,23 @@ def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0
     ts, ys = _states(equations, x)
     scene = equations.scene_at(unknowns.parameter)
     scene = scene.starting(ys[0], float(unknowns.period))
-    each = np.maximum(sizes_at(equations, x), alike(scene, np.abs(ys).max(axis=0)))
-    each = np.maximum(coupled(scene, each), least)
-    if equations.make is None:
+    each = np.maximum(sizes_along(scene, ys, sizes_at(equations, x)), least)
+    make, parameter = equations.make, unknowns.parameter
+    if make is None:
         return Lengths(each, 1.0)
-    changes = _changes(scene, unknowns.parameter, ts, ys, each, make=equations.make)
-    most = float(changes) * float(unknowns.period) / (2 * np.pi)
-    return Lengths(each, 1 / most if 0 < most < np.inf else 1.0)
+    return Lengths(each, float(parameter_units(scene, make, parameter, ts, ys, each)[0]))
+
+
+def parameter_units(
+    scene: Scene, make: Make, parameters: Array, ts: np.ndarray, ys: np.ndarray, each: np.ndarray
+) -> np.ndarray:
+    """(p,) the units of the parameters, () or (p,), of `make` along a motion (s, k).
+
+    The scene's span is a period; its entries have sizes `each` (k,).
+    """
+    changes = np.asarray(_changes(scene, parameters, ts, ys, each, make=make))
+    most = changes * float(scene.t1) / (2 * np.pi)
+    return 1 / np.where((0 < most) & (most < np.inf), most, 1.0)
 
 
 def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -47,26 +53,23 @@ def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if equations.segments > 1:
         return here.t0, here.start
     scene = equations.scene_at(equations.unpack(x).parameter).starting(here.start[0])
-    ts = np.linspace(0.0, here.span[0], _SAMPLES + 1)
-    flow = solved(scene, ts[-1], ts=ts, rtol=_SAMPLE_RTOL, max_steps=_MAX_STEPS)
-    if int(flow.status) != Status.OK:
-        return here.t0, here.start
-    return ts, np.asarray(flow.ys)
+    return sampled(scene, here.span[0])
 
 
 @functools.partial(jax.jit, static_argnames="make")
-def _changes(scene: Scene, parameter, ts: Array, ys: Array, each: Array, *, make: Make) -> Array:
-    """() the largest change by a parameter of the rate, or of its derivatives, in sizes (k,)."""
+def _changes(scene: Scene, parameters, ts: Array, ys: Array, each: Array, *, make: Make) -> Array:
+    """(p,) the largest change by parameters of the rate, or of its derivatives, in sizes (k,)."""
 
-    def by_parameter(t, y):
-        def rate(value):
-            return scene_of(scene, make, value).rate(t, y)
+    def by_parameters(t, y):
+        def rate(values):
+            return scene_of(scene, make, values).rate(t, y)
 
-        return jax.jvp(rate, (parameter,), (jnp.ones_like(parameter),))[1]
+        return jax.jacfwd(rate)(parameters).reshape(len(y), -1)
 
     def largest(t, y):
-        by_both = jax.jacfwd(by_parameter, argnums=1)(t, y) * each[None]
-        found = jnp.abs(jnp.column_stack([by_parameter(t, y), by_both])) / each[:, None]
-        return jnp.max(jnp.where(jnp.isfinite(found), found, 0.0))
+        by_both = jax.jacfwd(by_parameters, argnums=1)(t, y) * each[None, None]
+        found = jnp.concatenate([by_parameters(t, y)[..., None], by_both], axis=2)
+        found = jnp.abs(found) / each[:, None, None]
+        return jnp.max(jnp.where(jnp.isfinite(found), found, 0.0), axis=(0, 2))
 
-    return jnp.max(jax.vmap(largest)(ts, ys))
+    return jnp.max(jax.vmap(largest)(ts, ys), axis=0)

@@ -30,7 +30,7 @@ class Certificate:
       reason: the theorem's conditions in words, or what it lacks and what to try.
       bits: precision of the calculation.
       digits: those of the series.
-      radius: of the box in which the orbit is unique, in each unknown.
+      radius: of the box in which the orbit is unique, in units of each unknown.
       centre: the unknowns at the box's centre, exactly: mantissa and exponent of 2.
       names: of the unknowns.
       held: numbers that keep the values they have in doubles, by name.
@@ -41,6 +41,8 @@ class Certificate:
       verdict: "stable", "unstable" or "undecided", linearly.
       verdict_proved: whether the enclosures prove it.
       choreography: True or False if proved, else None.
+      units: those of the unknowns: sizes of entries of the start, a radian of the period, of an
+        angle 1; all are powers of 2. All are 1 in records of earlier versions.
     """
 
     orbit: Orbit
@@ -59,6 +61,7 @@ class Certificate:
     verdict: str = "undecided"
     verdict_proved: bool = False
     choreography: bool | None = None
+    units: tuple[float, ...] = ()
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -67,7 +70,7 @@ class Certificate:
             return _text.table(f"Not proved: orbit of {called}", [("reason", self.reason)])
         labels = self.orbit.scene.labels()
         rows = [
-            ("exists", f"only one within {self.radius}, {self.bits} bits"),
+            ("exists", f"only one within {self.radius} of its sizes, {self.bits} bits"),
             ("held", ", ".join(f"{name} = {x!r}" for name, x in self.held)),
             ("period", str(self.period)),
             *((name, str(x)) for (name, _), x in zip(labels, self.y0, strict=True)),
@@ -114,6 +117,7 @@ class Certificate:
             "verdict": self.verdict,
             "verdict_proved": self.verdict_proved,
             "choreography": self.choreography,
+            "units": list(self.units),
         }
 
     @classmethod
@@ -121,10 +125,11 @@ class Certificate:
         """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
         try:
             pairs = [[z["re"], z["im"]] for z in record["multipliers"]]
+            units = record.get("units", [1.0] * len(record["centre"]))
             held = [list(one) for one in record["held"].items()]
         except (KeyError, TypeError, AttributeError) as error:
             raise fail("certificate", "multipliers and held numbers", "others", remedy) from error
-        plain = {**record, "multipliers": pairs, "held": held}
+        plain = {**record, "multipliers": pairs, "held": held, "units": units}
         found = typed_fields(plain, cls, "certificate", remedy, without=("orbit",))
         if found["proved"] and (found["period"] is None or len(found["y0"]) != len(orbit.y0)):
             raise fail("certificate", "enclosures of the start and the period", "others", remedy)
@@ -145,6 +150,8 @@ class Certificate:
             raise fail("digits", f"0 to {_MOST_DIGITS}", self.digits, remedy)
         if not (_NUMBER.fullmatch(self.radius) and 0 < float(self.radius) < math.inf):
             raise fail("radius", "a positive number", repr(self.radius)[:40], remedy)
+        if len(self.units) != len(self.centre) or not all(0 < x < math.inf for x in self.units):
+            raise fail("units", f"{len(self.centre)} positive numbers", self.units, remedy)
         for text in self.centre:
             if not _EXACT.fullmatch(text):
                 raise fail("centre", "numbers like 3*2^-1", repr(text)[:40], remedy)

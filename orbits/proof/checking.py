@@ -2,11 +2,13 @@
 
 from typing import Any
 
+import numpy as np
+
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
 from orbits.proof.closing_equations import ClosingEquations
-from orbits.proof.posing import posed_equations
+from orbits.proof.posing import posed_equations, sizes_of
 from orbits.proof.proving import certified
 from orbits.proof.refinement import refine
 
@@ -21,8 +23,10 @@ def refined_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     """The first number of a refined orbit that does not come out again; "" if all do."""
     again = refine(orbit, int(record["digits"])).as_json()
     allowed = arb(10) ** (2 - int(record["digits"]))
+    # A period and an energy are their own sizes; multipliers and angles have that of 1.
+    each = {"y0": sizes_of(orbit.scene).tolist(), "period": 0.0, "energy": 0.0}
     for name in ("period", "y0", "multipliers", "exponents", "angle", "energy"):
-        if not _close(record[name], again[name], allowed):
+        if not _close(record[name], again[name], allowed, each.get(name, 1.0)):
             return name
     return "" if record["held"] == again["held"] else "held"
 
@@ -36,13 +40,13 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     Raises:
       ValueError: it is no certificate.
     """
-    Certificate.from_json(orbit, record, _REMEDY)
+    known = Certificate.from_json(orbit, record, _REMEDY)
     if not record["proved"]:
         return ""
     system = posed_equations(orbit)
     if len(record["centre"]) != len(system.unknowns):
         return "centre"
-    again = _proved_again(orbit, system, record)
+    again = _proved_again(orbit, system, record, known.units)
     if not again.proved:
         return f"proved ({again.reason})"
     new = again.as_json()
@@ -52,7 +56,9 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     return next((name for name in _ENCLOSED if not _contains(record[name], new[name])), "")
 
 
-def _proved_again(orbit: Orbit, system: ClosingEquations, record: dict[str, Any]) -> Certificate:
+def _proved_again(
+    orbit: Orbit, system: ClosingEquations, record: dict[str, Any], units: tuple[float, ...]
+) -> Certificate:
     bits = int(record["bits"])
     with precision(bits):
         numbers = system.centre()
@@ -60,18 +66,22 @@ def _proved_again(orbit: Orbit, system: ClosingEquations, record: dict[str, Any]
             mantissa, exponent = map(int, text.split("*2^"))
             numbers[i] = arb((mantissa, exponent))
     radius, digits = float(record["radius"]), float(record["digits"])
-    return certified(orbit, system, numbers, radius, digits, bits=bits)
+    return certified(orbit, system, numbers, radius, digits, bits=bits, units=np.array(units))
 
 
-def _close(claimed: Any, derived: Any, allowed: arb) -> bool:
+def _close(claimed: Any, derived: Any, allowed: arb, size: Any) -> bool:
+    """Whether numbers agree, relative to themselves or to their sizes, if these are larger."""
     if isinstance(derived, list):
-        same = isinstance(claimed, list) and len(claimed) == len(derived)
-        return same and all(_close(a, b, allowed) for a, b in zip(claimed, derived, strict=True))
+        if not (isinstance(claimed, list) and len(claimed) == len(derived)):
+            return False
+        several = size if isinstance(size, list) else [size] * len(derived)
+        pairs = zip(claimed, derived, several, strict=True)
+        return all(_close(a, b, allowed, one) for a, b, one in pairs)
     if derived is None or claimed is None:
         return claimed is derived
     with precision(_BITS):
         a, b = arb(claimed), arb(derived)
-        return bool(abs(a - b) <= allowed * (1 + abs(b)))
+        return bool(abs(a - b) <= allowed * (size + abs(b)))
 
 
 def _contains(claimed: Any, derived: Any) -> bool:

@@ -50,6 +50,7 @@ class ClosingEquations:
       values: floats of the same: where the search begins.
       held: indices of those that keep their values.
       spared: indices of the equations that follow from the others, one for each integral.
+      sizes: (k,) of the entries of the state along the motion: powers of 2, which do not round.
       drive: (w, n) of a driven scene, whose period is 2 pi n / w; else None.
       candidates: formulas that may be integrals.
       reversals: (k, k) those that fix the start and the end of a part; None for a return.
@@ -67,6 +68,7 @@ class ClosingEquations:
     values: tuple[float, ...]
     held: tuple[int, ...]
     spared: tuple[int, ...]
+    sizes: tuple[float, ...]
     drive: tuple[float, int] | None
     candidates: tuple[Number, ...] = ()
     reversals: tuple[np.ndarray, np.ndarray] | None = None
@@ -80,6 +82,22 @@ class ClosingEquations:
     def equations(self) -> list[int]:
         """Indices of the closing equations that are not spared."""
         return [i for i in range(len(self.end)) if i not in self.spared]
+
+    @property
+    def units(self) -> np.ndarray:
+        """(p + 1 or p + 2) of the numbers: of start entries, a radian of the period, 1 of an angle.
+
+        All are powers of 2.
+        """
+        p = self.embed.shape[1]
+        start = np.where(self.embed.T != 0, self.sizes, 0.0).max(axis=1)
+        period = power_of_2(self.values[p] / (2 * np.pi))
+        return np.append(np.append(start, period), np.ones(len(self.names) - p - 1))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(m,) of the closing error's entries."""
+        return np.where(self.end != 0, self.sizes, 0.0).max(axis=1)
 
     def centre(self) -> list[arb]:
         """All numbers at the start of a search, exactly."""
@@ -161,6 +179,25 @@ class ClosingEquations:
         image = product(self.reversals[1], end)
         return [(a + b) / 2 for a, b in zip(end, image, strict=True)]
 
+    def inverse(self, jacobian: arb_mat) -> arb_mat:
+        """The inverse of Newton's Jacobian, which is found in units.
+
+        Raises:
+          ZeroDivisionError: it may be singular.
+        """
+        own, rows = self.units[self.unknowns].tolist(), self.rows[self.equations].tolist()
+        scaled = [
+            [x * unit / row for x, unit in zip(entries, own, strict=True)]
+            for entries, row in zip(jacobian.tolist(), rows, strict=True)
+        ]
+        found = arb_mat(scaled).inv().tolist()
+        return arb_mat(
+            [
+                [x * unit / row for x, row in zip(entries, rows, strict=True)]
+                for entries, unit in zip(found, own, strict=True)
+            ]
+        )
+
     def spread(self) -> np.ndarray:
         """(k, m) how the end differs from that point, by the closing error's entries.
 
@@ -204,6 +241,11 @@ class ClosingEquations:
             slopes=slopes,
             more_order=more,
         )
+
+
+def power_of_2(x):
+    """The power of 2 nearest to positive numbers."""
+    return np.exp2(np.round(np.log2(x)))
 
 
 def product(matrix: np.ndarray, vector: list) -> list:

@@ -35,8 +35,8 @@ class Test:
       passed: whether K lies in the interior of X.
       numbers: enclosures of all numbers at the zero where it passed, else X.
       tube: about the motions from X over a part of the period.
-      step: the largest entry of |K - x|.
-      contraction: norm of 1 - C D.
+      step: the largest entry of |K - x|, in units.
+      contraction: norm of 1 - C D, in units.
     """
 
     passed: bool
@@ -53,37 +53,41 @@ def tested(
     digits: float,
     bits: int,
     slope_digits: float,
+    units: np.ndarray,
 ) -> Test:
-    """Krawczyk's test on the box of this radius about the numbers.
+    """Krawczyk's test on the box about the numbers of this radius in units (n) of the unknowns.
 
     Raises:
       NotEnclosed: there is no tube about the motions from the box.
     """
     with precision(bits):
-        side = arb(0, radius)
+        own = [arb(one) for one in units.tolist()]
+        sides = [arb(0, 1) * radius * one for one in own]
         centre = list(numbers)
         box = list(numbers)
-        for i in system.unknowns:
+        for i, side in zip(system.unknowns, sides, strict=True):
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
         found = enclosed(system, centre, box, digits, bits, slope_digits)
         jacobian = system.jacobian(found.box, found.slopes, box)
-        inverse = arb_mat(np.linalg.inv(float_matrix(jacobian)).tolist())
+        rows = system.rows[system.equations]
+        scaled = np.linalg.inv(float_matrix(jacobian) * units / rows[:, None])
+        inverse = arb_mat((scaled * units[:, None] / rows).tolist())
         error = system.posed(system.residual(found.centre, centre))
         unit = arb_mat(
             [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
         )
         rest = unit - inverse * jacobian
         moved = inverse * error
-        step = (rest * _column([side] * jacobian.nrows()) - moved).entries()
-        passed = all(bool(abs(x) < radius) for x in step)
-        largest = before = _largest(step)
+        step = (rest * _column(sides) - moved).entries()
+        passed = all(bool(abs(x) < radius * one) for x, one in zip(step, own, strict=True))
+        largest = before = _largest(step, own)
         for _ in range(_NARROWING if passed else 0):
             # The zero lies in K, and D holds there as well.
             step = (rest * _column(step) - moved).entries()
-            if not _largest(step) < 0.5 * before:
+            if not _largest(step, own) < 0.5 * before:
                 break
-            before = _largest(step)
+            before = _largest(step, own)
         for i, change in zip(system.unknowns, step, strict=True):
             box[i] = centre[i] + change if passed else box[i]
         return Test(
@@ -91,7 +95,10 @@ def tested(
             numbers=box,
             tube=found,
             step=float(largest),
-            contraction=max(sum(float(abs(x).upper()) for x in row) for row in rest.tolist()),
+            contraction=max(
+                sum(float((abs(x) * of / to).upper()) for x, of in zip(row, own, strict=True))
+                for row, to in zip(rest.tolist(), own, strict=True)
+            ),
         )
 
 
@@ -101,11 +108,13 @@ def enclosed(
     """The tube about the motions over a part of the period."""
     spans = system.period(centre) / system.parts, system.period(box) / system.parts
     starts = system.start(centre), system.start(box)
-    return tube(system.field, arb(0), *starts, spans, digits, bits, slope_digits)
+    return tube(
+        system.field, arb(0), *starts, spans, digits, bits, slope_digits, sizes=system.sizes
+    )
 
 
-def _largest(vector: list) -> arb:
-    return max(abs(x).upper() for x in vector)
+def _largest(vector: list, units: list) -> arb:
+    return max((abs(x) / unit).upper() for x, unit in zip(vector, units, strict=True))
 
 
 def _column(vector: list) -> arb_mat:

@@ -53,7 +53,8 @@ def _after_part(system: ClosingEquations, numbers: list[arb], n: int, bits: int)
     with precision(bits):
         starts, period = system.start(numbers), system.period(numbers) / n
         at = system.field, arb(0), [x.mid() for x in starts], starts
-        return tube(*at, (period.mid(), period), _DIGITS, bits).box
+        span = period.mid(), period
+        return tube(*at, span, _DIGITS, bits, sizes=system.sizes).box
 
 
 def _bodies(state: list[arb], n: int) -> list[list[arb]]:

@@ -15,9 +15,11 @@ from jaxdyn.solvers.formulas.nodes import Number
 from jaxdyn.system import System
 from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
+from orbits.closing.sizes import sizes, sizes_along
 from orbits.closing.symmetry import Symmetry
+from orbits.motion import sampled
 from orbits.orbit import Orbit, SearchError
-from orbits.proof.closing_equations import ClosingEquations, float_matrix
+from orbits.proof.closing_equations import ClosingEquations, float_matrix, power_of_2
 from orbits.proof.drives import drive_period
 from orbits.proof.hidden import hidden_integrals
 
@@ -32,7 +34,7 @@ _RELUCTANCE = 1e-3
 _CONSERVED = 1e-11
 _POINTS = 3
 _NEAR = 0.01  # spread of the points, by the size of each entry
-_ROUNDING = 1e-8  # of the largest number: starts on an axis are so near to it
+_ROUNDING = 1e-8  # of the size of an entry: starts on an axis are so near to it
 
 
 class Unposed(SearchError):
@@ -72,11 +74,18 @@ def posed_equations(orbit: Orbit) -> ClosingEquations:
         values=tuple(values),
         held=(),
         spared=(),
+        sizes=tuple(sizes_of(scene).tolist()),
         drive=drive_period(formulas, orbit.period) if driven(scene) else None,
         candidates=tuple(candidates),
         reversals=_reversals(closing, len(names)),
     )
     return _squared(whole, _conserved(whole, integrals_of(whole, scene)))
+
+
+def sizes_of(scene: Scene) -> np.ndarray:
+    """(k,) the sizes of entries along the motion of a scene, as powers of 2."""
+    ys = sampled(scene, float(scene.t1))[1]
+    return power_of_2(sizes_along(scene, ys, sizes(scene)))
 
 
 def _check(orbit: Orbit) -> None:
@@ -164,11 +173,11 @@ def _integral_names(scene: Scene) -> list[str]:
 
 def _conserved(whole: ClosingEquations, candidates: dict[str, Number]) -> dict[str, Number]:
     """The candidates whose rates of change vanish near the orbit, in floats."""
-    worst = np.zeros(len(candidates))
+    worst, each = np.zeros(len(candidates)), np.array(whole.sizes)
     with precision(128):
         for t, y in points_near(whole, _NEAR, _POINTS if candidates else 0):
-            rates = np.array([float(x) for x in whole.field.rate(arb(t), y)])
-            gradients = _floats(whole.gradients(list(candidates.values()), y))
+            rates = np.array([float(x) for x in whole.field.rate(arb(t), y)]) / each
+            gradients = _floats(whole.gradients(list(candidates.values()), y)) * each
             most = np.linalg.norm(gradients, axis=1) * np.linalg.norm(rates)
             worst = np.maximum(worst, np.abs(gradients @ rates) / np.where(most, most, np.inf))
             worst = np.where(most > 0, worst, np.inf)
@@ -189,11 +198,11 @@ def points_near(
     random = np.random.default_rng(0)
     values = system.embed @ np.array(system.values[: system.embed.shape[1]])
     # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is conserved.
-    some = abs(values) > _ROUNDING * abs(values).max()
-    sizes = np.where(some, abs(values), abs(values[some]).min(initial=1.0))
+    each = np.where(abs(values) > _ROUNDING * np.array(system.sizes), abs(values), system.sizes)
+    period = system.values[system.embed.shape[1]]
     for _ in range(count):
-        moved = values + spread * sizes * random.standard_normal(len(values))
-        yield float(random.uniform()), [arb(x) for x in moved.tolist()]
+        moved = values + spread * each * random.standard_normal(len(values))
+        yield period * float(random.uniform()), [arb(x) for x in moved.tolist()]
 
 
 def _floats(rows: list[list]) -> np.ndarray:
@@ -211,11 +220,15 @@ def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEq
             gradients = _floats(whole.gradients(list(integrals.values()), run.y))
     known = [whole.embed.shape[1]] if whole.drive is not None else []
     free = [i for i in range(len(whole.names)) if i not in known]
-    own = jacobian[:, free]
+    own = jacobian[:, free] * whole.units[free] / whole.rows[:, None]
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
     dependent, count = left[:, rank:].T, len(own) - rank
-    chosen = pivots(dependent @ (gradients @ whole.spread()).T, count)
+    # What the sizes change in an integral; its own unit does not matter.
+    changes = gradients * np.array(whole.sizes)
+    most = np.linalg.norm(changes, axis=1, keepdims=True)
+    changes = (gradients @ whole.spread()) * whole.rows / np.where(most > 0, most, 1.0)
+    chosen = pivots(dependent @ changes.T, count)
     spared = pivots(dependent, count)
     if chosen is None or spared is None:
         raise Unposed(

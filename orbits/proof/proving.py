@@ -103,20 +103,16 @@ def _proved(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) 
         return _unproved(orbit, f"no centre is found: {error}", throw)
     moved = _moved(system, numbers)
     if moved > _NEAR * 10**lost * max(orbit.rtol, orbit.residual):
-        told = (
-            f"the nearest solution is {moved:.1e} away, by the largest entry, from the orbit given"
-        )
+        told = f"the nearest solution is {moved:.1e} away, in the sizes of entries, from that given"
         return _unproved(orbit, f"{told}, whose digits are wrong. {_ANOTHER}", throw)
     radius = max(10.0 ** (_BOX - digits), _LEAST_RADIUS)
     return certified(orbit, system, numbers, radius, digits + lost, throw=throw)
 
 
 def _moved(system: ClosingEquations, numbers: list[arb]) -> float:
-    """How far a solution is from the orbit in doubles, by the largest of its numbers."""
-    before = np.array(system.values)
-    return float(
-        np.abs(np.array([float(x) for x in numbers]) - before).max() / np.abs(before).max()
-    )
+    """How far a solution is from the orbit in doubles, in units."""
+    off = np.array([float(x) for x in numbers]) - np.array(system.values)
+    return float(np.abs(off / system.units).max())
 
 
 def certified(
@@ -127,6 +123,7 @@ def certified(
     digits: float,
     *,
     bits: int | None = None,
+    units: np.ndarray | None = None,
     throw: bool = False,
 ) -> Certificate:
     """The certificate of a box about given numbers, or why there is none.
@@ -135,9 +132,10 @@ def certified(
       orbit: the orbit in doubles.
       system: its closing equations.
       numbers: all their numbers, at the centre of the box.
-      radius: of the box, in each unknown.
+      radius: of the box, in units of each unknown.
       digits: of the series.
       bits: precision; by default it is raised until the test passes, or fails for another reason.
+      units: (n) of the unknowns; those of the closing equations by default.
       throw: raise if nothing is proved.
     """
     doing("proving the symmetries and integrals")
@@ -145,11 +143,12 @@ def certified(
     if lacking:
         return _unproved(orbit, f"It is not proved {lacking}.", throw)
     extra, reason, bits_used, slope_digits = _EXTRA_BITS, "", bits or 0, SLOPE_DIGITS
+    units = system.units[system.unknowns] if units is None else units
     for _ in range(_TRIALS):
         bits_used = bits or bits_of(digits + _SPARE) + extra
         doing(f"enclosing the motion with {bits_used} bits")
         try:
-            test = tested(system, numbers, arb(radius), digits, bits_used, slope_digits)
+            test = tested(system, numbers, arb(radius), digits, bits_used, slope_digits, units)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             reason = str(error)
             if bits:
@@ -159,7 +158,8 @@ def certified(
                 degenerate = _degenerate(system, test, bits_used)
                 if degenerate:
                     return _unproved(orbit, f"{degenerate} {_ANOTHER}", throw, bits_used)
-                return _certificate(orbit, system, numbers, test, radius, digits, bits_used)
+                box = radius, tuple(units.tolist())
+                return _certificate(orbit, system, numbers, test, box, digits, bits_used)
             reason = (
                 f"Krawczyk's test fails: the closing error moves the centre by {test.step:.1e} "
                 f"in a box of {radius:.1e}, with contraction {test.contraction:.1e}."
@@ -205,7 +205,7 @@ def _certificate(
     system: ClosingEquations,
     numbers: list[arb],
     test: Test,
-    radius: float,
+    box: tuple[float, tuple[float, ...]],
     digits: float,
     bits: int,
 ) -> Certificate:
@@ -220,7 +220,8 @@ def _certificate(
             reason=_words(system),
             bits=bits,
             digits=digits,
-            radius=repr(radius),
+            radius=repr(box[0]),
+            units=box[1],
             centre=tuple(_exact(numbers[i]) for i in system.unknowns),
             names=tuple(system.names[i] for i in system.unknowns),
             held=tuple(

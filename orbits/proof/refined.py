@@ -22,13 +22,14 @@ class Refined:
 
     Attributes:
       orbit: the orbit in doubles that it refines.
-      digits: certain decimal digits after the leading one of each number, relative to the largest
-        entry of the start for `y0`.
+      digits: certain decimal digits after the leading one of each number; for `y0` of the size of
+        each entry along the motion.
       period: the full period.
       y0: (k) the start.
       held: names of the numbers that keep the values they have in doubles, which select the orbit
         among its neighbours.
-      residual: the closing error that a second run with other orders and steps finds.
+      residual: the closing error that a second run with other orders and steps finds, in the sizes
+        of the entries.
       multipliers: (p) the non-trivial Floquet multipliers, as (real, imaginary) parts.
       exponents: rotation numbers in (0, 1/2) of pairs of them on the unit circle; None for a pair
         elsewhere.

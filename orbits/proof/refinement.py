@@ -7,6 +7,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
@@ -61,18 +62,19 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
     doing("checking the closing error, and computing the multipliers, with other steps")
     with precision(bits_of(working)):
         again = system.motion(numbers, working, slopes=True, more=_OTHER_ORDER)
-        error = _largest(system.residual(again.y, numbers))
+        error = _largest(system.residual(again.y, numbers), system.rows)
         period, start = system.period(numbers), system.start(numbers)
-        size = _largest(start)
         # The closing error moves the solution by at most the inverse of Newton's Jacobian.
-        certain = min(digits, math.floor(-_log10(error) - lost + _log10(size)))
+        certain = min(digits, math.floor(-_log10(error) - lost))
         values, exponents = _multipliers(system.monodromy(again.slopes, numbers), certain)
         energy = system.integrals.get("energy")
         return Refined(
             orbit=orbit,
             digits=certain,
             period=_text(period, period, certain),
-            y0=tuple(_text(x, size, certain) for x in start),
+            y0=tuple(
+                _text(x, arb(size), certain) for x, size in zip(start, system.sizes, strict=True)
+            ),
             held=tuple(system.names[i] for i in system.held),
             residual=error.str(3, radius=False),
             multipliers=values,
@@ -150,7 +152,8 @@ def _stepped(
         error = system.posed(system.residual(end.y, numbers))
         step = [-(x.mid()) for x in (inverse * error).entries()]
         moved = _moved(system, numbers, step)
-        return moved, _log10(_largest(moved)) - _log10(_largest(step))
+        far = _largest(step, system.units[system.unknowns])
+        return moved, _log10(_largest(moved, system.units)) - _log10(far)
 
 
 def _inverse(system: ClosingEquations, numbers: list[arb], digits: float) -> tuple[arb_mat, float]:
@@ -159,11 +162,15 @@ def _inverse(system: ClosingEquations, numbers: list[arb], digits: float) -> tup
         end = _motion(system, numbers, digits, slopes=True)
         jacobian = system.jacobian(end.y, end.slopes, numbers)
         try:
-            inverse = jacobian.inv()
+            inverse = system.inverse(jacobian)
         except ZeroDivisionError as error:
             raise SearchError("The closing equations have a singular Jacobian.") from error
-        tables = end.slopes, inverse
-        growth = max(1.0, *(np.abs(float_matrix(table)).max() for table in tables))
+        own, rows = system.units[system.unknowns], system.rows[system.equations]
+        tables = (
+            map_in_units(float_matrix(end.slopes), np.array(system.sizes)),
+            float_matrix(inverse) * rows / own[:, None],
+        )
+        growth = max(1.0, *(np.abs(table).max() for table in tables))
         return arb_mat([[x.mid() for x in row] for row in inverse.tolist()]), math.log10(growth)
 
 
@@ -189,10 +196,11 @@ def _moved(system: ClosingEquations, numbers: list[arb], step: list[arb]) -> lis
     return moved
 
 
-def _largest(vector: list[arb]) -> arb:
+def _largest(vector: list[arb], units: np.ndarray) -> arb:
+    """The largest of numbers, in units."""
     found = arb(0)
-    for x in vector:
-        bound = abs(x).upper()
+    for x, unit in zip(vector, units.tolist(), strict=True):
+        bound = (abs(x) / unit).upper()
         found = bound if bound > found else found
     return found
 

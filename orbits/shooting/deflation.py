@@ -32,6 +32,7 @@ from jaxdyn import Scene, System
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.given import Problem, driven, repeats
+from orbits.closing.sizes import alike, coupled, sizes
 from orbits.motion import gravitates, solved
 from orbits.orbit import Orbit
 from orbits.shooting import newton
@@ -44,6 +45,7 @@ from orbits.shooting.units import InUnits
 SAME = 1e-4
 _SAMPLES = 512  # of a known orbit, joined by lines: 1e-5 of its size off
 _RTOL = 1e-10  # of the samples
+_RESTING = 1e-6  # of the size of an entry: a smaller range is rounding
 _TIMES = (1, 2)  # periods of a known orbit that are deflated
 _PARTS = 12  # most periods of the drive in one of a known orbit
 _MOST_ORDERED = 4  # bodies; of more, each is compared with itself only
@@ -69,7 +71,8 @@ class Known(eqx.Module):
       points: (c, s, q) where lines begin: states (k,), or what `_dots` makes of them.
       sides: (c, s, q) the lines, divided by the scales.
       period: () its period.
-      scales: (k,) the largest range of the entries that have the same unit.
+      scales: (k,) the largest range of the entries of each group (`jaxdyn.scales`), and at least
+        what others make of them.
       scaled: whether Kepler's third law scales it.
     """
 
@@ -136,16 +139,16 @@ def deflated(
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
     if equations.driven:  # the period is that of the drive
         lower[-1] = upper[-1] = x[-1]
-    sizes = _sizes(equations, x, several)
+    each = _sizes(equations, x, several)
     closed = InUnits(equations, x, _LOOSE, _MAX_STEPS)
-    walk = _Walk(closed, several, sizes, (lower, upper), Trouble(equations, x), effort)
+    walk = _Walk(closed, several, each, (lower, upper), Trouble(equations, x), effort)
     max_iterations = effort.max_iterations
     if distance(equations, x, several) > _BESIDE:
         return walk(x, max_iterations, _DAMPINGS[0])
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
     left = _TRIES * max_iterations
     for damping in itertools.cycle(_DAMPINGS):
-        aside = x + _BESIDE * sizes * random.standard_normal(len(x))
+        aside = x + _BESIDE * each * random.standard_normal(len(x))
         found = walk(np.clip(aside, lower, upper), min(max_iterations, left), damping)
         left -= found.iterations + 1
         if found.near or left <= 0 or effort.over:
@@ -287,14 +290,10 @@ def _images(system: System, ys: np.ndarray) -> Array:
 
 
 def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) the largest range of the entries of each unit; their largest size where they rest."""
-    units = [unit for _, unit in scene.labels()]
-    ranges, sizes = np.ptp(ys, axis=0), np.abs(ys).max(axis=0)
-    scales = []
-    for unit in units:
-        same = [other == unit for other in units]
-        scales.append(ranges[same].max() or sizes[same].max() or 1.0)
-    return np.array(scales)
+    """(k,) the scales of a known orbit from its states (s, k); sizes of entries that rest."""
+    known = sizes(scene)
+    ranges = alike(scene, np.ptp(ys, axis=0))
+    return coupled(scene, np.where(ranges > _RESTING * known, ranges, known))
 
 
 def _sizes(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:

@@ -87,8 +87,9 @@ def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
     if equations.make is None and np.array_equal(np.append(start, unknowns.period), guess):
         return known
     scene = equations.scene_at(unknowns.parameter)
-    found = sizes(scene.starting(start, unknowns.period))
     # An entry that rests at 0 in the equations' own scene may be rounding here.
+    start = np.where(np.abs(start) > _ROUNDING * known, start, 0.0)
+    found = sizes(scene.starting(start, unknowns.period))
     return np.where(found > _ROUNDING * known, found, known)
 
 

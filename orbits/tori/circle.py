@@ -41,12 +41,3 @@ def resampled(points: np.ndarray, n: int) -> np.ndarray:
 def harmonic(points: np.ndarray) -> np.ndarray:
     """(k,) twice the complex coefficient of exp(i theta)."""
     return 2 * np.exp(-1j * angles(len(points))) @ points / len(points)
-
-
-def tail(points: np.ndarray) -> float:
-    """The largest of the last two modes, over the largest of all but the mean.
-
-    It tells what is left out, since coefficients of a smooth curve decay exponentially.
-    """
-    size = np.abs(np.fft.rfft(points, axis=0)).max(axis=1)
-    return float(size[-2:].max() / size[1:].max())

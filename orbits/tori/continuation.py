@@ -2,7 +2,7 @@
 
 Each step predicts along the secant of the last two circles and solves the invariance equation
 together with a condition that keeps the component along the secant. So the rotation may pass an
-extremum, and the amplitude a fold.
+extremum, and the amplitude a fold. Lengths are in the units of the first torus (`Metric`).
 """
 
 import collections
@@ -13,9 +13,9 @@ import numpy as np
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from orbits.tori import circle
-from orbits.tori.invariance import Unknowns
+from orbits.tori.invariance import Metric, Unknowns
 from orbits.tori.record import Torus, TorusOutcome
-from orbits.tori.refinement import packed_covector, refined
+from orbits.tori.refinement import refined
 from orbits.tori.torus import GOAL, MOST_MODES
 
 _GROW, _SHRINK = 1.5, 0.5  # of the step after a torus, and after none
@@ -80,9 +80,9 @@ def continue_tori(
     Args:
       torus: what `orbits.torus` returned.
       members: largest number of tori, the first included.
-      step: first step of the amplitude, the largest one too; half of the amplitude by default.
-        A negative one follows the family towards the orbit.
-      goal: largest error of invariance.
+      step: first step of the amplitude, in its units, the largest one too; half of the amplitude by
+        default. A negative one follows the family towards the orbit.
+      goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
     Returns:
       The tori found, and why there are no more.
@@ -104,52 +104,57 @@ def continue_tori(
     step = 0.5 * torus.amplitude if step is None else float(_checks.array("step", step, ()))
     if step == 0:
         raise _checks.fail("step", "a number other than 0", step)
-    found, tangent, length = [torus], _outwards(torus, step), abs(step)
+    metric = Metric.of(torus.scene, torus.unknowns)
+    # In units: of the harmonic of this torus.
+    longest = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
+    found, tangent, length = [torus], _outwards(torus, step, metric), longest
     end = TorusOutcome.FOUND
     while len(found) < members:
-        new = _next(found[-1], tangent, length, goal, max_modes)
+        new = _next(found[-1], tangent, length, metric, goal, max_modes)
         # The first tangent is a guess: without the changes of the rotation and of the centre.
-        if new.ok and len(found) > 1 and _strays(found[-1], new, tangent, length):
+        if new.ok and len(found) > 1 and _strays(found[-1], new, tangent, length, metric):
             new = dataclasses.replace(new, outcome=TorusOutcome.NO_CONVERGENCE)
         if new.ok:
-            tangent = _secant(found[-1], new)
+            tangent = _secant(found[-1], new, metric)
             found.append(new)
-            length = min(_GROW * length, abs(step))
+            length = min(_GROW * length, longest)
             continue
         end = new.outcome
         length *= _SHRINK
-        if length < _SHORTEST * abs(step):
+        if length < _SHORTEST * longest:
             break
     reached = len(found) == members
     said = f"{members} tori were asked for." if reached else f"{end.name}: {end.message}"
     return TorusFamily(tuple(found), said)
 
 
-def _next(torus: Torus, tangent: Unknowns, length: float, goal: float, max_modes: int) -> Torus:
+def _next(
+    torus: Torus, tangent: Unknowns, length: float, metric: Metric, goal: float, max_modes: int
+) -> Torus:
     """The torus a step further; not found if there is none."""
     now = torus.unknowns
     start = now.moved(length * tangent.packed())
     w = circle.harmonic(torus.points)
     w = w / np.linalg.norm(w)
-    target = ("along", tangent, start)
+    target = ("along", tangent, start, metric)
     return refined(torus, start, w, target, goal=goal, max_modes=max_modes)
 
 
-def _strays(old: Torus, new: Torus, tangent: Unknowns, length: float) -> bool:
+def _strays(old: Torus, new: Torus, tangent: Unknowns, length: float, metric: Metric) -> bool:
     """Whether a step ended far from where its tangent led, on another solution."""
     expected = old.unknowns.moved(length * tangent.packed())
-    return _size(_between(expected, new.unknowns)) > _ASTRAY * length
+    return metric.size(_between(expected, new.unknowns)) > _ASTRAY * length
 
 
-def _outwards(torus: Torus, step: float) -> Unknowns:
+def _outwards(torus: Torus, step: float, metric: Metric) -> Unknowns:
     """The unit tangent of circles that grow, or shrink, about their mean."""
     out = torus.points - torus.points.mean(axis=0)
-    return _unit(Unknowns(np.sign(step) * out, 0.0, 0.0))
+    return _unit(Unknowns(np.sign(step) * out, 0.0, 0.0), metric)
 
 
-def _secant(old: Torus, new: Torus) -> Unknowns:
+def _secant(old: Torus, new: Torus, metric: Metric) -> Unknowns:
     """The unit tangent from one torus to the next, with the points of the latter."""
-    return _unit(_between(old.unknowns, new.unknowns))
+    return _unit(_between(old.unknowns, new.unknowns), metric)
 
 
 def _between(before: Unknowns, after: Unknowns) -> Unknowns:
@@ -158,11 +163,5 @@ def _between(before: Unknowns, after: Unknowns) -> Unknowns:
     return Unknowns(*(b - a for a, b in zip(before, after, strict=True)))
 
 
-def _size(difference: Unknowns) -> float:
-    """Its norm, which for circles about one centre is the difference of their radii."""
-    return float(np.sqrt(2 * packed_covector(difference) @ difference.packed()))
-
-
-def _unit(tangent: Unknowns) -> Unknowns:
-    size = _size(tangent)
-    return Unknowns(tangent.points / size, tangent.rotation / size, tangent.time / size)
+def _unit(tangent: Unknowns, metric: Metric) -> Unknowns:
+    return Unknowns(*(x / metric.size(tangent) for x in tangent))

@@ -8,6 +8,8 @@ which the map is a rotation by rho:
 (Gomez & Mondelo 2001; Olikara & Scheeres 2012). Unknown are the points u at N angles, rho, and T
 unless it is the period of a drive. The circle may be shifted in theta and, without a drive, along
 the flow; a torus has neighbours of other amplitude and energy. As many conditions single one out.
+
+Equations, unknowns and lengths are in units: those of `Metric`.
 """
 
 import math
@@ -19,6 +21,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
+from orbits.closing.sizes import alike, sizes
 from orbits.shooting.segment import Piece, linearised_end
 from orbits.tori import circle
 
@@ -55,12 +58,48 @@ class Unknowns(NamedTuple):
         return self._replace(points=circle.resampled(self.points, n))
 
 
+class Metric(NamedTuple):
+    """Units of the entries of a state and of time; lengths of circles, their rotations and times.
+
+    Attributes:
+      each: (k,) of the entries.
+      time: of time.
+    """
+
+    each: np.ndarray
+    time: float
+
+    @classmethod
+    def of(cls, scene: Scene, near: Unknowns) -> "Metric":
+        """The sizes of the entries along the orbit of a scene, or near it, and a radian of time."""
+        most = np.abs(near.points).max(axis=0)
+        return cls(alike(scene, np.maximum(sizes(scene), most)), near.time / (2 * math.pi))
+
+    def packed(self, n: int) -> np.ndarray:
+        """(n k + 2,) the units of unknowns with n points."""
+        return np.append(np.tile(self.each, n), [1.0, self.time])
+
+    def row(self, tangent: Unknowns) -> np.ndarray:
+        """(N k + 2,) the product with a tangent; of points it is half of that of the harmonics."""
+        points, rotation, time = tangent
+        along = points / self.each**2 / len(points)
+        return np.append(along.ravel(), [rotation, time / self.time**2])
+
+    def size(self, difference: Unknowns) -> float:
+        """The norm of a difference; for circles about one centre it is that of their harmonics."""
+        return float(np.sqrt(2 * self.row(difference) @ difference.packed()))
+
+    def norm(self, w: np.ndarray) -> float:
+        """The norm of a direction (k,)."""
+        return float(np.linalg.norm(w / self.each))
+
+
 class Conditions(NamedTuple):
     """What singles out a circle among those that satisfy the invariance equation.
 
     Attributes:
       rows: (c, N k + 2) and
-      values: (c,): linear conditions rows @ unknowns = values.
+      values: (c,): linear conditions rows @ unknowns = values, both in units.
       energy: the mean energy of the points; None where it is not prescribed.
     """
 
@@ -74,8 +113,8 @@ class Solved(NamedTuple):
 
     Attributes:
       unknowns: the best iterate.
-      residual: largest entry of the invariance equation there; NaN if a motion could not be
-        integrated.
+      residual: largest entry of the invariance equation there, in units; NaN if a motion could not
+        be integrated.
       iterations: number of steps.
     """
 
@@ -84,33 +123,36 @@ class Solved(NamedTuple):
     iterations: int
 
 
-def solve(scene: Scene, start: Unknowns, conditions: Conditions, rtol: float) -> Solved:
+def solve(
+    scene: Scene, start: Unknowns, conditions: Conditions, rtol: float, metric: Metric
+) -> Solved:
     """The invariant circle near a start, by Newton's method with the exact Jacobian."""
     now, best = start, Solved(start, math.inf, 0)
-    scale = max(1.0, float(np.abs(start.points).max()))
+    units = metric.packed(len(start.points))
     for i in range(_MAX_ITERATIONS):
-        residual, jacobian = _equations(scene, now, conditions, rtol)
+        residual, jacobian = _equations(scene, now, conditions, rtol, metric)
         size = float(np.abs(residual).max())
         if not np.isfinite(size):
             return best if np.isfinite(best.residual) else Solved(now, math.nan, i)
         if size > _DIVERGED * best.residual:
             break
-        slow = size > _SLOW * best.residual and best.residual < _NEAR * scale
+        slow = size > _SLOW * best.residual and best.residual < _NEAR
         if size < best.residual:
             best = Solved(now, size, i)
         if slow or size == 0.0:
             break
         # Equations that integrals make dependent are consistent: the shortest step solves all.
-        now = now.moved(np.linalg.lstsq(jacobian, -residual, rcond=None)[0])
+        now = now.moved(units * np.linalg.lstsq(jacobian, -residual, rcond=None)[0])
     return best
 
 
-def error(scene: Scene, found: Unknowns, rtol: float) -> float:
+def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:
     """The largest error of invariance between the points, where the equation was not imposed."""
     n = len(found.points)
     theta = circle.angles(n) + math.pi / n
     ends, *_ = mapped(scene, circle.at(found.points, theta), found.time, rtol)
-    return float(np.abs(ends - circle.at(found.points, theta + found.rotation)).max())
+    off = ends - circle.at(found.points, theta + found.rotation)
+    return float(np.abs(off / metric.each).max())
 
 
 def mapped(scene: Scene, points: np.ndarray, time: float, rtol: float):
@@ -133,9 +175,9 @@ def _differences(scene: Scene, ends, points):
 
 
 def _equations(
-    scene: Scene, now: Unknowns, conditions: Conditions, rtol: float
+    scene: Scene, now: Unknowns, conditions: Conditions, rtol: float, metric: Metric
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residual and Jacobian of the invariance equation and the conditions."""
+    """Residual and Jacobian of the invariance equation and the conditions, all in units."""
     points, rho, time = now
     n, k = points.shape
     ends, by_start, by_time = mapped(scene, points, time, rtol)
@@ -143,17 +185,19 @@ def _equations(
     residual = back @ ends - points
     by_points = np.einsum("ij,jab->iajb", back, by_start).reshape(n * k, n * k) - np.eye(n * k)
     columns = [by_points, -(slope @ ends).reshape(-1, 1), (back @ by_time).reshape(-1, 1)]
-    jacobian = np.concatenate(columns, axis=1)
+    jacobian, units = np.concatenate(columns, axis=1), metric.packed(n)
     fixed = conditions.rows @ now.packed() - conditions.values
-    residual = np.concatenate([residual.ravel(), fixed])
-    jacobian = np.concatenate([jacobian, conditions.rows])
+    residual = np.concatenate([residual.ravel() / units[:-2], fixed])
+    jacobian = np.concatenate([jacobian / units[:-2, None], conditions.rows]) * units
     if conditions.energy is None:
         return residual, jacobian
     value, gradient = mean_energy(scene, points)
-    row = np.concatenate([gradient.ravel(), [0.0, 0.0]])
+    change = np.append((gradient * metric.each).ravel(), [0.0, 0.0])
+    # As much as the sizes change it.
+    unit = math.sqrt(n) * float(np.linalg.norm(change)) or 1.0
     return (
-        np.append(residual, value - conditions.energy),
-        np.concatenate([jacobian, row[None]]),
+        np.append(residual, (value - conditions.energy) / unit),
+        np.concatenate([jacobian, change[None] / unit]),
     )
 
 

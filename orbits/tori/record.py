@@ -51,7 +51,7 @@ class Torus:
       amplitude: norm of the first harmonic of the circle, of which a torus was asked for by the
         component along the orbit's Floquet vector [norm of a state].
       energy: mean energy of the circle; NaN for a scene without one.
-      error: largest error of invariance, between the points.
+      error: largest error of invariance, between the points, in the sizes of the entries.
       outcome: `TorusOutcome`; unless it is FOUND this is the best iterate, not a torus.
       held: "energy", "time" or "drive": what is kept along the family of tori.
       rtol: tolerance of the integrations.

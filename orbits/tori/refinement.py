@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from orbits.tori import circle
-from orbits.tori.invariance import Conditions, Unknowns, error, mean_energy, solve
+from orbits.tori.invariance import Conditions, Metric, Unknowns, error, mean_energy, solve
 from orbits.tori.record import Torus, TorusOutcome
 
 _MORE = 1.5  # factor of the modes from attempt to attempt
@@ -30,21 +30,23 @@ def refined(
       like: a torus of the same family, for what they share.
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
-      target: ("amplitude", a), ("rotation", rho), or ("along", tangent, start) for a step of
-        continuation, whose tangent is an `Unknowns` with as many points as the start.
-      goal: largest error of invariance.
+      target: ("amplitude", a), ("rotation", rho), or ("along", tangent, start, metric) for a step
+        of continuation, whose tangent is an `Unknowns` with as many points as the start, and a unit
+        vector in a `Metric`.
+      goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of modes.
     """
-    now = start
+    now, metric = start, Metric.of(like.scene, start)
+    least = _COLLAPSED * metric.norm(circle.harmonic(start.points))
     while True:
-        conditions = _conditions(like, now, start, w, target)
-        done = solve(like.scene, now, conditions, like.rtol)
+        conditions = _conditions(like, now, start, w, target, metric)
+        done = solve(like.scene, now, conditions, like.rtol, metric)
         found = _torus(like, done.unknowns)
         if not np.isfinite(done.residual):
             return dataclasses.replace(found, outcome=TorusOutcome.MOTION_ENDS)
-        off = error(like.scene, done.unknowns, like.rtol)
+        off = error(like.scene, done.unknowns, like.rtol, metric)
         found = dataclasses.replace(found, error=off, outcome=TorusOutcome.NO_CONVERGENCE)
-        if found.amplitude < _COLLAPSED * np.linalg.norm(circle.harmonic(start.points)):
+        if metric.norm(circle.harmonic(found.points)) < least:
             return dataclasses.replace(found, outcome=TorusOutcome.COLLAPSED)
         if off <= goal:
             return dataclasses.replace(found, outcome=TorusOutcome.FOUND)
@@ -70,41 +72,38 @@ def _torus(like: Torus, found: Unknowns) -> Torus:
 
 
 def _conditions(
-    like: Torus, now: Unknowns, start: Unknowns, w: np.ndarray, target: tuple
+    like: Torus, now: Unknowns, start: Unknowns, w: np.ndarray, target: tuple, metric: Metric
 ) -> Conditions:
     """The rows for a circle of as many points as `now`."""
     n, k = now.points.shape
     nothing = np.zeros(n * k)
     # The first harmonic along w: its imaginary part fixes theta = 0, its real part the amplitude.
-    wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None]
+    share = metric.norm(w)  # of a unit of the amplitude
+    wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None] / metric.each**2 / share
     phase, size = wave.imag.ravel(), wave.real.ravel()
+    duration = np.append(nothing, [0.0, 1 / metric.time])
     rows, values = [np.append(phase, [0.0, 0.0])], [0.0]
     if target[0] == "amplitude":
-        rows, values = [*rows, np.append(size, [0.0, 0.0])], [*values, target[1]]
+        rows, values = [*rows, np.append(size, [0.0, 0.0])], [*values, target[1] * share]
     elif target[0] == "rotation":
         rows, values = [*rows, np.append(nothing, [1.0, 0.0])], [*values, target[1]]
     else:
-        along = packed_covector(target[1].resampled(n))
+        _, tangent, _, lengths = target
+        along = lengths.row(tangent.resampled(n))
         rows, values = [*rows, along], [*values, along @ start.resampled(n).packed()]
     if like.held == "drive":
-        rows, values = [*rows, np.append(nothing, [0.0, 1.0])], [*values, now.time]
+        rows, values = [*rows, duration], [*values, now.time / metric.time]
     else:
         # Not moved along the flow.
         reference = start.resampled(n).points
-        flow = np.asarray(_rates(like.scene, reference))
-        flow = flow.ravel() / (n * max(np.abs(flow).max(), np.finfo(float).tiny))
-        rows = [*rows, np.append(flow, [0.0, 0.0])]
-        values = [*values, flow @ reference.ravel()]
+        flow = np.asarray(_rates(like.scene, reference)) / metric.each
+        flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each
+        rows = [*rows, np.append(flow.ravel(), [0.0, 0.0])]
+        values = [*values, flow.ravel() @ reference.ravel()]
     if like.held == "time":
-        rows, values = [*rows, np.append(nothing, [0.0, 1.0])], [*values, like.time]
+        rows, values = [*rows, duration], [*values, like.time / metric.time]
     level = like.energy if like.held == "energy" else None
     return Conditions(np.array(rows), np.array(values), level)
-
-
-def packed_covector(tangent: Unknowns) -> np.ndarray:
-    """(N k + 2,) the product with a tangent, with points weighted by their number."""
-    points, rotation, time = tangent
-    return np.concatenate([points.ravel() / len(points), [rotation, time]])
 
 
 @jax.jit

@@ -9,14 +9,14 @@ from jaxdyn._records.kinds import check_first
 from orbits.analysis.monodromy import returned, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
-from orbits.closing.sizes import sizes
+from orbits.closing.sizes import largest_entry, sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns, mean_energy
 from orbits.tori.record import Torus, TorusOutcome
 from orbits.tori.refinement import refined
 
-#: Default largest error of invariance.
+#: Default largest error of invariance, in the sizes of the entries.
 GOAL = 1e-11
 #: Modes of the first attempt, and the most.
 FEWEST_MODES, MOST_MODES = 6, 60
@@ -44,12 +44,13 @@ def torus(
     Args:
       orbit: a periodic orbit; of a driven scene T is its period, else T is free and the energy of
         the orbit is kept, or its period if the scene has no energy.
-      amplitude: component of the circle's first harmonic along the Floquet vector, the norm of a
-        state; the tori of a family begin at 0, which is the orbit.
+      amplitude: component of the circle's first harmonic along the Floquet vector, which has norm 1
+        in the units of the state; orthogonal to it is the rest of the harmonic in the sizes of the
+        entries. The tori of a family begin at 0, which is the orbit.
       pair: which pair of multipliers on the unit circle, in the order of `Stability.nontrivial`.
       rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]; close to
         that of a torus of the guessed amplitude, in the same sense.
-      goal: largest error of invariance.
+      goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
       throw: raise unless it was found; with False look at `Torus.outcome`.
     Returns:
@@ -74,7 +75,7 @@ def torus(
     """
     _checks.untraced("orbit", orbit, "Tori are found on the host.")
     amplitude = float(_checks.positive("amplitude", amplitude, "It is the norm of a state."))
-    _checks.positive("goal", goal, "It is an error of a state.")
+    _checks.positive("goal", goal, "It is an error in the sizes of the entries.")
     _checks.whole("max_modes", max_modes, FEWEST_MODES)
     if not orbit.ok:
         raise _checks.fail("orbit", "a periodic orbit", orbit.outcome.name, orbit.message)
@@ -122,6 +123,7 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
     values, vectors = np.linalg.eig(m)
     i = int(np.argmin(np.abs(values - on_circle[pair])))
     w = each * (basis @ vectors[:, i])
+    w = w / w[largest_entry(w, each)]
     return float(np.angle(on_circle[pair])), w / np.linalg.norm(w)
 
 

@@ -133,8 +133,8 @@ def test_a_family_from_a_hopf_point_has_its_fold(units, amplitude):
     )
     (point,) = rests.special
     assert abs(point.parameter / value) < 1e-12
-    # In units of the state, along the eigenvector.
-    amplitude = None if amplitude is None else amplitude * max(each)
+    # In the unit of the entry that is displaced most beside its size, the second one.
+    amplitude = None if amplitude is None else amplitude * each[1]
     orbit, p = orbits.from_hopf(rests, point, amplitude=amplitude)
     radius = float(np.linalg.norm(np.asarray(orbit.y0) / each))
     assert abs(p / value - (radius**4 - radius**2)) < 1e-9

@@ -1,7 +1,7 @@
 """Constant symplectic forms that a rate may keep, found in floats; `structure` proves them.
 
 Those of `kept_by` that are small rational numbers times one of them are recognised, as of masses
-1/2 and 3/2.
+1/2 and 3/2: where all coordinates have one unit, and all velocities.
 """
 
 import itertools
@@ -10,6 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import WEIGHTS, kept_by
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.proof.closing_equations import ClosingEquations
@@ -27,16 +28,18 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
     k = system.field.k
     if k % 2:
         return []
-    slopes = _slopes(system)
+    slopes, each = _slopes(system), np.array(system.sizes)
     if system.generator is not None:
         slopes.append(system.generator.astype(float))
     if not slopes:
         return []
     above = np.triu_indices(k, 1)
-    null = np.array([form[above] for form in kept_by(slopes)])
+    # What is kept is found in the sizes of the entries, and recognised in their units.
+    null = np.array([form[above] for form in kept_by([map_in_units(x, each) for x in slopes])])
     chosen = pivots(null, len(null)) if len(null) else None
     if chosen is None:
         return []
+    null = null / np.outer(each, each)[above]
     basis = _recognised(np.linalg.solve(null[:, chosen].T, null).tolist())
     if basis is None:
         return []

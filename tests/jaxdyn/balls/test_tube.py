@@ -243,7 +243,7 @@ def test_the_inverse_tangent_has_no_bound_across_its_cut():
 def _disc(field, box, order=40):
     with precision(BITS, order):
         coefficients = series.motion_series(field, arb(0), [box.mid()], order)
-        found = disc(About(field, arb(0), coefficients, [box]), None, 10.0)
+        found = disc(About(field, arb(0), coefficients, [box], [1.0]), None, 10.0)
     return None if found is None else (found[0], coefficients[0])
 
 

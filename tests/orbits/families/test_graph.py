@@ -24,7 +24,7 @@ def pitchfork():
         return jaxdyn.ode(pitchfork_of_cycles, jnp.zeros(3), 6.0, params=mu)
 
     return orbits.diagram(
-        make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=10, orbit_step=0.1
+        make, -0.1, jnp.zeros(3), within=(-0.2, 0.4), orbit_members=14, orbit_step=0.1
     )
 
 

@@ -55,6 +55,7 @@ def _system(rate, y0, **more):
         names=(*(f"y{i}" for i in range(k)), "period"),
         values=(*(float(x) for x in y0), 1.0),
         held=(),
+        sizes=(1.0,) * k,
     )
 
 
@@ -124,6 +125,7 @@ def test_the_momentum_of_a_relative_orbit_turns_with_it():
         goal=unit,
         names=(*(f"y{i}" for i in range(12)), "period", "angle"),
         values=(*np.asarray(scene.y0).tolist(), 6.3, 0.3),
+        sizes=(1.0,) * 12,
     )
     orbit = orbits.Orbit(scene, orbits.relative(), 0.0, orbits.Outcome.FOUND, 0, 1e-9)
     found = _prescribed(orbit, system)

@@ -1,0 +1,82 @@
+"""The units of curves: the sizes of their orbits, radians of the period, and of the parameters.
+
+All lengths, angles, ranks and residuals are in these, so that none depends on the units of the
+scenes. The first orbit of a curve decides; entries that grow along it have their largest size so
+far. Special points have the units of the member before. Those of the parameters are what they
+change, as along families (`orbits.families.lengths`).
+"""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn.continuation.units import Units
+from orbits.closing.sizes import sizes, sizes_along
+from orbits.curves.curve import CurvePoint
+from orbits.curves.extended import Extended, varied
+from orbits.families.family import Kind
+from orbits.families.lengths import parameter_units
+from orbits.motion import sampled
+
+
+def units_at(
+    extended: Extended, states: np.ndarray, period: float, parameters: np.ndarray
+) -> Units:
+    """Those of an orbit, of which states (s, k) are known, the first one at its start."""
+    scene = extended.make(*jnp.asarray(parameters)).starting(states[0], period)
+    ts, ys = _motion(extended, scene, states)
+    each = sizes_along(scene, ys, sizes(scene))
+    make, both = varied(extended.make, 0), jnp.asarray(parameters)
+    return Units(each, parameter_units(scene, make, both, ts, ys, each), _radian(period))
+
+
+def units_of(extended: Extended, point: CurvePoint) -> Units:
+    """Those of a point; 1 in files of earlier versions, which had none."""
+    if point.units is None:
+        return Units(np.ones(extended.k), np.ones(2), 1.0)
+    return Units.of(point.units, extended.k)
+
+
+def member(extended: Extended, point: CurvePoint, sense: float = 1.0) -> CurvePoint:
+    """A point as a member, with units that are no smaller than its entries; or -1 times its way."""
+    units, unknowns = units_of(extended, point), extended.unpack(point.unknowns)
+    scene = point.orbit.scene
+    _, ys = _motion(extended, scene, np.asarray(unknowns.states))
+    each = np.maximum(units.each, sizes_along(scene, ys, sizes(scene)))
+    units = units._replace(each=each, time=_radian(float(unknowns.period)))
+    length = np.linalg.norm(point.tangent[extended.place] / of_place(units))
+    return dataclasses.replace(point, tangent=sense * point.tangent / length, units=units.numbers)
+
+
+def of_place(units: Units) -> np.ndarray:
+    """(k + 3,) those of start, period and parameters."""
+    return np.concatenate([units.each, [units.time], units.parameters])
+
+
+def of_unknowns(extended: Extended, units: Units) -> np.ndarray:
+    """(n,) those of all unknowns."""
+    states = np.tile(units.each, (extended.segments, 1))
+    vectors = np.tile(units.each, (extended.segments, extended.vectors, 1))
+    # What is added of the rate to a vector.
+    extra = units.time if extended.kind == Kind.FOLD else 1.0
+    return extended.pack(states, vectors, units.time, units.parameters, extra)
+
+
+def of_equations(extended: Extended, units: Units, count: int) -> np.ndarray:
+    """(r,) those of the equations, `count` in all: of states, and then of numbers without units."""
+    joints = np.tile(units.each, (extended.segments - 1) * (1 + extended.vectors))
+    closing = np.tile(extended.closing.rows(units.each), 1 + extended.vectors)
+    return np.concatenate([joints, closing, np.ones(count - len(joints) - len(closing))])
+
+
+def _motion(extended: Extended, scene, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(s,) times and (s, k) states along an orbit: of its segments, or of its motion."""
+    part = float(scene.t1) / extended.closing.parts
+    if extended.segments > 1:
+        return np.arange(extended.segments) * part / extended.segments, states
+    return sampled(scene, part)
+
+
+def _radian(period: float) -> float:
+    return period / (2 * np.pi)
