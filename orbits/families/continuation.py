@@ -41,7 +41,7 @@ _SEGMENTS = 4
 #: bend by no more than this part of it, and multipliers will move no further than this: of two
 #: special points in one step each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
-_SMALLEST = 1e-3  # of the first step: smallest step
+_SMALLEST = 1e-4  # of the first step: smallest step
 #: Distances from a special point at which another branch is looked for, in turn.
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 #: Of the amplitude: an orbit that is further from a special point is on another branch.

@@ -29,9 +29,6 @@ from orbits.shooting.segment import Make
 _SAME = 1e-6  # distance in units of the family below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, by parameter and period
 _NEAR = 1e-2  # the same for Hopf points and orbits that have shrunk to them
-#: Of the amplitude, at which orbits from a Hopf point are sought: where fast and slow motions meet
-#: they are ellipses very near to it only.
-_SHARES = np.array([1.0, 0.1, 0.01])
 _SAMPLES = 200  # of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
@@ -115,7 +112,7 @@ def diagram(
     members: int = 200,
     orbit_step: float | None = None,
     orbit_members: int = 40,
-    amplitude: float = 1e-2,
+    amplitude: float | None = None,
     report: Callable[[EquilibriumFamily | Family | Failure], None] = lambda found: None,
     path: str | Path | Log | None = None,
 ) -> Diagram:
@@ -137,7 +134,7 @@ def diagram(
       orbit_step: length of the first step along orbits; `step` by default.
       orbit_members: largest number of members of a family of orbits.
       amplitude: distance from a special point at which a new family begins, in the sizes of the
-        entries; from a Hopf point also a tenth or a hundredth of it, if there is no orbit.
+        entries; by default 0.01, or less where no orbit is found there.
       report: called with each family and failure as it is found.
       path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
         where it was interrupted. See `orbits.families.load`.
@@ -237,7 +234,7 @@ def _shrunk_to(end: Member, point: Equilibrium) -> bool:
 class _Orbits:
     """The families of orbits of a diagram, as they are found."""
 
-    def __init__(self, make: Make, options: dict, amplitude: float, report, log: Log | None):
+    def __init__(self, make: Make, options: dict, amplitude: float | None, report, log: Log | None):
         self.make, self.options, self.report, self.log = make, options, report, log
         self.amplitude = amplitude
         self.families: list[tuple[Family, int]] = []
@@ -254,14 +251,11 @@ class _Orbits:
         self._follow(point, lambda: self._smallest(rests, point), 0, depth)
 
     def _smallest(self, rests: EquilibriumFamily, point: Equilibrium) -> tuple[Orbit, float]:
-        """An orbit that begins at a Hopf point, at a smaller amplitude where it must be."""
-        *shares, last = (in_sizes(rests, point, x) for x in self.amplitude * _SHARES)
-        for amplitude in shares:
-            try:
-                return from_hopf(rests, point, amplitude=amplitude)
-            except SearchError:
-                continue
-        return from_hopf(rests, point, amplitude=last)
+        """An orbit that begins at a Hopf point."""
+        size = self.amplitude
+        return from_hopf(
+            rests, point, amplitude=None if size is None else in_sizes(rests, point, size)
+        )
 
     def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
@@ -282,16 +276,20 @@ class _Orbits:
             return
         self.families.append((family, doublings))
         self.report(family)
+        if len(family.members) == 1 < self.options["members"]:
+            self.failures.append(Failure(point, f"Of its family one orbit was found: {family.end}"))
+            self.report(self.failures[-1])
         for special in family.special:
             double = special.kind == Kind.DOUBLING
             if not (double and doublings < depth) and not self._new_branch(special):
                 continue
             _progress.doing(f"following a {special.kind} at {special.parameter:.6g}")
             # The halves of a doubled family are the same orbits, half a period later.
-            for size in (self.amplitude,) if double else (self.amplitude, -self.amplitude):
+            for opposite in (False,) if double else (False, True):
 
-                def other(special=special, size=size):
-                    return switch_branch(family, special, amplitude=size)
+                def other(special=special, opposite=opposite):
+                    size = self.amplitude
+                    return switch_branch(family, special, amplitude=size, opposite=opposite)
 
                 self._follow(special, other, doublings + double, depth)
 

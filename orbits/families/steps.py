@@ -53,16 +53,14 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     if point is None or surface.rests(point):
         return None
     ways = surface.directions(point)
-    before = last.tangent / point.units
-    before = before / np.linalg.norm(before)
-    tangent = _nearest(ways, before[:, None])
-    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
+    tangent = _further(ways, last, point)
+    if tangent is None:
         return None
     old = _orthonormal(last.alike / point.units[:, None])
     alike = _nearest(_same_scene(surface, ways), old)
     if alike.shape[1] < last.alike.shape[1]:
         return None
-    member = member_at(surface, point, tangent[:, 0], alike)
+    member = member_at(surface, point, tangent, alike)
     # Without multipliers no special point would be detected.
     return member if member.stability.ok else None
 
@@ -79,9 +77,21 @@ def why_lost(surface: Surface, last: Member, step: float) -> str:
             reason += f", since errors grow by {last.stability.growth:.0e} over an orbit"
     elif surface.rests(point):
         reason = "an equilibrium"
+    elif _further(surface.directions(point), last, point) is None:
+        reason = "the family turns within the shortest step, or meets another one"
     else:
-        reason = "the family turns, meets another one, or its multipliers are unknown"
+        reason = "multipliers are unknown"
     return f"no orbit was found beyond: {reason}"
+
+
+def _further(ways: np.ndarray, last: Member, point: Point) -> np.ndarray | None:
+    """(n,) the tangent at a point, of its directions (n, d); None if the family turns too much."""
+    before = last.tangent / point.units
+    before = before / np.linalg.norm(before)
+    tangent = _nearest(ways, before[:, None])
+    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
+        return None
+    return tangent[:, 0]
 
 
 def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
