@@ -104,6 +104,10 @@ def ode(
         `analysis.energy.drift` shows whether it is.
       integrals: further quantities by name, functions like `energy` that return () or (d,). Those
         that are conserved give an orbit its unit multipliers (`orbits.stability`).
+      generators: of continuous symmetries by name, each a function of the state (k,), and of
+        `params` if there are any, that returns (k,): the rate at which the symmetry moves the
+        state, for a rotation by an angle in radians. `orbits.relative` closes an orbit up to one
+        that is linear in the state. They are candidates, as integrals are.
       second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
         checked: then a Nystrom pair is the default, about twice as fast.
     Returns:
