@@ -348,11 +348,15 @@ def both_of(w) -> tuple:
 
 def sums(coefficients: list) -> list:
     """The w = z + 1 / z of the roots z of a palindrome of degree 4 or 6, by its first half."""
-    if len(coefficients) == 5:
-        _, a, b, _, _ = coefficients
-        return mp.polyroots([1, a, b - 2], maxsteps=200, extraprec=200)
     _, a, b, c, *_ = coefficients
-    return mp.polyroots([1, a, b - 3, c - 2 * a], maxsteps=200, extraprec=200)
+    rest = [a, b - 2] if len(coefficients) == 5 else [a, b - 3, c - 2 * a]
+    n = len(rest)
+    companion = mp.matrix(n, n)
+    for i, x in enumerate(rest):
+        companion[0, i] = -x
+        if i:
+            companion[i, i - 1] = 1
+    return mp.eig(companion, left=False, right=False)
 
 
 if __name__ == "__main__":
