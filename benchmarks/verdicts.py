@@ -23,6 +23,12 @@ times in the plane, 6 in space. What is left is palindromic in exact arithmetic.
 polynomial of w = z + 1 / z, and an orbit is linearly stable if all w are real, different and
 between -2 and 2. How far the coefficients are from a palindrome, and from those of the iterate
 before, says how wrong they are.
+
+Stored are the 61 of 200 drawn orbits with the shortest periods, up to 79 (seed 0); the others were
+not run yet. All were found. 64 bits settle 40: no verdict contradicts them, and all multipliers are
+within their bars. They leave 21 open, those of close encounters, whose 113 bits take many minutes
+each. Of the published verdicts one is contradicted: O_21(1.5), S in the table, has the multiplier
+1.000304, to 5e-6.
 """
 
 import csv
