@@ -8,6 +8,7 @@ it at a finite acceleration.
 """
 
 import itertools
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,15 +26,23 @@ _NO_MASS = 1e300
 
 
 class FreePoints(System):
-    """n points of mass m (n,) [kg] in d dimensions, moved by forces alone."""
+    """n points of mass m (n,) [kg] in d dimensions, moved by forces alone.
+
+    Attributes:
+      m: (n,) masses [kg].
+      d: number of dimensions.
+      names: of the points, in the labels of the state: x_Earth; without any they are numbered, x1.
+    """
 
     m: Array
     d: int = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True, default=())
 
-    def __init__(self, m, d: int = 2):
+    def __init__(self, m, d: int = 2, names: Sequence[str] = ()):
         m = as_float(m)
         self.m = m if m.ndim else m[None]
         self.d = d
+        self.names = tuple(names)
 
     @property
     def accepts(self):
@@ -45,7 +54,9 @@ class FreePoints(System):
 
     def labels(self):
         n = self.m.shape[0]
-        suffix = [""] if n == 1 else [str(i + 1) for i in range(n)]
+        numbered = [""] if n == 1 else [str(i + 1) for i in range(n)]
+        named = [f"_{name}" for name in self.names]
+        suffix = named if len(named) == n else numbered  # `check` refuses other numbers of names
         r = [(f"{axis}{s}", "m") for s in suffix for axis in _AXES[: self.d]]
         return (*r, *((f"v{name}", "m/s") for name, _ in r))
 
@@ -88,6 +99,11 @@ class FreePoints(System):
 
     def check(self, t, y):
         del t, y
+        n = self.m.shape[0]
+        whole = all(isinstance(name, str) and name for name in self.names)
+        if self.names and not (whole and len(set(self.names)) == len(self.names) == n):
+            got = ", ".join(map(repr, self.names))
+            raise _checks.fail("names", f"{n} different ones, one for each point", got)
         _checks.array("mass", self.m, (None,), "One mass for each point.")
         m = _checks.at_least_zero("mass", self.m, "Masses are in kg; 0 is a test particle.")
         if not _checks.is_traced(m) and not np.any(m):

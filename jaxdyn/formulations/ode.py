@@ -35,6 +35,8 @@ class Ode(System):
       names: (name, unit) of each of the k entries.
       energy: (t, y, params) -> (), or None.
       conserved: names and functions of further integrals.
+      moves: names of candidates for continuous symmetries, and their generators:
+        (y, params) -> (k,), without params where they are None.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
     """
 
@@ -43,6 +45,7 @@ class Ode(System):
     names: tuple[tuple[str, str], ...] = eqx.field(static=True)
     energy: Callable | None = eqx.field(static=True, default=None)
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
+    moves: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
 
     def labels(self):
@@ -62,6 +65,10 @@ class Ode(System):
         values = {name: called(function, self.params, t, y) for name, function in self.conserved}
         return {name: vector(name, value, y) for name, value in values.items()}
 
+    def generators(self, y):
+        values = {name: called(function, self.params, y) for name, function in self.moves}
+        return {name: vector(name, value, y) for name, value in values.items()}
+
     def check(self, t, y):
         del t, y
         finite_params(self.params)
@@ -76,6 +83,7 @@ def ode(
     params: Any = None,
     energy: Callable | None = None,
     integrals: Mapping[str, Callable] | None = None,
+    generators: Mapping[str, Callable] | None = None,
     second_order: bool = False,
 ) -> Scene:
     """The scene of an ordinary differential equation dy/dt = rate(t, y, params).
@@ -86,19 +94,27 @@ def ode(
       y0: (k,) start.
       t1: () span worth seeing, the default of `simulate`; for `orbits.find` a guess of the period.
       names: of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out. An
-        entry with the unit "rad" is an angle: values that differ by 2 pi are the same.
+        entry with the unit "rad" is an angle: values that differ by 2 pi are the same. Entries
+        with one unit share a size, to which tolerances are relative; an entry without a unit has
+        its own. Give the modes of a wave one unit: the small ones are known to the rounding of the
+        large ones only.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again.
       energy: a function of the arguments of `rate` that returns (). It need not be conserved:
         `analysis.energy.drift` shows whether it is.
       integrals: further quantities by name, functions like `energy` that return () or (d,). Those
         that are conserved give an orbit its unit multipliers (`orbits.stability`).
+      generators: of continuous symmetries by name, each a function of the state (k,), and of
+        `params` if there are any, that returns (k,): the rate at which the symmetry moves the
+        state, for a rotation by an angle in radians. `orbits.relative` closes an orbit up to one
+        that is linear in the state. They are candidates, as integrals are.
       second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
         checked: then a Nystrom pair is the default, about twice as fast.
     Returns:
       A scene without material points, for everything that takes one.
     Raises:
-      ValueError: `rate`, `energy` or an integral is no such function or returns another shape;
+      ValueError: `rate`, `energy`, an integral or a generator is no such function or returns
+        another shape;
         `y0`, `t1` or `params` are not finite numbers; `names` are not k different ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a
       loop; numbers that they capture are constants, and the scene is refused once
@@ -123,17 +139,23 @@ def ode(
     """
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
     params = checked_params(params)
-    extra = _checked_integrals(integrals)
+    extra = _by_name("integrals", integrals, "momentum")
+    if "energy" in dict(extra):
+        raise _checks.fail("integrals", "other names", "'energy'", "Pass it as energy=.")
+    moves = _by_name("generators", generators, "turn")
     functions = {"rate": rate} | ({} if energy is None else {"energy": energy})
     functions |= {f"integrals {key!r}": function for key, function in extra}
     for name, function in functions.items():
         checked_function(name, function, params, "t", "y")
+    for key, function in moves:
+        checked_function(f"generators {key!r}", function, params, "y")
     system = Ode(
         function=rate,
         params=params,
         names=named(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
+        moves=moves,
         second_order=bool(second_order),
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
@@ -146,6 +168,9 @@ def ode(
     if energy is not None:
         one = "An energy is one number."
         _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)
+    for key, _ in moves:
+        name = f"generators {key!r}"
+        _shapes.check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
     scene = Scene(system, y0=y0, t1=t1, name=name_of(rate))
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions
@@ -163,12 +188,10 @@ def _check_order(system: Ode, t: Array, y: Array) -> None:
         raise _checks.fail("rate", "a function of (t, y)", got, "Exchange its first two arguments.")
 
 
-def _checked_integrals(integrals: Any) -> tuple[tuple[str, Callable], ...]:
-    if integrals is None:
+def _by_name(what: str, given: Any, example: str) -> tuple[tuple[str, Callable], ...]:
+    if given is None:
         return ()
-    if not isinstance(integrals, Mapping) or not all(isinstance(name, str) for name in integrals):
-        remedy = 'For example {"momentum": function}.'
-        raise _checks.fail("integrals", "functions by name", repr(integrals), remedy)
-    if "energy" in integrals:
-        raise _checks.fail("integrals", "other names", "'energy'", "Pass it as energy=.")
-    return tuple(integrals.items())
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+        remedy = f'For example {{"{example}": function}}.'
+        raise _checks.fail(what, "functions by name", repr(given), remedy)
+    return tuple(given.items())

@@ -21,6 +21,17 @@ EIGHT += (-0.93240737 / 2, -0.86473146 / 2, -0.93240737 / 2, -0.86473146 / 2)
 EIGHT += (0.93240737, 0.86473146)
 #: Its period, to the digits the printed start has.
 EIGHT_PERIOD = 6.3259140
+#: Two bodies of mass 1 and one of mass 0.3 in space: a stable periodic orbit [G = 1].
+TRIO = ((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -7.85343346337253e-02))
+#: Their velocities, the third's from a momentum of zero.
+_TRIO_SPEEDS = (1.96265689129450e-01, 4.53772124061596e-03, -1.54272585548068e-02)
+TRIO_VELOCITIES = (
+    _TRIO_SPEEDS,
+    (_TRIO_SPEEDS[0], _TRIO_SPEEDS[1], -_TRIO_SPEEDS[2]),
+    (-2 * _TRIO_SPEEDS[0] / 0.3, -2 * _TRIO_SPEEDS[1] / 0.3, 0.0),
+)
+#: The period.
+TRIO_PERIOD = 7.19372451258599
 
 
 @ready_made()
@@ -34,6 +45,34 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
       t1: span; one period of the figure-eight by default.
     """
     return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=y0, t1=t1)
+
+
+@ready_made("r", "v", "m")
+def n_body(
+    r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=1.0, names=(), t1=TRIO_PERIOD
+) -> Scene:
+    """Bodies in space under Newtonian gravity, any number of them.
+
+    By default a periodic orbit of three that is stable: the two heavy ones on one curve, the light
+    one on another.
+
+    Args:
+      r: (n, 3) positions [m], one row for each body.
+      v: (n, 3) velocities [m/s].
+      m: (n,) masses [kg]; a body of mass 0 is a test particle.
+      G: gravitational constant [m^3/(kg s^2)].
+      names: (n,) of the bodies: the first position is then x_Earth, not x1.
+      t1: span [s].
+    Reference: Li, Liao (2025), arXiv:2508.08568, O_1(0.3).
+    Example:
+      >>> from jaxdyn import scenes
+      >>> pair = scenes.n_body([[1, 0, 0], [-1, 0, 0]], [[0, 0, 0.5], [0, 0, -0.5]], m=[1.0, 1.0],
+      ...                      names=["Pluto", "Charon"])
+      >>> [name for name, _ in pair.labels()][:4]
+      ['x_Pluto', 'y_Pluto', 'z_Pluto', 'x_Charon']
+    """
+    y0 = jnp.concatenate([as_float(r).ravel(), as_float(v).ravel()])
+    return Scene(FreePoints(m, d=3, names=names), (PairGravity(G),), y0=y0, t1=t1)
 
 
 @ready_made()

@@ -8,7 +8,9 @@ unknowns. A motion that closes up to a rotation by an unknown angle is a relativ
 """
 
 import abc
+import dataclasses
 import functools
+import math
 
 import equinox as eqx
 import jax
@@ -22,10 +24,11 @@ from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, order, point_symmetry
 
-#: Angles tried for the first guess of the angle of a relative orbit.
-_ANGLES_TRIED = 64
-#: Steps and terms of the series of a rotation; one by 2 pi is then accurate to rounding:
-#: 0.4^16 / 16! < 1e-19.
+#: Angles tried for the first guess of the angle of a relative orbit, at least, and for each turn
+#: of the fastest entries in 2 pi.
+_ANGLES_TRIED, _ANGLES_A_TURN = 64, 16
+#: Steps for each turn, and terms, of the series of a rotation; one by 2 pi is then accurate to
+#: rounding: 0.4^16 / 16! < 1e-19.
 _ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
 
@@ -72,6 +75,11 @@ class Closing(Record):
         del system, end, y0
         return 0.0
 
+    def fitted(self, scene: Scene) -> "Closing":
+        """The same condition with the numbers that it needs of a scene to which it applies."""
+        del scene
+        return self
+
     def check(self, scene: Scene) -> None:
         """Raise ValueError if the condition does not apply to the scene."""
         del scene
@@ -88,12 +96,15 @@ class Return(Closing):
       name: see `Closing`.
       turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for plain
         closing.
+      frequency: how often the fastest entries of a state turn while the angle grows by 2 pi: once
+        in space, k times those of the k-th harmonic of a wave. `fitted` finds it.
     """
 
     symmetry: Symmetry = IDENTITY
     parts: int = eqx.field(static=True, default=1)
     name: str = eqx.field(static=True, default="plain closing")
     turn: str | None = eqx.field(static=True, default=None)
+    frequency: int = eqx.field(static=True, default=1)
 
     @property
     def turns(self):
@@ -102,12 +113,33 @@ class Return(Closing):
     def act(self, system: System, y: Array, angle) -> Array:
         """(k,) g y, rotated by the angle [rad]."""
         y = self.symmetry.act(y)
-        return y if self.turn is None else _turned(system, self.turn, y, angle)
+        return y if self.turn is None else self._turned(system, y, angle)
 
     def _back(self, system: System, y: Array, angle) -> Array:
         """(k,) the state that `act` takes to y."""
-        y = y if self.turn is None else _turned(system, self.turn, y, -angle)
+        y = y if self.turn is None else self._turned(system, y, -angle)
         return self.symmetry.inverse.act(y)
+
+    def _turned(self, system: System, y: Array, angle) -> Array:
+        """The flow of the generator g(y) = A y + b over an angle: a matrix exponential's series.
+
+        jax.scipy.linalg.expm computes the same and takes seconds to compile.
+        """
+        origin = system.generators(jnp.zeros_like(y))[self.turn]
+        steps = _ROTATION_STEPS * self.frequency
+        step = angle / steps
+
+        def terms(n, term_and_sum):
+            term, total = term_and_sum
+            along = system.generators(term)[self.turn] - origin
+            along = along + jnp.where(n == 1, origin, 0.0)
+            term = along * step / n
+            return term, total + term
+
+        def once(_, y):
+            return jax.lax.fori_loop(1, _ROTATION_TERMS, terms, (y, y))[1]
+
+        return jax.lax.fori_loop(0, steps, once, y)
 
     def miss(self, system, end, y0, angle):
         return system.difference(end, self.act(system, y0, angle))
@@ -124,9 +156,16 @@ class Return(Closing):
     def angle(self, system, end, y0):
         if self.turn is None:
             return 0.0
-        tries = np.linspace(-np.pi, np.pi, _ANGLES_TRIED, endpoint=False)
+        count = max(_ANGLES_TRIED, _ANGLES_A_TURN * self.frequency)
+        tries = np.linspace(-np.pi, np.pi, count, endpoint=False)
         missed = jax.vmap(lambda angle: self.miss(system, end, y0, angle))(jnp.asarray(tries))
         return float(tries[np.argmin(np.linalg.norm(np.asarray(missed), axis=1))])
+
+    def fitted(self, scene):
+        if self.turn is None:
+            return self
+        fastest = np.linalg.norm(_slope(scene, self.turn), 2)
+        return dataclasses.replace(self, frequency=max(1, math.ceil(fastest * (1 - EXACT))))
 
     def check(self, scene):
         super().check(scene)
@@ -275,31 +314,16 @@ def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:
     return places, np.ones(k) if symmetry.signs is None else np.array(symmetry.signs, float)
 
 
-def _turned(system: System, turn: str, y: Array, angle) -> Array:
-    """The flow of a generator g(y) = A y + b over an angle: a matrix exponential, by its series.
-
-    jax.scipy.linalg.expm computes the same and takes seconds to compile.
-    """
-    origin = system.generators(jnp.zeros_like(y))[turn]
-    step = angle / _ROTATION_STEPS
-
-    def terms(n, term_and_sum):
-        term, total = term_and_sum
-        along = system.generators(term)[turn] - origin
-        along = along + jnp.where(n == 1, origin, 0.0)
-        term = along * step / n
-        return term, total + term
-
-    def once(_, y):
-        return jax.lax.fori_loop(1, _ROTATION_TERMS, terms, (y, y))[1]
-
-    return jax.lax.fori_loop(0, _ROTATION_STEPS, once, y)
-
-
 def _check_parts(parts: int, least: int, what: str) -> None:
     if parts % least:
         remedy = "After a whole period each point is where it was."
         raise fail("parts", f"a multiple of {what}, {least}", parts, remedy)
+
+
+@functools.partial(jax.jit, static_argnames="turn")
+def _slope(scene: Scene, turn: str) -> Array:
+    """(k, k) the derivative of a generator by the state, at the start."""
+    return jax.jacfwd(lambda y: scene.system.generators(y)[turn])(scene.y0)
 
 
 def _check_affine(scene: Scene, turn: str) -> None:

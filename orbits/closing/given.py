@@ -118,7 +118,7 @@ def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closi
             raise fail("closing", "a Closing", repr(one), remedy)
         one.check_functions()
         one.check(scene)
-        closings.append(one)
+        closings.append(one.fitted(scene))
     return tuple(closings)
 
 

@@ -329,6 +329,12 @@ MISUSE = [
         lambda: simulate(ode(plain, [1.0], integrals={"a": lambda t, y: jnp.ones((2, 2))})),
         r"integrals: expected numbers or vectors, got shape \(2, 2\) of 'a'",
     ),
+    (lambda: ode(plain, [1.0], generators=[plain]), "^generators: expected functions by name"),
+    (lambda: ode(plain, [1.0], generators={"a": plain}), r"^generators 'a': .* of \(y\), got"),
+    (
+        lambda: ode(plain, [1.0], generators={"a": lambda y: jnp.ones(2)}),
+        r"^generators 'a': expected shape \(1,\), got shape \(2,\)",
+    ),
     (lambda: ode(plain, [1.0, 2.0], second_order=True), r"^Ode: expected a state \[q, v\] with dq"),
     (
         lambda: jax.grad(_in_closure)(1.0),

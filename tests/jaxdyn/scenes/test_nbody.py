@@ -1,4 +1,4 @@
-"""Two and three bodies on circles (problem 16), the figure-eight (problem 17)."""
+"""Two and three bodies on circles (problem 16), the figure-eight (17), many bodies in space."""
 
 import jax
 import jax.numpy as jnp
@@ -96,6 +96,10 @@ def test_problem_17_c_and_d_small_changes_keep_the_eight_and_large_ones_break_it
         (lambda: scenes.two_body(G=0.0), "G: expected > 0, got 0.0"),
         (lambda: scenes.three_body_circular(diameter=0.0), "diameter: expected > 0, got 0.0"),
         (lambda: scenes.three_body_circular(m=-1.0), "m: expected > 0, got -1.0"),
+        (lambda: scenes.n_body(m=[1.0, 2.0]), "m: expected shape (3,), got shape (2,)"),
+        (lambda: scenes.n_body(names="ab").check(), "names: expected 3 different ones, one for"),
+        (lambda: scenes.n_body(names="aba").check(), "names: expected 3 different ones, one for"),
+        (lambda: scenes.n_body(names=[1, 2, 3]).check(), "names: expected 3 different ones"),
     ],
 )
 def test_an_invalid_start_is_refused_by_name(make, message):
@@ -105,3 +109,24 @@ def test_an_invalid_start_is_refused_by_name(make, message):
 def test_a_traced_distance_passes_the_checks():
     slope = jax.grad(lambda d: scenes.two_body(d=d).t1)(1.0)
     np.testing.assert_allclose(slope, 1.5 * scenes.two_body().t1, rtol=1e-14)
+
+
+def test_the_published_trio_in_space_returns_with_zero_momentum():
+    motion = simulate(scenes.n_body(), rtol=1e-13)
+    assert gap(motion.ys[-1], motion.ys[0]) < 1e-10  # printed to 15 digits
+    points = motion.scene.points(0.0, motion.scene.y0)
+    assert np.abs(points.m @ points.v).max() < 1e-16
+
+
+def test_many_bodies_in_space_by_name():
+    rng = np.random.default_rng(0)
+    r, v = rng.normal(size=(2, 5, 3))
+    names = ["Sun", "Mercury", "Venus", "Earth", "Mars"]
+    scene = scenes.n_body(r, v, m=np.arange(1.0, 6.0), G=2.0, names=names, t1=0.1)
+    scene.check()
+    apart = r[None] - r[:, None]
+    far = np.linalg.norm(apart, axis=-1) + np.eye(5)
+    pull = 2.0 * (np.arange(1.0, 6.0)[:, None] * apart / far[..., None] ** 3).sum(axis=1)
+    assert gap(scene.rate(0.0, scene.y0)[15:], pull.ravel()) < 1e-12 * np.abs(pull).max()
+    motion = simulate(scene, samples=3)
+    assert gap(motion["vz_Earth"][0], v[3, 2]) == 0.0

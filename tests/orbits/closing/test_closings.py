@@ -77,6 +77,24 @@ def test_states_before_a_relative_orbit_are_those_from_which_it_comes():
             assert gap(closing.after(three.system, later, 0.4, -periods), three.y0) < SOLVED
 
 
+def test_a_turn_of_many_waves_is_exact():
+    waves = np.array([3.0, 17.0])
+
+    def turn(y):
+        return jnp.concatenate([-waves * y[2:], waves * y[:2]])
+
+    def rate(t, y):
+        return turn(y) - y
+
+    scene = ode(rate, [1.0, 0.5, 0.0, 2.0], 1.0, generators={"turn": turn})
+    closing = orbits.relative("turn").fitted(scene)
+    assert closing.frequency == 17
+    y, angle = np.asarray(scene.y0), 2.5
+    exact = (y[:2] + 1j * y[2:]) * np.exp(1j * waves * angle)
+    turned = closing.act(scene.system, scene.y0, angle)
+    assert gap(turned, np.concatenate([exact.real, exact.imag])) < 1e-13
+
+
 @pytest.mark.slow
 def test_a_rosette_turns_by_twice_the_apsidal_angle():
     law = effects.PowerLaw(1.0, -1.0)

@@ -1,0 +1,369 @@
+"""Does any verdict on the stability of a published orbit contradict more digits than doubles have?
+
+Run: ``python -m benchmarks.verdicts [--count N] [--seed S]``. It draws orbits of three bodies from
+``three_body_tables.csv``, finds each in doubles, asks `orbits.stability`, and compares its verdict
+and the error bars of the multipliers with multipliers that nothing of this package takes part in:
+heyoka's Taylor method in Jacobi coordinates, in long doubles (64 bits), and in 113 bits where those
+leave open what the multipliers are. All orbits retrace their path, turned about the z axis with
+bodies 1 and 2 exchanged. So half a period is integrated, of which the other half is the image S:
+M = S P^-1 S P with the derivative P over half a period. A whole one would lose all digits of close
+encounters. Results are added to ``verdicts.json`` beside this file one by
+one; a row that is there is not repeated, so that a run that was stopped goes on. It needs heyoka
+and mpmath.
+
+The table has all 2044 planar rows of the tables of three bodies that start in line (Li, Liao 2017,
+Sci. China Phys. Mech. Astron. 60, 129511, equal masses; Li, Jing, Liao 2018, Publ. Astron. Soc.
+Japan 70, 64, unequal), and every twentieth of the 10,059 rows in space (Li, Liao 2025,
+arXiv:2508.08568), with the stability published there: S or U. The starts are (-1, 0, 0),
+(1, 0, 0), (0, 0, z0) with velocities (vx, vy, vz), (vx, vy, -vz), -2 (vx, vy, 0) / m3; the masses
+are 1, 1, m3, and G = 1.
+
+The characteristic polynomial is divided by x - 1 as often as the integrals and symmetries say: 4
+times in the plane, 6 in space. What is left is palindromic in exact arithmetic. So it is a
+polynomial of w = z + 1 / z, and an orbit is linearly stable if all w are real, different and
+between -2 and 2. How far the coefficients are from a palindrome, and from those of the iterate
+before, says how wrong they are.
+
+Stored are the 61 of 200 drawn orbits with the shortest periods, up to 79 (seed 0); the others were
+not run yet. All were found. 64 bits settle 40, and 113 bits 1 more, in five minutes each: no
+verdict contradicts them, and all multipliers are within their bars. 20 are open: those of close
+encounters. Of the published verdicts two are contradicted: O_21(1.5) and O_26(1.3), S in the table,
+have the multipliers 1.000304 and 1.00098.
+"""
+
+import csv
+import functools
+import itertools
+import json
+import math
+import time
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import mpmath as mp
+import numpy as np
+import typer
+
+import jaxdyn
+import orbits
+from jaxdyn.effects import PairGravity
+from jaxdyn.formulations.newton import FreePoints
+
+TABLE = Path(__file__).with_name("three_body_tables.csv")
+STORED = Path(__file__).with_name("verdicts.json")
+#: Bits and the digits that numbers are handed over with.
+_DIGITS = {64: 21, 113: 36}
+#: Bars of the reference are what its coefficients are seen to be wrong by times this.
+_SAFETY = 100.0
+_STEPS, _WORKING = 8, 60
+#: The largest correction of a published number, relative to it: beyond, it is another orbit.
+_MOVED = 1e-3
+
+
+class Row(NamedTuple):
+    """A row of the table, as printed there."""
+
+    name: str
+    m3: str
+    z0: str
+    vx: str
+    vy: str
+    vz: str
+    period: str
+    published: str
+
+    @property
+    def d(self) -> int:
+        """Dimensions of space."""
+        return 3 if self.published else 2
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """The numbers that are corrected; vz is 0 in the plane, as z0 is."""
+        numbers = (self.z0, self.vx, self.vy, self.vz, self.period)
+        return numbers if self.d == 3 else (self.vx, self.vy, self.period)
+
+
+class Truth(NamedTuple):
+    """What the reference says of an orbit.
+
+    Attributes:
+      verdict: "stable", "unstable", or "open" where its digits do not tell.
+      multipliers: the non-trivial ones.
+      bars: their error bars.
+      bits: of the arithmetic.
+      miss: distance of the state after a period from the start.
+      moved: largest relative correction of the published numbers.
+    """
+
+    verdict: str
+    multipliers: list[complex]
+    bars: list[float]
+    bits: int
+    miss: float
+    moved: float
+
+
+def main(
+    count: Annotated[int, typer.Option(help="How many rows to draw.")] = 20,
+    seed: Annotated[int, typer.Option(help="Of the draw.")] = 0,
+    stored: Annotated[Path, typer.Option("--json", help="Results, also of earlier runs.")] = STORED,
+) -> None:
+    """Verdicts against more digits; a line for each row, and the counts."""
+    jaxdyn.configure()
+    results = json.loads(stored.read_text()) if stored.is_file() else {}
+    picked = drawn(count, seed)
+    for bits in _DIGITS:  # the slow arithmetic last, and only for what the fast one leaves open
+        for row in picked:
+            known = results.get(row.name)
+            if known is None or (known["truth"] == "open" and known["bits"] < bits):
+                results[row.name] = compared(row, bits)
+                stored.write_text(json.dumps(results, indent=1) + "\n")
+                print(row.name, results[row.name], flush=True)
+    print(summary([results[row.name] for row in picked]))
+
+
+def drawn(count: int, seed: int) -> list[Row]:
+    """Rows of the table, at random and without repetition; the quicker first."""
+    with TABLE.open() as file:
+        rows = [Row(**each) for each in csv.DictReader(file)]
+    picked = np.random.default_rng(seed).choice(len(rows), count, replace=False)
+    return sorted((rows[i] for i in picked), key=lambda row: float(row.period))
+
+
+def compared(row: Row, bits: int) -> dict[str, Any]:
+    """What both say of a row, and whether they agree."""
+    begin = time.process_time()
+    found = orbits.find(scene(row), throw=False)
+    told: dict[str, Any] = {"outcome": found.outcome.name, "published": row.published}
+    if found.ok:
+        linear = orbits.stability(found, throw=False)
+        told |= {"verdict": linear.verdict, "growth": linear.growth, "unit": linear.unit}
+    told["seconds"] = round(time.process_time() - begin, 1)
+    exact = truth(row, bits)
+    told |= {"truth": exact.verdict, "bits": exact.bits, "miss": exact.miss, "moved": exact.moved}
+    if found.ok and exact.verdict != "open":
+        off, bars = distances(exact, linear.nontrivial)
+        same = abs(found.period / float(row.period) - 1) < _MOVED
+        told |= {
+            "same orbit": bool(same),
+            "contradicts": bool(same and linear.verdict not in ("undecided", exact.verdict)),
+            "within bars": bool((off <= linear.bars + bars).all()),
+        }
+    return told
+
+
+def scene(row: Row) -> jaxdyn.Scene:
+    """The scene of a row."""
+    m3, z0, vx, vy, vz, period = map(float, row[1:7])
+    r = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, z0]])[:, : row.d]
+    v = np.array([[vx, vy, vz], [vx, vy, -vz], [-2 * vx / m3, -2 * vy / m3, 0.0]])[:, : row.d]
+    y0 = np.concatenate([r.ravel(), v.ravel()])
+    return jaxdyn.Scene(FreePoints((1.0, 1.0, m3), row.d), (PairGravity(1.0),), y0=y0, t1=period)
+
+
+def distances(exact: Truth, ours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(p,) of our multipliers to the exact ones, in the order that pairs them best; their bars."""
+    if len(exact.multipliers) != len(ours):
+        return np.full(len(ours), math.inf), np.zeros(len(ours))
+    apart = np.abs(np.asarray(exact.multipliers)[:, None] - ours)
+    orders = itertools.permutations(range(len(ours)))
+    best = list(min(orders, key=lambda order: apart[list(order), range(len(ours))].sum()))
+    return apart[best, range(len(ours))], np.asarray(exact.bars)[best]
+
+
+def summary(told: list[dict[str, Any]]) -> str:
+    """The counts."""
+
+    def count(key: str, value: Any) -> int:
+        return sum(each.get(key) == value for each in told)
+
+    lines = [
+        f"{len(told)} orbits: {count('outcome', 'FOUND')} found; the reference took more than 64 "
+        f"bits for {count('bits', 113)}, and leaves {count('truth', 'open')} open",
+        f"verdicts: {count('verdict', 'stable')} stable, {count('verdict', 'unstable')} unstable, "
+        f"{count('verdict', 'undecided')} undecided; {count('contradicts', True)} contradictions",
+        f"multipliers: within all bars for {count('within bars', True)} orbits, not for "
+        f"{count('within bars', False)}",
+    ]
+    wrong = [e for e in told if e["published"] and e["truth"] != "open"]
+    differ = sum((e["truth"] == "stable") != (e["published"] == "S") for e in wrong)
+    return "\n".join([*lines, f"published S or U: {len(wrong)} compared, {differ} contradicted"])
+
+
+def truth(row: Row, bits: int) -> Truth:
+    """What the reference says of a row."""
+    with mp.workdps(_WORKING):
+        given = u = mp.matrix([mp.mpf(x) for x in row.unknowns])
+        seen: list[tuple[float, Any, Any]] = []
+        for _ in range(_STEPS):
+            missed, half, rate = _half(row, u, bits)
+            seen.append((float(mp.norm(missed, mp.inf)), half, u))
+            if len(seen) > 2 and not seen[-1][0] < seen[-2][0] / 2:
+                break
+            u = u - _correction(row, missed, half, rate)
+        best, second = sorted(seen, key=lambda each: each[0])[:2]
+        miss, _, u = best
+        moved = max(float(abs(a - b) / (abs(b) or 1)) for a, b in zip(u, given, strict=True))
+        if not (math.isfinite(miss) and moved < _MOVED):
+            return Truth("open", [], [], bits, miss, moved)
+        unit = 4 if row.d == 2 else 6
+        return Truth(
+            *judged([_nontrivial(row, x, unit) for _, x, _ in (best, second)]), bits, miss, moved
+        )
+
+
+def _nontrivial(row: Row, half, unit: int) -> list:
+    """The characteristic polynomial over a period, without so many multipliers of 1."""
+    image = mp.diag(_image(row.d))
+    coefficients = characteristic(image * mp.inverse(half) * image * half)
+    for _ in range(unit):
+        coefficients = list(itertools.accumulate(coefficients[:-1]))
+    return coefficients
+
+
+def _image(d: int) -> list[int]:
+    """The signs of the image S: exchanged, turned by pi about z, and backwards in time."""
+    r, s = [1] * d, [-1] * d
+    r[2:], s[2:] = [-1] * (d - 2), [1] * (d - 2)
+    return [*r, *s, *s, *r]
+
+
+def _correction(row: Row, missed, half, rate):
+    """Of the unknowns, by least squares: a few digits suffice."""
+    ways = np.array(half.tolist(), float) @ _directions(row)
+    slopes = np.column_stack([ways, np.array([float(x) for x in rate]) / 2])
+    slopes = slopes[[sign < 0 for sign in _image(row.d)]]
+    step = np.linalg.lstsq(slopes, np.array([float(x) for x in missed]), rcond=1e-13)[0]
+    return mp.matrix(step.tolist())
+
+
+def _directions(row: Row) -> np.ndarray:
+    """(k, n) the derivatives of the start by the unknowns but the period."""
+    d, pull = row.d, -(2 / float(row.m3) + 1)
+    ways = np.zeros((4 * d, len(row.unknowns) - 1))
+    first = d - 2  # of vx
+    ways[3 * d, first], ways[3 * d + 1, first + 1] = pull, pull
+    if d == 3:
+        ways[5, 0], ways[8, 3] = 1.0, -2.0
+    return ways
+
+
+def _start(row: Row, u) -> list:
+    """The state [r_2 - r_1, r_3 - (r_1 + r_2) / 2] with its velocities."""
+    zero, pull = mp.mpf(0), -(2 / mp.mpf(row.m3) + 1)
+    if row.d == 2:
+        vx, vy, _ = u
+        return [mp.mpf(2), zero, zero, zero, zero, zero, pull * vx, pull * vy]
+    z0, vx, vy, vz, _ = u
+    return [mp.mpf(2), zero, zero, zero, zero, z0, zero, zero, -2 * vz, pull * vx, pull * vy, zero]
+
+
+def _half(row: Row, u, bits: int) -> tuple:
+    """After half a period: what should be 0, the derivative by the start, and the rate."""
+    runs, number = _integrator(row.d, bits)
+    y0, k = _start(row, u), 4 * row.d
+    runs.time, runs.pars[0] = number("0"), number(row.m3)
+    for i, x in enumerate(y0):
+        runs.state[i] = number(mp.nstr(x, _DIGITS[bits]))
+    for i in range(k * k):
+        runs.state[k + i] = number("1" if i % (k + 1) == 0 else "0")
+    runs.propagate_until(number(mp.nstr(u[len(u) - 1] / 2, _DIGITS[bits])))
+    numbers = [mp.mpf(str(x)) for x in runs.state]
+    m = mp.matrix([numbers[i : i + k] for i in range(k, k + k * k, k)])
+    missed = mp.matrix([x for x, sign in zip(numbers, _image(row.d), strict=False) if sign < 0])
+    return missed, m, _rate(numbers[:k], mp.mpf(row.m3), mp.sqrt)
+
+
+def _rate(y: list, m3: Any, sqrt: Any) -> list:
+    """dy/dt of three bodies of masses 1, 1, m3, in Jacobi coordinates; numbers or expressions."""
+    d = len(y) // 4
+    r, s = y[:d], y[d : 2 * d]
+    far = [b + a / 2.0 for a, b in zip(r, s, strict=True)]
+    near = [b - a / 2.0 for a, b in zip(r, s, strict=True)]
+    pulls = []
+    for side in (r, far, near):
+        square = sum(x * x for x in side[1:]) + side[0] * side[0]
+        pulls.append([x / (square * sqrt(square)) for x in side])
+    each = list(zip(*pulls, strict=True))
+    first = [m3 * (c - b) - 2.0 * a for a, b, c in each]
+    return [*y[2 * d :], *first, *(-(b + c) * (1.0 + m3 / 2.0) for _, b, c in each)]
+
+
+@functools.cache
+def _integrator(d: int, bits: int) -> tuple[Any, Any]:
+    """heyoka's integrator with the variational equations, and the type of its numbers."""
+    import heyoka as hy
+
+    number = np.longdouble if bits == 64 else hy.real128
+    y = list(hy.make_vars(*(f"{name}{i}" for name in "rsvw" for i in range(d))))
+    field = list(zip(y, _rate(y, hy.par[0], hy.sqrt), strict=True))
+    equations = hy.var_ode_sys(field, hy.var_args.vars, 1)
+    zeros = np.zeros(4 * d, dtype=number)
+    return hy.taylor_adaptive(equations, zeros, fp_type=number, compact_mode=True), number
+
+
+def characteristic(m) -> list:
+    """The coefficients of the characteristic polynomial, highest first: Faddeev and LeVerrier."""
+    n = m.rows
+    found, b = [mp.mpf(1)], mp.eye(n)
+    for k in range(1, n + 1):
+        a = m * b
+        found.append(-sum(a[i, i] for i in range(n)) / k)
+        b = a + found[-1] * mp.eye(n)
+    return found
+
+
+def judged(seen: list[list]) -> tuple[str, list[complex], list[float]]:
+    """The verdict, or "open", and the multipliers with bars.
+
+    Args:
+      seen: coefficients of the polynomial of the non-trivial multipliers, by two iterates, the
+        better one first.
+    """
+    each = [x for c in seen for x in (c, [a / c[-1] for a in reversed(c)])]
+    best = [(a + b) / 2 for a, b in zip(*each[:2], strict=True)]
+    ws = sums(best)
+    # What the roots would be if the coefficients were wrong by that much.
+    wrong = [[b + _SAFETY * (a - b) for a, b in zip(x, best, strict=True)] for x in each]
+    others = [sums(x) for x in wrong]
+    bars = [max(min(abs(w - o) for o in other) for other in others) for w in ws]
+    values = [z for w in ws for z in both_of(w)]
+    errors = [
+        max(float(min(abs(z - x) for o in other for x in both_of(o))) for other in others)
+        for z in values
+    ]
+    said = _verdict(list(zip(ws, bars, strict=True)))
+    return said, [complex(z) for z in values], errors
+
+
+def _verdict(pairs: list[tuple]) -> str:
+    if any(abs(mp.im(w)) > bar or abs(mp.re(w)) - 2 > bar for w, bar in pairs):
+        return "unstable"
+    inside = all(2 - abs(mp.re(w)) > bar for w, bar in pairs)
+    apart = all(abs(a - b) > e + f for (a, e), (b, f) in itertools.combinations(pairs, 2))
+    return "stable" if inside and apart else "open"
+
+
+def both_of(w) -> tuple:
+    """The multipliers z and 1 / z with the sum w."""
+    root = mp.sqrt(w * w - 4)
+    z = (w + root) / 2 if mp.re(w) >= 0 else (w - root) / 2  # the larger, without cancellation
+    return z, 1 / z
+
+
+def sums(coefficients: list) -> list:
+    """The w = z + 1 / z of the roots z of a palindrome of degree 4 or 6, by its first half."""
+    _, a, b, c, *_ = coefficients
+    rest = [a, b - 2] if len(coefficients) == 5 else [a, b - 3, c - 2 * a]
+    n = len(rest)
+    companion = mp.matrix(n, n)
+    for i, x in enumerate(rest):
+        companion[0, i] = -x
+        if i:
+            companion[i, i - 1] = 1
+    return mp.eig(companion, left=False, right=False)
+
+
+if __name__ == "__main__":
+    typer.run(main)
