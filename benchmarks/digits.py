@@ -53,7 +53,7 @@ def eight() -> orbits.Orbit:
     return orbits.find(three_body(), closing=orbits.choreography(3))
 
 
-def _seconds(work: Callable) -> tuple[Times, orbits.Refined | orbits.Certificate]:
+def _seconds(work: Callable) -> tuple[Times, orbits.proof.Refined | orbits.proof.Certificate]:
     start = time.process_time()
     found = work()
     spent = time.process_time() - start

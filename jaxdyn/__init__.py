@@ -27,8 +27,25 @@ Everything is differentiable in every number, in forward and reverse mode:
 
 import lazy_loader
 
-__version__ = "0.2.0"
+from jaxdyn._doors import opened
+
+__version__ = "0.3.0"
 
 # `import jaxdyn` and the help of a command load neither JAX nor Matplotlib (SPEC 1 of Scientific
 # Python): public names are imported at first use, from the modules named in the stub beside this.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+#: Moved in version 0.3.
+_MOVED = {
+    "Crossings": "integrate",
+    "Curve": "continuation",
+    "EndError": "accuracy",
+    "EquilibriumFamily": "continuation",
+    "LyapunovSpectrum": "chaos",
+    "Points": "scene",
+}
+__getattr__ = opened(
+    __name__,
+    _listed,
+    moved=_MOVED,
+    folders=("balls", "course", "gallery", "hard", "player", "studies"),
+)

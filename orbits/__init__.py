@@ -22,5 +22,37 @@ False
 import lazy_loader
 
 from jaxdyn import __version__ as __version__
+from jaxdyn._doors import opened
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+#: Moved in version 0.3.
+_MOVED = {
+    "Certificate": "proof",
+    "Closing": "closing",
+    "Condition": "closing",
+    "Connection": "manifolds",
+    "ConnectionOutcome": "manifolds",
+    "Criticality": "families",
+    "Diagram": "families",
+    "DifferentiableOrbit": "analysis",
+    "Family": "families",
+    "Graph": "families",
+    "Identity": "analysis",
+    "Manifold": "manifolds",
+    "Match": "analysis",
+    "Refined": "proof",
+    "Report": "analysis",
+    "Reversal": "closing",
+    "SearchResult": "discovery",
+    "SectionPoints": "sections",
+    "Starts": "discovery",
+    "Torus": "tori",
+    "TorusFamily": "tori",
+    "TorusOutcome": "tori",
+    "as_json": "analysis",
+    "closure": "analysis",
+    "match": "analysis",
+    "syzygies": "analysis",
+    "word": "analysis",
+}
+__getattr__ = opened(__name__, _listed, moved=_MOVED, folders=("shooting",))

@@ -130,7 +130,11 @@ def test_a_family_without_parameter_or_energy_is_followed(hunt, tmp_path):
         orbits.save(tmp_path / "hunt.json", hunt)
     with pytest.raises(ValueError, match=r"got function .*make a class of it in a module"):
         orbits.search(
-            hunt.scene, orbits.Starts([hunt.y0]), 1, longest=6.0, path=tmp_path / "a.jsonl"
+            hunt.scene,
+            orbits.discovery.Starts([hunt.y0]),
+            1,
+            longest=6.0,
+            path=tmp_path / "a.jsonl",
         )
 
 

@@ -90,6 +90,22 @@ def test_folders_declare_what_they_export(folder):
             assert isinstance(found, Method | tuple | float | dict | types.UnionType), name
 
 
+def test_names_that_moved_are_found_at_their_old_places_with_a_warning():
+    for package in (jaxdyn, orbits):
+        for name, place in package._MOVED.items():
+            new = f"{package.__name__}.{place}.{name}"
+            with pytest.warns(DeprecationWarning, match=re.escape(f"is now {new}; the old name")):
+                found = getattr(package, name)
+            assert found is getattr(importlib.import_module(f"{package.__name__}.{place}"), name)
+            assert name not in package.__all__
+
+
+def test_folders_that_few_need_are_reached_but_not_listed():
+    assert "gallery" not in dir(jaxdyn)
+    code = "import jaxdyn, orbits; print(jaxdyn.gallery.__name__, orbits.shooting.__name__)"
+    assert run_python(code) == "jaxdyn.gallery orbits.shooting"
+
+
 def test_no_function_is_shadowed_by_a_module():
     assert TWINS == []
 

@@ -13,9 +13,11 @@ line below.
 """
 
 from jaxdyn.accuracy import convergence, end_error, horizon, quantities, work_precision
+from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.accuracy.estimates import by_halving, by_second_method, by_tangents, estimate
 
 __all__ = [
+    "EndError",
     "by_halving",
     "by_second_method",
     "by_tangents",

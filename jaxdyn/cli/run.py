@@ -122,7 +122,7 @@ def _method(name: str) -> "jaxdyn.solvers.Method | None":
     return None if name == "auto" else getattr(jaxdyn.solvers, name.upper())
 
 
-def _print(record: dict, end: "jaxdyn.EndError", out: Screen) -> None:
+def _print(record: dict, end: "jaxdyn.accuracy.EndError", out: Screen) -> None:
     out.print(f"[bold]{record['scene']}[/bold] at t = {record['t'][-1]:g}:")
     for label, shown in zip(record["labels"], end.written(), strict=True):
         out.print(f"  {escape(label):24} {shown}")

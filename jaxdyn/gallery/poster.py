@@ -67,7 +67,7 @@ def _closed(row: dict[str, Any], number: int) -> Shown:
     start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
     scene = scenes.three_body().starting(start, row["T"])
     orbit = orbits.find(scene, period=row["T"], closing=orbits.reversal(plane.IN_LINE))
-    stability, word = orbits.stability(orbit), orbits.word(orbit)
+    stability, word = orbits.stability(orbit), orbits.analysis.word(orbit)
     motion = simulate(orbit.scene, orbit.period, samples=_FINER * _SAMPLES + 1, rtol=1e-10)
     lines = (
         f"T = {float(orbit.period):.6f}, {stability.verdict}",

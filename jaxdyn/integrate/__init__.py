@@ -18,5 +18,6 @@ the limits of `spans`; if users call it, one line below.
 """
 
 from jaxdyn.integrate import events, phases
+from jaxdyn.integrate.event_search.all_crossings import Crossings
 
-__all__ = ["events", "phases"]
+__all__ = ["Crossings", "events", "phases"]

@@ -12,3 +12,19 @@ May import: `shooting`, `hybrid`.
 One more analysis is one file that takes an `Orbit`, a line in ``orbits/__init__.pyi``, and a claim
 in `report` if files and commands shall state it.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    [],
+    {
+        "alignment": ["Match"],
+        "evidence": ["closure"],
+        "identity": ["Identity"],
+        "report": ["Report", "as_json"],
+        "same": ["match"],
+        "sensitivity": ["DifferentiableOrbit"],
+        "words": ["syzygies", "word"],
+    },
+)

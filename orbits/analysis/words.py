@@ -105,7 +105,7 @@ def word(orbit: Orbit) -> str:
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
-      >>> orbits.word(orbits.find(scenes.three_body(), closing=orbits.choreography(3)))
+      >>> orbits.analysis.word(orbits.find(scenes.three_body(), closing=orbits.choreography(3)))
       'ABab'
     """
     return canonical(spelled(syzygies(orbit)))

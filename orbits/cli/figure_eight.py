@@ -75,10 +75,10 @@ def figure_eight_command(
         out.print(f"[bold]{testing}[/bold]")
         out.doing(testing)
         first = orbits.report(plain)
-        neighbour = orbits.as_json(first) | {"seconds": _seconds(clock)}
+        neighbour = orbits.analysis.as_json(first) | {"seconds": _seconds(clock)}
         claims = {"closed plainly": first, "choreography": orbits.report(eight)}
         if as_object:
-            found = orbits.as_json(claims["choreography"])
+            found = orbits.analysis.as_json(claims["choreography"])
             out.result(found | {"seconds": _seconds(clock), "neighbour": neighbour})
         else:
             print_reports(claims, out)

@@ -110,7 +110,7 @@ def find_command(
         claims = orbits.report(orbit)
         if as_object:
             record = {"scene": name, "start_moved": orbit.shift}
-            out.result(record | orbits.as_json(claims))
+            out.result(record | orbits.analysis.as_json(claims))
         else:
             print_reports({f"{name}, {orbit.closing.name}": claims}, out)
         starts = zip(scene.labels(), orbit.y0, strict=True)
@@ -127,7 +127,9 @@ def _remedy(orbit: "orbits.Orbit") -> str:
     return _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
 
 
-def _closings(scene: "jaxdyn.Scene", name: str) -> "orbits.Closing | Sequence[orbits.Closing]":
+def _closings(
+    scene: "jaxdyn.Scene", name: str
+) -> "orbits.closing.Closing | Sequence[orbits.closing.Closing]":
     """What `--closing` says of a scene; a choreography has several, of which one is chosen."""
     system = scene.system
     if name == "choreography":

@@ -70,7 +70,7 @@ def _section(scene: "jaxdyn.Scene", text: str | None):
     return jaxdyn.integrate.events.Reaches(names.index(choice("--until", name, names)), value)
 
 
-def _report(found: list["orbits.Manifold"], as_object: bool, out: Screen) -> None:
+def _report(found: list["orbits.manifolds.Manifold"], as_object: bool, out: Screen) -> None:
     if as_object:
         out.result({"manifolds": [_as_json(one) for one in found]})
         return
@@ -78,7 +78,7 @@ def _report(found: list["orbits.Manifold"], as_object: bool, out: Screen) -> Non
         out.print(str(one))
 
 
-def _as_json(one: "orbits.Manifold") -> dict:
+def _as_json(one: "orbits.manifolds.Manifold") -> dict:
     ends = [y if ok else None for y, ok in zip(one.ends.tolist(), one.ok.tolist(), strict=True)]
     return {
         "kind": one.kind,

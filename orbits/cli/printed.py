@@ -14,7 +14,7 @@ from jaxdyn._text import brief, counted
 from jaxdyn.cli.screen import Screen
 
 
-def print_reports(claims: dict[str, "orbits.Report"], out: Screen) -> None:
+def print_reports(claims: dict[str, "orbits.analysis.Report"], out: Screen) -> None:
     """Print reports side by side, each under its name, without empty rows."""
     table = Table("")
     for name in claims:
@@ -48,11 +48,11 @@ _UNIT = sys.float_info.epsilon
 _DIGITS = 14  # of what the closing error leaves certain
 
 
-def _choreography(claim: "orbits.Report") -> str:
+def _choreography(claim: "orbits.analysis.Report") -> str:
     return _NONE if claim.choreography is None else "yes" if claim.choreography else "NO"
 
 
-def _multipliers(claim: "orbits.Report") -> str:
+def _multipliers(claim: "orbits.analysis.Report") -> str:
     shown = claim.multipliers[: len(claim.multiplier_bars)]
     lines = [brief(complex(re, im) if im else re, digits=8) for re, im in shown]
     turned = len(claim.multipliers) - len(shown) - claim.unit_multipliers
@@ -69,7 +69,7 @@ def _error(x: float | None) -> str:
     return _NONE if x is None else f"{x:.1e}"
 
 
-def _body(claim: "orbits.Report") -> str:
+def _body(claim: "orbits.analysis.Report") -> str:
     if claim.normal_form is None:
         return _NONE
     x, y = (_number(each, 11) for each in claim.normal_form.y0[:2])

@@ -93,7 +93,9 @@ def _levels(energy: str | None, unknown: str | None, sign: int | None) -> list:
     return [None]
 
 
-def _report(name: str, tables: list["orbits.SectionPoints"], as_object: bool, out: Screen) -> None:
+def _report(
+    name: str, tables: list["orbits.sections.SectionPoints"], as_object: bool, out: Screen
+) -> None:
     if as_object:
         record = [orbits.sections.records.as_json(table) for table in tables]
         out.result({"scene": name, "sections": record})
@@ -103,7 +105,7 @@ def _report(name: str, tables: list["orbits.SectionPoints"], as_object: bool, ou
 
 
 def _write(
-    tables: list["orbits.SectionPoints"],
+    tables: list["orbits.sections.SectionPoints"],
     csv: Path | None,
     plot: Path | None,
     title: str | None,
@@ -179,13 +181,13 @@ def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
     return orbits.sections.complete(scene, plane, rows, energy=energy, unknown=unknown, sign=sign)
 
 
-def _done(table: "orbits.SectionPoints") -> bool:
+def _done(table: "orbits.sections.SectionPoints") -> bool:
     """Whether all starts that exist have all their crossings."""
     codes = (jaxdyn.Status.OK, jaxdyn.Status.FORBIDDEN)
     return bool(table.ok.any()) and all(code in codes for code in table.status)
 
 
-def _print(table: "orbits.SectionPoints", out: Screen) -> None:
+def _print(table: "orbits.sections.SectionPoints", out: Screen) -> None:
     starts = counted(int((table.counts > 0).sum()), "start")
     out.print(f"{counted(int(table.counts.sum()), 'crossing')} of {starts}")
     drift = [x for x in table.drift.tolist() if x == x]

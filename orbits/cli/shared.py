@@ -70,7 +70,7 @@ def _failure(orbit: "orbits.Orbit", message: str) -> dict:
 
 
 def print_and_save(
-    found: "orbits.Refined | orbits.Certificate",
+    found: "orbits.proof.Refined | orbits.proof.Certificate",
     save_to: Path | None,
     as_object: bool,
     screen: Screen,

@@ -25,7 +25,7 @@ def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
                 {"name": m.name, "claimed": m.claimed, "derived": m.derived} for m in mismatches
             ]
             answer = {"ok": not wrong, "mismatches": wrong}
-            out.result(answer | {"repeated": again, "derived": orbits.as_json(derived)})
+            out.result(answer | {"repeated": again, "derived": orbits.analysis.as_json(derived)})
         else:
             print_reports({file.name: derived}, out)
         if mismatches:

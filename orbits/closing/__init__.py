@@ -10,3 +10,14 @@ May import: `jaxdyn`.
 One more closing is a subclass of `Closing` in `closings`, or a function that makes one, and a line
 in ``orbits/__init__.pyi``.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    [],
+    {
+        "closings": ["Closing", "Reversal"],
+        "conditions": ["Condition"],
+    },
+)

@@ -10,6 +10,13 @@ May import: `analysis`.
 One more search is one file that samples starts and calls `search`, as `plane` does.
 """
 
-from orbits.discovery import nearby, plane, seeds
+import lazy_loader
 
-__all__ = ["nearby", "plane", "seeds"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    ["nearby", "plane", "seeds"],
+    {
+        "chunks": ["Starts"],
+        "search": ["SearchResult"],
+    },
+)

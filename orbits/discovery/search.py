@@ -122,7 +122,8 @@ def search(
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
-      >>> found = orbits.search(scenes.oscillator(k=4.0), orbits.Starts([[1.0, 0.0]]), 1, longest=5)
+      >>> starts = orbits.discovery.Starts([[1.0, 0.0]])
+      >>> found = orbits.search(scenes.oscillator(k=4.0), starts, 1, longest=5)
       >>> [round(find.period, 6) for find in found.finds]
       [3.141593]
     """

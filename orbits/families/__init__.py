@@ -15,7 +15,16 @@ One more kind of special point is a `Kind` in `family` and a function in `bifurc
 sign there.
 """
 
-from orbits.families import parameters
-from orbits.families.loading import load
+import lazy_loader
 
-__all__ = ["load", "parameters"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    ["parameters"],
+    {
+        "criticality": ["Criticality"],
+        "diagram": ["Diagram"],
+        "family": ["Family"],
+        "graph": ["Graph"],
+        "loading": ["load"],
+    },
+)

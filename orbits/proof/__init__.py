@@ -14,3 +14,14 @@ python-flint, ``pip install 'jaxdyn[proof]'``.
 One more number to many digits is a field of `refined` and its calculation in `refinement`; one more
 theorem about an orbit is a field of `certificate` and its proof in `proving`.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    [],
+    {
+        "certificate": ["Certificate"],
+        "refined": ["Refined"],
+    },
+)

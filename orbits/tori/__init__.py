@@ -9,3 +9,14 @@ May import: `analysis`.
 One more way to fix a torus in its family is one more row in `refinement`, for
 `invariance.Conditions`.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    [],
+    {
+        "continuation": ["TorusFamily"],
+        "record": ["Torus", "TorusOutcome"],
+    },
+)

@@ -75,7 +75,7 @@ def test_a_family_and_a_search_are_shown(swing):
         "  stability  stable",
     ]
     assert "<img" in family.members[0]._repr_html_()
-    starts = orbits.Starts([[1.0, 0.0]])
+    starts = orbits.discovery.Starts([[1.0, 0.0]])
     found = orbits.search(scenes.oscillator(k=4.0), starts, 1, longest=5)
     head, counts, row = lines(found)
     assert head == "SearchResult: 1 orbit of oscillator"

@@ -106,7 +106,7 @@ def test_the_eight_is_the_eight(units):
     linear = orbits.stability(orbit)
     assert (linear.verdict, linear.unit, linear.integrals) == ("stable", 8, 4)
     assert orbits.recheck(orbit).closure < SOLVED
-    assert orbits.closure(orbit) < SOLVED
+    assert orbits.analysis.closure(orbit) < SOLVED
     plain = orbits.find(suns(1.0, 1.0, 1.0), closing=orbits.choreography(3))
     assert orbits.same_orbit(orbit, plain)
     assert abs(orbit.period / time / plain.period - 1) < 1e-9

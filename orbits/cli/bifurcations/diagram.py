@@ -66,7 +66,7 @@ def diagram_command(
                 orbits.drawing.diagram(found, plot, entry=entry, parameter=parameter, title=title)
 
 
-def as_json(found: "orbits.Diagram") -> dict[str, Any]:
+def as_json(found: "orbits.families.Diagram") -> dict[str, Any]:
     """The special points, and what was not followed."""
     rests = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}

@@ -52,7 +52,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         _show_curves(curves, note, plot, title, out)
 
 
-def _show_diagram(found: "orbits.Diagram", note: Noted, plot, title, out: Screen) -> None:
+def _show_diagram(found: "orbits.families.Diagram", note: Noted, plot, title, out: Screen) -> None:
     (parameter,) = note.parameters
     if out.as_object:
         out.result({"scene": note.scene, "parameter": parameter} | diagram_as_json(found))

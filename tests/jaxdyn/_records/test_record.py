@@ -158,7 +158,7 @@ def test_what_a_phase_does_is_never_that_of_an_old_value(lower):
     assert abs(simulate_phases(phases(), "swing", [1.0, 0.0], 3.0).y[0] - 0.5) < 1e-12
 
 
-class Through(orbits.Condition):
+class Through(orbits.closing.Condition):
     def value(self, scene, y0, period):
         return y0[0] - LEVEL
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers import EXACT, Gauss, Yukawa, gap
 
-from jaxdyn import Points
 from jaxdyn.effects import CentralForce, PowerLaw
+from jaxdyn.scene import Points
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, Gauss, Yukawa, gap, primitives
 
-from jaxdyn import Effect, Points, effects, scenes, simulate
+from jaxdyn import Effect, effects, scenes, simulate
 from jaxdyn.effects import (
     ConstantForce,
     Dashpot,
@@ -26,6 +26,7 @@ from jaxdyn.effects import (
     UniformGravity,
     unless_zero,
 )
+from jaxdyn.scene import Points
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)

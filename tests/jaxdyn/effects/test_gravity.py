@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from helpers import EXACT, gap, operations
 
-from jaxdyn import Effect, Points
+from jaxdyn import Effect
 from jaxdyn.effects import PairGravity, UniformGravity
+from jaxdyn.scene import Points
 
 RNG = np.random.default_rng(2)
 T = jnp.zeros(())

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from helpers import gap
 
-from jaxdyn import Points, System
+from jaxdyn import System
 from jaxdyn.analysis.ledger import Ledger
 from jaxdyn.analysis.regularised import LogarithmicTime
 from jaxdyn.formulations.extended import Extended
+from jaxdyn.scene import Points
 from jaxdyn.scenes.central import _Swept
 from jaxdyn.sketch import Shape
 

@@ -19,9 +19,9 @@ def orbit_of(scene, rtol=1e-14):
 
 def test_closure_of_an_exact_orbit_is_rounding():
     orbit = orbit_of(kepler(0.3))
-    assert orbits.closure(orbit) < SOLVED
-    assert orbits.closure(orbit, periods=5) < 10 * SOLVED
-    assert orbits.closure(orbit, solver=DOPRI8) < SOLVED
+    assert orbits.analysis.closure(orbit) < SOLVED
+    assert orbits.analysis.closure(orbit, periods=5) < 10 * SOLVED
+    assert orbits.analysis.closure(orbit, solver=DOPRI8) < SOLVED
 
 
 def test_closure_of_no_orbit_is_the_distance_to_the_start():
@@ -30,14 +30,16 @@ def test_closure_of_no_orbit_is_the_distance_to_the_start():
     orbit = orbit_of(scene.starting(scene.y0, t))
     each = sizes(orbit.scene)
     exact = gap(kepler_state(0.3, t) / each, kepler_state(0.3, 0.0) / each)
-    assert abs(orbits.closure(orbit) - exact) < SOLVED
+    assert abs(orbits.analysis.closure(orbit) - exact) < SOLVED
     exact = gap(kepler_state(0.3, 3 * t) / each, kepler_state(0.3, 0.0) / each)
-    assert abs(orbits.closure(orbit, periods=3) - exact) < 10 * SOLVED
+    assert abs(orbits.analysis.closure(orbit, periods=3) - exact) < 10 * SOLVED
 
 
 def test_recheck_owes_nothing_to_the_orbits_own_tolerance_and_residual():
     exact = orbit_of(kepler(0.6), rtol=1e-4)
-    assert orbits.closure(exact) > 1e-9  # by the loose integrator, which hides nothing here
+    assert (
+        orbits.analysis.closure(exact) > 1e-9
+    )  # by the loose integrator, which hides nothing here
     assert orbits.recheck(exact).closure < SOLVED
     late = 1e-8
     scene = kepler(0.3)
@@ -59,7 +61,7 @@ def test_recheck_takes_another_method_and_tolerance():
 
 def test_a_motion_that_ends_has_no_closure():
     falling = kepler(0.0).starting([-0.5, 0, 0.5, 0, 0, 0, 0, 0])
-    assert math.isnan(orbits.closure(orbit_of(falling)))
+    assert math.isnan(orbits.analysis.closure(orbit_of(falling)))
     assert math.isnan(orbits.recheck(orbit_of(falling)).closure)
 
 

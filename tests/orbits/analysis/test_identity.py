@@ -6,9 +6,10 @@ import pytest
 from helpers import EXACT, SOLVED, kepler
 
 import orbits
-from jaxdyn import Points, Scene, System, scenes
+from jaxdyn import Scene, System, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import Points
 from orbits.analysis.identity import has_normal_form, permutation_error, scale_free_period
 from orbits.orbit import Orbit, Outcome
 

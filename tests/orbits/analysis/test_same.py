@@ -62,10 +62,10 @@ def orbit():
     ids=lambda change: "+".join(change),
 )
 def test_what_changes_no_motion(change, orbit):
-    found = orbits.match(orbit, disguised(orbit, **change))
+    found = orbits.analysis.match(orbit, disguised(orbit, **change))
     assert found.distance < 1e-6
     assert abs(found.scale - change.get("scale", 1.0)) < 1e-8
-    assert orbits.word(disguised(orbit, **change)) == orbits.word(orbit)
+    assert orbits.analysis.word(disguised(orbit, **change)) == orbits.analysis.word(orbit)
 
 
 @pytest.mark.slow
@@ -98,7 +98,9 @@ def test_the_neighbour_is_not_the_eight():
     neighbour = orbits.find(scenes.three_body(), *guess)
     eight = orbits.find(neighbour.scene, closing=orbits.choreography(3))
     assert not orbits.same_orbit(neighbour, eight)
-    assert orbits.word(neighbour) == orbits.word(eight)  # the topology cannot tell them apart
+    assert orbits.analysis.word(neighbour) == orbits.analysis.word(
+        eight
+    )  # the topology cannot tell them apart
 
 
 def test_periods_that_hold_the_motion_more_than_once():
@@ -114,7 +116,7 @@ def test_periods_that_hold_the_motion_more_than_once():
 @pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS[:3] + ROWS[21:23] + ROWS[31:33], ids=lambda row: row["name"])
 def test_words_are_those_published(row):
-    assert orbits.word(published(row)) == canonical(row["word"])
+    assert orbits.analysis.word(published(row)) == canonical(row["word"])
 
 
 @pytest.mark.long
@@ -125,18 +127,18 @@ def test_every_published_row_has_its_word(row):
     if not orbit.residual < 1e-9:
         pytest.skip(f"does not close from its published digits: {orbit.outcome.name}")
     whole = Orbit(orbit.scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, 1e-13)
-    assert orbits.word(whole) == canonical(row["word"])
+    assert orbits.analysis.word(whole) == canonical(row["word"])
 
 
 def test_words():
-    assert orbits.syzygies(published(ROWS[0])) == (2, 3, 1, 2, 3, 1)
+    assert orbits.analysis.syzygies(published(ROWS[0])) == (2, 3, 1, 2, 3, 1)
     assert spelled((1, 3)) == "a"
     assert canonical("") == canonical("aA") == canonical("abBA") == ""
     assert canonical("BabA") == "ABab"
     with pytest.raises(ValueError, match="word: expected letters a, b, A, B"):
         canonical("abc")
     with pytest.raises(ValueError, match="three free points in the plane"):
-        orbits.word(orbits.find(scenes.pendulum(angle=1.0), period=2.2))
+        orbits.analysis.word(orbits.find(scenes.pendulum(angle=1.0), period=2.2))
 
 
 @pytest.mark.slow

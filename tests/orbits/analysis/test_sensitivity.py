@@ -136,7 +136,7 @@ def test_multipliers_that_coincide_are_nan():
         iterations=0,
         rtol=1e-13,
     )
-    found = orbits.DifferentiableOrbit(circle.scene, jnp.zeros(()), circle).multipliers()
+    found = orbits.analysis.DifferentiableOrbit(circle.scene, jnp.zeros(()), circle).multipliers()
     assert found.shape == (2,)
     assert jnp.isnan(found).all()
 

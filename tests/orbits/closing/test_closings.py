@@ -41,7 +41,7 @@ def test_the_eight_by_reversal_is_the_eight_by_choreography(ring):
     assert gap(half.y0[:6], EULER.act(half.y0)[:6]) == 0.0
     a, b = (orbits.identify(orbit).scale_free for orbit in (half, ring))
     assert abs(a - b) < SOLVED
-    assert orbits.closure(half) < SOLVED
+    assert orbits.analysis.closure(half) < SOLVED
 
 
 @pytest.mark.slow
@@ -61,7 +61,7 @@ def test_a_reflection_turns_the_rotation_of_the_next_part_round(ring):
     # It is mirrored in a line at 0.3 rad, but for what the start turns by.
     assert abs(orbit.angle - 0.6) < 1e-6
     assert orbits.recheck(orbit).closure < SOLVED
-    assert orbits.closure(orbit, periods=2) < 10 * SOLVED
+    assert orbits.analysis.closure(orbit, periods=2) < 10 * SOLVED
     linear, whole = orbits.stability(orbit), orbits.stability(ring)
     assert (linear.unit, linear.verdict) == (8, "stable")
     assert gap(np.sort_complex(linear.nontrivial), np.sort_complex(whole.nontrivial)) < 1e-9
@@ -106,7 +106,7 @@ def test_a_rosette_turns_by_twice_the_apsidal_angle():
     exact = 2 * float(scenes.apsidal_angle(law, r.min(), r.max()))
     assert abs((orbit.angle - exact + np.pi) % (2 * np.pi) - np.pi) < 1e-5
     assert orbit.residual < SOLVED
-    assert orbits.closure(orbit, periods=3) < 10 * SOLVED
+    assert orbits.analysis.closure(orbit, periods=3) < 10 * SOLVED
 
 
 def test_half_a_swing_gives_the_period():

@@ -71,12 +71,12 @@ def test_the_two_differ_by_what_a_loose_closure_cannot_see(found):
 @pytest.mark.parametrize("which", [0, 1], ids=["neighbour", "eight"])
 def test_they_close(found, which):
     orbit = found[which]
-    assert orbits.closure(orbit) <= 1e-13
+    assert orbits.analysis.closure(orbit) <= 1e-13
     second = orbits.recheck(orbit)
     assert second.closure <= 1e-12
     assert second.solver == "Verner 9(8)"
     assert second.tolerance < orbit.rtol
-    assert orbits.closure(orbit, periods=5) <= 1e-10
+    assert orbits.analysis.closure(orbit, periods=5) <= 1e-10
 
 
 def test_multipliers_of_the_neighbour(neighbour):
@@ -140,7 +140,7 @@ def test_normal_form_is_the_reference(found, which):
     # The printed start of problem 17 runs through the same curve the other way.
     y0[6:] *= -1
     assert gap(form.y0, y0) < SOLVED
-    assert orbits.closure(form) < SOLVED
+    assert orbits.analysis.closure(form) < SOLVED
 
 
 def test_normal_form_of_a_normal_form_is_itself(eight):

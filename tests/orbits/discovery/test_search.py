@@ -64,9 +64,9 @@ def both():
 def test_a_label_that_does_not_fit_the_scene_surfaces():
     with pytest.raises(ValueError, match="orbit: expected three free points in the plane"):
         orbits.search(
-            *(scenes.oscillator(k=4.0), orbits.Starts([[1.0, 0.0]]), 1),
+            *(scenes.oscillator(k=4.0), orbits.discovery.Starts([[1.0, 0.0]]), 1),
             longest=5,
-            label=orbits.word,
+            label=orbits.analysis.word,
         )
 
 
@@ -156,7 +156,7 @@ def test_progress_is_shown(capsys, both):
 
 
 def test_a_equilibrium_is_no_orbit():
-    near = orbits.Starts(1e-3 * np.eye(2))
+    near = orbits.discovery.Starts(1e-3 * np.eye(2))
     assert len(orbits.search(two_cycles(), near, 2, longest=0.5, close=1e-2)) == 0
 
 
@@ -306,7 +306,11 @@ def test_the_command_finds_the_eight_and_goes_on_from_its_table(tmp_path):
 
 
 def searched_row(**options):
-    options = {"sampler": orbits.Starts([[1.0, 0.0]]), "samples": 1, "longest": 5.0} | options
+    options = {
+        "sampler": orbits.discovery.Starts([[1.0, 0.0]]),
+        "samples": 1,
+        "longest": 5.0,
+    } | options
     return orbits.search(scenes.oscillator(k=4.0), **options)
 
 
@@ -334,9 +338,15 @@ def test_invalid_arguments_are_refused_by_name(call, message):
         (orbits.Box([np.nan, 0.0], [1.0, 1.0]), r"^low: expected finite numbers, got nan"),
         (orbits.Box([0.0, 0.0], [1.0, np.inf]), r"^high: expected finite numbers, got inf"),
         (orbits.Box([0.0, 0.0], [1.0]), r"^high: expected shape \(2,\), got shape \(1,\)"),
-        (orbits.Starts([[1.0, np.nan]] * 3), r"^y0s: expected finite numbers, got nan"),
-        (orbits.Starts([[1.0, 0.0]]), r"^samples: expected at most the 1 rows of Starts, got more"),
-        (orbits.Starts([1.0, 0.0, 0.0]), r"^y0s: expected shape \(any, any\), got shape \(3,\)"),
+        (orbits.discovery.Starts([[1.0, np.nan]] * 3), r"^y0s: expected finite numbers, got nan"),
+        (
+            orbits.discovery.Starts([[1.0, 0.0]]),
+            r"^samples: expected at most the 1 rows of Starts, got more",
+        ),
+        (
+            orbits.discovery.Starts([1.0, 0.0, 0.0]),
+            r"^y0s: expected shape \(any, any\), got shape \(3,\)",
+        ),
     ],
 )
 def test_samples_that_are_no_numbers_are_refused(sampler, message):

@@ -71,7 +71,7 @@ def test_folds_of_a_resonance():
     assert [x.kind for x in folds] == [Kind.FOLD, Kind.FOLD]
     for fold in folds:
         assert abs(fold.stability.nontrivial - 1).min() < 1e-7
-        assert orbits.closure(fold.orbit) < SOLVED
+        assert orbits.analysis.closure(fold.orbit) < SOLVED
     assert folds[1].parameter < folds[0].parameter < 2.5
 
 
@@ -248,7 +248,7 @@ def test_special_points_solve_the_equation_of_their_kind(kind):
     family = orbits.continue_family(orbits.find(make(a)), make, a, **options)
     (point,) = family.special
     assert point.kind == kind
-    assert orbits.closure(point.orbit) < 1e-12
+    assert orbits.analysis.closure(point.orbit) < 1e-12
     # From a monodromy matrix of the orbit alone, not that of the family.
     multipliers = orbits.stability(point.orbit).nontrivial
     assert abs(CONDITIONS[kind](multipliers)) < 1e-10

@@ -49,7 +49,7 @@ def test_families_that_do_not_meet_are_not_joined(pitchfork):
     one, *_ = pitchfork.orbits
     # The half of the other family that stops before the point, and none of its ends near it.
     two = pitchfork.orbits[1]
-    far = orbits.Family(two.members[8:], (), two.end, two.equations)
+    far = orbits.families.Family(two.members[8:], (), two.end, two.equations)
     found = orbits.graph([one, far])
     assert found.places == ()
     assert found.components == [(0,), (1,)]

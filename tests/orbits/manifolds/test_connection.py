@@ -100,7 +100,7 @@ def test_a_parameter_that_energy_leaves_free_is_not_found():
         return scenes.pendulum(length=length).starting([-math.pi, 0.0])
 
     found = orbits.connect(longer(1.0), [math.pi, 0.0], make=longer, parameter=1.0)
-    assert found.outcome == orbits.ConnectionOutcome.DEPENDENT
+    assert found.outcome == orbits.manifolds.ConnectionOutcome.DEPENDENT
     assert math.isnan(found.parameter)
     assert "Leave out `make`" in found.message
 

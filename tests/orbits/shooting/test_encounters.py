@@ -52,7 +52,7 @@ def close():
 
 
 def misses(orbit) -> tuple[float, float]:
-    return orbits.closure(orbit), orbits.recheck(orbit).closure
+    return orbits.analysis.closure(orbit), orbits.recheck(orbit).closure
 
 
 def test_an_orbit_with_encounters_closes_over_its_whole_period(close):
@@ -108,7 +108,7 @@ def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
     orbits.save(tmp_path / "orbit.json", close)
     loaded, claims = orbits.load(tmp_path / "orbit.json")
     assert loaded.s_period == close.s_period
-    assert orbits.closure(loaded) == orbits.closure(close) == claims["closure"]
+    assert orbits.analysis.closure(loaded) == orbits.analysis.closure(close) == claims["closure"]
     assert orbits.verify(tmp_path / "orbit.json")[1] == []
     record = json.loads((tmp_path / "orbit.json").read_text())
     for wrong in (0.0, -1.0, "long"):
@@ -139,7 +139,7 @@ def test_a_family_goes_through_encounters(close):
     family = orbits.continue_family(close, members=4, step=0.05)
     assert len(family.members) == 4
     for member in family.members:
-        assert orbits.closure(member.orbit) < 1e-10
+        assert orbits.analysis.closure(member.orbit) < 1e-10
         scale_free = orbits.identify(member.orbit).scale_free  # one number along the family
         assert abs(scale_free / float(EXACT["I.A^ic_7"]["scale_free"]) - 1) < 1e-11
 
@@ -174,7 +174,7 @@ def test_published_rows_are_polished():
     assert {name: orbit.outcome.name for name, orbit in found.items() if not orbit.ok} == {}
     assert max(orbit.residual for orbit in found.values()) <= 1e-12
     assert {name: o.iterations for name, o in found.items() if o.iterations > 6} == {}
-    closures = np.array([orbits.closure(orbit) for orbit in found.values()])
+    closures = np.array([orbits.analysis.closure(orbit) for orbit in found.values()])
     # Rounding at encounters decides: 38 to 40 of the 52, by the last bits of where they are cut.
     assert np.mean(closures < 2e-12) > 2 / 3
     assert np.median(closures) < 1e-12

@@ -68,7 +68,7 @@ def test_a_kepler_ellipse_has_keplers_period():
     assert abs(orbit.period - 2 * np.pi * (-1 / (8 * energy)) ** 1.5) < SOLVED
     assert gap(orbit.y0, rough) < 0.15
     assert orbit.residual < SOLVED
-    assert orbits.closure(orbit) < SOLVED
+    assert orbits.analysis.closure(orbit) < SOLVED
 
 
 def test_a_spring_given_by_its_potential():
@@ -95,7 +95,7 @@ def test_stuart_landaus_cycle(parameters):
 def test_segments_give_the_same_orbit(cycle, segments):
     orbit = orbits.find(van_der_pol(), segments=segments)
     assert abs(orbit.period - cycle.period) < SOLVED
-    assert orbits.closure(orbit) < SOLVED
+    assert orbits.analysis.closure(orbit) < SOLVED
     # The phase is free; the cycle is one curve, so the amplitude on it is not.
     assert (
         abs(orbits.stability(orbit).nontrivial[0] - orbits.stability(cycle).nontrivial[0]) < 1e-10

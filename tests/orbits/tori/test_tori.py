@@ -80,7 +80,7 @@ def test_a_torus_of_two_oscillators_has_the_closed_form_of_its_rotation():
     assert abs(found.energy + 1.5) < 1e-12  # that of the orbit
 
 
-def _compared(found: orbits.Torus, returns: int, entry: int) -> tuple[float, float]:
+def _compared(found: orbits.tori.Torus, returns: int, entry: int) -> tuple[float, float]:
     """Distance of a simulated motion from the torus, and its own rotation from the torus's."""
     span = returns * found.time
     scene = found.scene.starting(found.points[0])
