@@ -12,7 +12,7 @@ it.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -29,7 +29,8 @@ from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
-from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.legs import HybridOrbit, Leg, Path
+from orbits.hybrid.phases import Phases, followed, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.finding import GOAL, RTOL
@@ -48,10 +49,11 @@ class Comes(eqx.Module):
 
 
 def find_hybrid(
-    legs: Sequence[Leg],
+    legs: Sequence[Leg] | Phases,
     y0,
-    spans,
+    spans=None,
     *,
+    events: int = 1,
     closes: Callable[[Array, Array], Array] | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
@@ -62,9 +64,13 @@ def find_hybrid(
     """The periodic chain of legs near a guess.
 
     Args:
-      legs: in order; the last one leads to the first.
+      legs: in order; the last one leads to the first. Or phases by name, as for `simulate_phases`
+        (`scenes.phases_of` has those of ready-made scenes): the legs are those that the motion from
+        `y0` passes, and the bounds of the phases are theirs.
       y0: (k,) guess of the start of the first leg.
-      spans: (n,) guess of the duration of each leg.
+      spans: (n,) guess of the duration of each leg; with phases by default those of the motion
+        from `y0`.
+      events: with phases, how many of them a period has: the motion from `y0` is followed so far.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
       goal: largest closing error of a solution, in units of what changes of the states by their
@@ -77,7 +83,8 @@ def find_hybrid(
       The chain; of a family of them the one nearest to the guess.
     Raises:
       ValueError: `legs` is empty or has other elements, a leg's rate, an event or a change depends
-        on time, `y0` or `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
+        on time, `y0` or `spans` has the wrong shape, `spans`, `goal` or `rtol` is out of range; or
+        from `y0` the phases are not `events` ones that lead back to the first.
       SearchError: none was found (``throw=True``).
     Limits: host only. Only the bounds of a leg detect ends that are passed earlier.
     Example:
@@ -94,9 +101,20 @@ def find_hybrid(
       >>> found = orbits.find_hybrid([falls, rises], [0.0, 4.0, 0.0, 0.0], [0.8, 0.9])
       >>> round(found.period, 12)
       2.0
+
+      A gait of two legs that walk down a slope:
+
+      >>> walker = scenes.simplest_walker(slope=0.009)
+      >>> gait = orbits.find_hybrid(scenes.phases_of(walker), walker.y0)
+      >>> round(float(gait.y0[0]), 9)
+      0.200310901
     """
-    legs = tuple(legs)
     untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
+    path: Path = ()
+    if isinstance(legs, Mapping):
+        path, durations = followed(legs, y0, events)
+        spans = durations if spans is None else spans
+    legs = legs_of(legs, path)
     start, times = _start_and_times(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # checked here: inside jit it cannot be
@@ -136,6 +154,7 @@ def find_hybrid(
         outcome=_outcome(result),
         iterations=result.iterations,
         rtol=rtol,
+        path=path,
     )
     if found.ok and not found.keeps_bounds:
         found = dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)

@@ -18,7 +18,8 @@ from jaxdyn import drawing, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate import events, phases
-from jaxdyn.scenes.cylinders import NormalForce, phases_of
+from jaxdyn.scenes.corners import phases_of
+from jaxdyn.scenes.cylinders import NormalForce
 from orbits.hybrid import hopping
 from orbits.hybrid.search import Comes, _linearised
 
