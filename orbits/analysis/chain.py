@@ -20,8 +20,8 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import rate, sizes
+from orbits.hybrid.equations import closing_left, leg_passed
 from orbits.hybrid.legs import HybridOrbit
-from orbits.hybrid.search import closing_left, leg_passed
 
 _SMALL = 1e-6  # relative: what is below it is taken for zero
 

@@ -1,6 +1,7 @@
 """Piecewise-smooth periodic motions: smooth legs joined by events.
 
-`legs` defines such a motion, `phases` makes its legs of the phases of a scene, `search` closes it,
+`legs` defines such a motion, `phases` makes its legs of the phases of a scene, `equations` are its
+equations, `search` solves them,
 `hopping` is the eccentric cylinder that rolls and hops without loss.
 
 May import: `shooting`.
