@@ -89,7 +89,7 @@ class RimlessWheel(System):
 
     def sketch(self, t, y):
         hub = self.points(t, y).r[0]
-        turns = jnp.pi + y[0] + 2 * self.half * jnp.arange(self.spokes)
+        turns = jnp.pi + y[0] + 2 * self.half * jnp.arange(self.spokes, dtype=float)
         ends = hub[None] + self.l * jnp.stack([jnp.sin(turns), jnp.cos(turns)], axis=1)
         spokes = jnp.stack([jnp.broadcast_to(hub[None], ends.shape), ends], axis=1)
         return Shape("line", spokes), _ground(self.slope, self.l)

@@ -83,7 +83,11 @@ class HybridOrbit:
         ]
         return _text.table(f"Hybrid orbit of {counted(len(self.legs), 'leg')}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import periodic
+
+        return periodic.overview(self)
 
     def check_functions(self) -> None:
         """Raise ValueError if a number that a function of a leg captured has changed."""

@@ -170,7 +170,8 @@ def _check_timeless(name: str, part: Any, k: int) -> None:
         raise fail(name, wanted, "one that depends on time", remedy)
 
 
-def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+def check_legs(legs: tuple[Leg, ...]) -> None:
+    """Raise ValueError for what is no chain of legs, or depends on time."""
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):
@@ -188,6 +189,10 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
         parts |= {f"bounds[{j}]": event for j, event in enumerate(leg.bounds)}
         for name, part in (parts | {"change": leg.change}).items():
             _check_timeless(f"legs[{i}].{name}", part, len(leg.scene.y0))
+
+
+def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+    check_legs(legs)
     start = np.asarray(y0, float)
     k = len(legs[0].scene.y0)
     if start.shape != (k,) or not np.isfinite(start).all():
