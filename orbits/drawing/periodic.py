@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from jaxdyn import Scene, _checks, simulate
+from jaxdyn import _checks, simulate
 from jaxdyn.drawing.contents import paths
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import (
@@ -26,6 +26,7 @@ from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.closing.sizes import sizes
+from orbits.families.family import first_scene
 from orbits.hybrid.legs import HybridOrbit
 
 _SAMPLES = 600
@@ -77,7 +78,7 @@ def orbits(
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
     box = limits(np.concatenate([places, *tips]), equal)
     width, height = _row(len(drawn), box, equal)
-    above = heading(title, [_scene(orbit) for orbit in found], width)
+    above = heading(title, [first_scene(orbit) for orbit in found], width)
     figure = blank(width, height + _LINE * (_lines(above) + max(map(_lines, titles))))
     figure.suptitle(above, fontsize=10)
     back = [
@@ -121,15 +122,11 @@ def overview(orbit) -> Figure:
         return time_series(motion, title="")
 
 
-def _scene(orbit) -> Scene:
-    return orbit.legs[0].scene if isinstance(orbit, HybridOrbit) else orbit.scene
-
-
 def _comes_back(orbit, motion) -> bool:
     """Whether the last change of a chain leads to its start: else the motion advances."""
     if not isinstance(orbit, HybridOrbit):
         return False
-    scene = _scene(orbit)
+    scene = first_scene(orbit)
     off = np.abs(np.asarray(scene.system.difference(motion.y, orbit.y0)))
     return bool((off <= _BACK * sizes(scene)).all())
 
@@ -170,7 +167,7 @@ def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
 
     A scene without bodies is drawn by its state, whose velocity is the rate.
     """
-    scene, t = _scene(orbit), jnp.zeros(())
+    scene, t = first_scene(orbit), jnp.zeros(())
     y0 = jnp.asarray(orbit.y0)
     start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
     r, v = map(np.asarray, start)

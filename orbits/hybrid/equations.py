@@ -90,6 +90,10 @@ class Chain(NamedTuple):
         start = x[: len(x) - len(self.legs) - self._along]
         return Unknowns(start, spans, float(x[-2]) if self._along else 0.0)
 
+    def place(self, x: np.ndarray) -> np.ndarray:
+        """(u,) all unknowns: none are states between segments."""
+        return x
+
     def pack(self, start, spans, parameter: float = 0.0) -> np.ndarray:
         """x (u,) of these unknowns."""
         spans, more = np.asarray(spans, float), [parameter] * self._along
@@ -194,6 +198,17 @@ class Chain(NamedTuple):
         if found.ok and not found.keeps_bounds:
             return dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
         return found
+
+    def repeated(self, times: int) -> "Chain":
+        """The equations of the same chains, with `times` periods counted as one."""
+        return self._replace(legs=self.legs * times, path=self.path * times)
+
+    def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
+        """x of the same chain for `repeated` equations."""
+        del rtol  # nothing is integrated
+        unknowns = self.unpack(x)
+        spans = np.tile(unknowns.spans, times)
+        return self.repeated(times).pack(unknowns.start, spans, unknowns.parameter)
 
     def missed(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
         """(m,) the equations after some periods, by given methods of integration.
