@@ -266,6 +266,17 @@ def _passing(leg: Leg, y: Array, span, rtol):
 
 
 @eqx.filter_jit
+def left_sides(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> Array:
+    """(m,) the equations of a chain, differentiable in every number of it."""
+    first = y = legs[0].scene.system.project(jnp.zeros(()), start)
+    found = []
+    for i, leg in enumerate(legs):
+        (y, left), _ = _passing(leg, y, spans[i], rtol)
+        found.append(left)
+    return jnp.concatenate([*found, closes(y, first)])
+
+
+@eqx.filter_jit
 def leg_passed(leg: Leg, y: Array, span, rtol):
     """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
 
