@@ -3,6 +3,7 @@
 Newton's method on the equations of `equations`, in units.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -18,10 +19,13 @@ from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
 from orbits.hybrid.equations import Chain
+from orbits.hybrid.known import Squares
 from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import Phases, followed, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
+from orbits.shooting.deflation import SAME, Walk, away
+from orbits.shooting.effort import Effort
 from orbits.shooting.finding import GOAL, RTOL
 
 _SHORTEST = 0.02  # of its guess: a shorter leg has vanished
@@ -48,6 +52,7 @@ def find_hybrid(
     rtol: float = RTOL,
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
+    unlike: Sequence[HybridOrbit] = (),
     throw: bool = True,
 ) -> HybridOrbit:
     """The periodic chain of legs near a guess.
@@ -67,6 +72,9 @@ def find_hybrid(
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
+      unlike: known chains: another one is sought from the same guess, by Newton's method with these
+        deflated. They are told by the starts of their legs and their periods, so they should begin
+        with an event.
       throw: raise if none was found.
     Returns:
       The chain; of a family of them the one nearest to the guess.
@@ -121,11 +129,18 @@ def find_hybrid(
         return found.value / rows, found.jacobian * units / rows[:, None]
 
     shortest = chain.pack(np.full(len(start), -np.inf), _SHORTEST * times)
+    bounds = shortest, np.full(len(x), np.inf)
+    squares = None
+    if unlike:
+        squares = Squares(chain, unlike, each[0])
+        effort = Effort(goal, rtol, max_iterations, report)
+        walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
+        x = away(walk, x).x
     result = newton.solve(
         evaluated,
         x,
-        lower=shortest,
-        upper=np.full(len(x), np.inf),
+        lower=bounds[0],
+        upper=bounds[1],
         goal=goal,
         max_iterations=max_iterations,
         report=report,
@@ -138,6 +153,8 @@ def find_hybrid(
         iterations=result.iterations,
         rtol=rtol,
     )
+    if squares is not None and (not found.ok or squares.distance(result.x) <= SAME):
+        found = dataclasses.replace(found, outcome=Outcome.NO_OTHER)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found

@@ -159,3 +159,33 @@ def test_the_phases_are_searched_and_not_compiled_again_for_other_numbers():
     count = len(traced)
     assert abs(found(5.0).period - 0.4) < SOLVED
     assert len(traced) == count > 0
+
+
+def test_the_other_gait_is_found_with_the_first_one_deflated():
+    walker = scenes.simplest_walker(slope=0.009)
+    long = _found(walker)
+    short = _found(walker, unlike=[long])
+    assert short.outcome == orbits.Outcome.FOUND
+    assert not orbits.same_orbit(long, short)
+    np.testing.assert_allclose(float(short.y0[0]), 0.1939373698, atol=1e-9)
+    third = _found(walker, unlike=[long, short], throw=False)
+    assert third.outcome == orbits.Outcome.NO_OTHER
+
+
+def test_where_there_is_no_other_that_is_said():
+    wheel = scenes.rimless_wheel()
+    roll = _found(wheel)
+    with pytest.raises(orbits.SearchError, match="No orbit unlike the known ones"):
+        _found(wheel, unlike=[roll])
+
+
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        (lambda: 1.0, "unlike: expected chains of legs that close, got float"),
+        (lambda: _found(scenes.rimless_wheel()), "unlike: expected chains of Scene simplest_walk"),
+    ],
+)
+def test_what_is_no_known_chain_is_refused(known, message):
+    with pytest.raises(ValueError, match=message):
+        _found(scenes.simplest_walker(), unlike=[known()])
