@@ -95,6 +95,7 @@ UPWARDS = {
     ("jaxdyn/continuation/family.py", "jaxdyn.drawing.bifurcations"),
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
+    ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/families/family.py", "orbits.drawing.periodic"),
     ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),

@@ -18,6 +18,7 @@ from jaxdyn.drawing.figures import GRID, shades, style
 WIDTH = 6.4  # inches
 _PIECES = 120  # of a path; see `draw_paths`
 _LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction: least width of a narrow one
+_JUMP = 1e-6  # of the extent of a motion: less is the rounding of an event
 _MARGIN = 1.12  # of the box drawn to the box of the motion
 
 
@@ -70,15 +71,36 @@ def draw_paths(ax, drawn: Paths, own: list) -> None:
 
     Bodies that follow each other on one curve would hide each other if they were drawn one
     after the other: only the last colour would be visible. Ordered by time, every part of the
-    curve has the colour of the body that was there first.
+    curve has the colour of the body that was there first. Where a phase ends in a jump, that is
+    dashed.
     """
-    xyz = drawn.xyz
-    ends = np.unique(np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int))
-    spans = list(itertools.pairwise(ends))[::-1]
+    xyz, over = drawn.xyz, jumps(drawn)
+    ends = np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int)
+    ends = np.unique([*ends, *over, *(after - 1 for after in over)])
+    spans = [(a, b) for a, b in itertools.pairwise(ends) if b not in over][::-1]
+    draw_jumps(ax, [(xyz[after - 1], xyz[after]) for after in over], own)
     pieces = [path[a : b + 1] for a, b in spans for path in np.moveaxis(xyz, 1, 0)]
     draw_lines(
         ax, pieces, colors=own * len(spans), linewidths=1.8, capstyle="round", joinstyle="round"
     )
+
+
+def jumps(drawn: Paths) -> list[int]:
+    """The samples of a chain at which a phase begins elsewhere than the one before has ended."""
+    return [i for i in drawn.corners if apart(drawn, i - 1, i)]
+
+
+def apart(drawn: Paths, one: int, other: int) -> bool:
+    """Whether two samples are at different places, to rounding."""
+    extent = np.ptp(drawn.xyz, axis=0).max()
+    return bool(np.abs(drawn.xyz[one] - drawn.xyz[other]).max() > _JUMP * extent)
+
+
+def draw_jumps(ax, over, own: list) -> None:
+    """Draw jumps of all paths, from places (n, D) to places (n, D), dashed in their colours."""
+    lines = [np.stack(ends) for two in over for ends in zip(*two, strict=True)]
+    if lines:
+        draw_lines(ax, lines, colors=own * len(over), linewidths=1.0, linestyles="dashed")
 
 
 def draw_starts(ax, drawn: Paths, own: list) -> None:

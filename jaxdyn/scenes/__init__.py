@@ -1,9 +1,11 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
 `disks` has a disk that rolls, `cylinders` the scenes, events and phases of cylinders that roll,
-slip and fly, `sections` two systems known for their surfaces of section, `restricted` bodies of no
-mass in turning axes. `catalogue` is the list of them, `ready_made` what their functions share,
-`switching` exchanges coordinates that fail on the way.
+slip and fly, `walkers` what walks down a slope, `impacts` driven bodies that hit something,
+`corners` the phases of all scenes whose motions have corners, `sections` two systems known for
+their surfaces of section, `restricted` bodies of no mass in turning axes. `catalogue` is the list
+of them, `ready_made` what their functions share, `switching` exchanges coordinates that fail on the
+way.
 
 May import: `mechanisms`, `effects`, `integrate`.
 
@@ -23,12 +25,12 @@ from jaxdyn.scenes.central import (
     power_law,
     swept_angle,
 )
+from jaxdyn.scenes.corners import phases_of
 from jaxdyn.scenes.cylinders import (
     contact_lost,
     cylinder_on_cylinder,
     cylinder_on_ramp,
     friction_needed,
-    phases_of,
 )
 from jaxdyn.scenes.disks import rolling_disk
 from jaxdyn.scenes.drawings import moved_box, moved_shape, turned_box
@@ -40,6 +42,7 @@ from jaxdyn.scenes.guides import (
     turntable,
     turntable_limit,
 )
+from jaxdyn.scenes.impacts import ball_on_table, impact_oscillator
 from jaxdyn.scenes.linkages import dumbbell, four_bar, pinned_chain, rod_on_line, skate_chain
 from jaxdyn.scenes.lorenz_system import lorenz
 from jaxdyn.scenes.nbody import (
@@ -66,6 +69,7 @@ from jaxdyn.scenes.sections import henon_heiles, libration_points, restricted_th
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
 from jaxdyn.scenes.springs import hanging_spring, oscillator, spring_mass, two_masses, two_springs
+from jaxdyn.scenes.walkers import rimless_wheel, simplest_walker
 from jaxdyn.scenes.wheels import braking, car, turning_rate
 
 __all__ = [
@@ -76,6 +80,7 @@ __all__ = [
     "apsidal_angle",
     "apsidal_limits",
     "apsides",
+    "ball_on_table",
     "ballistics",
     "bead_on_cycloid",
     "bead_on_parabola",
@@ -100,6 +105,7 @@ __all__ = [
     "hanging_spring",
     "henon_heiles",
     "hill",
+    "impact_oscillator",
     "libration_points",
     "lorenz",
     "moved_box",
@@ -118,6 +124,7 @@ __all__ = [
     "power_law",
     "restricted_three_body",
     "restricted_three_body_in_space",
+    "rimless_wheel",
     "rod_on_line",
     "rolling_disk",
     "satellite",
@@ -125,6 +132,7 @@ __all__ = [
     "shaken_pendulum",
     "sideways_edge",
     "sideways_pendulum",
+    "simplest_walker",
     "skate_chain",
     "spring_mass",
     "straightness",

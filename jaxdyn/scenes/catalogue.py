@@ -3,7 +3,7 @@
 A scene is a function of keyword parameters in one of the families; its docstring begins with a
 summary and the course problems that it answers, and documents each parameter with its unit;
 `jaxdyn list` shows that text. Nothing else needs to be registered, except the phases of a scene
-whose motion has corners.
+whose motion has corners (`corners`).
 """
 
 import dataclasses
@@ -18,14 +18,12 @@ from typing import Any
 
 from jaxdyn import _checks
 from jaxdyn._arithmetic import setting
-from jaxdyn.integrate.phases import HybridTrajectory, Phase, simulate_phases
+from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
-from jaxdyn.scenes import cylinders, wheels
+from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.solvers import Solver
-
-Phases = Mapping[str, Phase]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +56,7 @@ class Entry:
         Raises:
           ValueError: see `simulate` and `simulate_phases`.
         """
-        phases = _CORNERS.get(self.name, _smooth)(scene)
-        if not phases:
+        if not has_corners(scene):
             return simulate(
                 scene, t1, samples=samples, rtol=rtol, solver=solver, dt=dt, throw=False
             )
@@ -67,25 +64,8 @@ class Entry:
             raise _checks.fail("dt", "none for a motion in phases", dt, "Events adapt the steps.")
         t1 = scene.t1 if t1 is None else t1
         return simulate_phases(
-            phases, None, scene.y0, t1, samples=samples, rtol=rtol, solver=solver
+            phases_of(scene), None, scene.y0, t1, samples=samples, rtol=rtol, solver=solver
         )
-
-
-def _smooth(scene: Scene) -> Phases:
-    del scene
-    return {}
-
-
-def _braking(scene: Scene) -> Phases:
-    return wheels.braking(scene) if scene.effects else {}  # without friction it never stops
-
-
-#: The phases of scenes whose motions have corners.
-_CORNERS: dict[str, Callable[[Scene], Phases]] = {
-    "car": _braking,
-    "cylinder_on_cylinder": cylinders.phases_of,
-    "cylinder_on_ramp": cylinders.phases_of,
-}
 
 
 def entries() -> dict[str, Entry]:

@@ -18,9 +18,9 @@ The answers, and corrections to the course:
   flight started there would enter the ground. With G before the top it is upwards. With a finite
   coefficient of friction slipping comes first, and lift-off, if any, follows from the slip.
 
-`contact_lost` finds the ideal event, `phases_of` gives the real phases for `simulate_phases`: roll,
-slip (in either direction), fly, land, roll on. The first phase and each next one is the first that
-the state fits: friction within its cone, a normal force that pushes, a slip in its direction.
+`contact_lost` finds the ideal event, `contact_phases` gives the real phases for `simulate_phases`:
+roll, slip (in either direction), fly, land, roll on. The first phase and each next one is the first
+that the state fits: friction within its cone, a normal force that pushes, a slip in its direction.
 Landings are inelastic.
 """
 
@@ -198,12 +198,11 @@ def friction_needed(scene: Scene, y: Array) -> Array:
 
 
 @check_first
-def phases_of(scene: Scene) -> dict[str, Phase]:
-    """The phases roll, slip (in either direction) and fly of a scene, for `simulate_phases`.
+def contact_phases(scene: Scene) -> dict[str, Phase]:
+    """The phases roll, slip (in either direction) and fly of a cylinder in contact.
 
-    ``simulate_phases(phases_of(scene), None, scene.y0, t1)`` starts with the first of them that
-    the state fits: it rolls if it does not slip and friction suffices, otherwise it slips; it flies
-    where the surface would have to pull.
+    A motion starts with the first of them that the state fits: it rolls if it does not slip and
+    friction suffices, otherwise it slips; it flies where the surface would have to pull.
     """
 
     def as_(contact):

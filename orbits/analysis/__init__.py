@@ -2,9 +2,9 @@
 
 `stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
 `jaxdyn/analysis/eigenvalues.py` decide what is stable, `chain` the return map of a chain of legs;
-`identity` has the invariants of an orbit,
-`same` and `alignment` compare two, `words` their topology; `sensitivity` makes one differentiable
-in the parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
+`pieces` are those of either's period; `identity` has the invariants of an orbit, `same` and
+`alignment` compare two, `words` their topology; `sensitivity` makes one differentiable in the
+parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
 `report` all of it as a record.
 
 May import: `shooting`, `hybrid`.

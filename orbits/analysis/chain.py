@@ -10,6 +10,7 @@ H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004),
 flow has the multiplier 1, as in a smooth system. A leg without an event has S = C.
 """
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -20,8 +21,8 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import rate, sizes
+from orbits.hybrid.equations import closing_left, leg_passed
 from orbits.hybrid.legs import HybridOrbit
-from orbits.hybrid.search import closing_left, leg_passed
 
 _SMALL = 1e-6  # relative: what is below it is taken for zero
 
@@ -40,6 +41,48 @@ class ReturnMap(NamedTuple):
     advances: int
 
 
+class Transitions(NamedTuple):
+    """The maps of states from the start of each leg to that of the next.
+
+    Attributes:
+      maps: (n, k, k) of changes in units of the sizes at both ends, before a grazed event.
+      end: (k,) the state after the last leg, or after a grazed event.
+      grazed: index of a leg that ends by an event that is grazed, not crossed; None without one.
+    """
+
+    maps: list[np.ndarray]
+    end: np.ndarray
+    grazed: int | None
+
+
+def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
+    """The maps of a chain's legs, integrated at a tolerance, with those of their events.
+
+    Raises:
+      ValueError: the chain has constrained states.
+    """
+    traced = np.asarray(rtol, float)  # a Python number would be compiled in
+    y, maps = np.asarray(orbit.y0), []
+    units = [np.asarray(sizes(leg.scene)) for leg in orbit.legs]
+    for i, leg in enumerate(orbit.legs):
+        if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
+            remedy = "Write the legs in coordinates without constraints."
+            raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
+        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, traced)
+        step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
+        following, each = (i + 1) % len(orbit.legs), units[i]
+        if leg.ends:
+            after = orbit.legs[following].scene
+            gradient, speed = np.asarray(by_start[1])[0], float(by_span[1][0])
+            flow = np.asarray(_rate(leg.scene, leg.scene.y0))
+            if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
+                return Transitions(maps, np.asarray(y), i)
+            jump = np.asarray(_rate(after, y)) - change
+            step = step + np.outer(jump, gradient) / speed
+        maps.append(step * each / units[following][:, None])
+    return Transitions(maps, np.asarray(y), None)
+
+
 def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     """The return map of a chain, its legs integrated at a tolerance.
 
@@ -50,24 +93,11 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     scene = orbit.legs[0].scene
     each = np.asarray(sizes(scene))
     start = np.asarray(orbit.y0)
-    m, y = np.diag(each), start
-    traced = np.asarray(rtol, float)  # a Python number would be compiled in
-    for i, leg in enumerate(orbit.legs):
-        if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
-            remedy = "Write the legs in coordinates without constraints."
-            raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
-        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, traced)
-        step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
-        if leg.ends:
-            after = orbit.legs[(i + 1) % len(orbit.legs)].scene
-            gradient, speed = np.asarray(by_start[1])[0], float(by_span[1][0])
-            flow = np.asarray(_rate(leg.scene, leg.scene.y0))
-            if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
-                remedy = "Where a chain grazes an event its return map has no derivative."
-                raise fail(f"legs[{i}]", "an event that is crossed", "a grazed one", remedy)
-            jump = np.asarray(_rate(after, y)) - change
-            step = step + np.outer(jump, gradient) / speed
-        m = step @ m
+    maps, y, grazed = transitions(orbit, rtol)
+    if grazed is not None:
+        remedy = "Where a chain grazes an event its return map has no derivative."
+        raise fail(f"legs[{grazed}]", "an event that is crossed", "a grazed one", remedy)
+    m = each[:, None] * functools.reduce(lambda m, step: step @ m, maps)
     _, (by_end, by_first) = closing_left(orbit.closes, y, start)
     by_end, by_first = np.asarray(by_end), np.asarray(by_first) * each
     _, values, rows = np.linalg.svd(by_first)

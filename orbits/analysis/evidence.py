@@ -15,8 +15,11 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method
+from orbits.analysis.chain import transitions
 from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import sizes
+from orbits.hybrid.equations import Chain
+from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import advanced, other_solver
 from orbits.orbit import Orbit, gap
 from orbits.shooting.effort import TIGHT
@@ -42,13 +45,21 @@ class Recheck:
 
 
 @check_first
-def closure(orbit: Orbit, *, periods: int = 1, rtol: float | None = None, solver=None) -> float:
+def closure(
+    orbit: Orbit | HybridOrbit, *, periods: int = 1, rtol: float | None = None, solver=None
+) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
     Each is in units of its size along the orbit (`orbits.closing.sizes`).
-    For a relative orbit the start is rotated accordingly.
+    For a relative orbit the start is rotated accordingly. For a chain of legs it is the largest
+    error of its closing, and of the ends of its legs at their times.
     """
-    flow = after(orbit, periods, rtol=orbit.rtol if rtol is None else rtol, solver=solver)
+    rtol = orbit.rtol if rtol is None else rtol
+    if isinstance(orbit, HybridOrbit):
+        solvers = (solver,) * len(orbit.legs)
+        found = float(np.abs(_missed(orbit, periods, rtol, solvers)).max())
+        return found if np.isfinite(found) else float("nan")
+    flow = after(orbit, periods, rtol=rtol, solver=solver)
     if int(flow.status) != Status.OK:
         return float("nan")
     return gap(orbit, flow.y1, periods)
@@ -61,12 +72,31 @@ def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveRes
     return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
-def growth(orbit: Orbit) -> float:
+def _missed(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> np.ndarray:
+    """(m,) the errors of a chain's equations after some periods, by given methods."""
+    chain = Chain.of(orbit)
+    return chain.missed(orbit.y0, orbit.spans, rtol, solvers, periods) / _in_units(orbit)[1]
+
+
+def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
+    """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of these."""
+    chain, spans = Chain.of(orbit), orbit.spans
+    found = chain.linearised(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
+    each = chain.sizes(found, spans)
+    rows = chain.rows(found, spans, each)
+    return found.jacobian * chain.pack(each[0], spans) / rows[:, None], rows
+
+
+def growth(orbit: Orbit | HybridOrbit) -> float:
     """Largest growth of a change of the state on the way to the end of the period.
 
-    The largest of the derivatives of the end by states at 32 times. Times the unit of rounding
-    it is about the smallest closing error of an integration in doubles.
+    The largest of the derivatives of the end by states at 32 times, or at the starts of the legs of
+    a chain; NaN where it grazes an event. Times the unit of rounding it is about the smallest
+    closing error of an integration in doubles.
     """
+    if isinstance(orbit, HybridOrbit):
+        maps, _, grazed = transitions(orbit, orbit.rtol)
+        return largest(maps) if grazed is None else float("nan")
     y0, rtol = np.asarray(orbit.y0), orbit.rtol
     whole = dataclasses.replace(Equations.of(orbit), closing=PLAIN)
     if orbit.mesh is not None:
@@ -96,7 +126,7 @@ class Digits:
 
 
 @check_first
-def digits(orbit: Orbit) -> Digits:
+def digits(orbit: Orbit | HybridOrbit) -> Digits:
     """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
     The closing error by that integrator, times the inverse of the closing equations' Jacobian,
@@ -111,6 +141,11 @@ def digits(orbit: Orbit) -> Digits:
       True
     """
     y0 = np.asarray(orbit.y0)
+    if isinstance(orbit, HybridOrbit):
+        jacobian, _ = _in_units(orbit)
+        move = _moved(jacobian, _missed(orbit, 1, TIGHT, _others(orbit)))
+        k = len(y0)
+        return Digits(_digits(move[:k].max()), _digits(move[k:] @ orbit.spans / orbit.period))
     equations = Equations.of(orbit)
     x = equations.spread(y0, orbit.period, orbit.rtol, orbit.angle)
     closed = InUnits(equations, x, orbit.rtol)
@@ -119,9 +154,15 @@ def digits(orbit: Orbit) -> Digits:
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
-    move = np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ (miss / closed.units.rows)
-    move = np.abs(move)
+    move = _moved(jacobian, miss / closed.units.rows)
     return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1] / (2 * np.pi)))
+
+
+def _moved(jacobian: np.ndarray, miss: np.ndarray) -> np.ndarray:
+    """(n,) by how much the unknowns would move, to first order, for equations without errors."""
+    if not np.isfinite(miss).all():
+        return np.full(jacobian.shape[1], np.nan)
+    return np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
 
 
 def _digits(error: float) -> float:
@@ -134,8 +175,17 @@ def _other(orbit: Orbit) -> Method:
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 
+def _others(orbit: HybridOrbit) -> tuple[Method, ...]:
+    """For each leg of a chain a method that finding it did not use."""
+    return tuple(other_solver(leg.scene, logarithmic=False) for leg in orbit.legs)
+
+
 @check_first
-def recheck(orbit: Orbit) -> Recheck:
+def recheck(orbit: Orbit | HybridOrbit) -> Recheck:
     """The closing error of an orbit by another integrator at a tighter tolerance."""
+    if isinstance(orbit, HybridOrbit):
+        others = _others(orbit)
+        names = ", ".join(dict.fromkeys(other.name for other in others))
+        return Recheck(names, TIGHT, float(np.abs(_missed(orbit, 1, TIGHT, others)).max()))
     other = _other(orbit)
     return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

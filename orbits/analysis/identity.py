@@ -20,8 +20,10 @@ from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
+from orbits.analysis.pieces import Periodic, pieces
 from orbits.closing.closings import choreography
 from orbits.closing.sizes import rate, sizes
+from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import at_s, gravitates, solved
 from orbits.orbit import Orbit, relocated
 
@@ -62,8 +64,10 @@ class Identity:
 
 
 @check_first
-def identify(orbit: Orbit) -> Identity:
+def identify(orbit: Orbit | HybridOrbit) -> Identity:
     """The invariants of an orbit, where they exist.
+
+    Those of a chain of legs are its energy and angular momentum, if they are the same on all legs.
 
     Example:
       >>> import orbits
@@ -73,9 +77,11 @@ def identify(orbit: Orbit) -> Identity:
       >>> what.choreography, round(what.scale_free, 9)
       (True, 9.237681251)
     """
+    e, momentum = conserved(orbit)
+    if isinstance(orbit, HybridOrbit):
+        return Identity(None, float("nan"), e, momentum, None)
     system = orbit.scene.system
     several = isinstance(system, FreePoints) and len(system.m) > 1
-    e, momentum = conserved(orbit)
     error = permutation_error(orbit)
     return Identity(
         choreography=bool(error < CHOREOGRAPHY) if several else None,
@@ -115,34 +121,39 @@ def scale_free_period(scene: Scene, period: float, energy: float) -> float | Non
     return float(period * speed**3 / (G * mean) / product**1.5)
 
 
-def conserved(orbit: Orbit) -> tuple[float | None, float | None]:
+def conserved(orbit: Periodic) -> tuple[float | None, float | None]:
     """Energy, and angular momentum in the plane of x and y; None if not conserved."""
-    scene = orbit.scene
-    if not (scene.has_energy or scene.has_points):
-        return None, None
     # Not evenly spaced: equal values at symmetric times would look constant.
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
-    if orbit.s_period is None:
-        ts = orbit.period * moments
-        ys = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver).ys
-    else:
-        ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
-    ts, ys = np.asarray(ts), np.asarray(ys)
-    e = _energy(scene, ts, ys) if scene.has_energy else None
-    return e, _momentum(scene, ts, ys) if scene.has_points else None
+    runs = []
+    for piece in pieces(orbit):
+        scene = piece.scene
+        if not (scene.has_energy or scene.has_points):
+            return None, None
+        if isinstance(orbit, HybridOrbit) or orbit.s_period is None:
+            ts = float(scene.t1) * moments
+            ys = piece.states(ts)
+        else:
+            ts, ys = at_s(scene, orbit.s_period * moments, orbit.rtol)
+        runs.append((scene, np.asarray(ts), np.asarray(ys)))
+    e = _constant([_energy(*run) for run in runs if run[0].has_energy], len(runs))
+    return e, _constant([_momentum(*run) for run in runs if _turns(*run)], len(runs))
 
 
-def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> float | None:
+def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, float]:
     values, size, _ = _changes(scene, ts, ys)
-    return _constant(np.asarray(values), float(size))
+    return np.asarray(values), float(size)
 
 
-def _momentum(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> float | None:
-    """Angular momentum in the plane of x and y; None where it changes, or on a line."""
-    if jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] == 1:
-        return None
+def _turns(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> bool:
+    """Whether it has points that are not on a line."""
+    return scene.has_points and jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] > 1
+
+
+def _momentum(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, float]:
+    """(s,) angular momentum in the plane of x and y, and its size."""
     momenta, sizes = _momenta(scene, ts, ys)
-    return _constant(np.asarray(momenta), float(np.asarray(sizes).max()))
+    return np.asarray(momenta), float(np.asarray(sizes).max())
 
 
 _changes = jax.jit(change)
@@ -160,7 +171,11 @@ def _momenta(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
     return jax.vmap(at)(ts, ys)
 
 
-def _constant(values: np.ndarray, size: float) -> float | None:
+def _constant(found: list[tuple[np.ndarray, float]], pieces: int) -> float | None:
+    """The value that all pieces have, of which each has values (s,) and their size."""
+    if len(found) < pieces:
+        return None
+    values, size = np.concatenate([x for x, _ in found]), max(size for _, size in found)
     return float(values[0]) if np.ptp(values) <= KEPT * size else None
 
 

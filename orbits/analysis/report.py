@@ -16,9 +16,11 @@ from jaxdyn.files.typed import typed
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
 from orbits.analysis.identity import has_normal_form, identify, normal_form
+from orbits.analysis.pieces import Periodic
 from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
 from orbits.analysis.words import has_word, word
+from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
 #: Consecutive periods simulated to show that an orbit returns.
@@ -92,14 +94,17 @@ class Report:
 
 
 @check_first
-def report(orbit: Orbit) -> Report:
-    """All claims about an orbit, computed from its scene, start and period alone."""
+def report(orbit: Orbit | HybridOrbit) -> Report:
+    """All claims about an orbit, computed from its scene, start and period alone.
+
+    Those about a chain of legs are computed from its legs and its closing.
+    """
     doing("identifying the orbit")
     what = identify(orbit)
     doing("testing its stability")
     linear = stability(orbit, throw=False)
     form = None
-    if has_normal_form(orbit):
+    if isinstance(orbit, Orbit) and has_normal_form(orbit):
         normal = normal_form(orbit)
         form = NormalForm(normal.period, _floats(normal.y0))
     doing("simulating it again, by a second integrator too")
@@ -130,7 +135,9 @@ def report(orbit: Orbit) -> Report:
     )
 
 
-def _word(orbit: Orbit) -> str | None:
+def _word(orbit: Periodic) -> str | None:
+    if isinstance(orbit, HybridOrbit):
+        return None
     try:
         return word(orbit) if has_word(orbit) else None
     except IntegrationError:  # a collision: it has no topology

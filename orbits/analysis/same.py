@@ -7,7 +7,6 @@ they can be aligned (for free points by `alignment`), up to rounding.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
@@ -18,10 +17,12 @@ from orbits.analysis.alignment import (
     Match,
     centred,
     match_points,
-    samples,
     turned_distance,
 )
-from orbits.closing.sizes import sizes
+from orbits.analysis.evidence import closure
+from orbits.analysis.pieces import Periodic, offset_along, offsets, pieces, states_at
+from orbits.closing.sizes import rate, sizes
+from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import solved
 from orbits.orbit import Orbit, relocated
 
@@ -33,8 +34,10 @@ _DIVISORS = 64  # shorter periods are tested down to this part
 
 
 @check_first
-def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
+def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
     """The shortest time after which the motion returns, and how many of these a period is.
+
+    A chain of legs returns where its closing says so; from a state before a change it does not.
 
     Example:
       >>> import orbits
@@ -44,24 +47,27 @@ def minimal_period(orbit: Orbit, tolerance: float = TOLERANCE) -> tuple[float, i
       >>> round(period, 6), times
       (3.141593, 2)
     """
-    parts = np.arange(_DIVISORS, 0, -1)
-    system, y0 = orbit.scene.system, np.asarray(orbit.y0)
-    ts = orbit.period / parts
-    flow = solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
-    ys = np.asarray(flow.ys)
-    each = sizes(orbit.scene)
-    for n, y in zip(parts, ys, strict=True):
-        if (np.abs(system.difference(y, y0)) <= tolerance * each).all():
+    parts = np.arange(_DIVISORS, 1, -1)
+    first = pieces(orbit)[0]
+    for n, (piece, y) in zip(parts, states_at(orbit, orbit.period / parts), strict=True):
+        if piece.same_numbers(first) and _near(orbit, y, tolerance):
             return orbit.period / float(n), int(n)
     return orbit.period, 1
 
 
+def _near(orbit: Periodic, y: np.ndarray, tolerance: float) -> bool:
+    return bool((np.abs(offsets(orbit, y[None], orbit.y0)) <= tolerance).all())
+
+
 @check_first
-def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
+def same_orbit(
+    a: Orbit | HybridOrbit, b: Orbit | HybridOrbit, tolerance: float = TOLERANCE
+) -> bool:
     """Whether two orbits are the same up to symmetries.
 
     That is, shifts in time; for several free points also its direction, rotations, reflections
-    and names of equal bodies; where they only attract each other by Newton's law also scale.
+    and names of equal bodies; where they only attract each other by Newton's law also scale; for
+    chains of legs also what their closing leaves out.
 
     Args:
       a: an orbit.
@@ -84,8 +90,10 @@ def same_orbit(a: Orbit, b: Orbit, tolerance: float = TOLERANCE) -> bool:
     return found.distance <= _MISSES * max(_missed(a, 0.0), _missed(b, found.shift))
 
 
-def _missed(orbit: Orbit, shift: float) -> float:
+def _missed(orbit: Periodic, shift: float) -> float:
     """Difference of the second period after a time from the first, relative to the size."""
+    if isinstance(orbit, HybridOrbit):
+        return closure(orbit, periods=2)
     scene, period = orbit.scene, minimal_period(orbit)[0]
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
     flow = solved(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
@@ -98,8 +106,10 @@ def _missed(orbit: Orbit, shift: float) -> float:
 
 
 @check_first
-def match(a: Orbit, b: Orbit) -> Match | None:
+def match(a: Orbit | HybridOrbit, b: Orbit | HybridOrbit) -> Match | None:
     """The best alignment of the second orbit with the first; None if there is none.
+
+    Of two chains of legs the first start is sought on the legs of the second.
 
     Raises:
       ValueError: `a` or `b` does not close.
@@ -107,15 +117,16 @@ def match(a: Orbit, b: Orbit) -> Match | None:
     for orbit in (a, b):
         if not orbit.ok:
             raise fail("orbit", "an orbit that closes", orbit.message)
-    if type(a.scene.system) is not type(b.scene.system) or a.y0.shape != b.y0.shape:
+    if type(a) is not type(b) or not any(one.like(pieces(a)[0]) for one in pieces(b)):
         return None
     (period_a, _), (period_b, _) = minimal_period(a), minimal_period(b)
-    a, b = _over(a, period_a), _over(b, period_b)
-    if _several_points(a):
-        return match_points(a, b)
+    if isinstance(a, Orbit) and isinstance(b, Orbit):
+        a, b = _over(a, period_a), _over(b, period_b)
+        if _several_points(a):
+            return match_points(a, b)
     if abs(period_a - period_b) > TOLERANCE * period_a:
         return None
-    return _match_states(a, b)
+    return _match_states(a, b, period_b)
 
 
 def _several_points(orbit: Orbit) -> bool:
@@ -128,27 +139,28 @@ def _over(orbit: Orbit, period: float) -> Orbit:
     return relocated(orbit, orbit.scene.starting(orbit.y0, period))
 
 
-def _at(orbit: Orbit, t: float) -> Array:
-    return solved(orbit.scene, t, rtol=orbit.rtol, solver=orbit.solver).y1
+def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
+    """As `match_points` for other systems: the first start is sought on the second orbit.
 
-
-def _match_states(a: Orbit, b: Orbit) -> Match:
-    """As `match_points` for other systems: the first start is sought on the second orbit."""
-    system = a.scene.system
-    start = jnp.asarray(a.y0)
-    ts = np.arange(SAMPLES) * b.period / SAMPLES
-    ys, each = samples(b), sizes(a.scene)
-    off = np.asarray(jax.vmap(system.difference, (0, None))(jnp.asarray(ys), start)) / each
-    shift = float(ts[np.argmin(np.linalg.norm(off, axis=1))])
+    On one of its pieces, which is followed beyond its ends where the start is at one of them.
+    """
+    start, first = jnp.asarray(a.y0), pieces(a)[0]
+    best = None
+    for piece in (one for one in pieces(b) if one.like(first)):
+        ts = np.arange(SAMPLES) * float(piece.scene.t1) / SAMPLES
+        off = np.linalg.norm(offsets(a, piece.states(ts), start), axis=1)
+        if best is None or off.min() < best[0]:
+            best = off.min(), piece, float(ts[np.argmin(off)])
+    assert best is not None
+    _, piece, t = best
     for _ in range(_ROUNDS):
-        y = _at(b, shift) if shift else jnp.asarray(b.y0)
-        rate = np.asarray(b.scene.rate(jnp.asarray(shift), y)) / each
-        shift -= float(np.asarray(system.difference(y, start)) / each @ rate / (rate @ rate))
-    y = _at(b, shift)
-    distance = float(np.abs(np.asarray(system.difference(y, start)) / each).max())
+        y = piece.at(t)
+        off, along = offsets(a, y[None], start)[0], offset_along(a, y, rate(piece.scene, t, y))
+        t -= float(off @ along / (along @ along))
+    distance = float(np.abs(offsets(a, piece.at(t)[None], start)).max())
     return Match(
         distance=distance,
-        shift=shift % b.period,
+        shift=(piece.t0 + t) % period,
         backwards=False,
         order=(),
         mirrored=False,

@@ -10,6 +10,9 @@ Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v).
 1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import overload
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -19,9 +22,13 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn.integrate.phase import Phase
 from orbits.analysis.monodromy import returned_map, tangents
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
+from orbits.hybrid.equations import Chain, left_sides
+from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.phases import legs_of
 from orbits.orbit import Orbit
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations, errors, pieces
@@ -78,19 +85,45 @@ class DifferentiableOrbit(eqx.Module):
         return logs / self.period.astype(logs.dtype)
 
 
+class DifferentiableChain(eqx.Module):
+    """A chain of legs as a differentiable function of its legs.
+
+    Attributes:
+      y0: (k,) start of the first leg.
+      spans: (n,) duration of each leg [time of the scene].
+    """
+
+    y0: Array
+    spans: Array
+
+    @property
+    def period(self) -> Array:
+        """() duration of all legs [time of the scene]."""
+        return jnp.sum(self.spans)
+
+
+@overload
+def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> DifferentiableOrbit: ...
+@overload
+def differentiable(
+    scene: Sequence[Leg] | Mapping[str, Phase], orbit: HybridOrbit
+) -> DifferentiableChain: ...
 @check_first
-def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> DifferentiableOrbit:
+def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *, hold: Hold = ()):
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 
     Args:
-      scene: with the numbers to differentiate by; the orbit's own scene, or a traced copy of it.
-      orbit: what `find` returned.
-      hold: conditions, as for `find`; they select an orbit of a family.
+      scene: with the numbers to differentiate by; the orbit's own scene, or a traced copy of it. Of
+        a chain of legs the legs, or the phases that it was found from.
+      orbit: what `find` or `find_hybrid` returned.
+      hold: conditions, as for `find`; they select an orbit of a family. None for chains, whose
+        multipliers are not differentiated either.
     Returns:
       The orbit's numbers, equal to those found, with their first derivatives by every number
       of the scene (and of the conditions).
     Raises:
-      ValueError: `orbit` does not close.
+      ValueError: `orbit` does not close; legs are given with an orbit, or a scene or conditions
+        with a chain.
     Limits: first derivatives; the values are those of `orbit` whatever the scene's. Accurate to
       rounding times the growth of errors over the orbit: the derivative of the figure-eight's
       period by a mass to 1e-11, compared with differences of order 6.
@@ -105,6 +138,13 @@ def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Differenti
     """
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
+    if isinstance(orbit, HybridOrbit) == isinstance(scene, Scene):
+        wanted = "legs or phases" if isinstance(orbit, HybridOrbit) else "a scene"
+        raise fail("scene", f"{wanted} for such an orbit", type(scene).__name__)
+    if isinstance(orbit, HybridOrbit):
+        if hold:
+            raise fail("hold", "none for a chain of legs", "conditions", "Leave it out.")
+        return _chain(legs_of(scene, orbit.path), orbit)
     if orbit.mesh is not None:
         raise fail("orbit", "an orbit found by shooting", "one by collocation")
     guess = np.append(np.asarray(orbit.y0), orbit.period)
@@ -118,6 +158,19 @@ def differentiable(scene: Scene, orbit: Orbit, *, hold: Hold = ()) -> Differenti
     moving = eqx.tree_at(lambda e: e.scene, known, own)
     y0, period, angle = _implicit(moving, x, inverse, orbit.rtol)
     return DifferentiableOrbit(own.starting(y0, period), angle, orbit)
+
+
+def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
+    """The chain with its derivatives by the implicit function theorem."""
+    chain, start, spans = Chain.of(orbit), np.asarray(orbit.y0), orbit.spans
+    found = chain.linearised(chain.pack(start, spans), orbit.rtol)
+    each = chain.sizes(found, spans)
+    units, rows = chain.pack(each[0], spans), chain.rows(found, spans, each)
+    inverse = _pseudo_inverse(found.jacobian * units / rows[:, None], units, rows)
+    miss = left_sides(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
+    change = inverse @ (miss - jax.lax.stop_gradient(miss))
+    k = len(start)
+    return DifferentiableChain(start - change[:k], spans - change[k:])
 
 
 def _residual(equations: Equations, x: Array, rtol) -> Array:
@@ -141,8 +194,13 @@ def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
     """(n, m) the pseudo-inverse of the Jacobian in the units of the orbit: the nearest orbit."""
     closed = InUnits(equations, x, rtol)
     _, jacobian = closed(x)
+    return _pseudo_inverse(jacobian, closed.units.x, closed.units.rows)
+
+
+def _pseudo_inverse(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(n, m) that of a Jacobian in units of the unknowns (n,) and of the equations (m,)."""
     inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
-    return closed.units.x[:, None] * inverse / closed.units.rows
+    return units[:, None] * inverse / rows
 
 
 def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -48,7 +48,7 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
-from orbits.analysis.chain import return_map, without_flow
+from orbits.analysis.chain import return_map, transitions, without_flow
 from orbits.analysis.monodromy import (
     log_determinant,
     returned,
@@ -190,11 +190,12 @@ def stability(
         integral is responsible that the scene does not name. Each forces one more multiplier to
         be 1; `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
-        tolerances (a collision, the step limit); with False look at `Stability.status`.
+        tolerances (a collision, the step limit), or a chain grazes an event, where it has no
+        multipliers; with False look at `Stability.status`.
     Raises:
-      ValueError: the orbit has traced values; a chain of legs was not found, grazes an event, has
-        constrained states, or has a closing that does not say that it repeats itself; `along` is
-        given for a chain.
+      ValueError: the orbit has traced values; a chain of legs was not found, grazes an event
+        (``throw=True``), has constrained states, or has a closing that does not say that it repeats
+        itself; `along` is given for a chain.
       IntegrationError: the motion cannot be integrated over its period (``throw=True``).
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
@@ -265,6 +266,8 @@ def _of_chain(orbit: HybridOrbit, rtol: float, throw: bool) -> Stability:
     if not orbit.ok:
         got = f"one with the outcome {orbit.outcome.name}"
         raise fail("orbit", "a chain that was found", got, orbit.message)
+    if not throw and transitions(orbit, rtol).grazed is not None:
+        return _unknown(len(orbit.y0), Status.NOT_FINITE)
     fine, coarse = (return_map(orbit, x) for x in (rtol, coarser(rtol)))
     m = fine.m
     if not (np.isfinite(m).all() and np.isfinite(coarse.m).all()):

@@ -30,7 +30,7 @@ from orbits.curves.kept import ORBIT_CURVE, about, codec
 from orbits.curves.special import special_points
 from orbits.curves.steps import point_at, returned, solve
 from orbits.curves.units import member, of_place, of_unknowns, units_at, units_of
-from orbits.families.family import Kind, Member
+from orbits.families.family import Kind, Member, smooth_orbit
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
 
@@ -113,7 +113,8 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarra
         orbit, curve = point.orbit, point.curve if kind is None else Kind(kind)
         parameters = point.parameters if parameters is None else parameters
     elif isinstance(point, Member):
-        orbit, curve = point.orbit, point.kind if kind is None else Kind(kind)
+        orbit = smooth_orbit("point", point.orbit)
+        curve = point.kind if kind is None else Kind(kind)
     elif isinstance(point, Orbit):
         orbit, curve = point, None if kind is None else Kind(kind)
     else:

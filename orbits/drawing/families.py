@@ -12,7 +12,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
-from orbits.families.family import Family, Kind
+from orbits.families.family import Family, Kind, first_scene
 from orbits.files.family_files import Listing, listing
 
 _WIDTH = 6.8  # inches
@@ -25,6 +25,7 @@ MARKS = {
     Kind.TORUS: "*",
     Kind.KREIN: "X",
     Kind.REST: "o",
+    Kind.GRAZING: "v",
 }
 
 
@@ -64,14 +65,14 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
     ax.plot(*passed.T, ".", color=PALETTE[0], ms=4, label="_")
     start = place(listed.members[0])
     ax.plot(*start, "o", color=INK, ms=6, zorder=3, label="first")
-    for (kind, marker), colour in zip(MARKS.items(), PALETTE[1:], strict=False):
+    for (kind, marker), colour in zip(MARKS.items(), itertools.cycle(PALETTE[1:]), strict=False):
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    plain = all(unit == "1" for _, unit in listed.members[0].orbit.scene.labels())
+    plain = all(unit == "1" for _, unit in first_scene(listed.members[0].orbit).labels())
     energy, period = ("energy", "period") if plain else ("energy [J]", "period [s]")
     ax.set(xlabel=listed.parameter or energy, ylabel=period)
-    shown = heading(title, [entry.orbit.scene for entry in listed.members], _WIDTH)
+    shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)
     style(ax)
     legend_below(figure, named(ax))

@@ -5,18 +5,33 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from jaxdyn import _checks, simulate
 from jaxdyn.drawing.contents import paths
 from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
-from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, panel, size
+from jaxdyn.drawing.panels import (
+    apart,
+    colours,
+    draw_jumps,
+    draw_paths,
+    draw_starts,
+    jumps,
+    limits,
+    panel,
+    size,
+)
 from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
+from orbits.closing.sizes import sizes
+from orbits.families.family import first_scene
+from orbits.hybrid.legs import HybridOrbit
 
 _SAMPLES = 600
 _RTOL = 1e-10
+_BACK = 1e-6  # of the sizes of entries: a state that differs by less from the start is it
 _FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
 _ARROW = 0.16  # longest arrow as a share of the widest direction
@@ -33,10 +48,12 @@ def orbits(
 ) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
 
-    Dots mark where bodies start, arrows their velocities there, to one scale per picture.
+    Dots mark where bodies start, arrows their velocities there, to one scale per picture. Where a
+    leg of a chain ends in a jump, that is dashed.
 
     Args:
-      found: objects with a ``scene``, a start ``y0`` (k,) and a ``period`` () [s].
+      found: chains of legs, or objects with a ``scene``, a start ``y0`` (k,) and a ``period`` ()
+        [s].
       path: file to write, .png, .pdf or .svg.
       titles: title of each; may have several lines.
       title: title of all; the scene with the numbers that all orbits share by default, "" for
@@ -48,7 +65,8 @@ def orbits(
     """
     path = picture_path(path)
     titles = _checked_titles(found, titles)
-    drawn = [paths(_one_period(orbit)) for orbit in found]
+    motions = [_one_period(orbit) for orbit in found]
+    drawn = [paths(motion) for motion in motions]
     if len({one.labels for one in drawn}) > 1:
         raise _checks.fail(
             "found", "orbits in one space", "orbits in several", "Draw them separately."
@@ -60,20 +78,29 @@ def orbits(
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
     box = limits(np.concatenate([places, *tips]), equal)
     width, height = _row(len(drawn), box, equal)
-    above = heading(title, [orbit.scene for orbit in found], width)
+    above = heading(title, [first_scene(orbit) for orbit in found], width)
     figure = blank(width, height + _LINE * (_lines(above) + max(map(_lines, titles))))
     figure.suptitle(above, fontsize=10)
-    for i, (arrow, one, own) in enumerate(zip(arrows, drawn, titles, strict=True)):
+    back = [
+        apart(one, 0, -1) and _comes_back(orbit, motion)
+        for one, orbit, motion in zip(drawn, found, motions, strict=True)
+    ]
+    each = zip(arrows, drawn, titles, back, strict=True)
+    for i, (arrow, one, own, jumps_back) in enumerate(each):
         ax = panel(figure, one, box, (1, len(drawn), i + 1))
         ax.set_title(own, fontsize=10)
         draw_paths(ax, one, colours(one))
         draw_starts(ax, one, colours(one))
+        if jumps_back:
+            draw_jumps(ax, [(one.xyz[-1], one.xyz[0])], colours(one))
         if arrow is not None:
             _draw_velocities(ax, *arrow)
     most = max(drawn, key=lambda one: one.xyz.shape[1])
     marks = [mark("o", "start")]
     if any(arrow is not None for arrow in arrows):
         marks.append(mark(r"$\rightarrow$", "velocity there"))
+    if any(map(jumps, drawn)) or any(back):
+        marks.append(Line2D([], [], color=INK, lw=1.0, ls="--", label="jump"))
     entries = path_entries(most.names, colours(most))
     legend_below(figure, [*entries, *marks])
     fill(figure)
@@ -95,7 +122,18 @@ def overview(orbit) -> Figure:
         return time_series(motion, title="")
 
 
+def _comes_back(orbit, motion) -> bool:
+    """Whether the last change of a chain leads to its start: else the motion advances."""
+    if not isinstance(orbit, HybridOrbit):
+        return False
+    scene = first_scene(orbit)
+    off = np.abs(np.asarray(scene.system.difference(motion.y, orbit.y0)))
+    return bool((off <= _BACK * sizes(scene)).all())
+
+
 def _one_period(orbit, **options):
+    if isinstance(orbit, HybridOrbit):
+        return orbit.trajectory(_SAMPLES // len(orbit.legs) + 2)
     scene = orbit.scene.starting(orbit.y0, orbit.period)
     return simulate(scene, samples=_SAMPLES, rtol=_RTOL, solver=orbit.solver, **options)
 
@@ -129,7 +167,7 @@ def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
 
     A scene without bodies is drawn by its state, whose velocity is the rate.
     """
-    scene, t = orbit.scene, jnp.zeros(())
+    scene, t = first_scene(orbit), jnp.zeros(())
     y0 = jnp.asarray(orbit.y0)
     start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
     r, v = map(np.asarray, start)

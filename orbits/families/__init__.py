@@ -6,10 +6,13 @@
 of equilibria, `diagram` follows all of them, `graph` says which of them meet. `kept` keeps members
 in a file, which `loading` reads.
 `criticality` has the normal forms of bifurcations, from the series of the return map in `jets`.
-`surface` is the set of all orbits near one, `lengths` the units in which it is measured.
+`surface` is the set of all orbits near one, `lengths` the units in which it is measured, `chains`
+that of all chains of legs.
 `parameters` makes a scene a function of one or two of its parameters.
 
 May import: `analysis`.
+
+One more kind of motion is a class of `surface.Surface`.
 
 One more kind of special point is a `Kind` in `family` and a function in `bifurcations` that changes
 sign there.

@@ -11,6 +11,8 @@ test open, as of a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing i
 - Period doubling: one passes through -1.
 - Equilibrium: the orbits have shrunk to nothing, and the family ends (`shrinking`).
 - Torus point: a complex pair crosses the unit circle.
+- Grazing: a chain of legs meets an event at the speed zero, or touches a bound of a leg. Beyond, it
+  is no motion, and the family ends.
 - Krein collision: two complex pairs on the unit circle meet and leave it, as they can in
   conservative scenes.
 """
@@ -67,10 +69,15 @@ def special_points(
     found = [_named(surface, kind, point) for kind, point in places if point is not None]
     if _left_in_pairs(surface, a, b):
         found += _boundary(surface, a, b)
+    grazings = _grazings(surface, a, b)
+    found += grazings
     folds = [x for x in found if x.kind == Kind.FOLD]
     # At a fold a multiplier passes through 1 as well.
     found = [x for x in found if x.kind != Kind.BRANCH or not any(_same(x, f) for f in folds)]
-    return sorted(found, key=lambda x: a.point.along(a.tangent, x.point.x))
+    found = sorted(found, key=lambda x: a.point.along(a.tangent, x.point.x))
+    # Beyond a grazed event there is no motion to have special points.
+    grazed = [x.kind for x in found].index(Kind.GRAZING) + 1 if grazings else None
+    return found[:grazed]
 
 
 def drift(a: Member, b: Member) -> float:
@@ -86,7 +93,26 @@ def drift(a: Member, b: Member) -> float:
     return float((2 * np.abs(two - one) / away).max(initial=0.0))
 
 
-def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
+def _grazings(surface: Surface, a: Member, b: Member) -> list[Member]:
+    """The members between two others that graze an event."""
+    found = []
+    for i in range(len(surface.margins(a.orbit))):
+        # A grazed event has no multipliers.
+        point = _zero(surface, a, b, _margin(i), known=False)
+        found += [] if point is None else [dataclasses.replace(point, kind=Kind.GRAZING)]
+    return found
+
+
+def _margin(i: int) -> Test:
+    def test(surface: Surface, member: Member) -> float:
+        return float(surface.margins(member.orbit)[i])
+
+    return test
+
+
+def _zero(
+    surface: Surface, a: Member, b: Member, test: Test, *, known: bool = True
+) -> Member | None:
     """The member between two others where a test is zero, by the Illinois method; None for none."""
     left, right, side = test(surface, a), test(surface, b), 0
     small = _ZERO * max(abs(left), abs(right))
@@ -100,9 +126,9 @@ def _zero(surface: Surface, a: Member, b: Member, test: Test) -> Member | None:
             break
         # Where Newton's method fails, a shorter step may succeed, or one from the other end.
         member = (
-            _between(surface, a, b, share)
-            or _between(surface, a, b, 0.5 * share)
-            or _between(surface, b, a, 1 - share)
+            _between(surface, a, b, share, known)
+            or _between(surface, a, b, 0.5 * share, known)
+            or _between(surface, b, a, 1 - share, known)
         )
         if member is None:
             break
@@ -138,9 +164,11 @@ def _closed(a: Member, b: Member, share: float) -> bool:
     return not min(share, 1 - share) * length > _CLOSE * (1.0 + a.point.size)
 
 
-def _between(surface: Surface, a: Member, b: Member, share: float) -> Member | None:
+def _between(
+    surface: Surface, a: Member, b: Member, share: float, known: bool = True
+) -> Member | None:
     """The member after a share of the way from one to another; None if it is not found."""
-    return next_member(surface, a, share * a.point.along(a.tangent, b.point.x))
+    return next_member(surface, a, share * a.point.along(a.tangent, b.point.x), known=known)
 
 
 def _same(a: Member, b: Member) -> bool:
@@ -152,7 +180,7 @@ def _named(surface: Surface, kind: Kind, point: Member) -> Member:
     """The point with its kind."""
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
-    hidden = point.alike.shape[1] and surface.equations.closing.parts == 1
+    hidden = point.alike.shape[1] and surface.parts == 1
     if kind == Kind.BRANCH and hidden and surface.aside(point.point.x, point.tangent) is None:
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)

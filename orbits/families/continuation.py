@@ -24,11 +24,14 @@ from jaxdyn.continuation.kept import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import drift, special_points
+from orbits.families.chains import ChainSurface
 from orbits.families.family import Family, Kind, Member
 from orbits.families.kept import ORBITS, about, codec
 from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
-from orbits.families.surface import Point, Surface
-from orbits.orbit import Orbit, SearchError
+from orbits.families.surface import OrbitSurface, Point, Surface
+from orbits.hybrid.equations import Chain, MakeChain
+from orbits.hybrid.legs import HybridOrbit
+from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
 from orbits.shooting.segment import Make
@@ -48,7 +51,11 @@ _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 _BESIDE = 4.0
 _NUDGE = 1e-6  # along a tangent, for a difference
 _ANYWHERE = (-np.inf, np.inf)
-_REST = "an equilibrium, to which the orbits shrink"
+_ENDS = {
+    Kind.REST: "an equilibrium, to which the orbits shrink",
+    Kind.GRAZING: "a grazed event, beyond which the chains are no motions",
+}
+_PASSED = "a bound of a leg, which the chains pass"
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
@@ -65,8 +72,8 @@ _NO_BRANCH_AT_ALL = (
 
 @check_first
 def continue_family(
-    orbit: Orbit,
-    make: Make | None = None,
+    orbit: Orbit | HybridOrbit,
+    make: Make | MakeChain | None = None,
     parameter: float | None = None,
     *,
     step: float = 0.05,
@@ -83,10 +90,11 @@ def continue_family(
     """The family of periodic orbits that an orbit belongs to.
 
     Args:
-      orbit: its first member; what `find` returned.
+      orbit: its first member; what `find` or `find_hybrid` returned.
       make: the scene for each value of a parameter, e.g. a function ``mu -> van_der_pol(mu)``;
         its start and span do not matter. By default the family of a conservative scene along
-        which energy and period change.
+        which energy and period change. For a chain of legs the legs, or the phases that it was
+        found from, e.g. ``slope -> scenes.phases_of(scenes.simplest_walker(slope=slope))``.
       parameter: the value of the parameter for `orbit`.
       step: length of the first step in the space of all unknowns, each in units of its size along
         the largest orbit so far (`orbits.closing.sizes`); the others are up to ten times as long.
@@ -94,20 +102,23 @@ def continue_family(
       down: start towards a smaller parameter (without one: a shorter period).
       within: bounds on the parameter (without one: on the period); the family ends at the first
         member beyond them.
-      energies: bounds on the energy of the members, likewise.
+      energies: bounds on the energy of the members, likewise; not for chains.
       hold: conditions that all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
-        names of entries of the start that all have in common.
-      segments: at least, see `find`; where errors grow on the way orbits are cut into more.
+        names of entries of the start that all have in common; not for chains.
+      segments: at least, see `find`; where errors grow on the way orbits are cut into more; not for
+        chains, whose legs are segments.
       goal: largest closing error of a member.
       report: called with each member as it is found.
       path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
-        same call goes on from it where it was interrupted.
+        same call goes on from it where it was interrupted; not for chains.
     Returns:
       The members, and the special points between them.
     Raises:
       ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
-        `parameter` is given; `step`, `members` or a pair of bounds is out of range.
-    Limits: host only. A special point is detected where a multiplier changes sides between two
+        `parameter` is given; `step`, `members` or a pair of bounds is out of range; a chain of legs
+        is given without `make`, or with what is not for chains.
+    Limits: host only. A family of chains ends where one grazes an event, since beyond they are no
+      motions. A special point is detected where a multiplier changes sides between two
       members: of two that do so in one step one or none is found. One that cannot be located is
       left out.
     Example:
@@ -123,14 +134,20 @@ def continue_family(
     make = None if make is None else remembered("make", make)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
-    if energies != _ANYWHERE and not orbit.scene.has_energy:
-        raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
     value = 0.0 if parameter is None else float(parameter)
-    guess = np.append(np.asarray(orbit.y0), orbit.period)
-    start = Equations.of(orbit, conditions(orbit.scene, hold), make)
-    equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS)
-    x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
-    surface = Surface(equations, orbit.rtol, goal)
+    if isinstance(orbit, HybridOrbit):
+        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments, path=path)
+        chain = Chain.of(orbit, make)
+        x = chain.pack(np.asarray(orbit.y0), orbit.spans, value)
+        surface = ChainSurface(chain, orbit.rtol, goal)
+    else:
+        if energies != _ANYWHERE and not orbit.scene.has_energy:
+            raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
+        guess = np.append(np.asarray(orbit.y0), orbit.period)
+        start = Equations.of(orbit, conditions(orbit.scene, hold), make)
+        equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS)
+        x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
+        surface = OrbitSurface(equations, orbit.rtol, goal)
     point = surface.nearest(x)
     if point is None:
         remedy = "make(parameter) must be the orbit's scene, and `hold` hold for it."
@@ -139,7 +156,7 @@ def continue_family(
     if not first.stability.ok:
         report(first)
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
-        return Family(members=(first,), special=(), end=end, equations=equations)
+        return Family(members=(first,), special=(), end=end, equations=surface.equations)
     return _walked(surface, first, (step, members, within, energies), report, path)
 
 
@@ -151,7 +168,7 @@ def switch_branch(
     amplitude: float | None = None,
     times: int | None = None,
     opposite: bool = False,
-) -> tuple[Orbit, float]:
+) -> tuple[Orbit | HybridOrbit, float]:
     """An orbit on the other branch through a special point, and its parameter.
 
     Args:
@@ -165,8 +182,8 @@ def switch_branch(
     Returns:
       (orbit, parameter); NaN for the parameter where the family has none.
     Raises:
-      ValueError: `special` is an ordinary member, or `times` > 1 where the family closes by a
-        symmetry.
+      ValueError: `special` is an ordinary member, `times` > 1 where the family closes by a
+        symmetry, or the closing of a chain of legs does not hold after so many periods.
       SearchError: no other branch was found.
     """
     if special.kind is None:
@@ -174,12 +191,15 @@ def switch_branch(
     times = times or (2 if special.kind == Kind.DOUBLING else 1)
     point, rtol = special.point, special.orbit.rtol
     old = point.equations
-    if times > 1 and old.closing.parts > 1:
+    kind = ChainSurface if isinstance(old, Chain) else OrbitSurface
+    surface = kind(old.repeated(times), rtol, GOAL)
+    if times > 1 and kind(old, rtol, GOAL).parts > 1:
         remedy = "Continue the family with plain closing."
         raise fail("times", "1 where orbits close by a symmetry", times, remedy)
-    equations = old.repeated(times)
-    surface = Surface(equations, rtol, GOAL)
     x = old.repeat(point.x, times, rtol)
+    if isinstance(old, Chain) and not surface.holds(x):
+        remedy = "Give none: then the difference of the states closes, angles up to whole turns."
+        raise fail("closes", f"one that holds after {times} periods", "another one", remedy)
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
     aside = surface.aside(x, ahead - x)
     if aside is None:
@@ -204,6 +224,15 @@ def _check(orbit, make, parameter, step, members) -> None:
     whole("members", members)
 
 
+def _check_chain(make, **more) -> None:
+    if make is None:
+        remedy = "Families of chains of legs are those in a parameter."
+        raise fail("make", "the legs or phases for each value of a parameter", "none", remedy)
+    for name, given in more.items():
+        if given is not None and given is not False and given != ():
+            raise fail(name, "none for a chain of legs", "one", "Leave it out.")
+
+
 def _check_bounds(name: str, bounds) -> None:
     if not (len(bounds) == 2 and bounds[0] < bounds[1]):
         raise fail(name, "two bounds, the lower one first", bounds)
@@ -212,7 +241,7 @@ def _check_bounds(name: str, bounds) -> None:
 def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     step, most, within, energies = limits
     place = np.append(first.point.x, first.tangent)
-    begin = Begin(ORBITS, step, place, first, about(surface))
+    begin = Begin(ORBITS, step, place, first, {} if path is None else about(surface))
 
     def after(member: Member) -> str:
         if not within[0] <= _measure(surface, member.point) <= within[1]:
@@ -225,7 +254,7 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
         following=lambda last, length: _next(surface.at(last.point), last, length),
         between=lambda a, b, fresh: special_points(surface.at(a.point), a, b),
         ready=lambda new: in_segments(surface, new),
-        before=lambda new, special: _REST if any(x.kind == Kind.REST for x in special) else "",
+        before=_last,
         after=after,
         lost=lambda last, length: why_lost(surface.at(last.point), last, length),
         shortest=_SMALLEST,
@@ -233,6 +262,13 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     with kept_in(path, begin, codec(surface)) as (first, kept):
         found = walked(rules, first, step, most, report, kept)
     return Family(found.members, found.special, found.end, surface.equations)
+
+
+def _last(new: Member, special: list[Member]) -> str:
+    """Why a family ends before a member; empty if it does not."""
+    ends = [_ENDS[x.kind] for x in special if x.kind in _ENDS]
+    passed = new.orbit.outcome == Outcome.BOUND_PASSED
+    return ends[0] if ends else _PASSED if passed else ""
 
 
 def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, float]:

@@ -31,7 +31,7 @@ from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
-from orbits.families.family import Kind, Member
+from orbits.families.family import Kind, Member, smooth_orbit
 from orbits.families.jets import basis, returned
 from orbits.orbit import Orbit
 
@@ -108,7 +108,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
       'supercritical'
     """
     untraced("point", point, "Normal forms are computed on the host.")
-    orbit = point if isinstance(point, Orbit) else point.orbit
+    orbit = point if isinstance(point, Orbit) else smooth_orbit("point", point.orbit)
     kind = point.kind if kind is None and isinstance(point, Member) else kind
     if kind not in _FORMS:
         remedy = "Choose one of family.special, or give kind=."

@@ -7,10 +7,13 @@ import math
 
 import numpy as np
 
-from jaxdyn import _text
+from jaxdyn import Scene, _text
+from jaxdyn._checks import fail
 from jaxdyn._text import counted
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
+from orbits.hybrid.equations import Chain
+from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 from orbits.shooting.equations import Equations
 
@@ -20,7 +23,9 @@ class Kind(enum.StrEnum):
 
     # At a torus point a pair of multipliers crosses the unit circle; at a Krein collision, which
     # only conservative scenes have, two pairs on it meet and leave it on both sides. An
-    # equilibrium, to which orbits shrink, is a Hopf point or a centre; there a family ends.
+    # equilibrium, to which orbits shrink, is a Hopf point or a centre; there a family ends. So does
+    # one of chains of legs where they graze an event; multipliers there are those of the chain
+    # that does not touch it, if that has any.
 
     FOLD = "fold"
     BRANCH = "branch point"
@@ -28,6 +33,7 @@ class Kind(enum.StrEnum):
     TORUS = "torus point"
     KREIN = "Krein collision"
     REST = "equilibrium"
+    GRAZING = "grazing"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Member:
       kind: kind of special point, if it is one.
     """
 
-    orbit: Orbit
+    orbit: Orbit | HybridOrbit
     parameter: float
     energy: float
     stability: Stability
@@ -62,7 +68,7 @@ class Member:
             ("stability", self.stability.verdict),
         ]
         what = "Member" if self.kind is None else str(self.kind).capitalize()
-        return _text.table(f"{what} of a family of {_text.called(self.orbit.scene)}", rows)
+        return _text.table(f"{what} of a family of {_text.called(first_scene(self.orbit))}", rows)
 
     def _numbers(self) -> dict[str, float]:
         return {"parameter": self.parameter, "period": self.orbit.period, "energy": self.energy}
@@ -80,8 +86,8 @@ class Family:
 
     Attributes:
       members: the orbits, one per step.
-      special: folds, branch points, period doublings, torus points, Krein collisions and an
-        equilibrium, between members.
+      special: folds, branch points, period doublings, torus points, Krein collisions, an
+        equilibrium and a grazed event, between members.
       end: why it ends.
       equations: the closing equations they solve.
     """
@@ -89,11 +95,11 @@ class Family:
     members: tuple[Member, ...]
     special: tuple[Member, ...]
     end: str
-    equations: Equations
+    equations: Equations | Chain
 
     @_text.never_raising
     def __repr__(self) -> str:
-        scene = self.members[0].orbit.scene
+        scene = first_scene(self.members[0].orbit)
         verdicts = collections.Counter(member.stability.verdict for member in self.members)
         ranges = {"parameter": self.parameters, "period": self.periods, "energy": self.energies}
         special = [f"{m.kind} at {_place(m)}" for m in self.special]
@@ -126,6 +132,24 @@ class Family:
     def energies(self) -> np.ndarray:
         """(n,) energies of the members."""
         return np.array([member.energy for member in self.members])
+
+
+def first_scene(orbit: Orbit | HybridOrbit) -> Scene:
+    """The scene of an orbit, or of the first leg of a chain."""
+    return orbit.legs[0].scene if isinstance(orbit, HybridOrbit) else orbit.scene
+
+
+def smooth_orbit(name: str, orbit: Orbit | HybridOrbit) -> Orbit:
+    """An orbit as it is.
+
+    Raises:
+      ValueError: it is a chain of legs.
+    """
+    if isinstance(orbit, HybridOrbit):
+        raise fail(
+            name, "an orbit of one smooth motion", "a chain of legs", "It is not for chains."
+        )
+    return orbit
 
 
 def _from_to(x: np.ndarray) -> str:

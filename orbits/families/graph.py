@@ -26,9 +26,9 @@ from jaxdyn.continuation.family import Kind as RestKind
 from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Kind, Member, smooth_orbit
 from orbits.families.lengths import lengths
-from orbits.families.surface import Point, Surface
+from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import solved
 from orbits.orbit import Orbit
 from orbits.shooting.deflation import distance, known
@@ -154,6 +154,8 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
         raise fail("families", "at least one family of orbits", "none")
     if len({family.equations.make is None for family in several}) > 1:
         raise fail("families", "all with a parameter, or all without", "some of both")
+    for family in several:
+        smooth_orbit("families", family.members[0].orbit)
     places: list[Place] = []
     for place in _places(several, rests):
         _progress.doing(f"which families meet at the {place.kind} at {_where(place)}", len(places))
@@ -255,7 +257,7 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
         return False
     equations = end.point.equations
     there = _unknowns(equations, end, place, period)
-    surface, x = Surface(equations, end.orbit.rtol, GOAL), end.point.x
+    surface, x = OrbitSurface(equations, end.orbit.rtol, GOAL), end.point.x
     near = _in_units_of(place, equations, there, end.point)
     units, ahead = near.units, end.tangent / near.units
     # Near the end and ahead of it, but for directions that leave an orbit the same. Orbits about an

@@ -10,7 +10,7 @@ from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import largest_entry
 from orbits.families.steps import parameter_at
-from orbits.families.surface import Surface
+from orbits.families.surface import OrbitSurface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
@@ -78,7 +78,7 @@ def from_hopf(
         equations = Equations(scene=scene, closing=PLAIN, make=family.make)
         guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
         across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
-        surface = Surface(equations, RTOL, GOAL)
+        surface = OrbitSurface(equations, RTOL, GOAL)
         found = surface.nearest(guess, across=across)
         if found is not None:
             return surface.orbit(found), parameter_at(surface, found.x)

@@ -15,7 +15,7 @@ from orbits.closing.closings import Closing
 from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
 from orbits.families.family import Family, Member
-from orbits.families.surface import Point, Surface
+from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.segment import Make
@@ -145,7 +145,7 @@ def family(walk: Stored, make: Make) -> Family:
         collocated=known.collocated,
         stiff=known.stiff,
     )
-    surface = Surface(equations, known.rtol, GOAL)
+    surface = OrbitSurface(equations, known.rtol, GOAL)
     found = read(walk, codec(surface))
     for member in (found.members[0], found.members[-1]):
         x, known = member.point.x, surface.at(member.point).lengths(member.point)

@@ -38,7 +38,7 @@ def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
 
     It keeps the tangent and the directions of the first. None if orbits do not shrink there.
     """
-    if surface.equations.driven:
+    if not surface.shrinks:
         return None
     # Lengths of states, as of unknowns, are in the units of the first one.
     each = a.point.sizes

@@ -1,7 +1,6 @@
 """Steps along a family: the member at a point of the surface of solutions, and the next one."""
 
 import dataclasses
-import math
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,12 +8,8 @@ import numpy as np
 from jaxdyn import Status
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy
-from orbits.analysis.stability import stability
 from orbits.families.family import Member
-from orbits.families.surface import Point, Surface
-from orbits.orbit import Outcome
-from orbits.shooting.outcomes import determined
-from orbits.shooting.segmentation import recut
+from orbits.families.surface import OrbitSurface, Point, Surface
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 #: Growth of errors over an orbit with which doubles hold few digits of it, or none.
@@ -47,8 +42,13 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
 
 
-def next_member(surface: Surface, last: Member, step: float) -> Member | None:
-    """The member a step further along the family, or back; None if it is not found."""
+def next_member(
+    surface: Surface, last: Member, step: float, *, known: bool = True
+) -> Member | None:
+    """The member a step further along the family, or back; None if it is not found.
+
+    Its multipliers must be `known`: without them no special point would be detected.
+    """
     point = _point_beyond(surface, last, step)
     if point is None or surface.rests(point):
         return None
@@ -61,14 +61,13 @@ def next_member(surface: Surface, last: Member, step: float) -> Member | None:
     if alike.shape[1] < last.alike.shape[1]:
         return None
     member = member_at(surface, point, tangent, alike)
-    # Without multipliers no special point would be detected.
-    return member if member.stability.ok else None
+    return member if member.stability.ok or not known else None
 
 
 def why_lost(surface: Surface, last: Member, step: float) -> str:
     """Why there is no `next_member` after a step, even a short one, in words."""
     ahead = last.point.x + step * last.tangent
-    status = Status(int(surface.equations(ahead, surface.rtol).status))
+    status = surface.status(ahead)
     if status != Status.OK:
         reason = f"the motion does not last a period ({status.name.lower().replace('_', ' ')})"
     elif not (point := _point_beyond(surface, last, step)):
@@ -111,11 +110,11 @@ def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
 def in_segments(surface: Surface, member: Member) -> Member:
     """The member in segments that suit it: where errors grow much in one it is cut again."""
     old = member.point
-    cuts = recut(old.equations, old.x, surface.rtol, old.sizes, old.growth)
+    cuts = surface.recut(old)
     if cuts is None:
         return member
     known = old.equations.moved(old.x, cuts, surface.rtol)
-    new = Surface(cuts, surface.rtol, surface.goal)
+    new = OrbitSurface(cuts, surface.rtol, surface.goal)
     point = new.nearest(known, near=old)
     if point is None:
         return member
@@ -148,14 +147,11 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
     """
     tangent, alike = point.units * tangent, point.units[:, None] * alike
     orbit = surface.orbit(point)
-    scene = orbit.scene
+    scene = surface.scene(orbit)
     total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
-    along = surface.of_start(point.x, alike)
-    known = stability(orbit, along=along, throw=False)
-    lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf
-    outcome = Outcome.FOUND if determined(orbit, lost) else Outcome.UNDETERMINED
+    known = surface.stability(orbit, point, alike)
     return Member(
-        orbit=dataclasses.replace(orbit, outcome=outcome),
+        orbit=surface.judged(orbit, known),
         parameter=parameter_at(surface, point.x),
         energy=total,
         stability=known,

@@ -4,21 +4,27 @@ Near a regular orbit it has one direction along the family, and one for each way
 without changing it: in time, and by each symmetry of the scene.
 """
 
+import abc
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import Scene, Status
+from orbits.analysis.stability import Stability, stability
 from orbits.closing.sizes import rate
 from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
-from orbits.shooting.outcomes import orbit_at
-from orbits.shooting.units import InUnits, Lengths, units_at, units_of_unknowns
+from orbits.shooting.outcomes import determined, orbit_at
+from orbits.shooting.segmentation import recut
+from orbits.shooting.units import InUnits, Lengths, Units, units_at, units_of_unknowns
 
 _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
 #: Relative: singular values below are directions of the surface. Those of starts in a close passage
@@ -44,7 +50,7 @@ class Point:
       growth: the largest of errors over a segment; NaN if that is not known.
     """
 
-    equations: Equations
+    equations: Any
     x: np.ndarray
     jacobian: np.ndarray
     sizes: np.ndarray
@@ -64,8 +70,7 @@ class Point:
     @property
     def place(self) -> np.ndarray:
         """(p,) the unknowns that points have in whatever segments: all but the states between."""
-        start, between = self.equations.unpack(self.x)[:2]
-        return np.delete(self.x, slice(start.size, start.size + between.size))
+        return self.equations.place(self.x)
 
     @property
     def size(self) -> float:
@@ -73,20 +78,107 @@ class Point:
         return float(np.linalg.norm(self.x / self.units))
 
 
-class Surface:
-    """All solutions of closing equations, found to a goal at a tolerance."""
+class Closed(Protocol):
+    """Closing equations in units: residual (m,) and Jacobian (m, n) at unknowns as they are.
 
-    def __init__(self, equations: Equations, rtol: float, goal: float):
+    Attributes:
+      units: the units.
+      sizes: (k,) of the entries of the state.
+    """
+
+    units: Units
+    sizes: np.ndarray
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+class Surface(abc.ABC):
+    """All solutions of closing equations, found to a goal at a tolerance.
+
+    One more kind of motion is one more class of this kind: its unknowns x end with the parameter of
+    the family, if it has one, and a time.
+
+    Attributes:
+      equations: the equations; their `make` is None without a parameter.
+      rtol: tolerance of the integrations.
+      goal: largest closing error.
+      shrinks: whether its orbits may shrink to an equilibrium.
+      parts: number of parts of a period, of which one closes.
+    """
+
+    shrinks: bool
+    parts: int
+
+    def __init__(self, equations: Any, rtol: float, goal: float):
         self.equations, self.rtol, self.goal = equations, rtol, goal
-        self._symmetries: tuple[str, ...] | None = None
+
+    @abc.abstractmethod
+    def orbit(self, point: Point) -> Any:
+        """The orbit at a point."""
+
+    @abc.abstractmethod
+    def scene(self, orbit: Any) -> Scene:
+        """The scene in which an orbit starts."""
+
+    @abc.abstractmethod
+    def stability(self, orbit: Any, point: Point, alike: np.ndarray) -> Stability:
+        """The multipliers of the orbit at a point, with directions (n, p) to others of its scene.
+
+        Without an error where there are none; see `Stability.status`.
+        """
+
+    @abc.abstractmethod
+    def judged(self, orbit: Any, known: Stability) -> Any:
+        """The orbit with its outcome, by what is known of its stability."""
+
+    def margins(self, orbit: Any) -> np.ndarray:
+        """(e,) numbers that change sign where an orbit grazes an event."""
+        del orbit
+        return np.zeros(0)
+
+    @abc.abstractmethod
+    def _closed(self, x: np.ndarray, known: Lengths) -> Closed:
+        """The equations in the units of the motion at x."""
+
+    @abc.abstractmethod
+    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+        """The units at x (n,), with sizes (k,) of at least `least`."""
+
+    @abc.abstractmethod
+    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+        """(n,) of the unknowns at x."""
+
+    @abc.abstractmethod
+    def _in_units(self, point: Point) -> np.ndarray:
+        """(m, n) the Jacobian at a point, in units."""
+
+    @abc.abstractmethod
+    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+        """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
 
     def at(self, point: Point) -> "Surface":
         """The same surface, in the segments of a point."""
-        if point.equations is self.equations:
-            return self
-        same = Surface(point.equations, self.rtol, self.goal)
-        same._symmetries = self._symmetries
-        return same
+        del point
+        return self
+
+    def recut(self, point: Point) -> Equations | None:
+        """The equations in segments that suit a point better; None if there are none."""
+        del point
+        return None
+
+    def rests(self, point: Point) -> bool:
+        """Whether a point is an equilibrium, which closes after any period."""
+        del point
+        return False
+
+    @abc.abstractmethod
+    def status(self, x: np.ndarray) -> Status:
+        """How the integrations at x end."""
+
+    def _growth(self, closed: Any, x: np.ndarray) -> float:
+        """The largest of errors over a segment; NaN if that is not known."""
+        del closed, x
+        return math.nan
 
     def nearest(
         self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
@@ -96,10 +188,10 @@ class Surface:
         Lengths are in the units at x, or at a point `near` it, whose sizes are then the least.
         """
         if near is None:
-            known = lengths(self.equations, x)
+            known = self._lengths(x)
         else:
             known = self.lengths(near)
-        closed = InUnits(self.equations, x, self.rtol, lengths=known)
+        closed = self._closed(x, known)
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
 
@@ -125,48 +217,24 @@ class Surface:
         assert result.jacobian is not None
         jacobian = result.jacobian[: len(units.rows)] * units.rows[:, None] / units.x
         residual = float(np.abs(result.residual).max(initial=0.0))
-        here = lengths(self.equations, result.x, 0.0 if near is None else near.sizes)
+        here = self._lengths(result.x, 0.0 if near is None else near.sizes)
         return Point(
             equations=self.equations,
             x=result.x,
             jacobian=jacobian,
             sizes=here.sizes,
-            units=units_of_unknowns(self.equations, result.x, here),
+            units=self._units(result.x, here),
             residual=residual,
             iterations=result.iterations,
-            growth=max(np.linalg.norm(one) for one in closed.transitions(result.x)),
+            growth=self._growth(closed, result.x),
         )
 
     def point(self, x: np.ndarray, residual: float, iterations: int) -> Point:
         """The point at x (n,), which is known to be one; without its Jacobian."""
-        jacobian, here = np.full((1, x.size), np.nan), lengths(self.equations, x)
-        units = units_of_unknowns(self.equations, x, here)
-        return Point(self.equations, x, jacobian, here.sizes, units, residual, iterations)
-
-    def orbit(self, point: Point) -> Orbit:
-        """The orbit at a point."""
-        return orbit_at(
-            self.equations,
-            point.x,
-            residual=point.residual,
-            outcome=Outcome.FOUND,
-            iterations=point.iterations,
-            rtol=self.rtol,
+        jacobian, here = np.full((1, x.size), np.nan), self._lengths(x)
+        return Point(
+            self.equations, x, jacobian, here.sizes, self._units(x, here), residual, iterations
         )
-
-    def rests(self, point: Point) -> bool:
-        """Whether a point is an equilibrium, which closes after any period."""
-        equations = self.equations
-        if equations.driven:
-            return False
-        scene = equations.scene_at(equations.unpack(point.x).parameter)
-        flow = np.asarray(rate(scene, 0.0, equations.start_at(point.x)))
-        radius = flow / point.sizes * point.x[-1] / (2 * np.pi)
-        return bool(np.abs(radius).max() < _AT_REST)
-
-    def of_start(self, x: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(k, p) the change of the start along directions (n, p) at x."""
-        return np.asarray(_start_slope(self.equations, x)) @ directions
 
     def directions(self, point: Point) -> np.ndarray:
         """(n, d) orthonormal in units: directions along the surface that change the orbit."""
@@ -181,34 +249,10 @@ class Surface:
         """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
         return self._neutral(point.x, self._in_units(point), point.units, point.sizes)
 
-    def _in_units(self, point: Point) -> np.ndarray:
-        known = self.lengths(point)
-        return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
-
     def lengths(self, point: Point) -> Lengths:
         """What the units of a point follow from."""
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return Lengths(point.sizes, parameter)
-
-    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
-        equations, unknowns = self.equations, self.equations.unpack(x)
-        scene = equations.scene_at(unknowns.parameter)
-        scene = scene.starting(equations.start_at(x), unknowns.period)
-        columns = [np.zeros(len(x))]
-        if self._symmetries is None:
-            # Looked for once: a family has those of its first member, and one that it loses on the
-            # way is no direction of the surface there.
-            self._symmetries = tuple(trivial.symmetries(scene, each))
-        for name in self._symmetries:
-            states = [scene.y0, *jnp.asarray(unknowns.between)]
-            first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
-            column = equations.pack(first, between, 0.0, 0.0, 0.0) / in_units
-            size = np.linalg.norm(column)
-            # Not every symmetry of the scene is one of the closing condition.
-            if np.linalg.norm(jacobian @ column) <= _NEUTRAL * np.linalg.norm(jacobian) * size > 0:
-                columns.append(column / size)
-        u, s, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
-        return u[:, s > _NEUTRAL]
 
     def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.
@@ -217,7 +261,7 @@ class Surface:
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
         """
-        closed = InUnits(self.equations, x, self.rtol, lengths=lengths(self.equations, x))
+        closed = self._closed(x, self._lengths(x))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None
@@ -225,6 +269,104 @@ class Surface:
         known = np.column_stack([self._neutral(x, jacobian, units, closed.sizes), ahead])
         _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
         return units * vt[-1] if s[-1] < _BRANCH * s[0] else None
+
+
+class OrbitSurface(Surface):
+    """All solutions of the closing equations of orbits."""
+
+    equations: Equations
+
+    def __init__(self, equations: Equations, rtol: float, goal: float):
+        super().__init__(equations, rtol, goal)
+        self.shrinks, self.parts = not equations.driven, equations.closing.parts
+        self._symmetries: tuple[str, ...] | None = None
+
+    def orbit(self, point: Point) -> Orbit:
+        return orbit_at(
+            self.equations,
+            point.x,
+            residual=point.residual,
+            outcome=Outcome.FOUND,
+            iterations=point.iterations,
+            rtol=self.rtol,
+        )
+
+    def at(self, point: Point) -> "OrbitSurface":
+        if point.equations is self.equations:
+            return self
+        same = OrbitSurface(point.equations, self.rtol, self.goal)
+        same._symmetries = self._symmetries
+        return same
+
+    def recut(self, point: Point) -> Equations | None:
+        return recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
+
+    def rests(self, point: Point) -> bool:
+        equations = self.equations
+        if equations.driven:
+            return False
+        scene = equations.scene_at(equations.unpack(point.x).parameter)
+        flow = np.asarray(rate(scene, 0.0, equations.start_at(point.x)))
+        radius = flow / point.sizes * point.x[-1] / (2 * np.pi)
+        return bool(np.abs(radius).max() < _AT_REST)
+
+    def status(self, x: np.ndarray) -> Status:
+        return Status(int(self.equations(x, self.rtol).status))
+
+    def _growth(self, closed: InUnits, x: np.ndarray) -> float:
+        return max(float(np.linalg.norm(one)) for one in closed.transitions(x))
+
+    def scene(self, orbit: Orbit) -> Scene:
+        return orbit.scene
+
+    def stability(self, orbit: Orbit, point: Point, alike: np.ndarray) -> Stability:
+        along = np.asarray(_start_slope(self.equations, point.x)) @ alike
+        return stability(orbit, along=along, throw=False)
+
+    def judged(self, orbit: Orbit, known: Stability) -> Orbit:
+        lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf
+        outcome = Outcome.FOUND if determined(orbit, lost) else Outcome.UNDETERMINED
+        return dataclasses.replace(orbit, outcome=outcome)
+
+    def _closed(self, x: np.ndarray, known: Lengths) -> InUnits:
+        return InUnits(self.equations, x, self.rtol, lengths=known)
+
+    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+        return lengths(self.equations, x, least)
+
+    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+        return units_of_unknowns(self.equations, x, known)
+
+    def _in_units(self, point: Point) -> np.ndarray:
+        known = self.lengths(point)
+        return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
+
+    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+        equations, unknowns = self.equations, self.equations.unpack(x)
+        scene = equations.scene_at(unknowns.parameter)
+        scene = scene.starting(equations.start_at(x), unknowns.period)
+        columns = []
+        if self._symmetries is None:
+            # Looked for once: a family has those of its first member, and one that it loses on the
+            # way is no direction of the surface there.
+            self._symmetries = tuple(trivial.symmetries(scene, each))
+        for name in self._symmetries:
+            states = [scene.y0, *jnp.asarray(unknowns.between)]
+            first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
+            columns.append(equations.pack(first, between, 0.0, 0.0, 0.0) / in_units)
+        # Not every symmetry of the scene is one of the closing condition.
+        return those_kept(jacobian, columns)
+
+
+def those_kept(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
+    """(n, r) orthonormal: of directions (n,), all in units, those in which equations hold on."""
+    kept = [np.zeros(jacobian.shape[1])]
+    for column in columns:
+        size = np.linalg.norm(column)
+        if np.linalg.norm(jacobian @ column) <= _NEUTRAL * np.linalg.norm(jacobian) * size > 0:
+            kept.append(column / size)
+    u, s, _ = np.linalg.svd(np.array(kept).T, full_matrices=False)
+    return u[:, s > _NEUTRAL]
 
 
 @jax.jit

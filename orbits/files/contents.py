@@ -5,15 +5,12 @@ from pathlib import Path
 
 from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from orbits.analysis.report import Report, from_json
 from orbits.files import family_files, orbit_files
 from orbits.files.family_files import Listing
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
-
-_REMEDY = "Give the path of a file that --save, or orbits.save, wrote."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,13 +39,12 @@ def contents(path: str | Path) -> Claimed | Listing:
       ValueError: it is neither an orbit file nor a family file of this version, or its data is
         invalid.
     """
-    record = parsed(content(path, MAX_BYTES, _REMEDY), str(path), _REMEDY)
-    kind = record.get("format") if isinstance(record, dict) else None
+    kind = orbit_files.kind_of(path)
     if kind == family_files.FORMAT:
         return family_files.load(path)
     if kind != orbit_files.FORMAT:
         wanted = f"format {orbit_files.FORMAT!r} or {family_files.FORMAT!r}"
-        raise fail("file", wanted, repr(kind)[:40], _REMEDY)
+        raise fail("file", wanted, repr(kind)[:40], orbit_files.REMEDY)
     orbit, claims = orbit_files.load(path)
     refined, certificate = (
         claims.pop(name, None) for name in (orbit_files.REFINED, orbit_files.CERTIFICATE)

@@ -10,18 +10,21 @@ from jaxdyn.files.digests import DAMAGED
 from orbits.closing.closings import Closing
 from orbits.closing.given import check_drive, driven
 from orbits.closing.symmetry import Symmetry
+from orbits.families.family import smooth_orbit
+from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit, Outcome
 
 KEYS = {"scene", "closing", "angle", "rtol", "s_period", "mesh", "stiff"}
 _WHOLE = 1e-9  # largest difference of the sum of a mesh's intervals from 1
 
 
-def encode(orbit: Orbit) -> dict[str, Any]:
+def encode(orbit: Orbit | HybridOrbit) -> dict[str, Any]:
     """The orbit as numbers, strings, lists and dictionaries.
 
     Raises:
-      ValueError: the scene holds a function.
+      ValueError: the scene holds a function, or it is a chain of legs, which hold some.
     """
+    orbit = smooth_orbit("orbit", orbit)
     return {
         "scene": records.encode(orbit.scene),
         "closing": records.encode(orbit.closing),

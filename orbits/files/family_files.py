@@ -12,6 +12,7 @@ from jaxdyn.files import records
 from jaxdyn.files.digests import DAMAGED
 from orbits.families.family import Family, Kind, Member
 from orbits.files import encoding
+from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
 FORMAT = "jaxdyn-family"
@@ -34,7 +35,7 @@ class Entry:
       kind: kind of special point, if it is one.
     """
 
-    orbit: Orbit
+    orbit: Orbit | HybridOrbit
     parameter: float
     energy: float
     verdict: str

@@ -1,41 +1,57 @@
 """Orbit files: an orbit with all that is claimed of it, written and read."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
+
+from jaxtyping import Array
 
 from jaxdyn._checks import fail
 from jaxdyn.files import records
 from jaxdyn.files.digests import DAMAGED
+from jaxdyn.files.input_files import MAX_BYTES, content, parsed
 from orbits.analysis.report import Report, as_json, report
-from orbits.files import encoding
+from orbits.files import chain_files, encoding
+from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.phases import Phases
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
+
+Closes = Callable[[Array, Array], Array]
 
 FORMAT = "jaxdyn-orbit"
 VERSION = 5
 _OLDER = {4: False}
 #: Claims of more digits and of a proof, where a file has them.
 REFINED, CERTIFICATE = "refined", "certificate"
+REMEDY = "Give the path of a file that --save, or orbits.save, wrote."
 _KEYS = {"format", "version", "claims"} | encoding.KEYS
 
 
 def save(
-    path: str | Path, orbit: Orbit | Refined | Certificate, claims: Report | None = None
+    path: str | Path,
+    orbit: Orbit | HybridOrbit | Refined | Certificate,
+    claims: Report | None = None,
 ) -> None:
     """Write an orbit with all claims about it, atomically.
 
     Args:
       path: of the JSON file.
-      orbit: what `find`, `refine` or `prove` returned; the digits or the certificate are claims.
+      orbit: what `find`, `find_hybrid`, `refine` or `prove` returned; the digits or the certificate
+        are claims. Of a chain of legs the file has the numbers only, since events and changes are
+        functions.
       claims: its report; made here by default.
     Raises:
       ValueError: `orbit` is something else, the folder does not exist, or the scene holds a
         function.
     """
+    if isinstance(orbit, HybridOrbit):
+        chain_files.save(path, orbit, claims)
+        return
     if not isinstance(orbit, Orbit | Refined | Certificate):
         remedy = "The path comes first: orbits.save(path, orbit)."
-        wanted = "what orbits.find, refine or prove returned"
+        wanted = "what orbits.find, find_hybrid, refine or prove returned"
         raise fail("orbit", wanted, type(orbit).__name__, remedy)
     more = {}
     if isinstance(orbit, Refined | Certificate):
@@ -53,12 +69,40 @@ def save(
     )
 
 
-def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]:
-    """The orbit in a file, and the file's claims about it.
+def kind_of(path: str | Path) -> str | None:
+    """The format that a file says it has; None if it says none.
 
     Raises:
-      ValueError: not a readable orbit file of this version, or its data is invalid.
+      ValueError: it is no file of JSON.
     """
+    record = parsed(content(path, MAX_BYTES, REMEDY), str(path), REMEDY)
+    kind = record.get("format") if isinstance(record, dict) else None
+    return kind if isinstance(kind, str) else None
+
+
+@overload
+def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]: ...
+@overload
+def load(
+    path: str | Path, legs: Sequence[Leg] | Phases, *, closes: Closes | None = None
+) -> tuple[HybridOrbit, dict[str, Any]]: ...
+def load(path, legs=None, *, closes=None):
+    """The orbit in a file, and the file's claims about it.
+
+    Args:
+      path: of the JSON file.
+      legs: of a chain of legs the legs or the phases that were given to `find_hybrid`: its file has
+        numbers only.
+      closes: likewise, if it was given.
+    Raises:
+      ValueError: not a readable orbit file of this version, its data is invalid, or the chain does
+        not close by these legs.
+    """
+    if legs is not None:
+        return chain_files.load(path, legs, closes)
+    if kind_of(path) == chain_files.FORMAT:
+        remedy = "Give those of the search: orbits.load(path, legs)."
+        raise fail("legs", "the legs or the phases of the chain in the file", "none", remedy)
     record = records.read(path, FORMAT, VERSION, _OLDER)
     if record.keys() != _KEYS:
         raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)

@@ -1,6 +1,7 @@
 """Verification of an orbit file: every claim in it is recomputed from scratch."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,12 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
 from orbits.analysis.evidence import after, closure
+from orbits.analysis.pieces import Periodic, pieces
 from orbits.analysis.report import Report, as_json, report
 from orbits.closing.sizes import sizes
-from orbits.files.orbit_files import CERTIFICATE, REFINED, load
+from orbits.files.orbit_files import CERTIFICATE, REFINED, Closes, load
+from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.phases import Phases
 from orbits.orbit import Orbit
 
 #: A file's numbers and the recomputed ones may differ by this, relative to their size.
@@ -40,19 +44,33 @@ class Mismatch:
     derived: Any
 
 
-def verify(path: str | Path) -> tuple[Report, list[Mismatch]]:
+def verify(
+    path: str | Path,
+    legs: Sequence[Leg] | Phases | None = None,
+    *,
+    closes: Closes | None = None,
+) -> tuple[Report, list[Mismatch]]:
     """All claims of an orbit file recomputed, and those that do not hold.
 
+    Args:
+      path: of the JSON file.
+      legs: see `load`.
+      closes: see `load`.
     Raises:
       ValueError: see `load`; or the motion of the file's orbit ends before its period.
     """
-    orbit, claims = load(path)
+    orbit, claims = load(path) if legs is None else load(path, legs, closes=closes)
     if not np.isfinite(closure(orbit)):
         got = "one that ends before it"
         raise fail("file", "a motion that lasts for its period", got, DAMAGED)
     derived = report(orbit)
     proofs = {name: claims.pop(name) for name in (REFINED, CERTIFICATE) if name in claims}
     known = as_json(derived)
+    if isinstance(orbit, HybridOrbit):
+        return derived, [
+            *_not_a_motion(orbit, derived),
+            *_compare(claims, known, _units(orbit, known)),
+        ]
     found = [*_not_closed(orbit, derived), *_compare(claims, known, _units(orbit, known))]
     return derived, [*found, *_compare_proofs(orbit, proofs)]
 
@@ -74,6 +92,14 @@ def _compare_proofs(orbit: Orbit, proofs: dict[str, Any]):
             yield Mismatch(f"{name}: {wrong}", "as in the file", "another")
 
 
+def _not_a_motion(orbit: HybridOrbit, derived: Report):
+    """A file may describe a chain that does not close, or that passes a bound."""
+    if not derived.closure <= AGREEMENT:
+        yield Mismatch("error of the closing", f"at most {AGREEMENT:.1e}", derived.closure)
+    if not orbit.keeps_bounds:
+        yield Mismatch("bounds of the legs", "kept", "passed")
+
+
 def _not_closed(orbit: Orbit, derived: Report):
     """A file may truthfully describe a motion that is not an orbit."""
     end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
@@ -88,13 +114,13 @@ def _not_closed(orbit: Orbit, derived: Report):
             yield Mismatch(f"error of the {name}", f"at most {size:.1e}", error)
 
 
-def _units(orbit: Orbit, derived: Any) -> dict[str, Any]:
+def _units(orbit: Periodic, derived: Any) -> dict[str, Any]:
     """What numbers with a unit are compared in, by name; the others are compared with 1."""
     energy = abs(derived["energy"] or 0.0)
     return {
         "period": orbit.period,
         "minimal_period": orbit.period,
-        "y0": sizes(orbit.scene).tolist(),
+        "y0": sizes(pieces(orbit)[0].scene).tolist(),
         "energy": energy,
         "angular_momentum": energy * orbit.period,
         "scale_free": abs(derived["scale_free"] or 0.0),

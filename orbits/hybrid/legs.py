@@ -26,6 +26,10 @@ _LOOKS = 400  # samples of a leg
 _PASSED = 1e-9  # of the largest value of a bound on a leg: a value further below 0 is not rounding
 
 
+#: The name of the phase of each leg, and the index of the exit by which it ends.
+Path = tuple[tuple[str, int], ...]
+
+
 class Leg(Record):
     """A smooth part of a periodic chain.
 
@@ -55,6 +59,7 @@ class HybridOrbit:
       outcome: `Outcome`; unless it is FOUND this is the best iterate.
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.
+      path: through the phases whose legs these are, as `HybridTrajectory.path`; () for others.
     """
 
     legs: tuple[Leg, ...]
@@ -63,6 +68,7 @@ class HybridOrbit:
     outcome: Outcome
     iterations: int
     rtol: float
+    path: Path = ()
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -77,7 +83,11 @@ class HybridOrbit:
         ]
         return _text.table(f"Hybrid orbit of {counted(len(self.legs), 'leg')}", rows)
 
-    _repr_html_ = _text.html
+    @_text.pictured
+    def _repr_html_(self):
+        from orbits.drawing import periodic
+
+        return periodic.overview(self)
 
     def check_functions(self) -> None:
         """Raise ValueError if a number that a function of a leg captured has changed."""
@@ -88,6 +98,12 @@ class HybridOrbit:
     def y0(self) -> Array:
         """(k,) start of the first leg."""
         return self.legs[0].scene.y0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(n,) of the legs: those of their phases, or their numbers."""
+        found = tuple(name for name, _ in self.path)
+        return found or tuple(f"leg {i + 1}" for i in range(len(self.legs)))
 
     @property
     def spans(self) -> np.ndarray:
@@ -131,15 +147,15 @@ class HybridOrbit:
             end = t + float(leg.scene.t1)
             pieces.append(simulate(leg.scene, end, t0=t, samples=samples, rtol=self.rtol))
             t = end
-        names = tuple(f"leg {i + 1}" for i in range(len(pieces)))
         last = self.legs[-1].change(jnp.asarray(t), pieces[-1].ys[-1])
         return HybridTrajectory(
-            names=names,
+            names=self.names,
             pieces=tuple(pieces),
             t=jnp.asarray(t),
             y=last,
             ended=True,
             status=Status.OK,
+            path=self.path,
         )
 
     def smallest(self, leg: int, event: Event) -> float:

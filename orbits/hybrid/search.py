@@ -1,37 +1,31 @@
 """The search for piecewise-smooth periodic motions: closed chains of smooth legs.
 
-The unknowns are the start of the first leg and the duration of each leg. The equations are the
-ends of each leg, its further conditions, and the closing of the chain. Times are unknowns, not
-found by a search for events: a landing without relative velocity grazes the ground, where the
-time of an event has no derivative, while these equations are regular. The price is that a solution
-may pass an end before its time; the bounds of a leg exclude that.
-
-All are numbers of order 1: a state is in units of the sizes of its entries along the chain, a time
-in those of its guess, and an equation in units of what changes of the states by their sizes make of
-it.
+Newton's method on the equations of `equations`, in units.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, checked_scene
 from orbits.closing.given import driven
-from orbits.closing.sizes import sizes
-from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.equations import Chain
+from orbits.hybrid.known import Squares
+from orbits.hybrid.legs import HybridOrbit, Leg, Path
+from orbits.hybrid.phases import Phases, followed, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
+from orbits.shooting.deflation import SAME, Walk, away
+from orbits.shooting.effort import Effort
 from orbits.shooting.finding import GOAL, RTOL
 
 _SHORTEST = 0.02  # of its guess: a shorter leg has vanished
@@ -48,23 +42,29 @@ class Comes(eqx.Module):
 
 
 def find_hybrid(
-    legs: Sequence[Leg],
+    legs: Sequence[Leg] | Phases,
     y0,
-    spans,
+    spans=None,
     *,
+    events: int = 1,
     closes: Callable[[Array, Array], Array] | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
+    unlike: Sequence[HybridOrbit] = (),
     throw: bool = True,
 ) -> HybridOrbit:
     """The periodic chain of legs near a guess.
 
     Args:
-      legs: in order; the last one leads to the first.
+      legs: in order; the last one leads to the first. Or phases by name, as for `simulate_phases`
+        (`scenes.phases_of` has those of ready-made scenes): the legs are those that the motion from
+        `y0` passes, and the bounds of the phases are theirs.
       y0: (k,) guess of the start of the first leg.
-      spans: (n,) guess of the duration of each leg.
+      spans: (n,) guess of the duration of each leg; with phases by default those of the motion
+        from `y0`.
+      events: with phases, how many of them a period has: the motion from `y0` is followed so far.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
       goal: largest closing error of a solution, in units of what changes of the states by their
@@ -72,12 +72,16 @@ def find_hybrid(
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
+      unlike: known chains: another one is sought from the same guess, by Newton's method with these
+        deflated. They are told by the starts of their legs and their periods, so they should begin
+        with an event.
       throw: raise if none was found.
     Returns:
       The chain; of a family of them the one nearest to the guess.
     Raises:
       ValueError: `legs` is empty or has other elements, a leg's rate, an event or a change depends
-        on time, `y0` or `spans` has the wrong shape, or `spans`, `goal` or `rtol` is out of range.
+        on time, `y0` or `spans` has the wrong shape, `spans`, `goal` or `rtol` is out of range; or
+        from `y0` the phases are not `events` ones that lead back to the first.
       SearchError: none was found (``throw=True``).
     Limits: host only. Only the bounds of a leg detect ends that are passed earlier.
     Example:
@@ -94,51 +98,63 @@ def find_hybrid(
       >>> found = orbits.find_hybrid([falls, rises], [0.0, 4.0, 0.0, 0.0], [0.8, 0.9])
       >>> round(found.period, 12)
       2.0
+
+      A gait of two legs that walk down a slope:
+
+      >>> walker = scenes.simplest_walker(slope=0.009)
+      >>> gait = orbits.find_hybrid(scenes.phases_of(walker), walker.y0)
+      >>> round(float(gait.y0[0]), 9)
+      0.200310901
     """
-    legs = tuple(legs)
     untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
+    path: Path = ()
+    if isinstance(legs, Mapping):
+        path, durations = followed(legs, y0, events)
+        spans = durations if spans is None else spans
+    legs = legs_of(legs, path)
     start, times = _start_and_times(legs, y0, spans)
     positive("goal", goal, "It is the largest closing error of an orbit.")
     tolerances(rtol, None)  # checked here: inside jit it cannot be
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
-    k = len(start)
-    x = np.concatenate([start, times])
-    first = _linearised(legs, closes, x, rtol)
-    each = _sizes(legs, first, times)
-    units = np.concatenate([each[0], times])
-    rows = _changes(legs, closes, first, times, each)
+    chain = Chain(legs, closes, path=path)
+    x = chain.pack(start, times)
+    first = chain.linearised(x, rtol)
+    each = chain.sizes(first, times)
+    units = chain.pack(each[0], times)
+    rows = chain.rows(first, times, each)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = _linearised(legs, closes, x, rtol)
+        found = chain.linearised(x, rtol)
         return found.value / rows, found.jacobian * units / rows[:, None]
 
-    shortest = np.concatenate([np.full(k, -np.inf), _SHORTEST * times])
+    shortest = chain.pack(np.full(len(start), -np.inf), _SHORTEST * times)
+    bounds = shortest, np.full(len(x), np.inf)
+    squares = None
+    if unlike:
+        squares = Squares(chain, unlike, each[0])
+        effort = Effort(goal, rtol, max_iterations, report)
+        walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
+        x = away(walk, x).x
     result = newton.solve(
         evaluated,
         x,
-        lower=shortest,
-        upper=np.full(k + len(legs), np.inf),
+        lower=bounds[0],
+        upper=bounds[1],
         goal=goal,
         max_iterations=max_iterations,
         report=report,
         units=units,
     )
-    starts = _linearised(legs, closes, result.x, rtol).starts[:-1]
-    placed = tuple(
-        dataclasses.replace(leg, scene=leg.scene.starting(y, t))
-        for leg, y, t in zip(legs, starts, result.x[k:], strict=True)
-    )
-    found = HybridOrbit(
-        legs=placed,
-        closes=closes,
+    found = chain.orbit(
+        result.x,
         residual=float(np.abs(result.residual).max()),
         outcome=_outcome(result),
         iterations=result.iterations,
         rtol=rtol,
     )
-    if found.ok and not found.keeps_bounds:
-        found = dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
+    if squares is not None and (not found.ok or squares.distance(result.x) <= SAME):
+        found = dataclasses.replace(found, outcome=Outcome.NO_OTHER)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -171,7 +187,8 @@ def _check_timeless(name: str, part: Any, k: int) -> None:
         raise fail(name, wanted, "one that depends on time", remedy)
 
 
-def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+def check_legs(legs: tuple[Leg, ...]) -> None:
+    """Raise ValueError for what is no chain of legs, or depends on time."""
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):
@@ -189,6 +206,10 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
         parts |= {f"bounds[{j}]": event for j, event in enumerate(leg.bounds)}
         for name, part in (parts | {"change": leg.change}).items():
             _check_timeless(f"legs[{i}].{name}", part, len(leg.scene.y0))
+
+
+def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.ndarray]:
+    check_legs(legs)
     start = np.asarray(y0, float)
     k = len(legs[0].scene.y0)
     if start.shape != (k,) or not np.isfinite(start).all():
@@ -197,120 +218,6 @@ def _start_and_times(legs: tuple[Leg, ...], y0, spans) -> tuple[np.ndarray, np.n
     if times.shape != (len(legs),) or not (np.isfinite(times) & (times > 0)).all():
         raise fail("spans", f"a time > 0 for each of {len(legs)} legs", f"{spans}")
     return start, times
-
-
-class _Linearised(NamedTuple):
-    """The equations at unknowns.
-
-    Attributes:
-      value: (m,) left sides.
-      jacobian: (m, n) derivatives by the unknowns.
-      starts: the start of each leg, and that of the leg after the last.
-      ends: the end of each leg.
-    """
-
-    value: np.ndarray
-    jacobian: np.ndarray
-    starts: list[np.ndarray]
-    ends: list[np.ndarray]
-
-
-def _linearised(legs, closes, x: np.ndarray, rtol) -> _Linearised:
-    """The equations and their Jacobian.
-
-    Leg by leg on the host, so that each kind of leg is compiled once for chains of any length.
-    """
-    k = len(x) - len(legs)
-    start, slope = map(np.asarray, _put(legs[0].scene, x[:k]))
-    first = slope @ np.eye(k, len(x))
-    along = first
-    starts, ends, values, rows = [start], [], [], []
-    rtol = np.asarray(rtol, float)  # a Python number would be compiled in
-    for i, leg in enumerate(legs):
-        passed = leg_passed(leg, starts[-1], x[k + i], rtol)
-        (y, left, end), (by_start, by_span) = jax.tree.map(np.asarray, passed)
-        unit = np.eye(len(x))[k + i]
-        along, row = (a @ along + np.outer(b, unit) for a, b in zip(by_start, by_span, strict=True))
-        starts.append(y)
-        ends.append(end)
-        values.append(left)
-        rows.append(row)
-    left, (by_end, by_first) = jax.tree.map(np.asarray, closing_left(closes, starts[-1], start))
-    jacobian = np.concatenate([*rows, by_end @ along + by_first @ first])
-    return _Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
-
-
-def _sizes(legs, first: _Linearised, times: np.ndarray) -> list[np.ndarray]:
-    """(k,) of the entries of the state of each leg: the largest of all where these are one kind."""
-    each = [
-        sizes(leg.scene.starting(y, t))
-        for leg, y, t in zip(legs, first.starts[:-1], times, strict=True)
-    ]
-    labels = [leg.scene.labels() for leg in legs]
-    return [
-        np.max([z for z, other in zip(each, labels, strict=True) if other == own], axis=0)
-        for own in labels
-    ]
-
-
-def _changes(legs, closes, first: _Linearised, times: np.ndarray, each) -> np.ndarray:
-    """(m,) what changes of the states by their sizes make of each equation."""
-    found = [
-        np.asarray(_change(leg, end, t, size))
-        for leg, end, t, size in zip(legs, first.ends, times, each, strict=True)
-    ]
-    _, slopes = jax.tree.map(np.asarray, closing_left(closes, first.starts[-1], first.starts[0]))
-    found.append(sum(np.abs(slope) @ each[0] for slope in slopes))
-    rows = np.concatenate(found)
-    return np.where(rows > 0, rows, 1.0)
-
-
-@eqx.filter_jit
-def _change(leg: Leg, end: Array, span, each: Array) -> Array:
-    """(e,) `_changes` of the ends of a leg."""
-
-    def left(end):
-        return jnp.asarray([event.value(span, end) for event in leg.ends], float)
-
-    return jnp.abs(jax.jacfwd(left)(end)) @ each
-
-
-@eqx.filter_jit
-def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
-    """The nearest start that the constraints allow, and its derivative."""
-
-    def put(y):
-        y = scene.system.project(jnp.zeros(()), y)
-        return y, y
-
-    slope, y = jax.jacfwd(put, has_aux=True)(y)
-    return y, slope
-
-
-@eqx.filter_jit
-def leg_passed(leg: Leg, y: Array, span, rtol):
-    """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
-
-    def passed(y, span):
-        end = solve(leg.scene.starting(y), span, rtol=rtol).y1
-        left = jnp.asarray([event.value(span, end) for event in leg.ends], float)
-        both = leg.change(span, end), left
-        return both, (*both, end)
-
-    slopes, all_ = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
-    return all_, tuple(zip(*slopes, strict=True))
-
-
-@eqx.filter_jit
-def closing_left(closes, end: Array, start: Array):
-    """The closing error, and its derivatives by both states."""
-
-    def left(end, start):
-        value = closes(end, start)
-        return value, value
-
-    slopes, value = jax.jacfwd(left, argnums=(0, 1), has_aux=True)(end, start)
-    return value, slopes
 
 
 def _outcome(result: newton.Result) -> Outcome:

@@ -19,7 +19,7 @@ Reference: P. Farrell, A. Birkisson, S. Funke, SIAM J. Sci. Comput. 37 (2015) A2
 
 import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -116,7 +116,7 @@ def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
 
 def distance(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> float:
     """Distance of a start and a period from the nearest known orbit, relative to its size."""
-    return min(float(np.sqrt(_square(equations, x, one)[0])) for one in several)
+    return min(float(np.sqrt(square)) for square, _ in _squares(equations, x, several))
 
 
 def deflated(
@@ -139,16 +139,29 @@ def deflated(
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
     if equations.driven:  # the period is that of the drive
         lower[-1] = upper[-1] = x[-1]
-    each = _sizes(equations, x, several)
-    closed = InUnits(equations, x, _LOOSE, _MAX_STEPS)
-    walk = _Walk(closed, several, each, (lower, upper), Trouble(equations, x), effort)
+    closed, trouble = InUnits(equations, x, _LOOSE, _MAX_STEPS), Trouble(equations, x)
+    walk = Walk(
+        closed=closed,
+        units=closed.units.x,
+        squares=lambda x: _squares(equations, x, several),
+        sizes=_sizes(equations, x, several),
+        bounds=(lower, upper),
+        lost=lambda x: trouble(equations, x) is not None,
+        effort=effort,
+    )
+    return away(walk, x)
+
+
+def away(walk: "Walk", x: np.ndarray) -> Found:
+    """Where deflated steps end from a guess x (n,), or beside it if it is near a known orbit."""
+    effort, (lower, upper) = walk.effort, walk.bounds
     max_iterations = effort.max_iterations
-    if distance(equations, x, several) > _BESIDE:
+    if walk.distance(x) > _BESIDE:
         return walk(x, max_iterations, _DAMPINGS[0])
     random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
     left = _TRIES * max_iterations
     for damping in itertools.cycle(_DAMPINGS):
-        aside = x + _BESIDE * each * random.standard_normal(len(x))
+        aside = x + _BESIDE * walk.sizes * random.standard_normal(len(x))
         found = walk(np.clip(aside, lower, upper), min(max_iterations, left), damping)
         left -= found.iterations + 1
         if found.near or left <= 0 or effort.over:
@@ -156,20 +169,34 @@ def deflated(
     return found
 
 
-class _Walk(NamedTuple):
-    """Deflated Newton steps from a point on; see `deflated`."""
+class Walk(NamedTuple):
+    """Deflated Newton steps from a point on.
 
-    closed: InUnits
-    several: Sequence[Known]
+    Attributes:
+      closed: x (n,) -> residual and Jacobian in units.
+      units: (n,) of the unknowns.
+      squares: x -> of each known motion the square of its distance, and that square's gradient.
+      sizes: (n,) of the unknowns, in which a step has a largest length.
+      bounds: lower and upper ones (n,) of the unknowns, the last of which is a time.
+      lost: x -> whether it leads nowhere.
+      effort: its limits of steps and time, and what is called after each step.
+    """
+
+    closed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    units: np.ndarray
+    squares: Callable[[np.ndarray], list]
     sizes: np.ndarray
     bounds: tuple[np.ndarray, np.ndarray]
-    trouble: Trouble
+    lost: Callable[[np.ndarray], bool]
     effort: Effort
+
+    def distance(self, x: np.ndarray) -> float:
+        """Distance of x (n,) from the nearest known motion, relative to its size."""
+        return min(float(np.sqrt(square)) for square, _ in self.squares(x))
 
     def __call__(self, x: np.ndarray, most: int, damping: float) -> Found:
         """Where it ends after at most some steps."""
-        closed, several = self.closed, self.several
-        equations, units = closed.equations, closed.units.x
+        closed, units = self.closed, self.units
         step, size, index, held = np.zeros(len(x)), np.inf, 0, 0
         for index in range(most + 1):
             residual, jacobian = closed(x)
@@ -182,29 +209,33 @@ class _Walk(NamedTuple):
             size = float(np.abs(residual).max())
             length = float(np.linalg.norm(step / units))
             self.effort.report(newton.Iteration(index, size, float(x[-1]), length))
-            lost = not np.isfinite(jacobian).all() or self.trouble(equations, x) is not None
+            lost = not np.isfinite(jacobian).all() or self.lost(x)
             # On the shortest period it stays: near it the equations change little.
             held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
             lost |= held >= _HELD
             if size <= _NEAR and not lost:
-                return Found(x, size, near=distance(equations, x, several) > SAME)
+                return Found(x, size, near=self.distance(x) > SAME)
             if lost or index == most or self.effort.over:
                 break
             plain = newton.first_step(x, residual, jacobian, *self.bounds, units, damping)
-            step = plain / (1 - _slope(equations, x, several) @ plain)
+            step = plain / (1 - _slope(self.squares(x)) @ plain)
             step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
             new = np.clip(x + step, *self.bounds)
             step, x = new - x, new
         return Found(x, size, near=False, iterations=index)
 
 
-def _slope(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
+def _slope(squares: list) -> np.ndarray:
     """(n,) the gradient of log m.
 
     Of log(1 / q + 1), where q is the square of a distance, it is minus that of q over q (1 + q).
     """
-    squares = [_square(equations, x, one) for one in several]
     return -np.sum([np.asarray(slope) / (q * (1 + q)) for q, slope in squares], axis=0)
+
+
+def _squares(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> list:
+    """The squares of the distances from known orbits, and their gradients."""
+    return [_square(equations, x, one) for one in several]
 
 
 @jax.jit

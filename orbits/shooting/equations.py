@@ -133,6 +133,11 @@ class Equations(eqx.Module):
         more = [angle] * self.closing.turns + [parameter] * (self.make is not None)
         return np.concatenate([start, np.ravel(between), more, [period]]).astype(float)
 
+    def place(self, x: np.ndarray) -> np.ndarray:
+        """(p,) the unknowns of a motion in whatever segments: all but the states between them."""
+        start, between = self.unpack(x)[:2]
+        return np.delete(x, slice(start.size, start.size + between.size))
+
     def scene_at(self, parameter) -> Scene:
         """The scene at a parameter of the family."""
         return scene_of(self.scene, self.make, parameter)

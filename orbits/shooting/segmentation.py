@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -106,9 +107,9 @@ def _growth(maps: np.ndarray, segments: int) -> float:
     return max(largest(part) for part in np.split(maps, segments))
 
 
-def largest(maps: np.ndarray) -> float:
+def largest(maps: Sequence[np.ndarray] | np.ndarray) -> float:
     """Largest norm of the derivatives of the end by the start of consecutive pieces (n, k, k)."""
-    total, largest = np.eye(maps.shape[-1]), 0.0
+    total, largest = np.eye(len(maps[-1])), 0.0
     for one in maps[::-1]:
         total = total @ one
         largest = max(largest, float(np.linalg.norm(total)))

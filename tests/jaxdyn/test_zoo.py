@@ -19,7 +19,7 @@ from jaxdyn.scenes import catalogue
 ENTRIES = catalogue.entries()
 #: Not conservative, or with no energy at all (see each scene's docstring).
 DISSIPATIVE_OR_DRIVEN = {"car", "lorenz", "plate", "rod_on_line", "shaken_pendulum", "two_masses"}
-DISSIPATIVE_OR_DRIVEN |= {"moved_box", "moved_shape", "turned_box"}
+DISSIPATIVE_OR_DRIVEN |= {"impact_oscillator", "moved_box", "moved_shape", "turned_box"}
 #: They need more than numbers: an effect or a law of force.
 MADE_BY_HAND = {"central_orbit", "particle"}
 SPAN = 0.5  # of time units, or the scene's own if shorter

@@ -18,7 +18,8 @@ from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.phases import simulate_phases
-from jaxdyn.scenes.cylinders import cylinder_on_cylinder, phases_of
+from jaxdyn.scenes.corners import phases_of
+from jaxdyn.scenes.cylinders import cylinder_on_cylinder
 from jaxdyn.scenes.particles import cannonball, particle
 from jaxdyn.scenes.wheels import braking, car
 from jaxdyn.status import Status

@@ -18,7 +18,8 @@ from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.cylinders import cylinder_on_ramp, phases_of
+from jaxdyn.scenes.corners import phases_of
+from jaxdyn.scenes.cylinders import cylinder_on_ramp
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.pendula import pendulum
 

@@ -24,7 +24,7 @@ from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phases import Exit, Phase, simulate_phases
-from jaxdyn.scenes.cylinders import phases_of
+from jaxdyn.scenes.corners import phases_of
 
 T = jnp.zeros(())
 M = (2.0, 3.0)

@@ -12,7 +12,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases.contact import bouncing
 from jaxdyn.integrate.phases import follow
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.scenes.cylinders import phases_of
+from jaxdyn.scenes.corners import phases_of
 from jaxdyn.scenes.pendula import shaken_pendulum
 
 RTOL = 1e-13

@@ -11,12 +11,12 @@ from jaxdyn import Scene
 from jaxdyn.analysis import energy
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.phases import simulate_phases
+from jaxdyn.scenes.corners import phases_of
 from jaxdyn.scenes.cylinders import (
     contact_lost,
     cylinder_on_cylinder,
     cylinder_on_ramp,
     friction_needed,
-    phases_of,
 )
 
 G, R, SMALL = 9.81, 1.0, 0.5

@@ -12,7 +12,7 @@ from scipy.special import ellipk
 import orbits
 from jaxdyn import Status, scenes
 from orbits import Kind
-from orbits.families import steps
+from orbits.families import surface
 
 
 def maker(kind, y0):
@@ -142,7 +142,7 @@ def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkey
             raise ValueError("effect: expected a potential, got none.")
         return orbits.stability(orbit, **options)
 
-    monkeypatch.setattr(steps, "stability", counted)
+    monkeypatch.setattr(surface, "stability", counted)
     with pytest.raises(ValueError, match="effect: expected a potential"):
         orbits.continue_family(first, make, -0.3, members=2)
     assert len(calls) == 2
@@ -154,7 +154,7 @@ def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkey
         linear = orbits.stability(orbit, **options)
         return linear if len(calls) == 1 else dataclasses.replace(linear, status=ended)
 
-    monkeypatch.setattr(steps, "stability", unknown)
+    monkeypatch.setattr(surface, "stability", unknown)
     calls.clear()
     found = orbits.continue_family(first, make, -0.3, members=2)
     assert len(found.members) == 1

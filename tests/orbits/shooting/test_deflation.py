@@ -57,7 +57,7 @@ def test_the_slope_is_that_of_log_m(well):
     def log_m(x):
         return float(np.log1p(1 / deflation._square(here, x, known)[0]))
 
-    slope = deflation._slope(here, at, [known])
+    slope = deflation._slope(deflation._squares(here, at, [known]))
     # So short that the nearest line is the same one: its second derivatives are of order ten.
     h = 1e-6
     expected = [(log_m(at + h * e) - log_m(at - h * e)) / (2 * h) for e in np.eye(5)]
@@ -72,7 +72,7 @@ def test_the_newton_step_of_m_f_is_that_of_f_times_a_number(well):
     found = here(at, 1e-11)
     residual, jacobian = map(np.asarray, (found.residual, found.jacobian))
     jacobian = jacobian + np.eye(*jacobian.shape)  # regular: no direction is left undetermined
-    slope = deflation._slope(here, at, several)
+    slope = deflation._slope(deflation._squares(here, at, several))
     plain = np.linalg.solve(jacobian, -residual)
     m = 1 + deflation.distance(here, at, several) ** -2
     both = np.linalg.solve(m * (jacobian + np.outer(residual, slope)), -m * residual)

@@ -1,0 +1,61 @@
+"""The phases of the ready-made scenes whose motions have corners, by the kind of their system.
+
+One more is a function of the scene in the file of its family, and one line here.
+"""
+
+from collections.abc import Callable
+
+from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn.integrate.phase import Phase
+from jaxdyn.mechanisms.car import Car
+from jaxdyn.mechanisms.cylinders import Cylinder
+from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scenes import cylinders, impacts, walkers, wheels
+
+_PHASES: dict[type, Callable[[Scene], dict[str, Phase]]] = {
+    Car: wheels.braking,
+    Cylinder: cylinders.contact_phases,
+    impacts.BallOnTable: impacts.flight_phases,
+    impacts.ImpactOscillator: impacts.impact_phases,
+    walkers.RimlessWheel: walkers.roll_phases,
+    walkers.SimplestWalker: walkers.walk_phases,
+}
+
+
+def has_corners(scene: Scene) -> bool:
+    """Whether `phases_of` has the phases of a scene: a car without friction never stops."""
+    kind = _kind(scene)
+    return kind in _PHASES and (kind is not Car or bool(scene.effects))
+
+
+@check_first
+def phases_of(scene: Scene) -> dict[str, Phase]:
+    """The phases of a ready-made scene whose motion has corners, for `simulate_phases`.
+
+    ``simulate_phases(phases_of(scene), None, scene.y0, t1)`` starts with the first of them that the
+    start fits. `orbits.find_hybrid` finds motions through them that repeat.
+
+    Args:
+      scene: a cylinder (roll, slip, fly), a `car` with friction (slide), a `rimless_wheel`, a
+        `simplest_walker`, a `ball_on_table` or an `impact_oscillator`.
+    Raises:
+      ValueError: it is another, or a car without friction.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from jaxdyn.integrate import phases
+      >>> walker = scenes.simplest_walker()
+      >>> steps = phases.simulate_phases(scenes.phases_of(walker), None, walker.y0, 20.0)
+      >>> len(steps.pieces)
+      6
+    """
+    make = _PHASES.get(_kind(checked_scene(scene)))
+    if make is None:
+        known = ", ".join(sorted(kind.__name__ for kind in _PHASES))
+        remedy = "Write the phases: jaxdyn.integrate.phases.Phase(scene, exits)."
+        raise _checks.fail("scene", f"one of {known}", _kind(scene).__name__, remedy)
+    return make(scene)
+
+
+def _kind(scene: Scene) -> type:
+    return type(getattr(scene.system, "mechanism", scene.system))

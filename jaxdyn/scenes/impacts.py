@@ -1,0 +1,246 @@
+"""Impacts of a driven body: a ball on a table that goes up and down, an oscillator with a stop.
+
+The phase of the drive is an entry of the state, an angle: so the scenes do not depend on time, and
+a motion that repeats itself in step with the drive closes.
+
+References: Holmes (1982), J. Sound Vib. 84, 173; Shaw and Holmes (1983), J. Sound Vib. 90, 129;
+Nordmark (1991), J. Sound Vib. 145, 279.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float, floats
+from jaxdyn._records.kinds import check_first
+from jaxdyn.integrate.events import Event, Reaches
+from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.scene import Scene, System
+from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.sketch import Shape
+from jaxdyn.system import Points
+
+
+def _check_restitution(value) -> None:
+    if not 0 <= float(value) <= 1:
+        remedy = "It is the speed after an impact over that before."
+        raise _checks.fail("restitution", "between 0 and 1", float(value), remedy)
+
+
+# ---- A ball on a table
+
+
+class BallOnTable(System):
+    """A ball that falls freely above a table at the height A sin(phase).
+
+    Attributes:
+      restitution: speed relative to the table after an impact over that before [1].
+      amplitude: A of the table [m].
+      frequency: of the table [rad/s].
+      g: gravity [m/s^2].
+    """
+
+    restitution: Array = eqx.field(converter=as_float)
+    amplitude: Array = eqx.field(converter=as_float)
+    frequency: Array = eqx.field(converter=as_float)
+    g: Array = eqx.field(converter=as_float)
+
+    def labels(self):
+        return ("y", "m"), ("vy", "m/s"), ("phase", "rad")
+
+    def rate(self, t, y, effects):
+        del t, effects
+        return jnp.stack([y[1], -self.g, self.frequency])
+
+    def table(self, phase: Array) -> tuple[Array, Array]:
+        """() height [m] and () velocity [m/s] of the table."""
+        height = self.amplitude * jnp.sin(phase)
+        return height, self.amplitude * self.frequency * jnp.cos(phase)
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        zero = jnp.zeros(())
+        return Points(jnp.stack([zero, y[0]])[None], jnp.stack([zero, y[1]])[None], jnp.ones(1))
+
+    def energies(self, t, y, effects):
+        del effects
+        return self.kinetic(t, y), self.g * y[0]
+
+    def sketch(self, t, y):
+        del t
+        half, height = self.amplitude, self.table(y[2])[0]
+        ends = jnp.stack([jnp.stack([-half, height]), jnp.stack([half, height])])
+        return (Shape("line", ends),)
+
+    def check(self, t, y):
+        del t, y
+        _check_restitution(self.restitution)
+
+
+class MeetsTable(Event):
+    """A ball comes down to the table."""
+
+    ball: BallOnTable
+
+    def value(self, t, y):
+        del t
+        return y[0] - self.ball.table(y[2])[0]
+
+    @property
+    def direction(self):
+        return -1
+
+
+class OffTable(eqx.Module):
+    """The state of a ball after its impact on the table."""
+
+    ball: BallOnTable
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        """(3,) state after the impact."""
+        del t
+        speed = self.ball.table(y[2])[1]
+        return y.at[1].set(speed - self.ball.restitution * (y[1] - speed))
+
+
+@ready_made()
+def ball_on_table(
+    *,
+    restitution=0.8,
+    amplitude=0.1,
+    frequency=10.0,
+    g=9.81,
+    phase=0.0,
+    velocity=3.0,
+    t1=3.0,
+) -> Scene:
+    """A ball that bounces on a table which goes up and down, from the table on.
+
+    `phases_of` has its flights. A ball that bounces once in n periods T of the table meets it at a
+    phase where the table rises with g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound Vib. 84,
+    173.
+
+    Args:
+      restitution: e, speed relative to the table after an impact over that before [1].
+      amplitude: of the table [m].
+      frequency: of the table [rad/s].
+      g: gravity [m/s^2].
+      phase: of the table at the start, its height being amplitude sin(phase) [rad].
+      velocity: of the ball at the start, upwards [m/s].
+      t1: span [s].
+    """
+    ball = BallOnTable(restitution, amplitude, frequency, g)
+    phase, velocity = floats(phase, velocity)
+    return Scene(ball, y0=jnp.stack([ball.table(phase)[0], velocity, phase]), t1=t1)
+
+
+@check_first
+def flight_phases(scene: Scene) -> dict[str, Phase]:
+    """The flight of a `ball_on_table` as a phase, which an impact on the table ends."""
+    ball = scene.system
+    return {"fly": Phase(scene, (Exit(MeetsTable(ball), "fly", OffTable(ball)),))}
+
+
+# ---- An oscillator with a stop
+
+
+class ImpactOscillator(System):
+    """A mass on a spring with a damper and a force F cos(phase), at x below that of a stop.
+
+    Attributes:
+      m: mass [kg].
+      c: of the damper [kg/s].
+      k: of the spring [N/m].
+      force: F [N].
+      frequency: of the force [rad/s].
+      stop: x of the stop [m]; the spring is relaxed at 0.
+      restitution: speed after an impact over that before [1].
+    """
+
+    m: Array = eqx.field(converter=as_float)
+    c: Array = eqx.field(converter=as_float)
+    k: Array = eqx.field(converter=as_float)
+    force: Array = eqx.field(converter=as_float)
+    frequency: Array = eqx.field(converter=as_float)
+    stop: Array = eqx.field(converter=as_float)
+    restitution: Array = eqx.field(converter=as_float)
+
+    def labels(self):
+        return ("x", "m"), ("vx", "m/s"), ("phase", "rad")
+
+    def rate(self, t, y, effects):
+        del t, effects
+        x, v, phase = y
+        pull = self.force * jnp.cos(phase) - self.k * x - self.c * v
+        return jnp.stack([v, pull / self.m, self.frequency])
+
+    def points(self, t, y):
+        del t
+        return Points(y[None, :1], y[None, 1:2], self.m[None])
+
+    def energies(self, t, y, effects):
+        del effects
+        return self.kinetic(t, y), 0.5 * self.k * y[0] ** 2
+
+    def check(self, t, y):
+        del t, y
+        _checks.positive("m", self.m)
+        _check_restitution(self.restitution)
+
+
+class Rebounds(eqx.Module):
+    """The state of an oscillator after its impact on the stop."""
+
+    oscillator: ImpactOscillator
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        """(3,) state after the impact."""
+        del t
+        return y.at[1].multiply(-self.oscillator.restitution)
+
+
+@ready_made()
+def impact_oscillator(
+    *,
+    m=1.0,
+    c=0.1,
+    k=1.0,
+    force=1.0,
+    frequency=2.6,
+    stop=0.0,
+    restitution=0.8,
+    x=0.0,
+    velocity=-0.5,
+    phase=0.0,
+    t1=20.0,
+) -> Scene:
+    """A driven mass on a spring that hits a stop on its right.
+
+    `phases_of` has its motion between impacts. Without impacts it oscillates by the amplitude
+    F / sqrt((k - m w^2)^2 + (c w)^2); a stop at this distance is grazed. Shaw and Holmes (1983), J.
+    Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
+
+    Args:
+      m: mass [kg].
+      c: of the damper [kg/s].
+      k: of the spring [N/m].
+      force: amplitude F of the force F cos(phase) [N].
+      frequency: w, of the force [rad/s].
+      stop: x of the stop [m]; the spring is relaxed at x = 0.
+      restitution: speed after an impact over that before [1].
+      x: at the start, at most `stop` [m].
+      velocity: at the start [m/s].
+      phase: of the force at the start [rad].
+      t1: span [s].
+    """
+    oscillator = ImpactOscillator(m, c, k, force, frequency, stop, restitution)
+    return Scene(oscillator, y0=jnp.stack(floats(x, velocity, phase)), t1=t1)
+
+
+@check_first
+def impact_phases(scene: Scene) -> dict[str, Phase]:
+    """The motion of an `impact_oscillator` as a phase, which an impact on its stop ends."""
+    oscillator = scene.system
+    hits = Reaches(0, oscillator.stop, 1)
+    return {"swing": Phase(scene, (Exit(hits, "swing", Rebounds(oscillator)),))}

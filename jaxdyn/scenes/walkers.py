@@ -1,0 +1,273 @@
+"""Walking down a slope without motors: the rimless wheel, and the simplest walker.
+
+Between two steps each is a pendulum upside down about the foot on the ground. A step is an impact
+without slip or rebound in which the other foot comes to the ground as the first one leaves it: the
+angular momentum about the new foot is kept, some of the energy is not. The state has no position:
+each step starts at its own foot.
+
+- The rimless wheel of n spokes, 2 a = 2 pi / n apart, keeps the part cos 2a of its angular velocity
+  in a step. Its gait has the angular velocity 2 cot 2a sqrt(g/l sin a sin slope) after a step, and
+  the multiplier cos^2 2a.
+- The simplest walker has two legs, a mass at the hip and far smaller ones at the feet, so that the
+  swing leg does not act on the stance leg. Its knees are stiff: the swing foot passes through the
+  ground when the legs are parallel, which is ignored.
+
+References: McGeer (1990), Int. J. Robotics Research 9(2), 62; Garcia, Chatterjee, Ruina and Coleman
+(1998), J. Biomech. Eng. 120, 281.
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float, floats
+from jaxdyn._records.kinds import check_first
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.scene import Scene, System
+from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.sketch import Shape
+from jaxdyn.system import Points
+
+
+def _along(angle: Array) -> Array:
+    """(2,) the direction at an angle from straight up, clockwise."""
+    return jnp.stack([jnp.sin(angle), jnp.cos(angle)])
+
+
+def _ground(slope: Array, l: Array) -> Shape:  # noqa: E741
+    along = l * _along(slope + jnp.pi / 2)
+    return Shape("ground", jnp.stack([-along, along]))
+
+
+# ---- The rimless wheel
+
+
+class RimlessWheel(System):
+    """A wheel of equal spokes without a rim, its mass at the hub, on one of its spokes.
+
+    Attributes:
+      spokes: number of spokes.
+      slope: angle of the ground below the horizontal, falling towards +x [rad].
+      l: length of a spoke [m].
+      g: gravity [m/s^2].
+    """
+
+    spokes: int = eqx.field(static=True)
+    slope: Array = eqx.field(converter=as_float)
+    l: Array = eqx.field(converter=as_float)  # noqa: E741
+    g: Array = eqx.field(converter=as_float)
+
+    def labels(self):
+        return ("theta", "rad"), ("omega", "rad/s")
+
+    @property
+    def half(self) -> float:
+        """Half of the angle between two spokes [rad]."""
+        return math.pi / self.spokes
+
+    @property
+    def second_order(self):
+        return True
+
+    def rate(self, t, y, effects):
+        del t, effects
+        theta, omega = y
+        return jnp.stack([omega, self.g / self.l * jnp.sin(theta)])
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        across = jnp.stack([jnp.cos(y[0]), -jnp.sin(y[0])])
+        return Points(self.l * _along(y[0])[None], self.l * y[1] * across[None], jnp.ones(1))
+
+    def energies(self, t, y, effects):
+        del effects
+        return self.kinetic(t, y), self.g * self.l * jnp.cos(y[0])
+
+    def sketch(self, t, y):
+        hub = self.points(t, y).r[0]
+        turns = jnp.pi + y[0] + 2 * self.half * jnp.arange(self.spokes, dtype=float)
+        ends = hub[None] + self.l * jnp.stack([jnp.sin(turns), jnp.cos(turns)], axis=1)
+        spokes = jnp.stack([jnp.broadcast_to(hub[None], ends.shape), ends], axis=1)
+        return Shape("line", spokes), _ground(self.slope, self.l)
+
+    def check(self, t, y):
+        del t, y
+        _checks.whole("spokes", self.spokes, least=5, remedy="With fewer no spoke lets it roll on.")
+        _checks.positive("l", self.l)
+
+
+class SpokeLands(Event):
+    """The next spoke reaches the ground, ahead (way 1) or behind (-1)."""
+
+    wheel: RimlessWheel
+    way: int = eqx.field(static=True)
+
+    def value(self, t, y):
+        del t
+        return y[0] - (self.wheel.slope + self.way * self.wheel.half)
+
+    @property
+    def direction(self):
+        return self.way
+
+
+class NextSpoke(eqx.Module):
+    """The state of a rimless wheel on its next spoke, ahead (way 1) or behind (-1)."""
+
+    wheel: RimlessWheel
+    way: int = eqx.field(static=True)
+
+    def __call__(self, t: Array, y: Array) -> Array:
+        """(2,) state after the impact."""
+        del t
+        between = 2 * self.wheel.half
+        return jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
+
+
+@ready_made()
+def rimless_wheel(*, spokes=8, slope=0.08, l=1.0, g=1.0, omega=0.4, t1=5.0) -> Scene:  # noqa: E741
+    """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
+
+    It starts on a spoke that has just landed. `phases_of` has its steps. With the default numbers
+    the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier 1/2.
+    McGeer (1990), Int. J. Robotics Research 9(2), 62.
+
+    Args:
+      spokes: number of spokes, at least 5.
+      slope: angle of the ground below the horizontal, falling towards +x [rad].
+      l: length of a spoke [m].
+      g: gravity [m/s^2].
+      omega: angular velocity at the start, down the slope [rad/s].
+      t1: span [s].
+    """
+    spokes = _checks.whole("spokes", spokes, least=5, remedy="With fewer it does not roll on.")
+    wheel = RimlessWheel(spokes, slope, l, g)
+    return Scene(wheel, y0=jnp.stack([slope - wheel.half, as_float(omega)]), t1=t1)
+
+
+@check_first
+def roll_phases(scene: Scene) -> dict[str, Phase]:
+    """The motion of a `rimless_wheel` as a phase, which a spoke ahead or behind it ends."""
+    wheel = scene.system
+    exits = [Exit(SpokeLands(wheel, way), "roll", NextSpoke(wheel, way)) for way in (1, -1)]
+    return {"roll": Phase(scene, tuple(exits))}
+
+
+# ---- The simplest walker
+
+
+class SimplestWalker(System):
+    """Two legs with a mass at the hip and feet of no mass, one foot on the ground.
+
+    Angles are counterclockwise: the stance leg's from the normal of the ground, the swing leg's
+    from the stance leg, so that both decrease in a step towards +x.
+
+    Attributes:
+      slope: angle of the ground below the horizontal, falling towards +x [rad].
+      l: length of a leg [m].
+      g: gravity [m/s^2].
+    """
+
+    slope: Array = eqx.field(converter=as_float)
+    l: Array = eqx.field(converter=as_float)  # noqa: E741
+    g: Array = eqx.field(converter=as_float)
+
+    def labels(self):
+        names = "stance", "swing"
+        return *((name, "rad") for name in names), *((f"{name}_rate", "rad/s") for name in names)
+
+    def rate(self, t, y, effects):
+        del t, effects
+        stance, swing, stance_rate, swing_rate = y
+        pull = self.g / self.l
+        turn = pull * jnp.sin(stance - self.slope)
+        hang = stance_rate**2 - pull * jnp.cos(stance - self.slope)
+        return jnp.stack([stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing)])
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        up = self.slope - y[0]
+        across = jnp.stack([jnp.cos(up), -jnp.sin(up)])
+        return Points(self.l * _along(up)[None], -self.l * y[2] * across[None], jnp.ones(1))
+
+    def energies(self, t, y, effects):
+        del effects
+        return self.kinetic(t, y), self.g * self.l * jnp.cos(y[0] - self.slope)
+
+    def sketch(self, t, y):
+        hip = self.points(t, y).r[0]
+        foot = hip - self.l * _along(self.slope - y[0] + y[1])
+        legs = jnp.stack([jnp.zeros(2), hip, foot])
+        return (
+            Shape("line", legs),
+            _ground(self.slope, self.l),
+            Shape("trace", hip[None], "hip"),
+            Shape("trace", foot[None], "swing foot"),
+        )
+
+    def check(self, t, y):
+        del t, y
+        _checks.positive("l", self.l)
+
+
+class HeelStrikes(Event):
+    """The swing foot comes down to the ground: not where it leaves, nor where it scuffs."""
+
+    def value(self, t, y):
+        del t
+        return y[1] - 2 * y[0]
+
+    @property
+    def direction(self):
+        return 1
+
+
+def changes_feet(t: Array, y: Array) -> Array:
+    """(4,) the state of a `SimplestWalker` on its other foot, after the impact."""
+    del t
+    stance, _, rate, _ = y
+    kept = jnp.cos(2 * stance)
+    return jnp.stack([-stance, -2 * stance, kept * rate, kept * (1 - kept) * rate])
+
+
+@ready_made()
+def simplest_walker(
+    *,
+    slope=0.009,
+    l=1.0,  # noqa: E741
+    g=1.0,
+    stance=0.2,
+    rate=-0.2,
+    t1=4.0,
+) -> Scene:
+    """Two legs that walk down a slope without a motor, on one foot after the other.
+
+    It starts just after a step. `phases_of` has its steps. Its gait of slope 0.009 has the angle
+    0.20031090054424716 and the rate -0.19983247300495 after a step; it is stable up to a slope of
+    0.0150884379, where its period doubles. Garcia et al. (1998), J. Biomech. Eng. 120, 281.
+
+    Args:
+      slope: angle of the ground below the horizontal, falling towards +x [rad].
+      l: length of a leg [m].
+      g: gravity [m/s^2].
+      stance: angle of the leg that has come to the ground, counterclockwise from the normal of the
+        ground [rad].
+      rate: of that angle [rad/s].
+      t1: span [s].
+    """
+    stance, rate = floats(stance, rate)
+    kept = jnp.cos(2 * stance)
+    y0 = jnp.stack([stance, 2 * stance, rate, (1 - kept) * rate])
+    return Scene(SimplestWalker(slope, l, g), y0=y0, t1=t1)
+
+
+@check_first
+def walk_phases(scene: Scene) -> dict[str, Phase]:
+    """The motion of a `simplest_walker` as a phase, which the strike of the other foot ends."""
+    # The foot is below the ground where the knee of another walker would bend: no bound.
+    strikes = Exit(HeelStrikes(), "swing", changes_feet, one_sided=False)
+    return {"swing": Phase(scene, (strikes,))}

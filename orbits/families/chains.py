@@ -1,0 +1,125 @@
+"""Chains of legs as a surface of solutions: their families are followed like those of orbits.
+
+Their unknowns are those of `orbits.hybrid.equations`. A family goes on beyond a grazed event, but
+with chains that are no motions; so grazing is a special point, at which it ends.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from jaxdyn import Scene, Status
+from orbits.analysis.stability import Stability, stability
+from orbits.closing.sizes import rate
+from orbits.families.surface import Point, Surface, those_kept
+from orbits.hybrid.equations import Chain, Linearised, closing_left
+from orbits.hybrid.legs import HybridOrbit
+from orbits.hybrid.margins import margins
+from orbits.orbit import Outcome
+from orbits.shooting.units import Lengths, Units
+
+_RANK = 1e-9  # relative: what a closing leaves out
+_HOLDS = 1e-6  # a chain over several periods closes better than this, if its closing allows it
+
+
+class ChainSurface(Surface):
+    """All solutions of the equations of a chain of legs."""
+
+    equations: Chain
+    shrinks, parts = False, 1
+
+    def orbit(self, point: Point) -> HybridOrbit:
+        return self.equations.orbit(
+            point.x,
+            residual=point.residual,
+            outcome=Outcome.FOUND,
+            iterations=point.iterations,
+            rtol=self.rtol,
+        )
+
+    def scene(self, orbit: HybridOrbit) -> Scene:
+        return orbit.legs[0].scene
+
+    def stability(self, orbit: HybridOrbit, point: Point, alike: np.ndarray) -> Stability:
+        del point, alike  # of integrals nothing is known
+        # Beyond a bound as well: there the tests tell that it was passed.
+        closed = dataclasses.replace(orbit, outcome=Outcome.FOUND)
+        return stability(closed, throw=False)
+
+    def judged(self, orbit: HybridOrbit, known: Stability) -> HybridOrbit:
+        del known
+        return orbit
+
+    def margins(self, orbit: HybridOrbit) -> np.ndarray:
+        return margins(orbit)
+
+    def status(self, x: np.ndarray) -> Status:
+        known = np.isfinite(self.equations.linearised(x, self.rtol).jacobian).all()
+        return Status.OK if known else Status.NOT_FINITE
+
+    def holds(self, x: np.ndarray) -> bool:
+        """Whether the equations hold at x, roughly."""
+        residual, _ = self._closed(x, self._lengths(x))(x)
+        return bool(np.abs(residual).max() <= _HOLDS)
+
+    def _closed(self, x: np.ndarray, known: Lengths) -> "_InUnits":
+        return _InUnits(self.equations, x, self.rtol, self._units(x, known), known.sizes)
+
+    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+        chain, unknowns = self.equations, self.equations.unpack(x)
+        found = chain.linearised(x, self.rtol)
+        each = chain.sizes(found, unknowns.spans, unknowns.parameter)
+        own = np.maximum(each[0], least)
+        if chain.make is None:
+            return Lengths(own)
+        rows = chain.rows(found, unknowns.spans, each, unknowns.parameter)
+        # Its unit changes an equation by that equation's unit, where it does so most.
+        most = float(np.abs(found.jacobian[:, -2] / rows).max())
+        return Lengths(own, 1 / most if 0 < most < np.inf else 1.0)
+
+    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+        radians = self.equations.unpack(x).spans / (2 * np.pi)
+        return self.equations.pack(known.sizes, radians, known.parameter)
+
+    def _in_units(self, point: Point) -> np.ndarray:
+        jacobian = point.jacobian * point.units
+        rows = np.linalg.norm(jacobian, axis=1, keepdims=True)
+        return jacobian / np.where(rows > 0, rows, 1.0)
+
+    def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
+        del each
+        chain, unknowns = self.equations, self.equations.unpack(x)
+        start = unknowns.start
+        scene = chain.legs_at(unknowns.parameter)[0].scene
+        shift = np.zeros(len(unknowns.spans))
+        shift[0], shift[-1] = shift[0] - 1.0, shift[-1] + 1.0
+        columns = [chain.pack(np.asarray(rate(scene, 0.0, start)), shift)]
+        by_start = np.asarray(closing_left(chain.closes, start, start)[1][1])
+        _, s, vt = np.linalg.svd(by_start)
+        kept = int((s > _RANK * s.max(initial=0.0)).sum())
+        columns += [chain.pack(way, np.zeros_like(shift)) for way in vt[kept:]]
+        return those_kept(jacobian, [column / in_units for column in columns])
+
+
+class _InUnits:
+    """The equations of a chain in the units of the motion at a first point; see `Closed`."""
+
+    def __init__(self, chain: Chain, x: np.ndarray, rtol: float, in_units: np.ndarray, sizes):
+        self.chain, self.rtol, self.sizes = chain, rtol, sizes
+        unknowns = chain.unpack(x)
+        self._last = x, chain.linearised(x, rtol)
+        each = chain.sizes(self._last[1], unknowns.spans, unknowns.parameter)
+        rows = chain.rows(self._last[1], unknowns.spans, each, unknowns.parameter)
+        self.units = Units(in_units, rows)
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = self._at(x)
+        value, jacobian = found.value / self.units.rows, self.units.jacobian(found.jacobian)
+        if not (self.chain.unpack(x).spans > 0).all():
+            return np.full_like(value, np.nan), np.full_like(jacobian, np.nan)
+        return value, jacobian
+
+    def _at(self, x: np.ndarray) -> Linearised:
+        if not np.array_equal(x, self._last[0]):
+            self._last = x, self.chain.linearised(x, self.rtol)
+        return self._last[1]

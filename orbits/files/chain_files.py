@@ -1,0 +1,98 @@
+"""Files of chains of legs: their numbers with all that is claimed of them.
+
+A file holds no functions, and so no events and changes: the legs, or the phases, are given again
+when it is read, and refused if the chain does not close by them.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._checks import fail
+from jaxdyn.files import records
+from jaxdyn.files.digests import DAMAGED
+from jaxdyn.files.typed import typed_fields
+from orbits.analysis.evidence import closure
+from orbits.analysis.report import Report, as_json, report
+from orbits.hybrid.legs import HybridOrbit, Leg
+from orbits.hybrid.phases import Phases, legs_of
+from orbits.hybrid.search import Comes, check_legs
+from orbits.orbit import Outcome
+
+FORMAT = "jaxdyn-chain"
+VERSION = 1
+#: Largest closing error of a chain by the legs that are given with its file.
+_HOLDS = 1e-6
+
+
+class _Stored(NamedTuple):
+    """The entries of a file besides its format and version.
+
+    Attributes:
+      path: see `HybridOrbit`.
+      starts: of the legs.
+      spans: of the legs.
+      rtol: see `HybridOrbit`.
+      claims: what is claimed of the chain.
+    """
+
+    path: list[tuple[str, int]]
+    starts: list[list[float]]
+    spans: list[float]
+    rtol: float
+    claims: dict
+
+
+def save(path: str | Path, orbit: HybridOrbit, claims: Report | None) -> None:
+    """See `orbits.save`."""
+    known = _Stored(
+        path=list(orbit.path),
+        starts=[np.asarray(leg.scene.y0).tolist() for leg in orbit.legs],
+        spans=orbit.spans.tolist(),
+        rtol=float(orbit.rtol),
+        claims=as_json(report(orbit) if claims is None else claims),
+    )
+    records.write(path, {"format": FORMAT, "version": VERSION, **known._asdict()})
+
+
+def load(
+    path: str | Path,
+    legs: Sequence[Leg] | Phases,
+    closes: Callable[[Array, Array], Array] | None,
+) -> tuple[HybridOrbit, dict[str, Any]]:
+    """See `orbits.load`."""
+    record = records.read(path, FORMAT, VERSION)
+    rest = {name: x for name, x in record.items() if name not in ("format", "version")}
+    known = _Stored(**typed_fields(rest, _Stored, "file", DAMAGED))
+    given = legs_of(legs, tuple(known.path))
+    check_legs(given)
+    sizes = [len(leg.scene.labels()) for leg in given]
+    stored = [len(start) for start in known.starts]
+    if stored != sizes or len(known.spans) != len(given):
+        wanted = f"{len(stored)} legs of states with {stored} entries, those of the file"
+        raise fail("legs", wanted, f"{len(given)} of {sizes}", "Files hold no functions.")
+    numbers = np.concatenate([*known.starts, known.spans])
+    if not (np.isfinite(numbers).all() and min(known.spans) > 0 and 0 < known.rtol < 1):
+        raise fail("file", "finite starts, spans > 0 and 0 < rtol < 1", "others", DAMAGED)
+    found = HybridOrbit(
+        legs=tuple(
+            dataclasses.replace(leg, scene=leg.scene.starting(np.array(start), span))
+            for leg, start, span in zip(given, known.starts, known.spans, strict=True)
+        ),
+        closes=Comes(given[0].scene) if closes is None else closes,
+        residual=math.nan,
+        outcome=Outcome.FOUND,
+        iterations=0,
+        rtol=known.rtol,
+        path=tuple(known.path),
+    )
+    off = closure(found)
+    if not off <= _HOLDS:
+        got = f"others, by which the chain misses its closing by {off:.1e}"
+        raise fail("legs", "the legs or phases of the file, and its `closes`", got, DAMAGED)
+    return found, known.claims

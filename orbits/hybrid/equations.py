@@ -1,0 +1,310 @@
+"""The equations of a chain of legs and their Jacobian, as functions of one vector x of unknowns.
+
+The unknowns are the start of the first leg, the duration of each leg, and the parameter of a
+family. The equations are the ends of each leg, its further conditions, and the closing of the
+chain. Times are unknowns, not found by a search for events: a landing without relative velocity
+grazes the ground, where the time of an event has no derivative, while these equations are regular.
+The price is that a solution may pass an end before its time; the bounds of a leg exclude that.
+
+In units all are numbers of order 1: a state is in units of the sizes of its entries along the
+chain, a time in those of its guess, and an equation in units of what changes of the states by their
+sizes make of it.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn.integrate.phase import Phase
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.solvers import Method
+from orbits.closing.sizes import sizes
+from orbits.hybrid.legs import HybridOrbit, Leg, Path
+from orbits.hybrid.phases import legs_of
+from orbits.orbit import Outcome
+
+#: From the parameter of a family to legs, or to phases with their legs along a path.
+MakeChain = Callable[[Array], Sequence[Leg] | Mapping[str, Phase]]
+
+
+class Unknowns(NamedTuple):
+    """The unknowns, by name.
+
+    Attributes:
+      start: (k,) of the first leg.
+      spans: (n,) duration of each leg.
+      parameter: () of a family, else 0.
+    """
+
+    start: np.ndarray
+    spans: np.ndarray
+    parameter: float
+
+
+class Linearised(NamedTuple):
+    """The equations at unknowns.
+
+    Attributes:
+      value: (m,) left sides.
+      jacobian: (m, u) derivatives by the unknowns.
+      starts: the start of each leg, and that of the leg after the last.
+      ends: the end of each leg.
+    """
+
+    value: np.ndarray
+    jacobian: np.ndarray
+    starts: list[np.ndarray]
+    ends: list[np.ndarray]
+
+
+class Chain(NamedTuple):
+    """The equations of a chain of legs.
+
+    Attributes:
+      legs: in order; their scenes' starts and spans are not used.
+      closes: (end, start) -> closing error.
+      make: the legs for each value of the parameter of a family; None without one.
+      path: through the phases that `make` returns; () if it returns legs.
+    """
+
+    legs: tuple[Leg, ...]
+    closes: Callable[[Array, Array], Array]
+    make: MakeChain | None = None
+    path: Path = ()
+
+    @classmethod
+    def of(cls, orbit: HybridOrbit, make: MakeChain | None = None) -> "Chain":
+        """The equations of a known chain."""
+        return cls(orbit.legs, orbit.closes, make, orbit.path)
+
+    def unpack(self, x: np.ndarray) -> Unknowns:
+        """The unknowns that x consists of; the last span is its last entry."""
+        spans = np.delete(x[-len(self.legs) - self._along :], -2 if self._along else [])
+        start = x[: len(x) - len(self.legs) - self._along]
+        return Unknowns(start, spans, float(x[-2]) if self._along else 0.0)
+
+    def place(self, x: np.ndarray) -> np.ndarray:
+        """(u,) all unknowns: none are states between segments."""
+        return x
+
+    def pack(self, start, spans, parameter: float = 0.0) -> np.ndarray:
+        """x (u,) of these unknowns."""
+        spans, more = np.asarray(spans, float), [parameter] * self._along
+        return np.concatenate([start, spans[:-1], more, spans[-1:]])
+
+    @property
+    def _along(self) -> bool:
+        return self.make is not None
+
+    def legs_at(self, parameter: float) -> tuple[Leg, ...]:
+        """The legs at a parameter of the family."""
+        if self.make is None:
+            return self.legs
+        return legs_of(self.make(jnp.asarray(parameter, float)), self.path)
+
+    def linearised(self, x: np.ndarray, rtol) -> Linearised:
+        """The equations and their Jacobian.
+
+        Leg by leg on the host, so that each kind of leg is compiled once for chains of any length.
+        """
+        unknowns = self.unpack(x)
+        k, n = len(unknowns.start), len(self.legs)
+        columns = np.eye(len(x))
+        spans = columns[np.append(k + np.arange(n - 1), len(x) - 1)]
+        start, slope = map(np.asarray, _put(self.legs[0].scene, unknowns.start))
+        first = slope @ columns[:k]
+        along = first
+        starts, ends, values, rows = [start], [], [], []
+        rtol = np.asarray(rtol, float)  # a Python number would be compiled in
+        for i in range(n):
+            passed = self._passed(i, starts[-1], unknowns, rtol)
+            (y, left, end), slopes = jax.tree.map(np.asarray, passed)
+            by_start, by_span, *by_parameter = slopes
+            along, row = (
+                by_start[j] @ along
+                + np.outer(by_span[j], spans[i])
+                + sum(np.outer(each[j], columns[-2]) for each in by_parameter)
+                for j in (0, 1)
+            )
+            starts.append(y)
+            ends.append(end)
+            values.append(left)
+            rows.append(row)
+        left, slopes = jax.tree.map(np.asarray, closing_left(self.closes, starts[-1], start))
+        jacobian = np.concatenate([*rows, slopes[0] @ along + slopes[1] @ first])
+        return Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
+
+    def _passed(self, i: int, y: np.ndarray, unknowns: Unknowns, rtol: np.ndarray):
+        span = unknowns.spans[i]
+        if self.make is None:
+            return leg_passed(self.legs[i], y, span, rtol)
+        parameter = np.asarray(unknowns.parameter)
+        return _leg_of_family_passed(self.make, self.path, i, y, span, parameter, rtol)
+
+    def sizes(self, first: Linearised, spans: np.ndarray, parameter=0.0) -> list[np.ndarray]:
+        """(k,) of the entries of each leg's state: the largest of all where these are one kind."""
+        legs = self.legs_at(parameter)
+        each = [
+            sizes(leg.scene.starting(y, t))
+            for leg, y, t in zip(legs, first.starts[:-1], spans, strict=True)
+        ]
+        labels = [leg.scene.labels() for leg in legs]
+        return [
+            np.max([z for z, other in zip(each, labels, strict=True) if other == own], axis=0)
+            for own in labels
+        ]
+
+    def rows(self, first: Linearised, spans: np.ndarray, each, parameter=0.0) -> np.ndarray:
+        """(m,) what changes of the states by their sizes make of each equation."""
+        found = [
+            np.asarray(_change(leg, end, t, size))
+            for leg, end, t, size in zip(
+                self.legs_at(parameter), first.ends, spans, each, strict=True
+            )
+        ]
+        both = closing_left(self.closes, first.starts[-1], first.starts[0])[1]
+        found.append(sum(np.abs(np.asarray(slope)) @ each[0] for slope in both))
+        rows = np.concatenate(found)
+        return np.where(rows > 0, rows, 1.0)
+
+    def orbit(
+        self, x: np.ndarray, *, residual: float, outcome: Outcome, iterations: int, rtol: float
+    ) -> HybridOrbit:
+        """The chain at a point x of the unknowns; found only if it keeps the bounds of its legs."""
+        unknowns = self.unpack(x)
+        starts = self.linearised(x, rtol).starts[:-1]
+        placed = tuple(
+            dataclasses.replace(leg, scene=leg.scene.starting(y, t))
+            for leg, y, t in zip(
+                self.legs_at(unknowns.parameter), starts, unknowns.spans, strict=True
+            )
+        )
+        found = HybridOrbit(
+            legs=placed,
+            closes=self.closes,
+            residual=residual,
+            outcome=outcome,
+            iterations=iterations,
+            rtol=rtol,
+            path=self.path,
+        )
+        if found.ok and not found.keeps_bounds:
+            return dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
+        return found
+
+    def repeated(self, times: int) -> "Chain":
+        """The equations of the same chains, with `times` periods counted as one."""
+        return self._replace(legs=self.legs * times, path=self.path * times)
+
+    def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
+        """x of the same chain for `repeated` equations."""
+        del rtol  # nothing is integrated
+        unknowns = self.unpack(x)
+        spans = np.tile(unknowns.spans, times)
+        return self.repeated(times).pack(unknowns.start, spans, unknowns.parameter)
+
+    def missed(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
+        """(m,) the equations after some periods, by given methods of integration.
+
+        The errors of the ends are those of the last period, those of the closing the sum of all:
+        the difference of the last state from the start, if one period's is that of its ends.
+        """
+        y, closing, left = np.asarray(start), 0.0, []
+        for _ in range(periods):
+            first, left = y, []
+            for leg, span, solver in zip(self.legs, spans, solvers, strict=True):
+                y, miss = _end(leg, y, np.asarray(span), np.asarray(rtol, float), solver=solver)
+                left.append(np.asarray(miss))
+            closing = closing + np.asarray(closing_left(self.closes, y, first)[0])
+        return np.concatenate([*left, closing])
+
+
+@eqx.filter_jit
+def _change(leg: Leg, end: Array, span, each: Array) -> Array:
+    """(e,) `Chain.rows` of the ends of a leg."""
+
+    def left(end):
+        return _ends(leg, span, end)
+
+    return jnp.abs(jax.jacfwd(left)(end)) @ each
+
+
+@eqx.filter_jit
+def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
+    """The nearest start that the constraints allow, and its derivative."""
+
+    def put(y):
+        y = scene.system.project(jnp.zeros(()), y)
+        return y, y
+
+    slope, y = jax.jacfwd(put, has_aux=True)(y)
+    return y, slope
+
+
+def _ends(leg: Leg, span, end: Array) -> Array:
+    return jnp.asarray([event.value(span, end) for event in leg.ends], float)
+
+
+@eqx.filter_jit
+def _end(leg: Leg, y: Array, span, rtol, *, solver: Method | None):
+    """(start of the next leg, residual of the ends), without derivatives."""
+    end = solve(leg.scene.starting(y), span, rtol=rtol, solver=solver).y1
+    return leg.change(span, end), _ends(leg, span, end)
+
+
+def _passing(leg: Leg, y: Array, span, rtol):
+    end = solve(leg.scene.starting(y), span, rtol=rtol).y1
+    both = leg.change(span, end), _ends(leg, span, end)
+    return both, (*both, end)
+
+
+@eqx.filter_jit
+def left_sides(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> Array:
+    """(m,) the equations of a chain, differentiable in every number of it."""
+    first = y = legs[0].scene.system.project(jnp.zeros(()), start)
+    found = []
+    for i, leg in enumerate(legs):
+        (y, left), _ = _passing(leg, y, spans[i], rtol)
+        found.append(left)
+    return jnp.concatenate([*found, closes(y, first)])
+
+
+@eqx.filter_jit
+def leg_passed(leg: Leg, y: Array, span, rtol):
+    """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
+
+    def passed(y, span):
+        return _passing(leg, y, span, rtol)
+
+    slopes, found = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
+    return found, tuple(zip(*slopes, strict=True))
+
+
+@eqx.filter_jit
+def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, parameter, rtol):
+    """`leg_passed` of a leg of a family, with the derivatives by its parameter."""
+
+    def passed(y, span, parameter):
+        return _passing(legs_of(make(parameter), path)[i], y, span, rtol)
+
+    slopes, found = jax.jacfwd(passed, argnums=(0, 1, 2), has_aux=True)(y, span, parameter)
+    return found, tuple(zip(*slopes, strict=True))
+
+
+@eqx.filter_jit
+def closing_left(closes, end: Array, start: Array):
+    """The closing error, and its derivatives by both states."""
+
+    def left(end, start):
+        value = closes(end, start)
+        return value, value
+
+    slopes, value = jax.jacfwd(left, argnums=(0, 1), has_aux=True)(end, start)
+    return value, slopes

@@ -1,0 +1,87 @@
+"""Legs from phases: the chain of legs along a path through the phases of a scene.
+
+A phase (`jaxdyn.integrate.phase`) knows all of its exits, a leg only the one it ends by. The bounds
+of a phase, its exits with a direction, are those of the leg: so a chain that passes one of them on
+its way is not taken for a motion.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import numpy as np
+
+from jaxdyn._checks import choice, fail, whole
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.phase import Phase, no_time
+from jaxdyn.integrate.phases import simulate_phases
+from orbits.hybrid.legs import Leg, Path
+
+#: Spans of the scenes within which a guess is followed to its events.
+_SPANS = 100.0
+
+Phases = Mapping[str, Phase]
+
+
+class Inside(Event):
+    """How far a state is on the near side of an exit of a phase; not negative along it.
+
+    Attributes:
+      event: of the exit.
+      side: the sign of its value within the phase.
+    """
+
+    event: Event
+    side: int = eqx.field(static=True)
+
+    def value(self, t, y):
+        return self.side * self.event.value(t, y)
+
+
+def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
+    """Legs as they are, or those along a path through phases.
+
+    Raises:
+      ValueError: the phases have no such path.
+    """
+    if not isinstance(given, Mapping):
+        return tuple(given)
+    legs = []
+    for name, number in path:
+        phase = given[choice("phase", name, given)]
+        if not isinstance(phase, Phase):
+            got = type(phase).__name__
+            raise fail(f"phase {name}", "a Phase", got, "Write Phase(scene, exits).")
+        if not 0 <= number < len(phase.exits):
+            raise fail(f"phase {name}", f"an exit of number {number}", f"{len(phase.exits)} exits")
+        way = phase.exits[number]
+        if way.lasts is not no_time:
+            remedy = "Write what lasts as a leg of its own."
+            wanted = "a change that takes no time"
+            raise fail(f"exit {number} of {name}", wanted, "one that lasts", remedy)
+        bounds = tuple(Inside(other.event, other.side) for other in phase.exits if other.side)
+        legs.append(Leg(phase.scene, (way.event,), way.change, bounds))
+    return tuple(legs)
+
+
+def followed(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
+    """The path of a guess over a number of events, and the durations between them.
+
+    Raises:
+      ValueError: so many events do not follow, or after them the motion is in another phase.
+    """
+    whole("events", events, least=1)
+    span = _SPANS * max((float(phase.scene.t1) for phase in phases.values()), default=1.0)
+    motion = simulate_phases(phases, None, y0, span, samples=2, max_phases=events)
+    path = motion.path
+    if not (len(path) == events == len(motion.pieces)):
+        why = motion.message.rstrip(".")
+        got = f"one with {len(path)} exits and {len(motion.pieces)} pieces: {why}"
+        remedy = "Give another start, other `events`, or legs instead of phases."
+        raise fail("y0", f"a start from which {events} phases follow", got, remedy)
+    names = [name for name, _ in path]
+    name, number = path[-1]
+    if names[0] not in phases[name].exits[number].names:
+        got = f"one after which it is in {phases[name].exits[number].to}"
+        remedy = "Count the phases of a period."
+        raise fail("events", f"a number after which the motion is in {names[0]} again", got, remedy)
+    return path, np.diff([float(motion.pieces[0].ts[0]), *motion.times])

@@ -1,0 +1,79 @@
+"""Derivatives of chains of legs by their numbers, against closed forms and differences."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import orbits
+from jaxdyn import scenes
+from jaxdyn.integrate import events
+
+
+def _found(scene, **options):
+    return orbits.find_hybrid(scenes.phases_of(scene), scene.y0, **options)
+
+
+def test_a_rimless_wheel_by_its_slope_and_gravity():
+    roll = _found(scenes.rimless_wheel())
+
+    def gait(numbers):
+        slope, g = numbers
+        phases = scenes.phases_of(scenes.rimless_wheel(slope=slope, g=g))
+        found = orbits.differentiable(phases, roll)
+        return jnp.append(found.y0, found.period)
+
+    values = gait(jnp.array([0.08, 1.0]))
+    np.testing.assert_allclose(values, [*roll.y0, roll.period], rtol=1e-15)
+    slopes = jax.jacrev(gait)(jnp.array([0.08, 1.0]))
+    np.testing.assert_allclose(slopes, jax.jacfwd(gait)(jnp.array([0.08, 1.0])), atol=1e-11)
+    # theta = slope - a; omega = 2 cot 2a sqrt(g sin a sin slope); times go with 1 / sqrt(g).
+    omega = float(roll.y0[1])
+    exact = [[1.0, 0.0], [omega / (2 * math.tan(0.08)), omega / 2]]
+    np.testing.assert_allclose(slopes[:2], exact, atol=1e-10)
+    assert abs(float(slopes[2, 1]) + roll.period / 2) < 1e-10
+
+
+def test_a_gait_by_its_slope_against_gaits_found_again():
+    gait = _found(scenes.simplest_walker())
+
+    def numbers(slope):
+        found = orbits.differentiable(scenes.phases_of(scenes.simplest_walker(slope=slope)), gait)
+        return jnp.concatenate([found.y0, found.spans])
+
+    h = 1e-4
+    plus, minus = (_found(scenes.simplest_walker(slope=0.009 + s * h)) for s in (1, -1))
+    there, here = (np.append(x.y0, x.spans) for x in (plus, minus))
+    np.testing.assert_allclose(jax.jacfwd(numbers)(0.009), (there - here) / (2 * h), rtol=1e-3)
+
+
+def _bounce(t, y):
+    return y * jnp.array([1.0, 1.0, 1.0, -1.0])
+
+
+def test_legs_are_differentiated_as_well():
+    def legs(g, top):
+        ball = scenes.cannonball(g=g)
+        falls = orbits.Leg(ball, (events.Reaches(1, 0.0),), _bounce)
+        return [falls, orbits.Leg(ball, (events.Reaches(3, 0.0), events.Reaches(1, top)))]
+
+    ball = orbits.find_hybrid(legs(10.0, 5.0), [0.0, 4.8, 0.0, 0.0], [1.0, 1.0])
+
+    def period(g, top):
+        return orbits.differentiable(legs(g, top), ball).period
+
+    # T = 2 sqrt(2 h / g)
+    np.testing.assert_allclose(jax.grad(period, (0, 1))(10.0, 5.0), [-0.1, 0.2], atol=1e-10)
+
+
+def test_what_does_not_fit_is_refused():
+    scene = scenes.rimless_wheel()
+    roll, swing = _found(scene), orbits.find(scenes.oscillator(), period=6.0)
+    with pytest.raises(ValueError, match="scene: expected legs or phases for such an orbit"):
+        orbits.differentiable(scene, roll)
+    with pytest.raises(ValueError, match="scene: expected a scene for such an orbit"):
+        orbits.differentiable(scenes.phases_of(scene), swing)
+    with pytest.raises(ValueError, match="hold: expected none for a chain of legs"):
+        orbits.differentiable(scenes.phases_of(scene), roll, hold="theta")
