@@ -21,6 +21,7 @@ from . import scenes as scenes
 from . import solvers as solvers
 from . import studies as studies
 from ._config import configure as configure
+from ._info import info as info
 from .accuracy.end_error import EndError as EndError
 from .accuracy.end_error import end_error as end_error
 from .analysis.energy_change import energy_change as energy_change
