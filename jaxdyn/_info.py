@@ -8,8 +8,6 @@ from typing import Any
 
 import jax
 
-from jaxdyn import _config
-
 #: Those that results depend on, then those that are optional.
 _PACKAGES = (
     *("jaxdyn", "jax", "jaxlib", "diffrax", "equinox", "optax", "numpy", "scipy", "matplotlib"),

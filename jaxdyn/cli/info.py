@@ -19,7 +19,8 @@ def info_command(as_object: JsonOption = False) -> None:
 
 
 def _table(found: dict) -> Table:
-    table = Table("what", "found")
+    table = Table("what")
+    table.add_column("found", overflow="fold")
     for name, version in found["packages"].items():
         table.add_row(name, version or "not installed")
     table.add_row("Python", found["python"])
