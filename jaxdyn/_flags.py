@@ -4,6 +4,7 @@ An unknown flag in ``XLA_FLAGS`` ends the process at the first use of a device, 
 standard error that is easily lost.
 """
 
+import importlib.metadata
 import json
 import os
 import subprocess
@@ -11,8 +12,6 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-
-import jaxlib
 
 #: The newest jaxlib with which all flags that are set here were tested; what is newer is tried.
 TESTED = (0, 12)
@@ -28,7 +27,7 @@ def known(flags: Sequence[str], folder: Path | None) -> list[str]:
       folder: where the answer for a jaxlib that is newer than those tested is kept, since finding
         it starts a process for each flag; None asks every time.
     """
-    version = jaxlib.__version__
+    version = release()
     if tuple(map(int, version.split(".")[:2])) <= TESTED:
         return list(flags)
     file = None if folder is None else folder / f"xla_flags_of_jaxlib_{version}.json"
@@ -45,6 +44,11 @@ def known(flags: Sequence[str], folder: Path | None) -> list[str]:
             stacklevel=5,  # the caller of configure()
         )
     return [flag for flag in flags if answers[flag]]
+
+
+def release() -> str:
+    """The version of jaxlib."""
+    return importlib.metadata.version("jaxlib")
 
 
 def _starts_with(flag: str) -> bool:
