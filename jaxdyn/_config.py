@@ -19,6 +19,8 @@ from pathlib import Path
 
 import jax
 
+from jaxdyn import _flags
+
 _FOLD_KEY = "xla_cpu_small_while_loop_byte_threshold"
 _FOLD_BYTES = 1 << 20  # 1 MiB, see the module docstring
 _EXTRA = "--xla_backend_extra_options="
@@ -37,7 +39,8 @@ def configure(
     Args:
       float64: enable 64-bit floats.
       fold_loops: append XLA's loop-folding option to ``XLA_FLAGS``. It takes effect only before
-        the first use of a device; later a warning says that it came too late.
+        the first use of a device; later a warning says that it came too late. Where a future
+        version of jaxlib does not know the option any more, it is left out with a warning.
       same_thread: run CPU programs in the calling thread. Like loop folding, it takes effect
         only before the first use of a device.
       cache: keep compiled programs in ``$JAXDYN_CACHE`` or the user's cache folder, unless
@@ -52,7 +55,7 @@ def configure(
         _warn_if_too_late(fold_loops, same_thread)
     else:
         if fold_loops:
-            _fold_loops()
+            _fold_loops(cache_folder() if cache else None)
         if same_thread:
             jax.config.update(_ASYNC, False)
     if cache:
@@ -85,20 +88,30 @@ def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:
         )
 
 
-def _fold_loops() -> None:
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _FOLD_KEY in flags:
-        return  # already set, perhaps by the user, whose value is kept
-    # XLA merges repeated occurrences of the option, so appending keeps the user's keys.
-    os.environ["XLA_FLAGS"] = f"{flags} {_EXTRA}{_FOLD_KEY}={_FOLD_BYTES}".strip()
+def _fold_loops(folder: Path | None) -> None:
+    # It may be set already, perhaps by the user, whose value is kept.
+    if _FOLD_KEY not in os.environ.get("XLA_FLAGS", ""):
+        # XLA merges repeated occurrences of the option, so appending keeps the user's keys.
+        add_flags([f"{_EXTRA}{_FOLD_KEY}={_FOLD_BYTES}"], folder)
+
+
+def add_flags(flags: list[str], folder: Path | None) -> None:
+    """Append to ``XLA_FLAGS`` those of some flags that this jaxlib knows; see `_flags.known`."""
+    given = os.environ.get("XLA_FLAGS", "")
+    os.environ["XLA_FLAGS"] = " ".join([given, *_flags.known(flags, folder)]).strip()
+
+
+def cache_folder() -> Path:
+    """Where compiled programs are kept, unless JAX already has a cache folder."""
+    chosen = os.environ.get("JAXDYN_CACHE")
+    return Path(
+        chosen or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "jaxdyn")
+    )
 
 
 def _persistent_cache() -> None:
     if jax.config.jax_compilation_cache_dir is None:
-        root = os.environ.get("JAXDYN_CACHE") or Path(
-            os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "jaxdyn"
-        )
-        jax.config.update("jax_compilation_cache_dir", str(root))
+        jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
         # Our programs compile in tenths of a second; the default of 1 s would skip them.
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

@@ -78,7 +78,6 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 #: missing.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/files/data_frames.py", "pandas"),
     ("jaxdyn/_records/pickled.py", "cloudpickle"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
     ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._records import labelled
+from jaxdyn._records.labelled import Labelled, Values
 from jaxdyn.chaos.indicators import RTOL, megno
 from jaxdyn.chaos.spectrum import finite_lists
 from jaxdyn.scene import Scene
@@ -42,6 +44,16 @@ class ChaosMap(Record):
 
     __repr__ = _text.fields
     _repr_html_ = _text.html
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    def _labelled(self) -> Labelled:
+        axes = "first", "second"
+        units = {"mean": "1", "exponent": "", "time": "", "status": ""}  # of the scene's time
+        return Labelled(
+            {axis: Values((axis,), getattr(self, axis)) for axis in axes},
+            {name: Values(axes, getattr(self, name), unit) for name, unit in units.items()},
+        )
 
     @property
     def ok(self) -> np.ndarray:

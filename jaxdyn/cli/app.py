@@ -5,6 +5,7 @@ from jaxdyn.cli.chaos import chaos_command
 from jaxdyn.cli.course import course_command
 from jaxdyn.cli.gallery import gallery_command
 from jaxdyn.cli.hard import hard_command
+from jaxdyn.cli.info import info_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
 from jaxdyn.cli.shared import add, application, start
@@ -45,6 +46,7 @@ add(
     *(app, "gallery", gallery_command),
     *("jaxdyn gallery --out site", "jaxdyn gallery --only 28,31"),
 )
+add(app, "info", info_command, "jaxdyn info", "jaxdyn info --json")
 
 
 def main() -> None:

@@ -8,6 +8,8 @@ import math
 import numpy as np
 
 from jaxdyn import _text
+from jaxdyn._records import labelled
+from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
 from jaxdyn.continuation.defining import Make, slope_at
 
@@ -124,6 +126,19 @@ class EquilibriumFamily:
         from jaxdyn.drawing import bifurcations
 
         return bifurcations.equilibria([self], title="")
+
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    def _labelled(self) -> Labelled:
+        labels, axes = self.make(self.members[0].parameter).labels(), ("member",)
+        return Labelled(
+            {"parameter": Values(axes, self.parameters)},
+            {
+                **entries(axes, self.states, labels),
+                "verdict": Values(axes, [member.verdict for member in self.members]),
+            },
+        )
 
     @property
     def parameters(self) -> np.ndarray:

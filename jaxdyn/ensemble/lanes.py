@@ -23,14 +23,16 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import two_sum
-from jaxdyn._text import counted
+from jaxdyn._records import labelled
+from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn._text import counted, second
 from jaxdyn.integrate.lookahead import Lookahead, lookahead, started
 from jaxdyn.integrate.march import UNROLLED_BELOW
 from jaxdyn.integrate.observing import Watch, clipped
 from jaxdyn.integrate.pieces import run_pieces
 from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.plan import plan_of
-from jaxdyn.scene import Field
+from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import operations
@@ -80,6 +82,37 @@ class Ends(NamedTuple):
 
     __repr__ = _text.fields
     _repr_html_ = _text.html
+
+    def to_pandas(self, scene: Scene) -> Any:
+        """The ends as a pandas DataFrame: a row for each motion, a column for each entry.
+
+        Args:
+          scene: of the motions, whose entries have names and units.
+        Raises:
+          ValueError: pandas is not installed.
+        """
+        return labelled.frame(self._labelled(scene))
+
+    def to_xarray(self, scene: Scene) -> Any:
+        """The ends as an xarray Dataset along the axis "motion".
+
+        Args:
+          scene: of the motions, whose entries have names and units.
+        Raises:
+          ValueError: xarray is not installed.
+        """
+        return labelled.dataset(self._labelled(scene))
+
+    def _labelled(self, scene: Scene) -> Labelled:
+        labels, axes = scene.labels(), ("motion",)
+        counts = {name: getattr(self, name) for name in ("status", "steps", "rejected")}
+        return Labelled(
+            {"t": Values(axes, np.asarray(self.t), second(labels) or "1")},
+            {
+                **entries(axes, self.y1, labels),
+                **{name: Values(axes, np.asarray(x)) for name, x in counts.items()},
+            },
+        )
 
     @property
     def ok(self) -> Array:

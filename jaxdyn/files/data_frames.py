@@ -1,27 +1,53 @@
-"""Motions as data frames of pandas, which is optional and imported when one is made."""
+"""Motions as data frames of pandas and data sets of xarray, which are optional."""
 
 from typing import Any
 
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._checks import fail
+from jaxdyn._records import labelled
 from jaxdyn._records.kinds import check_first
+from jaxdyn._records.labelled import Labelled, Values
 from jaxdyn._text import second
 from jaxdyn.integrate.phase import END, HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
+_UNTRACED = "Convert what a compiled function returns."
+
+
+@check_first
+def dataset(motion: Trajectory | HybridTrajectory) -> Any:
+    """The samples of a motion as a Dataset; see `Trajectory.to_xarray`."""
+    labelled.package("xarray", "to_xarray")
+    _checks.untraced("motion", motion, _UNTRACED)
+    if isinstance(motion, HybridTrajectory):
+        return labelled.dataset(_labelled_phases(motion))
+    shape = motion.batch_shape
+    scene = motion.one(*(0 for _ in shape)).scene
+    axes = (*_axes(shape), "sample" if shape else "t")
+    time = Values(axes, motion.ts, _units(scene)["t"])
+    return labelled.dataset(
+        Labelled({"t": time}, labelled.entries(axes, motion.ys, scene.labels()))
+    )
+
+
+def _labelled_phases(motion: HybridTrajectory) -> Labelled:
+    """The samples of the phases in order, and the state after the last exit, if there is one."""
+    frames = frame(motion)
+    units = frames.attrs["units"]
+    coordinates = {
+        "t": Values(("t",), frames.index, units["t"]),
+        "phase": Values(("t",), frames.pop("phase").to_numpy(str)),
+    }
+    return Labelled(coordinates, {x: Values(("t",), frames[x], units[x]) for x in frames})
+
 
 @check_first
 def frame(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a DataFrame; see `Trajectory.to_pandas`."""
-    try:
-        import pandas  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        missing = "Install it: pip install 'jaxdyn[pandas]'."
-        raise fail("to_pandas", "the package pandas", "none", missing) from error
-    _checks.untraced("motion", motion, "Convert what a compiled function returns.")
+    pandas = labelled.package("pandas", "to_pandas")
+    _checks.untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
         return _of_phases(pandas, motion)
     found, scene = _table(pandas, motion), motion.one(*(0 for _ in motion.batch_shape)).scene
@@ -51,10 +77,14 @@ def _table(pandas: Any, motion: Trajectory) -> Any:
     scene = motion.one(*(0 for _ in shape)).scene
     if not shape:
         return _rows(pandas, scene, ts, ys)
-    axes = ["motion"] if len(shape) == 1 else [f"motion {i}" for i in range(len(shape))]
     numbers = [x.ravel() for x in np.indices(ts.shape)[:-1]]
-    index = pandas.MultiIndex.from_arrays([*numbers, ts.ravel()], names=[*axes, "t"])
+    index = pandas.MultiIndex.from_arrays([*numbers, ts.ravel()], names=[*_axes(shape), "t"])
     return _rows(pandas, scene, index, ys.reshape(-1, ys.shape[-1]))
+
+
+def _axes(shape: tuple[int, ...]) -> list[str]:
+    """The names of the axes of a batch."""
+    return ["motion"] if len(shape) == 1 else [f"motion {i}" for i in range(len(shape))]
 
 
 def _rows(pandas: Any, scene: Scene, index: Any, ys: Any) -> Any:

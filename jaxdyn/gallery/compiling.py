@@ -12,7 +12,7 @@ import os
 
 import jax
 
-from jaxdyn._config import configure
+from jaxdyn._config import add_flags, cache_folder, configure
 
 try:  # Only private names reach the contexts; without them each program has its own again.
     from jax._src.interpreters import mlir
@@ -22,7 +22,6 @@ try:  # Only private names reach the contexts; without them each program has its
 except (ImportError, AttributeError):
     mlir = None
 
-# Options that every jaxlib from 0.10 to 0.12 knows: an unknown one in XLA_FLAGS ends the process.
 _QUICKLY = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
@@ -62,5 +61,5 @@ def configure_quickly() -> None:
     given = os.environ.get("XLA_FLAGS", "")
     flags = [f"--{name}={str(value).lower()}" for name, value in _QUICKLY.items()]
     added = [flag for flag in flags if flag.partition("=")[0] not in given]
-    os.environ["XLA_FLAGS"] = " ".join([given, *added]).strip()
+    add_flags(added, cache_folder())
     configure()

@@ -76,6 +76,22 @@ class Motion:
 
         return data_frames.frame(self)
 
+    def to_xarray(self):
+        """The samples as an xarray Dataset: a variable for each entry, along the time "t".
+
+        A batch has an axis "motion" for each of its axes, and one "sample", along which the times
+        of each motion are the coordinate "t". A motion in phases has the coordinate "phase";
+        after the last exit that is "end". ``attrs["units"]`` of each has its unit.
+
+        Returns:
+          The data set; NaN where a motion was not reached, and for entries that a phase lacks.
+        Raises:
+          ValueError: xarray is not installed, or values are traced.
+        """
+        from jaxdyn.files import data_frames
+
+        return data_frames.dataset(self)
+
     def play(self, path=None):
         """A page that plays the motion, in a notebook or a browser: see `jaxdyn.player.play`.
 

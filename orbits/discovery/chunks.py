@@ -38,6 +38,8 @@ _ITERATIONS = 15  # five suffice from a refined guess; more mean that there is n
 _TOGETHER = 1e-4  # relative: a refined guess this close to an orbit leads to it
 _SAMPLES = 1024  # of an orbit
 
+MOST = 2**53  # largest seed, which files keep as a float
+
 #: (indices of samples, seed) -> their starts (n, k).
 Sampler = Callable[[np.ndarray, int], np.ndarray]
 
@@ -93,6 +95,24 @@ def unlabelled(orbit: Orbit) -> str:
     """No label."""
     del orbit
     return ""
+
+
+def seed_from(seed: int, rng: int | np.random.Generator | None) -> int:
+    """The seed of a search, which may be given as `rng` (SPEC 7 of Scientific Python).
+
+    Raises:
+      ValueError: both are given, or `rng` is neither a whole number nor a generator.
+    """
+    if rng is None:
+        return seed
+    if seed != 0:
+        raise fail("rng", "either rng or seed", "both", "They say the same; rng is the newer name.")
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(MOST))
+    if isinstance(rng, int | np.integer) and not isinstance(rng, bool):
+        return int(rng)
+    remedy = "Pass a seed, or np.random.default_rng(seed)."
+    raise fail("rng", "a whole number or a generator of NumPy", repr(rng), remedy)
 
 
 class Plan(NamedTuple):

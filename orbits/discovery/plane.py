@@ -85,6 +85,7 @@ def search_plane(
     *,
     longest: float = 70.0,
     seed: int = 0,
+    rng: int | np.random.Generator | None = None,
     chunk: int = 8,
     path: str | Path | None = None,
     executor: Executor | None = None,
@@ -96,6 +97,7 @@ def search_plane(
       samples: number of starts.
       longest: longest period.
       seed: of the samples.
+      rng: instead of `seed`: the seed, or a generator that draws it.
       chunk: see `search`, like the following.
       path: of a file that is appended to.
       executor: runs the chunks.
@@ -114,6 +116,7 @@ def search_plane(
         normal=in_plane,
         label=word,
         seed=seed,
+        rng=rng,
         chunk=chunk,
         path=path,
         executor=executor,

@@ -26,7 +26,7 @@ from jaxdyn.files import records
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.given import posed
-from orbits.discovery.chunks import Plan, Sampler, unchanged, unlabelled, work
+from orbits.discovery.chunks import MOST, Plan, Sampler, seed_from, unchanged, unlabelled, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
 from orbits.orbit import Orbit
 from orbits.shooting.finding import RTOL
@@ -84,6 +84,7 @@ def search(
     normal: Callable[[Orbit], Orbit] = unchanged,
     label: Callable[[Orbit], str] = unlabelled,
     seed: int = 0,
+    rng: int | np.random.Generator | None = None,
     chunk: int = 64,
     rtol: float = RTOL,
     path: str | Path | None = None,
@@ -106,6 +107,7 @@ def search(
       normal: orbit -> the same orbit in the frame and scale of the table.
       label: orbit -> its name.
       seed: of the sampler.
+      rng: instead of `seed`: the seed, or a generator that draws it.
       chunk: samples processed at once; the unit that an interrupted search repeats.
       rtol: tolerance of the orbits' integrations.
       path: of a file to which results are appended; a search continues its own file.
@@ -117,7 +119,7 @@ def search(
       On Ctrl-C the chunks in progress are finished and kept, then KeyboardInterrupt propagates.
     Raises:
       ValueError: a period, `close`, `limit`, a count or a tolerance is out of range, `closing` has
-        an unknown turn, or `path` is a file of another search.
+        an unknown turn, `seed` and `rng` are both given, or `path` is a file of another search.
     Limits: a search proves nothing about orbits it has not found.
     Example:
       >>> import orbits
@@ -134,7 +136,7 @@ def search(
         closing=closing,
         samples=samples,
         chunk=chunk,
-        seed=seed,
+        seed=seed_from(seed, rng),
         shortest=float(shortest),
         longest=float(longest),
         windows=windows,
@@ -209,7 +211,7 @@ def _check(plan: Plan) -> None:
         raise fail("shortest", f"a period below longest = {plan.longest}", plan.shortest)
     for name in ("samples", "chunk", "windows"):
         whole(name, getattr(plan, name))
-    whole("seed", plan.seed, least=0, most=2**53)
+    whole("seed", plan.seed, least=0, most=MOST)
     tolerances(plan.rtol, None)
     positive("close", plan.close, "It is the largest residual of a guess.")
     positive("limit", np.minimum(plan.limit, np.finfo(float).max), "Beyond it motions are lost.")

@@ -9,7 +9,9 @@ import numpy as np
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
-from jaxdyn._text import counted
+from jaxdyn._records import labelled
+from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn._text import counted, second
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
 from orbits.hybrid.equations import Chain
@@ -117,6 +119,23 @@ class Family:
         from orbits.drawing import families
 
         return families.overview(self)
+
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    def _labelled(self) -> Labelled:
+        labels, axes = self.members[0].orbit.scene.labels(), ("member",)
+        time = second(labels)
+        verdicts = [member.stability.verdict for member in self.members]
+        return Labelled(
+            {"parameter": Values(axes, self.parameters)},
+            {
+                "period": Values(axes, self.periods, time or "1"),
+                "energy": Values(axes, self.energies, "J" if time else "1"),
+                "verdict": Values(axes, verdicts),
+                **entries(axes, [member.orbit.y0 for member in self.members], labels),
+            },
+        )
 
     @property
     def parameters(self) -> np.ndarray:

@@ -11,7 +11,10 @@ from rich.progress import Progress
 from jaxdyn import Scene, Status, _text, ensemble
 from jaxdyn._checks import fail, finite, numbers, untraced, whole
 from jaxdyn._progress import doing
+from jaxdyn._records import labelled
 from jaxdyn._records.kinds import check_first
+from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn._text import second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
@@ -59,6 +62,26 @@ class SectionPoints(NamedTuple):
 
     __repr__ = _text.fields
     _repr_html_ = _text.html
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    def _labelled(self) -> Labelled:
+        labels = self.scene.labels()
+        axes, starts, time = ("start", "crossing"), ("start",), second(labels)
+        # The section's coordinates instead of the state's, whose angles may have turned.
+        coordinates = [(name, dict(labels).get(name, "")) for name in self.names]
+        states = entries(axes, self.ys, labels) | entries(axes, self.qp, coordinates)
+        return Labelled(
+            {"t": Values(axes, self.ts, time or "1")},
+            {
+                **states,
+                "direction": Values(axes, self.directions),
+                "count": Values(starts, self.counts),
+                "status": Values(starts, self.status),
+                "energy": Values(starts, self.energies, "J" if time else "1"),
+                "drift": Values(starts, self.drift, "1"),
+            },
+        )
 
     @property
     def ok(self) -> np.ndarray:

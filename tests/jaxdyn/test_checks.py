@@ -100,7 +100,7 @@ def test_choice_suggests_the_nearest():
 
 TIMES = [
     np.timedelta64(2, "s"),
-    np.timedelta64("NaT"),
+    np.timedelta64("NaT", "s"),
     np.datetime64("2020-01-01"),
     np.array([1, 2], "timedelta64[ms]"),
 ]

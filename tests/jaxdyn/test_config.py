@@ -68,6 +68,55 @@ def test_configure_appends_to_the_users_flags_once():
     assert flags == f"{user} {_FLAG}"
 
 
+_OF_THE_FUTURE = """
+import os, subprocess, warnings
+from jaxdyn import _flags
+{before}
+_flags.release = lambda: "99.1.2"
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    {call}
+print(os.environ.get("XLA_FLAGS"), *(w.message for w in caught), sep="|")
+"""
+_KNOWN, _LOST = "--xla_cpu_enable_fast_math=false", "--xla_nonsense=1"
+
+
+def test_a_new_jaxlib_is_asked_once_for_flags_that_it_may_have_lost(tmp_path):
+    call = f"_config.add_flags([{_KNOWN!r}, {_LOST!r}], Path({str(tmp_path)!r}))"
+    before = "from pathlib import Path; from jaxdyn import _config"
+    expected = (
+        f"{_KNOWN}|jaxlib 99.1.2 does not know {_LOST}: left out of XLA_FLAGS. "
+        "Everything works, perhaps slower."
+    )
+    assert run_python(_OF_THE_FUTURE.format(before=before, call=call)) == expected
+    # The answers are kept: no other process starts.
+    before += "\ndel subprocess.run"
+    assert run_python(_OF_THE_FUTURE.format(before=before, call=call)) == expected
+    (file,) = tmp_path.iterdir()
+    file.write_text("no JSON")
+    assert run_python(_OF_THE_FUTURE.format(before=before.splitlines()[0], call=call)) == expected
+
+
+def test_configure_leaves_out_what_a_new_jaxlib_does_not_know():
+    lost = "from jaxdyn import _config; _config._EXTRA = '--xla_nonsense='"
+    call = "_config.configure(cache=False)"
+    flags, warning = run_python(_OF_THE_FUTURE.format(before=lost, call=call)).split("|")
+    assert flags == ""
+    assert warning.startswith("jaxlib 99.1.2 does not know --xla_nonsense=xla_cpu_small_while_loop")
+
+
+def test_this_jaxlib_knows_all_flags_that_are_set_here():
+    code = """
+from jaxdyn import _flags
+from jaxdyn.gallery import compiling
+assert tuple(map(int, _flags.release().split(".")[:2])) <= _flags.TESTED, "test and raise it"
+compiling.configure_quickly()
+import jax
+print(len(jax.devices("cpu")))
+"""
+    assert run_python(code) == "1"
+
+
 def test_the_users_settings_stand():
     user = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=7"
     flags, _, cache = _show(

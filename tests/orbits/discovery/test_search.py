@@ -20,6 +20,7 @@ from orbits.cli.app import app
 from orbits.discovery import journal as table
 from orbits.discovery import plane, seeds
 from orbits.discovery import screening as screen
+from orbits.discovery.chunks import seed_from
 
 #: The module; as a name of the package it is the function.
 search = sys.modules["orbits.discovery.search"]
@@ -314,9 +315,26 @@ def searched_row(**options):
     return orbits.search(scenes.oscillator(k=4.0), **options)
 
 
+def test_rng_is_the_seed_or_draws_it():
+    drawn = seed_from(0, np.random.default_rng(3))
+    assert seed_from(4, None) == seed_from(0, 4) == seed_from(0, np.int64(4)) == 4
+    assert drawn == seed_from(0, np.random.default_rng(3)) != seed_from(0, np.random.default_rng(4))
+    seen = []
+
+    def sampler(numbers, seed):
+        seen.append(seed)
+        return np.tile([1.0, 0.0], (len(numbers), 1))
+
+    searched_row(sampler=sampler, rng=np.random.default_rng(3))
+    assert {*seen} == {drawn}
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: searched_row(seed=1, rng=2), "rng: expected either rng or seed, got both"),
+        (lambda: searched_row(rng=1.5), "rng: expected a whole number or a generator of NumPy"),
+        (lambda: searched_row(rng=-1), "seed: expected a whole number, at least 0, got -1"),
         (
             lambda: searched_row(samples=1.5),
             "samples: expected a whole number, at least 1, got 1.5",

@@ -35,8 +35,8 @@ def test_another_integrator_confirms_a_gait(gait):
     assert again.closure < 1e-13
     assert again.solver not in (None, "")
     assert again.tolerance < gait.rtol
-    assert orbits.closure(gait) < 1e-13
-    assert orbits.closure(gait, periods=4) < 1e-12  # a stable one: errors do not grow
+    assert orbits.analysis.closure(gait) < 1e-13
+    assert orbits.analysis.closure(gait, periods=4) < 1e-12  # a stable one: errors do not grow
 
 
 def test_a_chain_that_was_found_roughly_is_not_confirmed(gait):
@@ -63,8 +63,8 @@ def test_several_periods_count_their_errors_together():
     off = dataclasses.replace(
         roll, legs=(dataclasses.replace(roll.legs[0], scene=_later(roll.legs[0].scene)),)
     )
-    assert orbits.closure(roll, periods=3) < 1e-12
-    assert orbits.closure(off, periods=3) > 1e-5
+    assert orbits.analysis.closure(roll, periods=3) < 1e-12
+    assert orbits.analysis.closure(off, periods=3) > 1e-5
 
 
 def _later(scene):
@@ -116,7 +116,7 @@ def _ball(x=0.0, floor=0.0, top=5.0, v=0.0, closes=None):
 
 def test_chains_that_begin_elsewhere_are_the_same(gait, twice):
     assert orbits.same_orbit(gait, twice)
-    assert orbits.match(gait, twice).distance < 1e-11
+    assert orbits.analysis.same.match(gait, twice).distance < 1e-11
     down = _ball()
     falls, rises = down.legs
     up = orbits.find_hybrid(
@@ -124,7 +124,7 @@ def test_chains_that_begin_elsewhere_are_the_same(gait, twice):
         [0.0, 0.0, 0.0, 10.0],
         [1.0, 1.0],
     )
-    found = orbits.match(down, up)
+    found = orbits.analysis.same.match(down, up)
     assert found.distance < 1e-11
     assert abs(found.shift - 1.0) < 1e-9
     assert orbits.same_orbit(down, up)
@@ -139,7 +139,7 @@ def test_what_a_closing_leaves_out_does_not_tell_chains_apart():
 
 def test_an_orbit_is_no_chain(gait):
     swing = orbits.find(scenes.pendulum(), period=2.2)
-    assert orbits.match(gait, swing) is None
+    assert orbits.analysis.same.match(gait, swing) is None
     assert not orbits.same_orbit(gait, _found(scenes.rimless_wheel()))
 
 
@@ -163,7 +163,7 @@ def test_a_report_has_all_of_it(gait):
     assert known.recheck.closure < 1e-13
     assert known.return_error < 1e-11  # over five periods
     assert known.word is None
-    assert orbits.as_json(known)["choreography"] is None
+    assert orbits.analysis.report.as_json(known)["choreography"] is None
 
 
 @pytest.mark.slow
