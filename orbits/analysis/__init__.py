@@ -15,16 +15,4 @@ in `report` if files and commands shall state it.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [],
-    {
-        "alignment": ["Match"],
-        "evidence": ["closure"],
-        "identity": ["Identity"],
-        "report": ["Report", "as_json"],
-        "same": ["match"],
-        "sensitivity": ["DifferentiableOrbit"],
-        "words": ["syzygies", "word"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

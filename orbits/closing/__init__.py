@@ -13,11 +13,4 @@ in ``orbits/__init__.pyi``.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [],
-    {
-        "closings": ["Closing", "Reversal"],
-        "conditions": ["Condition"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

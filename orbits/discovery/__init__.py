@@ -12,11 +12,4 @@ One more search is one file that samples starts and calls `search`, as `plane` d
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    ["nearby", "plane", "seeds"],
-    {
-        "chunks": ["Starts"],
-        "search": ["SearchResult"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

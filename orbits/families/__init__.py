@@ -20,14 +20,4 @@ sign there.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    ["parameters"],
-    {
-        "criticality": ["Criticality"],
-        "diagram": ["Diagram"],
-        "family": ["Family"],
-        "graph": ["Graph"],
-        "loading": ["load"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

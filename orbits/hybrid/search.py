@@ -117,15 +117,29 @@ def find_hybrid(
     tolerances(rtol, None)  # checked here: inside jit it cannot be
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
-    chain = Chain(legs, closes, path=path)
+    effort = Effort(goal, rtol, max_iterations, report)
+    found = _solved(Chain(legs, closes, path=path), start, times, effort, unlike)
+    if throw and not found.ok:
+        raise SearchError(found.message)
+    return found
+
+
+def _solved(
+    chain: Chain,
+    start: np.ndarray,
+    times: np.ndarray,
+    effort: Effort,
+    unlike: Sequence[HybridOrbit],
+) -> HybridOrbit:
+    """The chain near a start (k,) and spans (n,) by Newton's method, or the best iterate."""
     x = chain.pack(start, times)
-    first = chain.linearised(x, rtol)
+    first = chain.linearised(x, effort.rtol)
     each = chain.sizes(first, times)
     units = chain.pack(each[0], times)
     rows = chain.rows(first, times, each)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = chain.linearised(x, rtol)
+        found = chain.linearised(x, effort.rtol)
         return found.value / rows, found.jacobian * units / rows[:, None]
 
     shortest = chain.pack(np.full(len(start), -np.inf), _SHORTEST * times)
@@ -133,7 +147,6 @@ def find_hybrid(
     squares = None
     if unlike:
         squares = Squares(chain, unlike, each[0])
-        effort = Effort(goal, rtol, max_iterations, report)
         walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
         x = away(walk, x).x
     result = newton.solve(
@@ -141,9 +154,9 @@ def find_hybrid(
         x,
         lower=bounds[0],
         upper=bounds[1],
-        goal=goal,
-        max_iterations=max_iterations,
-        report=report,
+        goal=effort.goal,
+        max_iterations=effort.max_iterations,
+        report=effort.report,
         units=units,
     )
     found = chain.orbit(
@@ -151,12 +164,10 @@ def find_hybrid(
         residual=float(np.abs(result.residual).max()),
         outcome=_outcome(result),
         iterations=result.iterations,
-        rtol=rtol,
+        rtol=effort.rtol,
     )
     if squares is not None and (not found.ok or squares.distance(result.x) <= SAME):
         found = dataclasses.replace(found, outcome=Outcome.NO_OTHER)
-    if throw and not found.ok:
-        raise SearchError(found.message)
     return found
 
 

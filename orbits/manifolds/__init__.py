@@ -14,11 +14,4 @@ One more kind of object that has manifolds is one more function in `directions`.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [],
-    {
-        "connection": ["Connection", "ConnectionOutcome"],
-        "strands": ["Manifold"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,11 +17,4 @@ theorem about an orbit is a field of `certificate` and its proof in `proving`.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [],
-    {
-        "certificate": ["Certificate"],
-        "refined": ["Refined"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,11 +12,4 @@ One more way to fix a torus in its family is one more row in `refinement`, for
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [],
-    {
-        "continuation": ["TorusFamily"],
-        "record": ["Torus", "TorusOutcome"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

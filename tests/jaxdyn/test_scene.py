@@ -387,7 +387,7 @@ def test_a_force_of_another_shape_is_never_broadcast_where_nothing_is_checked(sh
 class _Odd(FreePoints):
     """Three points, one of whose methods returns another shape."""
 
-    method: str = eqx.field(static=True)
+    method: str = eqx.field(static=True, default="force")
 
     def __init__(self, method: str):
         super().__init__(np.ones(3))

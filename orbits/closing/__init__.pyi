@@ -1,0 +1,5 @@
+"""The names of orbits.closing: for type checkers, and for imports when they are first used."""
+
+from .closings import Closing as Closing
+from .closings import Reversal as Reversal
+from .conditions import Condition as Condition

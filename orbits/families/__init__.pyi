@@ -1,0 +1,8 @@
+"""The names of orbits.families: for type checkers, and for imports when they are first used."""
+
+from . import parameters as parameters
+from .criticality import Criticality as Criticality
+from .diagram import Diagram as Diagram
+from .family import Family as Family
+from .graph import Graph as Graph
+from .loading import load as load
