@@ -27,6 +27,7 @@ def _gap_of_work(rtol: float) -> float:
     return float(jnp.abs(motion["work of QuadraticDrag"][-1] - (total[-1] - total[0])))
 
 
+@pytest.mark.slow
 def test_problem_12_b_work_of_drag_is_the_change_of_energy_as_tolerance_shrinks():
     gaps = [_gap_of_work(rtol) for rtol in (1e-4, 1e-7, 1e-10, 1e-13)]
     assert gaps[0] > 1e-9  # the two are not one number by construction
@@ -81,6 +82,7 @@ class Motor(Effect):
         return jnp.array([3.0])
 
 
+@pytest.mark.slow
 def test_a_motor_works_on_the_coordinate_it_turns():
     plain = Scene(NewtonEuler(Arm()), (UniformGravity(9.81), Motor()), y0=[0.1, 0.0], t1=1.0)
     scene = with_work(plain, Motor)

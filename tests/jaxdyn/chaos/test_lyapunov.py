@@ -150,6 +150,7 @@ def runner(t, y, p):
     return [2.0 + p["jump"] * jnp.sign(jnp.sin(angle)), -p["rate"] * x]
 
 
+@pytest.mark.slow
 def test_switches_of_the_rate_stretch_tangents():
     start, params = np.array([0.1, 1.0]), {"jump": 1.0, "rate": 0.25}
     turn = np.pi / 3 + np.pi  # half a turn at speed 3, half at 1

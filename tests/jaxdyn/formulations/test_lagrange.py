@@ -154,6 +154,7 @@ class Brake(Effect):
         return -self.c * v
 
 
+@pytest.mark.slow
 def test_effects_act_on_its_coordinates():
     def free(t, q, v):
         return 0.5 * 2.0 * v[0] ** 2

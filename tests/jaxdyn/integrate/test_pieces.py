@@ -177,6 +177,7 @@ def test_dry_friction_sticks():
     assert np.allclose(held.ys, [-0.2, 0.0], rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_adjoints_through_sliding_are_refused_and_others_are_right():
     def banged(t, y, p):
         return [y[1], -y[0] - p * jnp.where(y[0] > 0.2, 1.0, -0.5) - 0.1 * y[1]]
@@ -189,6 +190,7 @@ def test_adjoints_through_sliding_are_refused_and_others_are_right():
     assert np.isnan(jax.grad(end)(0.3, stuck, [2.05, 0.0], True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t1", [3.0, 6.0])
 def test_adjoints_of_play_between_gears_from_rest(t1):
     def driven(t, y, p):

@@ -151,6 +151,7 @@ def test_the_least_speed_without_drag():
     assert abs(best.angle - np.pi / 4) < SOLVED
 
 
+@pytest.mark.slow
 def test_linear_drag_has_the_angle_and_the_range_of_its_closed_form():
     """At any speed in units of the terminal one: the angle falls from 45 degrees to 5e-98."""
     speeds = np.array([1e-60, 1e-30, 1e-6, 1e-2, 1.0, 1e2, 1e5, 1e9, 1e12, 1e20, 1e30, 1e100])
@@ -335,6 +336,7 @@ class Thinning(Effect):
         return -jnp.exp(-r[:, 1:] / 1e7) * v
 
 
+@pytest.mark.slow
 def test_a_stiff_fall_is_lost_not_wrong():
     """Where the drag changes on the way down, the fall is no straight line at one speed."""
     best = aim.farthest(scenes.particle(UniformGravity(1.0), Thinning()), [10.0, 1e7])
@@ -353,6 +355,7 @@ class Layer(Effect):
         return -(v - inside * jnp.array([[1.0, 0.0]]))
 
 
+@pytest.mark.slow
 def test_a_steady_fall_that_something_disturbs_is_not_taken_for_one():
     scene = scenes.particle(UniformGravity(1.0), Layer())
     steep = landings(scene, np.array([-0.1]), 1e3)
