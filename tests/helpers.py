@@ -22,7 +22,8 @@ from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 #: Where tests, stored references and published tables are.
 TESTS = Path(__file__).parent
 #: Scenes for questions that the course does not ask.
-BEYOND = {*("henon_heiles", "hill", "restricted_three_body", "restricted_three_body_in_space")}
+BEYOND = {*("henon_heiles", "hill", "n_body", "restricted_three_body")}
+BEYOND |= {"restricted_three_body_in_space"}
 BEYOND |= {*("ball_on_table", "impact_oscillator", "rimless_wheel", "simplest_walker")}
 #: Two formulas for one number: a few roundings apart, relative to numbers of order one.
 EXACT = 1e-14
