@@ -63,6 +63,7 @@ CERTIFICATE = Certificate(
     digits=30.5,
     radius="1e-10",
     centre=("1*2^0",),
+    units=(1.0,),
     names=("T",),
     held=(("x", 1.0),),
     period=BALL,
