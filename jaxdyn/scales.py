@@ -357,7 +357,7 @@ def _linear_up_to(
     """
     slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
     alone = (slope > 0) & (sizes == 0) & (way == 0)
-    low, high, most = _DISTANCES[0], _DISTANCES[-1], None
+    low, high, bounds = _DISTANCES[0], _DISTANCES[-1], None
     for _ in range(_ROUNDS):
         distances = np.geomspace(low, high, len(_DISTANCES))
         each = np.maximum(sizes, distances[:, None] * way)
@@ -371,9 +371,11 @@ def _linear_up_to(
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
             for part in (rows, ones.reshape(len(ones), -1)):
                 share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
-        # A product of an entry on the way with one that has a size stays the same part of a row.
-        most = max(_NONLINEAR, 2 * share[0]) if most is None else most
-        beyond = np.flatnonzero(share > most)
+        # A product of an entry on the way with one that has a size stays the same part of a row:
+        # more is nonlinear, and less, as where a force decays with distance.
+        if bounds is None:
+            bounds = 0.5 * share[0] * (share[0] > _NONLINEAR), max(_NONLINEAR, 2 * share[0])
+        beyond = np.flatnonzero((share < bounds[0]) | (share > bounds[1]))
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]

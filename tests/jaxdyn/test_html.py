@@ -184,7 +184,8 @@ def test_every_class_that_is_printed_as_a_table_is_one_in_notebooks():
     found = 0
     for node in _classes():
         named = {x.name for x in node.body if isinstance(x, ast.FunctionDef)}
-        named |= {t.id for x in node.body if isinstance(x, ast.Assign) for t in x.targets}
+        targets = [t for x in node.body if isinstance(x, ast.Assign) for t in x.targets]
+        named |= {name.id for t in targets for name in ast.walk(t) if isinstance(name, ast.Name)}
         if "__repr__" in named and node.name not in PARTS and not node.name.startswith("_"):
             bases = {base.id for base in node.bases if isinstance(base, ast.Name)}
             assert "_repr_html_" in named or "Motion" in bases, node.name

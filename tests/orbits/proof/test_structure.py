@@ -12,7 +12,7 @@ import pytest
 
 import jaxdyn
 import orbits
-from benchmarks import published
+from benchmarks import proofs
 from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
@@ -30,7 +30,7 @@ def _first_row():
     rows = csv.DictReader(_TABLE.read_text().splitlines())
     row = next(one for one in rows if one["name"] == "I.A^ic_1")
     a, b, period = (float(row[name]) for name in ("v1", "v2", "period"))
-    return orbits.find(published.scene(a, b, period), closing=published.RETRACED, rtol=1e-13)
+    return orbits.find(proofs.scene(a, b, period), closing=proofs.RETRACED, rtol=1e-13)
 
 
 @functools.cache
