@@ -94,7 +94,7 @@ def continue_family(
       make: the scene for each value of a parameter, e.g. a function ``mu -> van_der_pol(mu)``;
         its start and span do not matter. By default the family of a conservative scene along
         which energy and period change. For a chain of legs the legs, or the phases that it was
-        found from, e.g. ``slope -> scenes.phases_of(scenes.simplest_walker(slope=slope))``.
+        found from: `scenes.phases_of` the scene with this value.
       parameter: the value of the parameter for `orbit`.
       step: length of the first step in the space of all unknowns, each in units of its size along
         the largest orbit so far (`orbits.closing.sizes`); the others are up to ten times as long.
