@@ -242,28 +242,29 @@ def lorenz() -> list[Compared]:
     return _of_orbit(orbit, numbers, "unstable")
 
 
+def hodgkin_huxley(t, y, current):
+    """Rates of an axon's voltage [mV, from rest] and gates, under a current [uA/cm^2]; in ms."""
+    v, m, h, n = y
+
+    def linoid(x):
+        small = jnp.abs(x) < 1e-6
+        return jnp.where(small, 1 - x / 2, x / jnp.expm1(jnp.where(small, 1.0, x)))
+
+    sodium, potassium = 120 * m**3 * h * (v - 115), 36 * n**4 * (v + 12)
+    return [
+        current - sodium - potassium - 0.3 * (v - 10.599),
+        linoid((25 - v) / 10) * (1 - m) - 4 * jnp.exp(-v / 18) * m,
+        0.07 * jnp.exp(-v / 20) * (1 - h) - h / (jnp.exp((30 - v) / 10) + 1),
+        0.1 * linoid((10 - v) / 10) * (1 - n) - 0.125 * jnp.exp(-v / 80) * n,
+    ]
+
+
 def axon() -> list[Compared]:
     """Where the rest of an axon loses its stability, and has it again."""
-
-    def rate(t, y, current):
-        v, m, h, n = y
-
-        def linoid(x):
-            small = jnp.abs(x) < 1e-6
-            return jnp.where(small, 1 - x / 2, x / jnp.expm1(jnp.where(small, 1.0, x)))
-
-        sodium, potassium = 120 * m**3 * h * (v - 115), 36 * n**4 * (v + 12)
-        return [
-            current - sodium - potassium - 0.3 * (v - 10.599),
-            linoid((25 - v) / 10) * (1 - m) - 4 * jnp.exp(-v / 18) * m,
-            0.07 * jnp.exp(-v / 20) * (1 - h) - h / (jnp.exp((30 - v) / 10) + 1),
-            0.1 * linoid((10 - v) / 10) * (1 - n) - 0.125 * jnp.exp(-v / 80) * n,
-        ]
-
     start = [0.0, 0.05, 0.6, 0.32]
 
     def make(current):
-        return jaxdyn.ode(rate, start, 20.0, params=current)
+        return jaxdyn.ode(hodgkin_huxley, start, 20.0, params=current)
 
     rests = jaxdyn.continue_equilibria(make, 0.0, start, members=100)
     first, last = (x for x in rests.special[:2])

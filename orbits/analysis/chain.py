@@ -21,7 +21,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import rate, sizes
-from orbits.hybrid.equations import closing_left, leg_passed
+from orbits.hybrid.equations import closing_in_sizes, leg_passed
 from orbits.hybrid.legs import HybridOrbit
 
 _SMALL = 1e-6  # relative: what is below it is taken for zero
@@ -97,12 +97,11 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     if grazed is not None:
         remedy = "Where a chain grazes an event its return map has no derivative."
         raise fail(f"legs[{grazed}]", "an event that is crossed", "a grazed one", remedy)
-    m = each[:, None] * functools.reduce(lambda m, step: step @ m, maps)
-    _, (by_end, by_first) = closing_left(orbit.closes, y, start)
-    by_end, by_first = np.asarray(by_end), np.asarray(by_first) * each
-    _, values, rows = np.linalg.svd(by_first)
+    m = functools.reduce(lambda m, step: step @ m, maps)
+    by_end, by_first = closing_in_sizes(orbit.closes, y, start, each)
+    _, values, ways = np.linalg.svd(by_first)
     p = int((values > _SMALL * values.max(initial=0.0)).sum())
-    q, lost = rows[:p].T, rows[p:].T
+    q, lost = ways[:p].T, ways[p:].T
     compared = by_end @ m
     if not (p and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()):
         remedy = "Close the chain by the difference of its ends, less what the motion is free in."

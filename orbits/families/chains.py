@@ -12,7 +12,7 @@ from jaxdyn import Scene, Status
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.sizes import rate
 from orbits.families.surface import Point, Surface, those_kept
-from orbits.hybrid.equations import Chain, Linearised, closing_left
+from orbits.hybrid.equations import Chain, Linearised, closing_in_sizes
 from orbits.hybrid.legs import HybridOrbit
 from orbits.hybrid.margins import margins
 from orbits.orbit import Outcome
@@ -87,17 +87,16 @@ class ChainSurface(Surface):
         return jacobian / np.where(rows > 0, rows, 1.0)
 
     def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
-        del each
         chain, unknowns = self.equations, self.equations.unpack(x)
         start = unknowns.start
         scene = chain.legs_at(unknowns.parameter)[0].scene
         shift = np.zeros(len(unknowns.spans))
         shift[0], shift[-1] = shift[0] - 1.0, shift[-1] + 1.0
         columns = [chain.pack(np.asarray(rate(scene, 0.0, start)), shift)]
-        by_start = np.asarray(closing_left(chain.closes, start, start)[1][1])
+        by_start = closing_in_sizes(chain.closes, start, start, each)[1]
         _, s, vt = np.linalg.svd(by_start)
         kept = int((s > _RANK * s.max(initial=0.0)).sum())
-        columns += [chain.pack(way, np.zeros_like(shift)) for way in vt[kept:]]
+        columns += [chain.pack(each * way, np.zeros_like(shift)) for way in vt[kept:]]
         return those_kept(jacobian, [column / in_units for column in columns])
 
 

@@ -23,7 +23,7 @@ from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
 from orbits.families.family import Family, Kind, Member
 from orbits.families.hopf import from_hopf, in_sizes
-from orbits.orbit import Orbit, SearchError
+from orbits.orbit import SearchError
 from orbits.shooting.segment import Make
 
 _SAME = 1e-6  # distance in units of the family below which two special points are one
@@ -248,14 +248,9 @@ class _Orbits:
             return
         self.seen.append(point)
         _progress.doing(f"following orbits from {point.parameter:.6g}")
-        self._follow(point, lambda: self._smallest(rests, point), 0, depth)
-
-    def _smallest(self, rests: EquilibriumFamily, point: Equilibrium) -> tuple[Orbit, float]:
-        """An orbit that begins at a Hopf point."""
         size = self.amplitude
-        return from_hopf(
-            rests, point, amplitude=None if size is None else in_sizes(rests, point, size)
-        )
+        amplitude = None if size is None else in_sizes(rests, point, size)
+        self._follow(point, lambda: from_hopf(rests, point, amplitude=amplitude), 0, depth)
 
     def _reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""

@@ -9,7 +9,7 @@ from jaxdyn import Status
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy
 from orbits.families.family import Member
-from orbits.families.surface import OrbitSurface, Point, Surface
+from orbits.families.surface import Point, Surface
 
 _TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 #: Growth of errors over an orbit with which doubles hold few digits of it, or none.
@@ -109,19 +109,17 @@ def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
 
 def in_segments(surface: Surface, member: Member) -> Member:
     """The member in segments that suit it: where errors grow much in one it is cut again."""
-    old = member.point
-    cuts = surface.recut(old)
-    if cuts is None:
+    old, new = member.point, surface.recut(member.point)
+    if new is None:
         return member
-    known = old.equations.moved(old.x, cuts, surface.rtol)
-    new = OrbitSurface(cuts, surface.rtol, surface.goal)
+    known = old.equations.moved(old.x, new.equations, surface.rtol)
     point = new.nearest(known, near=old)
     if point is None:
         return member
 
     def directions(old_ways: np.ndarray) -> np.ndarray:
         ahead = (old.x + _NUDGE * way for way in old_ways.T)
-        moved = [old.equations.moved(x, cuts, surface.rtol) - known for x in ahead]
+        moved = [old.equations.moved(x, new.equations, surface.rtol) - known for x in ahead]
         return np.reshape(moved, (len(moved), known.size)).T / point.units[:, None] / _NUDGE
 
     ways = new.directions(point)

@@ -161,8 +161,8 @@ class Surface(abc.ABC):
         del point
         return self
 
-    def recut(self, point: Point) -> Equations | None:
-        """The equations in segments that suit a point better; None if there are none."""
+    def recut(self, point: Point) -> "Surface | None":
+        """The same surface, in segments that suit a point better; None if there are none."""
         del point
         return None
 
@@ -292,14 +292,16 @@ class OrbitSurface(Surface):
         )
 
     def at(self, point: Point) -> "OrbitSurface":
-        if point.equations is self.equations:
-            return self
-        same = OrbitSurface(point.equations, self.rtol, self.goal)
+        return self if point.equations is self.equations else self._cut_as(point.equations)
+
+    def recut(self, point: Point) -> "OrbitSurface | None":
+        cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
+        return None if cuts is None else self._cut_as(cuts)
+
+    def _cut_as(self, equations: Equations) -> "OrbitSurface":
+        same = OrbitSurface(equations, self.rtol, self.goal)
         same._symmetries = self._symmetries
         return same
-
-    def recut(self, point: Point) -> Equations | None:
-        return recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
 
     def rests(self, point: Point) -> bool:
         equations = self.equations

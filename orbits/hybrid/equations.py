@@ -308,3 +308,14 @@ def closing_left(closes, end: Array, start: Array):
 
     slopes, value = jax.jacfwd(left, argnums=(0, 1), has_aux=True)(end, start)
     return value, slopes
+
+
+def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, k) derivatives of the closing error by both states, in sizes (k,).
+
+    Each equation is in the unit of what it compares.
+    """
+    by_end, by_start = (np.asarray(x) * each for x in closing_left(closes, end, start)[1])
+    rows = np.linalg.norm(by_start, axis=1, keepdims=True)
+    rows = np.where(rows > 0, rows, 1.0)
+    return by_end / rows, by_start / rows

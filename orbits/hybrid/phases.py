@@ -11,6 +11,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn._checks import choice, fail, whole
+from jaxdyn._text import brief, counted
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Phase, no_time
 from jaxdyn.integrate.phases import simulate_phases
@@ -76,8 +77,9 @@ def followed(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     if not (len(path) == events == len(motion.pieces)):
         why = motion.message.rstrip(".")
         got = f"one with {len(path)} exits and {len(motion.pieces)} pieces: {why}"
-        remedy = "Give another start, other `events`, or legs instead of phases."
-        raise fail("y0", f"a start from which {events} phases follow", got, remedy)
+        remedy = "Give another start, scenes of a longer span t1, other `events`, or legs."
+        wanted = f"a start from which {counted(events, 'phase')} end within {brief(span)} of time"
+        raise fail("y0", wanted, got, remedy)
     names = [name for name, _ in path]
     name, number = path[-1]
     if names[0] not in phases[name].exits[number].names:

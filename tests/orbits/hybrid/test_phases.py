@@ -114,7 +114,7 @@ def _phase(to="a", **more):
         ),
         (
             lambda: orbits.find_hybrid(_phase(to="end"), [0.0, 0.0, 1.0, 1.0], events=2),
-            "y0: expected a start from which 2 phases follow, got one with 1 exits and 1 pieces",
+            r"y0: expected a start from which 2 phases end within \S+ of time, got one with",
         ),
         (
             lambda: orbits.find_hybrid(_phase(lasts=_lasts), [0.0, 0.0, 1.0, 1.0]),
@@ -189,3 +189,26 @@ def test_where_there_is_no_other_that_is_said():
 def test_what_is_no_known_chain_is_refused(known, message):
     with pytest.raises(ValueError, match=message):
         _found(scenes.simplest_walker(), unlike=[known()])
+
+
+def test_a_walker_in_other_units_has_the_same_gait_and_verdict():
+    # Lengths by 1e9 and times by 1e6: closing compares angles and rates, of sizes 1 and 1e-6.
+    plain, time = scenes.simplest_walker(), 1e6
+    other = scenes.simplest_walker(l=1e9, g=1e9 / time**2, t1=4.0 * time)
+    guess = np.asarray(plain.y0) * [1.0, 1.0, 1 / time, 1 / time]
+    one = _found(plain)
+    two = orbits.find_hybrid(scenes.phases_of(other), guess)
+    assert abs(two.y0[0] - one.y0[0]) < 1e-13
+    assert abs(two.period / time - one.period) < 1e-12
+    known = [orbits.stability(gait) for gait in (one, two)]
+    assert known[0].verdict == known[1].verdict == "stable"
+    np.testing.assert_allclose(known[0].multipliers, known[1].multipliers, rtol=0, atol=1e-10)
+
+    def phases(slope):
+        walker = scenes.simplest_walker(slope=slope, l=1e9, g=1e9 / time**2, t1=4.0 * time)
+        return scenes.phases_of(walker)
+
+    family = orbits.continue_family(two, phases, 0.009, within=(0.0, 0.018))
+    doubling = family.special[0]
+    assert doubling.kind == orbits.Kind.DOUBLING
+    assert abs(doubling.parameter - 0.0150884379) < 1e-9
