@@ -1,11 +1,11 @@
 """Questions about a scene or a motion: conserved quantities, equilibria, stability.
 
-Along a motion: `energy`, `momenta`, `ledger` (work of each effect), `energy_change` (what changes
-it), `constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close
-encounters. Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes),
-`precession`; `eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds
-equilibria; the folder `equilibrium_search` searches for them and proves that there are no others.
-`_roots` finds zeros of functions of one variable, each in its bracket.
+Along a motion: `energy`, `momenta`, `work_by_effect`, `energy_change` (what changes it),
+`constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close encounters.
+Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes), `precession`;
+`eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds equilibria;
+the folder `equilibrium_search` searches for them and proves that there are no others. `_roots`
+finds zeros of functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`, `balls`.
 
@@ -20,13 +20,13 @@ from jaxdyn.analysis import (
     energy_change,
     equilibria,
     floquet,
-    ledger,
     linearize,
     momenta,
     monodromy,
     precession,
     regularised,
     steady,
+    work_by_effect,
 )
 
 __all__ = [
@@ -37,11 +37,11 @@ __all__ = [
     "energy_change",
     "equilibria",
     "floquet",
-    "ledger",
     "linearize",
     "momenta",
     "monodromy",
     "precession",
     "regularised",
     "steady",
+    "work_by_effect",
 ]

@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
-from jaxdyn.analysis.ledger import power_of
+from jaxdyn.analysis.work_by_effect import power_of
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory

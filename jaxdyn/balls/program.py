@@ -16,7 +16,7 @@ import flint
 from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
 from jaxdyn.solvers.formulas.graph import Graph
 from jaxdyn.solvers.formulas.nodes import COMPARISONS, LOGIC, TESTS, Node, Number
-from jaxdyn.solvers.formulas.ordered import ordered
+from jaxdyn.solvers.formulas.topological_order import ordered
 
 #: A function of the numbers at all places.
 Operation = Callable[[list], Any]

@@ -2,8 +2,8 @@
 
 `list`, `run`, `accuracy`, `chaos`, `hard`, `course`, `gallery` and `info` are the commands, `app`
 puts them together; `shared` has their options, of which numbers may be arithmetic (see
-`jaxdyn._arithmetic`: ``pi/2``), `screen` what they print, `words` reads names of scenes and solvers
-and values of `--set`, `completion` offers them to the shell.
+`jaxdyn._arithmetic`: ``pi/2``), `screen` what they print, `docstrings` reads names of scenes and
+solvers and values of `--set`, `completion` offers them to the shell.
 
 May import: `hard`, `drawing`. Nothing here loads JAX before a command needs it.
 

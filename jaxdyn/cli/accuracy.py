@@ -5,6 +5,7 @@ from typing import Annotated
 
 import jaxdyn
 from jaxdyn._text import fail
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -16,7 +17,6 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from jaxdyn.cli.words import scene_settings
 
 _SHOWN = (3, 6, 9, 12, 14)
 

@@ -8,6 +8,7 @@ from rich.markup import escape
 import jaxdyn
 from jaxdyn._arithmetic import value
 from jaxdyn._text import fail, whole
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -19,7 +20,6 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from jaxdyn.cli.words import scene_settings
 
 STOPPED = 1  # exit code: the motion did not reach its end
 _MOST_VALUES = 1000  # each way

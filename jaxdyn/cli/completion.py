@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn.cli import words
+from jaxdyn.cli import docstrings
 
 #: Words, each with a line about it.
 Words = list[tuple[str, str]]
@@ -18,13 +18,13 @@ Words = list[tuple[str, str]]
 
 def scene(incomplete: str) -> Words:
     """The scenes that numbers alone can make."""
-    return _beginning(incomplete, {name: x.summary for name, x in words.scenes().items()})
+    return _beginning(incomplete, {name: x.summary for name, x in docstrings.scenes().items()})
 
 
 def setting(context: typer.Context, incomplete: str) -> Words:
     """The parameters of the scene on the line, each up to its "="."""
     # An option that waits for its value ends the parsing of arguments, which are left as they came.
-    scenes, given = words.scenes(), (context.params.get("name"), *context.args)
+    scenes, given = docstrings.scenes(), (context.params.get("name"), *context.args)
     known = next((scenes[name].parameters for name in given if name in scenes), {})
     return _beginning(incomplete, {f"{name}=": x.meaning for name, x in known.items()})
 
@@ -37,12 +37,12 @@ def problem(incomplete: str) -> Words:
 
 def case(incomplete: str) -> Words:
     """The hard cases."""
-    return _beginning(incomplete, words.hard_cases())
+    return _beginning(incomplete, docstrings.hard_cases())
 
 
 def solver(incomplete: str) -> Words:
     """What --solver takes."""
-    return _beginning(incomplete, ("auto", *words.solver_names()))
+    return _beginning(incomplete, ("auto", *docstrings.solver_names()))
 
 
 def _beginning(incomplete: str, known: Mapping[str, str] | Iterable[str]) -> Words:

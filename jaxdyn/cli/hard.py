@@ -9,7 +9,7 @@ from rich.table import Table
 
 import jaxdyn
 from jaxdyn._text import choice
-from jaxdyn.cli import completion, words
+from jaxdyn.cli import completion, docstrings
 from jaxdyn.cli.screen import Screen, screen
 
 _FAILED = 1  # exit code: a figure exceeds its bound
@@ -24,7 +24,7 @@ def hard_command(
     as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
 ) -> None:
     """Run cases that break naive codes; print the figures of each, their bounds and a verdict."""
-    known = words.hard_cases()
+    known = docstrings.hard_cases()
     for name in names or ():
         choice("case", name, known, "jaxdyn hard --list")
     if only_list:

@@ -9,9 +9,9 @@ from rich.table import Table
 import jaxdyn
 from jaxdyn._text import choice, fail
 from jaxdyn.cli import completion
+from jaxdyn.cli.docstrings import SceneText, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
-from jaxdyn.cli.words import SceneText, scenes
 
 
 def list_command(

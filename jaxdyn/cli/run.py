@@ -9,6 +9,7 @@ from rich.markup import escape
 import jaxdyn
 from jaxdyn._text import choice, counted, fail, whole
 from jaxdyn.cli import completion
+from jaxdyn.cli.docstrings import scene_settings, solver_names
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -25,7 +26,6 @@ from jaxdyn.cli.shared import (
     open_page,
     written,
 )
-from jaxdyn.cli.words import scene_settings, solver_names
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.files.output_files import archive_path, table_path
 

@@ -8,8 +8,8 @@ their defining equations in `defining`; `normal_forms` has their coefficients.
 `augmented`, `codimension_two` finds the special points on them, and `curve` holds both;
 `second_lyapunov` is the coefficient of Bautin points.
 
-`walk` takes the steps along what is followed, in the `units` of its points; `kept` keeps them in a
-file, which `loading` reads.
+`walk` takes the steps along what is followed, in the `units` of its points; `checkpoint` keeps them
+in a file, which `loading` reads.
 
 May import: `analysis`, `files`.
 

@@ -18,9 +18,9 @@ from jaxdyn import _checks
 from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
+from jaxdyn.continuation.checkpoint import EQUILIBRIA, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
-from jaxdyn.continuation.kept import EQUILIBRIA, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import special_points
 from jaxdyn.continuation.units import InUnits, units_at, units_of

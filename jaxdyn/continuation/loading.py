@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation import kept
+from jaxdyn.continuation import checkpoint
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
@@ -39,24 +39,24 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
       True
     """
     make = remembered("make", make)
-    walks, _ = kept.stored(path, (kept.EQUILIBRIA, kept.CURVE))
+    walks, _ = checkpoint.stored(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 
 
-def equilibria(walk: kept.Stored, make: Make) -> EquilibriumFamily:
+def equilibria(walk: checkpoint.Stored, make: Make) -> EquilibriumFamily:
     """The family of equilibria of a walk."""
-    found = read(walk, kept.of_fields(Equilibrium))
+    found = read(walk, checkpoint.of_fields(Equilibrium))
     for point in (found.members[0], found.members[-1]):
         _check(make, point)
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _of_one(walk: kept.Stored) -> bool:
-    return walk.begin.what == kept.EQUILIBRIA
+def _of_one(walk: checkpoint.Stored) -> bool:
+    return walk.begin.what == checkpoint.EQUILIBRIA
 
 
-def _curve(walk: kept.Stored, make: MakeOfTwo) -> Curve:
-    found = read(walk, kept.of_fields(CurvePoint))
+def _curve(walk: checkpoint.Stored, make: MakeOfTwo) -> Curve:
+    found = read(walk, checkpoint.of_fields(CurvePoint))
     for point in (found.members[0], found.members[-1]):
         _check(make, point)
     return Curve(kind=found.members[0].curve, make=make, **found._asdict())
@@ -71,7 +71,7 @@ def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:
         size = float(np.abs(scene(*here[entries:]).rate(jnp.zeros(()), here[:entries])).max())
     except (TypeError, ValueError, IndexError) as error:
         got = f"{type(error).__name__}: {error}"[:120]
-        raise fail("make", "the scenes of the file", got, kept.OTHER) from error
+        raise fail("make", "the scenes of the file", got, checkpoint.OTHER) from error
     if not size <= _HOLDS:
         got = f"others, with rates of {size:.1e} of what their sizes make at its equilibria"
-        raise fail("make", "the scenes of the file", got, kept.OTHER)
+        raise fail("make", "the scenes of the file", got, checkpoint.OTHER)

@@ -14,10 +14,10 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import augmented
+from jaxdyn.continuation.checkpoint import CURVE, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.codimension_two import point_at, special_points
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.family import Equilibrium, Kind
-from jaxdyn.continuation.kept import CURVE, Begin, Log, kept_in, of_fields
 from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.scales import groups

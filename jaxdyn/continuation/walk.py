@@ -1,13 +1,13 @@
 """Steps along a family or a curve: their length, the special points between, and why it ends.
 
 What is followed says how the next member is found (`Rules`). The members are kept in a file if
-there is one (`kept`), from which an interrupted walk goes on.
+there is one (`checkpoint`), from which an interrupted walk goes on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from jaxdyn.continuation.kept import Advance, Codec, Kept, Stored
+from jaxdyn.continuation.checkpoint import Advance, Codec, Kept, Stored
 
 _INTERRUPTED = "an interruption"
 _EASY = 4  # with at most this many Newton steps the next step may be longer

@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxdyn import drawing, effects, scenes, simulate, solvers
 from jaxdyn.accuracy import convergence
-from jaxdyn.analysis import energy, ledger
+from jaxdyn.analysis import energy, work_by_effect
 from jaxdyn.course.page import Page, show
 from jaxdyn.drawing import figures
 
@@ -24,7 +24,9 @@ TOPIC = "one particle"
 
 def solve(page: Page) -> None:
     """Integrate the work with the motion, by three methods, and compare it with the energy."""
-    scene = ledger.with_work(scenes.cannonball(speed=1.0, g=1.0, drag=1.0), effects.QuadraticDrag)
+    scene = work_by_effect.with_work(
+        scenes.cannonball(speed=1.0, g=1.0, drag=1.0), effects.QuadraticDrag
+    )
     first = energy.energy(scene, 0.0, scene.y0)
 
     def gap(y):
@@ -56,7 +58,9 @@ def solve(page: Page) -> None:
     shots = {}
     for c in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
         shot = scenes.cannonball(speed=1.0, g=1.0, drag=c)
-        shots[f"{c:g}"] = simulate(ledger.with_work(shot, effects.QuadraticDrag), 1.2, samples=200)
+        shots[f"{c:g}"] = simulate(
+            work_by_effect.with_work(shot, effects.QuadraticDrag), 1.2, samples=200
+        )
     spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]
     page.number("work with c = 0.03, 0.1, 0.3, 1, 3 and 10 kg/m", spent, "J")
     names = [f"c = {c} kg/m" for c in shots]

@@ -5,7 +5,7 @@ coordinates), `constrained` (ties and rolling conditions, by Lagrange multiplier
 tells which of them are redundant), `rigid` (a body in space; `attitude` is its orientation, a
 quaternion or a matrix), `prescribed` (a given motion).
 `mechanism` is what the formulations of mechanisms share: coordinates and the points that they
-place. `extended` is a system with further entries in its state. `routes` sets one mechanism up in
+place. `extended` is a system with further entries in its state. `choice` sets one mechanism up in
 several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
@@ -14,11 +14,12 @@ Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are
 May import: `geometry`.
 
 One more formulation is a `System` in a file of its own, and one line below; if every `Mechanism`
-can be set up in it, a row of `_FREE` in `routes` offers it to all mechanisms.
+can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
 """
 
 from jaxdyn.formulations import (
     attitude,
+    choice,
     constrained,
     extended,
     functions,
@@ -30,11 +31,11 @@ from jaxdyn.formulations import (
     polar,
     prescribed,
     rigid,
-    routes,
 )
 
 __all__ = [
     "attitude",
+    "choice",
     "constrained",
     "extended",
     "functions",
@@ -46,5 +47,4 @@ __all__ = [
     "polar",
     "prescribed",
     "rigid",
-    "routes",
 ]

@@ -11,8 +11,8 @@ May import: `mechanisms`, `effects`, `integrate`.
 
 One more scene is a function ``name(mass=1.0, ...)`` in the file of its family that returns a
 `Scene` and is decorated with `ready_made()`, with the unit of each parameter in its docstring,
-where `jaxdyn/cli/words.py` reads it; one line below; and a page of `jaxdyn/course` that uses it, if
-it answers a problem of the course.
+where `jaxdyn/cli/docstrings.py` reads it; one line below; and a page of `jaxdyn/course` that uses
+it, if it answers a problem of the course.
 """
 
 from jaxdyn.scenes import ballistics, catalogue, satellites, switching

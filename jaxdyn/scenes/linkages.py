@@ -10,9 +10,9 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
+from jaxdyn.formulations.choice import Embedding, route
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import TIES
-from jaxdyn.formulations.routes import Embedding, route
 from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
 from jaxdyn.mechanisms.four_bar import IN_LINE, FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods

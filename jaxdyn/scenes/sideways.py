@@ -9,7 +9,7 @@ from jaxdyn import _checks
 from jaxdyn._floats import floats
 from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import UniformGravity
-from jaxdyn.formulations.routes import route
+from jaxdyn.formulations.choice import route
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.mechanisms.sticks import Sideways

@@ -9,6 +9,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
     AnimateOption,
@@ -20,7 +21,6 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from jaxdyn.cli.words import scene_settings
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import SaveOption, draw, not_found, printed
 

@@ -10,6 +10,7 @@ import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -21,7 +22,6 @@ from jaxdyn.cli.shared import (
     number,
     written,
 )
-from jaxdyn.cli.words import scene_settings
 from jaxdyn.files.output_files import table_path
 from orbits.cli.shared import numbers
 

@@ -2,8 +2,8 @@
 
 `following` follows folds, branch points, period doublings and torus points by the equations of
 `extended` in the units of `units`, `steps` makes a point with its multipliers and tests, `special`
-finds the points of codimension two between two, and `curve` holds both; `kept` keeps them in a
-file, and reads it.
+finds the points of codimension two between two, and `curve` holds both; `checkpoint` keeps them in
+a file, and reads it.
 
 May import: `families`.
 
@@ -11,7 +11,7 @@ One more kind of curve is its closing equations in `extended` and its first vect
 one more kind of special point is a `CodimensionTwo` in `curve` and a test in `steps`.
 """
 
+from orbits.curves.checkpoint import load
 from orbits.curves.curve import CodimensionTwo, Curve, CurvePoint
-from orbits.curves.kept import load
 
 __all__ = ["CodimensionTwo", "Curve", "CurvePoint", "load"]

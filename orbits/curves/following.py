@@ -16,7 +16,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.continuation.kept import Begin, Log, kept_in
+from jaxdyn.continuation.checkpoint import Begin, Log, kept_in
 from jaxdyn.continuation.units import Units
 from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.integrate.spans import tolerances
@@ -24,9 +24,9 @@ from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import driven
 from orbits.closing.sizes import rate, sizes
+from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
 from orbits.curves.curve import Curve, CurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
-from orbits.curves.kept import ORBIT_CURVE, about, codec
 from orbits.curves.special import special_points
 from orbits.curves.steps import point_at, returned, solve
 from orbits.curves.units import member, of_place, of_unknowns, units_at, units_of

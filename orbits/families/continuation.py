@@ -20,13 +20,13 @@ import numpy as np
 from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
-from jaxdyn.continuation.kept import Begin, Log, kept_in
+from jaxdyn.continuation.checkpoint import Begin, Log, kept_in
 from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import drift, special_points
 from orbits.families.chains import ChainSurface
+from orbits.families.checkpoint import ORBITS, about, codec
 from orbits.families.family import Family, Kind, Member
-from orbits.families.kept import ORBITS, about, codec
 from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain, MakeChain

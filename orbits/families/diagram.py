@@ -13,11 +13,11 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import whole
+from jaxdyn.continuation.checkpoint import Log, alone, opened
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.family import Kind as RestKind
-from jaxdyn.continuation.kept import Log, alone, opened
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch

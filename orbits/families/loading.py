@@ -4,11 +4,11 @@ from pathlib import Path
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation.kept import EQUILIBRIA, OTHER, stored
+from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, stored
 from jaxdyn.continuation.loading import equilibria
 from jaxdyn.files.typed import typed
+from orbits.families.checkpoint import ORBITS, family
 from orbits.families.diagram import DOUBLINGS, FAILURE, Diagram, Failure, place_of
-from orbits.families.kept import ORBITS, family
 from orbits.shooting.segment import Make
 
 

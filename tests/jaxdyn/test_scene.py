@@ -14,7 +14,7 @@ import jaxdyn
 from jaxdyn import Effect, Scene, System, scenes, simulate, solve
 from jaxdyn._numerics import safe_norm
 from jaxdyn.accuracy.timing import Clock
-from jaxdyn.analysis.ledger import with_work
+from jaxdyn.analysis.work_by_effect import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton import FreePoints

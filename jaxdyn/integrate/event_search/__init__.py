@@ -2,8 +2,8 @@
 
 `crossings` brackets the first crossing: the samples of each step, and which comes first.
 `event_values` evaluates events with their slopes, signs and rounding and tells which coincide,
-`beginning` says on which side of them a motion starts, `stretches` between which samples a crossing
-may have gone unseen, `polish` locates it to rounding.
+`beginning` says on which side of them a motion starts, `bracketing` between which samples a
+crossing may have gone unseen, `root_refinement` locates it to rounding.
 `jaxdyn.integrate.events` has `until`, the call for the first crossing, and `all_crossings` the one
 for all of them.
 """

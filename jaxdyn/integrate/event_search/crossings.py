@@ -1,7 +1,7 @@
 """Where functions of the state first cross zero along a motion: the search behind `events`.
 
 Every accepted step is sampled at a few places, reached by steps of the method itself (an
-interpolant would be accurate to 7 digits only), for values and slopes. `stretches` decides
+interpolant would be accurate to 7 digits only), for values and slopes. `bracketing` decides
 between which of these places a value may have crossed zero unseen; there the sampling is refined
 until the values decide, or the spacing reaches its minimum. So a value that dips below zero and
 comes back within a step is found, to rounding. The time found is polished to full precision.
@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.beginning import Beginning
+from jaxdyn.integrate.event_search.bracketing import settled
 from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions
-from jaxdyn.integrate.event_search.polish import Bracket, landed, polished
-from jaxdyn.integrate.event_search.stretches import settled
+from jaxdyn.integrate.event_search.root_refinement import Bracket, landed, polished
 from jaxdyn.integrate.march import Before, march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl

@@ -5,7 +5,7 @@ within a step (masses, lengths) are distinguished from moving ones: a product is
 front of a list of moving ones, a sum collects equal products, and a - b and b - a differ by a
 factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
 product of velocities, sines and cosines is one node, however the rate was written, and terms that
-cancel vanish. `ordered` splits them into products of two factors again, and shares those.
+cancel vanish. `topological_order` splits them into products of two factors again, and shares those.
 """
 
 import functools

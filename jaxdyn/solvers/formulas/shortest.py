@@ -5,7 +5,7 @@ from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 from jaxdyn.solvers.formulas.nodes import STEADY, Node
-from jaxdyn.solvers.formulas.ordered import ordered
+from jaxdyn.solvers.formulas.topological_order import ordered
 
 #: Number of sums of products of an operation at each order of a series.
 _ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")

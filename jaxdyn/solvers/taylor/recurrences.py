@@ -35,7 +35,7 @@ def solution(
 
     Args:
       formulas: those of the rate.
-      nodes: the required nodes, `ordered`.
+      nodes: the required nodes, `topological_order`.
       order: number of terms of each entry besides the first.
       h: () the step.
     """

@@ -7,6 +7,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, whole
+from jaxdyn.cli.docstrings import scene_settings, scenes
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -17,7 +18,6 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from jaxdyn.cli.words import scene_settings, scenes
 from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
 
 

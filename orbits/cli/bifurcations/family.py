@@ -11,6 +11,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail, whole
+from jaxdyn.cli.docstrings import scene_settings, scenes
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -22,7 +23,6 @@ from jaxdyn.cli.shared import (
     number,
     read,
 )
-from jaxdyn.cli.words import scene_settings, scenes
 from orbits.cli.bifurcations.shared import kept
 from orbits.cli.printed import print_family
 from orbits.cli.shared import SaveOption, not_found, numbers, printed

@@ -49,11 +49,11 @@ def bounds(option: str, text: str) -> tuple[float, float]:
 
 def kept(
     path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
-) -> "jaxdyn.continuation.kept.Log | None":
+) -> "jaxdyn.continuation.checkpoint.Log | None":
     """The file of a continuation, with a note of which scenes it is of."""
     if path is None:
         return None
-    log = jaxdyn.continuation.kept.Log(path)
+    log = jaxdyn.continuation.checkpoint.Log(path)
     note = Noted(name, dict(settings), list(parameters))._asdict()
     others = [known for known in log.notes if known.keys() == note.keys() and known != note]
     if others:

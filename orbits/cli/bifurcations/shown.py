@@ -6,8 +6,8 @@ from typing import Any
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail
+from jaxdyn.cli.docstrings import scene_settings, scenes
 from jaxdyn.cli.screen import Screen
-from jaxdyn.cli.words import scene_settings, scenes
 from orbits.cli.bifurcations.curve import as_json as curves_as_json
 from orbits.cli.bifurcations.diagram import as_json as diagram_as_json
 from orbits.cli.bifurcations.shared import Noted
@@ -18,19 +18,19 @@ _REMEDY = "A file of scenes of your own is read by orbits.curves.load or orbits.
 def is_continuation(file: Path) -> bool:
     """Whether a file keeps families or curves."""
     with open(file, "rb") as opened:
-        return jaxdyn.continuation.kept.FORMAT.encode() in opened.readline(200)
+        return jaxdyn.continuation.checkpoint.FORMAT.encode() in opened.readline(200)
 
 
 def show_continuation(file: Path, plot: Path | None, title: str | None, out: Screen) -> None:
     """Print the curves or the diagram of a file, and draw them if requested."""
-    kinds = (*jaxdyn.continuation.kept.WHATS, orbits.families.kept.ORBITS)
-    kinds = (*kinds, orbits.curves.kept.ORBIT_CURVE)
-    walks, notes = jaxdyn.continuation.kept.stored(file, kinds)
+    kinds = (*jaxdyn.continuation.checkpoint.WHATS, orbits.families.checkpoint.ORBITS)
+    kinds = (*kinds, orbits.curves.checkpoint.ORBIT_CURVE)
+    walks, notes = jaxdyn.continuation.checkpoint.stored(file, kinds)
     found = next((note for note in notes if note.keys() == {*Noted._fields}), None)
     if found is None:
         got = "one that a program wrote, which does not name its scene"
         raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
-    note = jaxdyn.files.typed.typed(found, Noted, "file", jaxdyn.continuation.kept.OTHER)
+    note = jaxdyn.files.typed.typed(found, Noted, "file", jaxdyn.continuation.checkpoint.OTHER)
     settings = [f"{key}={value}" for key, value in note.settings.items()]
     chosen = scene_settings(choice("scene", note.scene, scenes()), settings)
     values = jaxdyn.scenes.catalogue.numbers(note.scene, chosen)
@@ -41,13 +41,13 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         _show_diagram(orbits.families.load(file, make), note, plot, title, out)
     else:
         both = jaxdyn.files.typed.typed(
-            note.parameters, tuple[str, str], "file", jaxdyn.continuation.kept.OTHER
+            note.parameters, tuple[str, str], "file", jaxdyn.continuation.checkpoint.OTHER
         )
         make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)
         curves: list[Any] = []
-        if jaxdyn.continuation.kept.CURVE in whats:
+        if jaxdyn.continuation.checkpoint.CURVE in whats:
             curves += jaxdyn.continuation.load(file, make)
-        if orbits.curves.kept.ORBIT_CURVE in whats:
+        if orbits.curves.checkpoint.ORBIT_CURVE in whats:
             curves += orbits.curves.load(file, make)
         _show_curves(curves, note, plot, title, out)
 

@@ -9,7 +9,7 @@ from helpers import SOLVED, gap
 from jaxdyn import Scene, Status, scenes, simulate
 from jaxdyn._numerics import solve_psd
 from jaxdyn.analysis import constraints
-from jaxdyn.analysis.ledger import with_work
+from jaxdyn.analysis.work_by_effect import with_work
 from jaxdyn.effects import LinearDrag, UniformGravity
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import Mechanism, planar_body

@@ -19,7 +19,7 @@ from jaxdyn.analysis.energy import (
     potential,
 )
 from jaxdyn.analysis.energy_change import energy_change
-from jaxdyn.analysis.ledger import with_work
+from jaxdyn.analysis.work_by_effect import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches

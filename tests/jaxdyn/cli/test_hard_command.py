@@ -6,7 +6,7 @@ import json
 import pytest
 
 from jaxdyn import hard
-from jaxdyn.cli import words
+from jaxdyn.cli import docstrings
 from jaxdyn.hard import collection
 from jaxdyn.hard.case import absolute_error, relative_error
 
@@ -25,7 +25,7 @@ def jaxdyn(command):
 )
 def test_a_figure_out_of_its_bound_fails(jaxdyn, monkeypatch, value, passed, code):
     monkeypatch.setitem(collection.CASES, "sum", _sum(value))
-    monkeypatch.setattr(words, "hard_cases", lambda: {"sum"})
+    monkeypatch.setattr(docstrings, "hard_cases", lambda: {"sum"})
     done, out, _ = jaxdyn("sum", "--json")
     row, total = (json.loads(line) for line in out.splitlines())
     assert row.pop("seconds") >= 0

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import jaxdyn as library
 from jaxdyn.cli.app import app as jaxdyn_app
-from jaxdyn.cli.words import scenes
+from jaxdyn.cli.docstrings import scenes
 from orbits.cli.app import app as orbits_app
 
 APPS = {"jaxdyn": jaxdyn_app, "orbits": orbits_app}

@@ -14,7 +14,7 @@ from helpers import forge
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.continuation import kept, load
+from jaxdyn.continuation import checkpoint, load
 from jaxdyn.files.digests import json_text
 
 MEMBERS = 12
@@ -126,7 +126,7 @@ def test_steps_of_two_runs_in_one_file_are_refused(tmp_path):
 
 def test_a_walk_writes_its_file_alone(tmp_path):
     path = tmp_path / "run.jsonl"
-    log = kept.Log(path)
+    log = checkpoint.Log(path)
 
     def report(member) -> None:
         with pytest.raises(ValueError, match="which another one writes now"):
@@ -136,6 +136,6 @@ def test_a_walk_writes_its_file_alone(tmp_path):
     reported = []
     jaxdyn.continue_equilibria(lorenz, 20.0, [7.0, 7.0, 19.0], members=2, path=log, report=report)
     assert len(reported) == 2
-    kept.Log(path).note({"by": "another"})
+    checkpoint.Log(path).note({"by": "another"})
     with pytest.raises(ValueError, match="which another one has changed"):
         log.note({"by": "this"})

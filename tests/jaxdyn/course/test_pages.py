@@ -8,7 +8,7 @@ import pytest
 from helpers import BEYOND
 from matplotlib.figure import Figure
 
-from jaxdyn.cli import words
+from jaxdyn.cli import docstrings
 from jaxdyn.course.page import TOPICS, problems, run
 from jaxdyn.player import export
 
@@ -70,7 +70,7 @@ def test_every_name_is_public_and_documented(name):
 
 
 def test_the_scenes_name_the_problems_whose_pages_use_them():
-    for name, scene in words.scenes().items():
+    for name, scene in docstrings.scenes().items():
         shown = {n for n, p in PROBLEMS.items() if f"jaxdyn.scenes.{name}" in p.names}
         assert bool(shown) != (name in BEYOND), f"{name} is in no problem"
         missing = set(scene.problems) - shown

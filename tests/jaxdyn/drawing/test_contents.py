@@ -9,7 +9,7 @@ import pytest
 from helpers import EXACT, gap
 
 from jaxdyn import Trajectory, effects, scenes, simulate
-from jaxdyn.analysis import ledger
+from jaxdyn.analysis import work_by_effect
 from jaxdyn.analysis.regularised import LogarithmicTime
 from jaxdyn.drawing.contents import in_time, paths
 from jaxdyn.drawing.curves import CURVE_SAMPLES
@@ -159,7 +159,10 @@ def test_a_rigid_body_keeps_its_shape_on_the_curve():
 
 def test_a_drawing_of_a_ledger_and_of_logarithmic_time_is_that_of_their_system():
     scene = scenes.double_pendulum()
-    plain, more = _at_start(scene), _at_start(ledger.with_work(scene, effects.UniformGravity))
+    plain, more = (
+        _at_start(scene),
+        _at_start(work_by_effect.with_work(scene, effects.UniformGravity)),
+    )
     for one, other in zip(plain.shapes, more.shapes, strict=True):
         assert gap(one.at, other.at) == 0
     bound = scenes.spring_mass(position=(1.0, 0.0), g=0.0)

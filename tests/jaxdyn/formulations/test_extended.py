@@ -6,8 +6,8 @@ import pytest
 from helpers import gap
 
 from jaxdyn import System
-from jaxdyn.analysis.ledger import Ledger
 from jaxdyn.analysis.regularised import LogarithmicTime
+from jaxdyn.analysis.work_by_effect import Ledger
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.scene import Points
 from jaxdyn.scenes.central import _Swept

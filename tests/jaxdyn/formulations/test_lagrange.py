@@ -13,7 +13,7 @@ from helpers import EXACT, SOLVED, Arm, gap
 import jaxdyn
 from jaxdyn import Effect, Scene, scenes, simulate, solve
 from jaxdyn.analysis import energy
-from jaxdyn.analysis.ledger import with_work
+from jaxdyn.analysis.work_by_effect import with_work
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.lagrange import Lagrange
 

@@ -7,7 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import IntegrationError, Scene, effects, scenes, simulate
-from jaxdyn.analysis import energy, ledger
+from jaxdyn.analysis import energy, work_by_effect
 from jaxdyn.formulations.newton import FreePoints
 
 RNG = np.random.default_rng(3)
@@ -95,7 +95,7 @@ def test_a_force_on_one_is_refused_inside_of_an_extension_too():
     drag = effects.LinearDrag(0.1)
     scene = Scene(FreePoints([1.0, 0.0]), (effects.PairGravity(1.0), drag), y0=y0, t1=1.0)
     with pytest.raises(ValueError, match=r"^LinearDrag: expected no force on a point of mass 0"):
-        simulate(ledger.with_work(scene, effects.LinearDrag))
+        simulate(work_by_effect.with_work(scene, effects.LinearDrag))
 
 
 def test_a_force_that_begins_later_ends_the_motion():

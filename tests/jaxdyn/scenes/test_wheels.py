@@ -8,7 +8,7 @@ from helpers import EXACT, SOLVED, gap, refusal
 from scipy.integrate import solve_ivp
 
 from jaxdyn import Effect, scenes, simulate
-from jaxdyn.analysis import energy, ledger
+from jaxdyn.analysis import energy, work_by_effect
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.skates import one_skate
 from jaxdyn.scenes.wheels import AXLES, braking, car, sliding_velocity, turning_left, turning_rate
@@ -103,7 +103,7 @@ def test_front_locked_goes_straight_and_rear_locked_turns_round(stop):
 @pytest.mark.slow
 def test_the_work_of_friction_is_the_change_of_energy(stop):
     locked, scene, _ = stop
-    motion = simulate(ledger.with_work(scene, Effect), 2.0, samples=9, rtol=1e-13)
+    motion = simulate(work_by_effect.with_work(scene, Effect), 2.0, samples=9, rtol=1e-13)
     kinetic = energy.along(energy.energy, motion)
     work = motion["work of Effect"]
     assert gap((kinetic - kinetic[0]) / kinetic[0], work / kinetic[0]) < SOLVED

@@ -25,8 +25,8 @@ from jaxdyn.solvers import (
 )
 from jaxdyn.solvers.choice import reason
 from jaxdyn.solvers.formulas.nodes import NotElementary
-from jaxdyn.solvers.formulas.ordered import ordered
 from jaxdyn.solvers.formulas.shortest import products
+from jaxdyn.solvers.formulas.topological_order import ordered
 from jaxdyn.solvers.taylor.recurrences import solution
 from jaxdyn.solvers.taylor.terms import _CAUTION
 from jaxdyn.status import Status

@@ -11,11 +11,11 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.continuation import kept
+from jaxdyn.continuation import checkpoint
 from jaxdyn.files.digests import digest_of_values
-from orbits.curves.kept import ORBIT_CURVE
+from orbits.curves.checkpoint import ORBIT_CURVE
 from orbits.discovery import journal as searches
-from orbits.families.kept import ORBITS
+from orbits.families.checkpoint import ORBITS
 from orbits.files import family_files
 from orbits.orbit import Orbit, Outcome
 
@@ -47,13 +47,13 @@ def save_search(path: Path) -> None:
 
 def save_walk(what: str) -> Callable[[Path], None]:
     def save(path: Path) -> None:
-        codec = kept.Codec(encode=lambda x: x, decode=lambda x: x)
-        log = kept.Log(path)
-        begin = kept.Begin(what, 0.1, np.array([1.0, 1e-13]), {"x": [1.0]})
-        with kept.kept_in(log, begin, codec) as (_, walk):
+        codec = checkpoint.Codec(encode=lambda x: x, decode=lambda x: x)
+        log = checkpoint.Log(path)
+        begin = checkpoint.Begin(what, 0.1, np.array([1.0, 1e-13]), {"x": [1.0]})
+        with checkpoint.kept_in(log, begin, codec) as (_, walk):
             assert walk is not None
             for number in range(4):
-                walk.add(kept.Advance({"x": [1e-13, number / 3]}, [], 0.1, ""))
+                walk.add(checkpoint.Advance({"x": [1e-13, number / 3]}, [], 0.1, ""))
             walk.ended("the number of members requested, 5")
         log.note({"scene": "none"})
 
@@ -62,7 +62,7 @@ def save_walk(what: str) -> Callable[[Path], None]:
 
 def read_walk(what: str) -> Callable[[Path], list]:
     def read(path: Path) -> list:
-        (walk,), notes = kept.stored(path, (what,))
+        (walk,), notes = checkpoint.stored(path, (what,))
         return [*walk.steps, *([walk.end] if walk.end else []), *notes]
 
     return read
@@ -88,8 +88,10 @@ KINDS = {
     "family.json": Kind(save_family, family_files.load),
     "motion.npz": Kind(save_motion, jaxdyn.load),
     "search.jsonl": Kind(save_search, lambda path: searches.read(path)[1], True),
-    "equilibria.jsonl": Kind(save_walk(kept.EQUILIBRIA), read_walk(kept.EQUILIBRIA), True),
-    "curve.jsonl": Kind(save_walk(kept.CURVE), read_walk(kept.CURVE), True),
+    "equilibria.jsonl": Kind(
+        save_walk(checkpoint.EQUILIBRIA), read_walk(checkpoint.EQUILIBRIA), True
+    ),
+    "curve.jsonl": Kind(save_walk(checkpoint.CURVE), read_walk(checkpoint.CURVE), True),
     "orbits.jsonl": Kind(save_walk(ORBITS), read_walk(ORBITS), True),
     "orbit_curve.jsonl": Kind(save_walk(ORBIT_CURVE), read_walk(ORBIT_CURVE), True),
 }

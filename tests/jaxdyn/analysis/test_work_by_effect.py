@@ -10,7 +10,7 @@ from helpers import SOLVED, gap
 
 from jaxdyn import Effect, scenes, simulate
 from jaxdyn.analysis import energy
-from jaxdyn.analysis.ledger import Ledger, power, with_work
+from jaxdyn.analysis.work_by_effect import Ledger, power, with_work
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton_euler import NewtonEuler

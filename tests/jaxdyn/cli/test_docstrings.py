@@ -4,13 +4,13 @@ import pytest
 from helpers import run_python
 
 from jaxdyn import hard, scenes, solvers
-from jaxdyn.cli import words
+from jaxdyn.cli import docstrings
 from jaxdyn.scenes import catalogue
 
 
 def test_the_text_of_the_scenes_says_what_the_catalogue_says():
     zoo = catalogue.entries()
-    found = words.scenes()
+    found = docstrings.scenes()
     assert found.keys() == zoo.keys()
     for name, known in found.items():
         assert {key: p.default for key, p in known.parameters.items()} == zoo[name].parameters
@@ -22,19 +22,22 @@ def test_the_text_of_the_scenes_says_what_the_catalogue_says():
 
 def test_every_ready_solver_has_its_name():
     ready = {key.lower() for key, x in vars(solvers).items() if isinstance(x, solvers.Method)}
-    assert set(words.solver_names()) == ready
+    assert set(docstrings.solver_names()) == ready
 
 
 def test_every_hard_case_has_its_name():
-    found = words.hard_cases()
+    found = docstrings.hard_cases()
     assert list(found.items()) == [(case.name, case.holds) for case in hard.CASES.values()]
 
 
 def test_settings_are_read_by_name():
-    assert words.scene_settings("pendulum", ["angle = pi/2", "m=2"]) == {"angle": "pi/2", "m": "2"}
-    assert words.scene_settings("three_body", None) == {}
+    assert docstrings.scene_settings("pendulum", ["angle = pi/2", "m=2"]) == {
+        "angle": "pi/2",
+        "m": "2",
+    }
+    assert docstrings.scene_settings("three_body", None) == {}
     with pytest.raises(ValueError, match=r"^--set: expected NAME=VALUE, got 'm'"):
-        words.scene_settings("pendulum", ["m"])
+        docstrings.scene_settings("pendulum", ["m"])
 
 
 #: Mistakes that are seen before JAX is loaded, and the message of each.

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation.kept import EARLIER, OTHER, Codec, Stored, stored
+from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Stored, stored
 from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields

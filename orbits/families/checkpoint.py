@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn.continuation.kept import OTHER, Codec, Stored
+from jaxdyn.continuation.checkpoint import OTHER, Codec, Stored
 from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields

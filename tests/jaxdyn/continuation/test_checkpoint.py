@@ -8,7 +8,7 @@ import pytest
 import jaxdyn
 from jaxdyn import drawing, scenes
 from jaxdyn.continuation import load
-from jaxdyn.continuation.kept import Log
+from jaxdyn.continuation.checkpoint import Log
 from jaxdyn.files.digests import json_text
 
 

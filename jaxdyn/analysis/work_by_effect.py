@@ -77,10 +77,10 @@ def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
     Limits: the scene is no longer of second order, so a conservative one is integrated by
       the Runge-Kutta pair instead of the Nystrom pair.
     Example:
-      >>> from jaxdyn.analysis import ledger
+      >>> from jaxdyn.analysis import work_by_effect
       >>> from jaxdyn import scenes, simulate
       >>> from jaxdyn.effects import QuadraticDrag
-      >>> motion = simulate(ledger.with_work(scenes.cannonball(drag=0.1), QuadraticDrag))
+      >>> motion = simulate(work_by_effect.with_work(scenes.cannonball(drag=0.1), QuadraticDrag))
       >>> bool(motion["work of QuadraticDrag"][-1] < 0)
       True
     """
