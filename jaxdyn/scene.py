@@ -23,8 +23,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
-from jaxdyn._notes import notes_on
 from jaxdyn._records.kinds import check_kind
+from jaxdyn._records.notes import notes_on
 from jaxdyn._records.record import Record
 from jaxdyn.field import Field as Field
 from jaxdyn.field import VectorField, looked_at

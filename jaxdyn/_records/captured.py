@@ -23,6 +23,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jaxdyn._records.notes import ByIdentity
 from jaxdyn._records.reading import (
     NUMBERS,
     code_reads,
@@ -48,13 +49,15 @@ _FIXED = (
     *(bool, int, float, complex, str, bytes, type(None), np.number, jax.Array),
     *(types.FunctionType, types.BuiltinFunctionType, property),
 )
+#: What records hold whose parts cannot be exchanged.
+_held_for_good: ByIdentity[tuple[tuple[Callable, ...], list[Any]]] = ByIdentity()
 #: Functions whose captured values are kept at hand; more are read anew.
 _MOST_KEPT = 4096
 
 
 def captured_in(record: eqx.Module) -> Captured | None:
     """What the user's functions in a record captured; None if neither it nor its parts have any."""
-    functions, parts = _held(record)
+    functions, parts, _ = _walk(record)
     if functions or any(part.captured is not None for part in parts):
         return captured(type(record).__name__, *functions)
     return None
@@ -80,8 +83,22 @@ def check_captured(record: Any) -> None:
 
 
 def _held(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
-    """The user's functions in a record, its methods among them; and the records in it."""
-    functions, records = _methods(type(record)), []
+    """The functions and records of `_walk`: as found before, where they cannot change."""
+    known = _held_for_good.get(record)
+    if known is not None:
+        return known
+    functions, records, for_good = _walk(record)
+    if for_good:
+        _held_for_good.put(record, (functions, records))
+    return functions, records
+
+
+def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
+    """The user's functions in a record, its methods among them; and the records in it.
+
+    And whether they stay these: others may be put into a list or a dictionary.
+    """
+    functions, records, for_good = _methods(type(record)), [], True
     waiting = [record.__dict__.values()]
     while waiting:
         for x in waiting.pop():
@@ -96,8 +113,9 @@ def _held(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
                 functions += _methods(type(x))
                 waiting.append(x.__dict__.values())
             else:
+                for_good = for_good and isinstance(x, tuple)
                 waiting.append(x.values() if way == "dictionary" else x)
-    return functions, records
+    return functions, records, for_good
 
 
 @functools.cache

@@ -167,7 +167,11 @@ def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
     given = options.rtol, options.atol, options.max_steps, max_limited
     known = all(x is None or type(x) is float or type(x) is int for x in given)
     found = (_known_limits if known else _limits)(*given)
-    if options.max_step is None and not np.size(options.breaks):
+    # `np.size` alone takes as long as all other checks.
+    breaks = options.breaks
+    if options.max_step is None and (
+        breaks == () if type(breaks) is tuple else not np.size(breaks)
+    ):
         return found
     longest = None
     if options.max_step is not None:
@@ -175,9 +179,7 @@ def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
         checked = _checks.array("max_step", options.max_step, (), remedy)
         longest = host_floats(_checks.positive("max_step", checked, remedy))
     remedy = "Times at which the rate changes."
-    breaks = (
-        _checks.array("breaks", options.breaks, (None,), remedy) if np.size(options.breaks) else ()
-    )
+    breaks = _checks.array("breaks", breaks, (None,), remedy) if np.size(breaks) else ()
     return found._replace(max_step=longest, breaks=breaks)
 
 

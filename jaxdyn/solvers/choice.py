@@ -6,8 +6,8 @@ import math
 import diffrax
 
 from jaxdyn import _checks
-from jaxdyn._notes import notes_on
 from jaxdyn._records.kinds import check_first
+from jaxdyn._records.notes import notes_on
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method
@@ -133,6 +133,11 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
       several: whether the method has to cross several steps side by side, as ensembles and the
         search for events ask of it. Taylor series cannot.
     """
+    return _default_method(scene, rtol, several)
+
+
+def _default_method(scene: Scene, rtol, several: bool) -> Method:
+    """`default_solver` of a scene whose functions have been checked."""
     notes = notes_on(scene) if type(rtol) is float else None
     if notes is None:
         method, _ = _rule(scene, rtol)
@@ -236,7 +241,7 @@ def chosen_method(
       ValueError: `solver` requires velocity-independent forces, and the scene has others.
     """
     if solver is None:
-        return default_solver(scene, rtol=rtol, several=several)
+        return _default_method(scene, rtol, several)
     method = method_of(solver)
     if method.position_only and not scene.second_order:
         raise _checks.fail(

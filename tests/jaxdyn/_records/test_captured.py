@@ -3,7 +3,9 @@
 import dataclasses
 import functools
 import types
+from typing import Any
 
+import equinox as eqx
 import numpy as np
 import pytest
 
@@ -194,3 +196,26 @@ def test_a_scene_never_goes_on_with_an_old_value():
             jaxdyn.simulate(scene, samples=2)
         again = jaxdyn.simulate(jaxdyn.ode(function, [1.0, 0.0], 1.0), samples=2)
         assert abs(float(again["y0"][-1]) - np.cos(np.sqrt(10.0))) < 1e-8
+
+
+class Several(jaxdyn.System):
+    """The sum of rates that a list holds."""
+
+    rates: Any = eqx.field(static=True)
+
+    def labels(self):
+        return (("y", "1"),)
+
+    def rate(self, t, y, effects=()):
+        return sum(rate(y) for rate in self.rates)
+
+
+def test_a_function_that_is_put_into_a_list_later_is_seen():
+    factor = 2.0
+    rates = [lambda y: -factor * y]
+    system = Several(rates)
+    system.check_functions()
+    stiffness = 3.0
+    rates.append(lambda y: -stiffness * y)
+    with pytest.raises(ValueError, match="another value of 'stiffness'"):
+        system.check_functions()

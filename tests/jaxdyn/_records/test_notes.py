@@ -6,8 +6,9 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jaxdyn import _notes, scenes
-from jaxdyn._notes import notes_on
+from jaxdyn import scenes
+from jaxdyn._records import notes
+from jaxdyn._records.notes import notes_on
 
 
 def test_notes_are_kept_with_a_scene_whose_numbers_cannot_change():
@@ -15,10 +16,10 @@ def test_notes_are_kept_with_a_scene_whose_numbers_cannot_change():
     notes_on(scene)["asked"] = "answer"
     assert notes_on(scene) == {"asked": "answer"}
     assert notes_on(scene.starting(scene.y0)) == {}
-    before = len(_notes._noted)
+    before = len(notes._noted._known)
     del scene
     gc.collect()
-    assert len(_notes._noted) < before
+    assert len(notes._noted._known) < before
 
 
 def test_there_are_none_on_numbers_that_may_change():
