@@ -1,7 +1,7 @@
 """Text for people: error messages, numbers with their units, records as tables and as HTML.
 
-`messages` is for misuse, `numbers` for numbers and modules, `tables` for the `__repr__` of scenes,
-motions and results, `html` for notebooks. Descriptions of objects never raise: arrays that are long
+`messages` is for misuse, `tables` for numbers and the `__repr__` of scenes, motions and results,
+`html` for notebooks. Descriptions of objects never raise: arrays that are long
 or traced are shown by their shape. Neither JAX nor NumPy, which load slowly, is imported here.
 
 May import: nothing.
@@ -11,8 +11,18 @@ One more kind of text is a function in the file of its kind, and its name below.
 
 from jaxdyn._text.html import html, pictured
 from jaxdyn._text.messages import choice, counted, fail, flag, whole
-from jaxdyn._text.numbers import brief, called, entries, extent, record, second
-from jaxdyn._text.tables import cut, fields, never_raising, table
+from jaxdyn._text.tables import (
+    brief,
+    called,
+    cut,
+    entries,
+    extent,
+    fields,
+    never_raising,
+    record,
+    second,
+    table,
+)
 
 __all__ = [
     "brief",

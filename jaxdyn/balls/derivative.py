@@ -6,8 +6,7 @@ evaluated, with no constant rounded on the way, and both share their nodes.
 
 from collections.abc import Callable
 
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import STEADY, Node, NotElementary, Number
+from jaxdyn.solvers.formulas.graph import STEADY, Graph, Node, NotElementary, Number
 
 
 def gradients(graph: Graph, results: list[Number], by: list[Node]) -> list[list[Number]]:

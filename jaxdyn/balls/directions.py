@@ -13,8 +13,7 @@ from typing import NamedTuple
 from jaxdyn.balls.arithmetic import Undecided, arb
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.program import Program
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import COMPARISONS, LOGIC, Node, Number
+from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, Graph, Node, Number
 
 _MOST_ARCS = 512  # that are tried for a box
 

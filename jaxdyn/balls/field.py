@@ -13,8 +13,7 @@ from jaxdyn.balls.arithmetic import REAL, Functions
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas, exact_formulas
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import Node, NotElementary, Number
+from jaxdyn.solvers.formulas.graph import Graph, Node, NotElementary, Number
 
 _REMEDY = (
     "Digits and proofs need a rate of + - * / powers, roots, exp, log, circular and hyperbolic "

@@ -17,7 +17,7 @@ from typing import Any
 from flint import fmpq, fmpq_mpoly_ctx
 
 from jaxdyn.balls.program import Program
-from jaxdyn.solvers.formulas.nodes import LOGIC, Node, Number
+from jaxdyn.solvers.formulas.graph import LOGIC, Node, Number
 
 #: Generators for functions; beyond them nothing is proved.
 _MOST_FUNCTIONS = 120

@@ -14,9 +14,8 @@ from typing import Any
 import flint
 
 from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import COMPARISONS, LOGIC, TESTS, Node, Number
-from jaxdyn.solvers.formulas.topological_order import ordered
+from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
+from jaxdyn.solvers.formulas.shortest import ordered
 
 #: A function of the numbers at all places.
 Operation = Callable[[list], Any]

@@ -2,8 +2,7 @@
 
 `engine` has the calls (`run`, `stream`), `lanes` steps several motions side by side, `batches`
 divides the work among threads and devices, `watches` are observers that measure on the way or end
-a motion early, `crossings` is the one that records the crossings of an event, which `nodes` has at
-the ends of a step.
+a motion early, `crossings` is the one that records the crossings of an event.
 
 May import: `integrate`.
 

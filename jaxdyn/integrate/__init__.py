@@ -7,9 +7,9 @@ of one loss by many numbers (`adjoint=True`), `fixed` the solve with the paramet
 `step_control` the step size, `observing` the samples and the limits of a run, `switching` the
 change to another method where the default does not suit a motion. `march` is the loop over steps,
 `lookahead` keeps them from passing over brief parts of a rate, `pieces` follows rates with
-conditions, each piece in one branch. Events: `events` (the calls), `stop` (what they return) and
-the folder `event_search` (the search within a step). Piecewise-smooth motions: `phases` (the
-calls, which phase is first and next), `phase` (one phase, and when a state fits it).
+conditions, each piece in one branch. Events: `events` (the calls, and what they return) and the
+folder `event_search` (the search within a step). Piecewise-smooth motions: `phases` (the calls,
+which phase is first and next), `phase` (one phase, and when a state fits it).
 
 May import: `solvers`, `plan`. A scene is used only through its rate, its projection and its labels.
 

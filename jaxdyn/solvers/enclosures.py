@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.solvers.formulas.nodes import LOGIC, Node, NotElementary, Number
+from jaxdyn.solvers.formulas.graph import LOGIC, Node, NotElementary, Number
 from jaxdyn.solvers.intervals import (
     Interval,
     add,

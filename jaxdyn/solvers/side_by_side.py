@@ -25,7 +25,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._programs import CALLS, bound, called
-from jaxdyn.solvers.formulas.on_numpy import rearranged
+from jaxdyn.solvers.formulas.formulas import rearranged
 
 #: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {

@@ -30,7 +30,7 @@ from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Number
+from jaxdyn.solvers.formulas.graph import Number
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,8 +5,8 @@ from fractions import Fraction
 
 from jaxdyn._checks import fail
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Node
-from jaxdyn.solvers.formulas.topological_order import ordered
+from jaxdyn.solvers.formulas.graph import Node
+from jaxdyn.solvers.formulas.shortest import ordered
 
 _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with one number w."
 

@@ -11,7 +11,7 @@ from jaxdyn._checks import fail
 from jaxdyn.analysis import energy as energies
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.solvers.formulas.nodes import Number
+from jaxdyn.solvers.formulas.graph import Number
 from jaxdyn.system import System
 from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven

@@ -17,7 +17,7 @@ from jaxdyn.balls.field import BallField
 from jaxdyn.balls.identities import NoPolynomial, Polynomials
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Number
+from jaxdyn.solvers.formulas.graph import Number
 from orbits.proof.closing_equations import ClosingEquations
 
 

@@ -1,9 +1,9 @@
 """Throws at a target, and closed loops about a centre of force.
 
-`aim` answers questions about throws (`hit`, `farthest`, `slowest`); `launch` is one throw, `thrown`
-its equations along the launch, `ranges` the range over all angles, `steady_fall` the end of a long
-throw at its terminal velocity. `loops` closes orbits about a centre, `shapes` finds the ratio of
-their radii.
+`aim` answers questions about throws (`hit`, `farthest`, `slowest`) by their range over all angles;
+`launch` is one throw, `thrown` its equations along the launch, `steady_fall` the end of a long
+throw at its terminal velocity. `loops` closes orbits about a centre, from the ratio of their
+radii.
 
 May import: `shooting`.
 

@@ -16,7 +16,7 @@ from jaxdyn.analysis.equilibrium_search.isolation import Isolation, isolate
 from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
 from jaxdyn.solvers.formulas.formulas import Formulas, formulas
-from jaxdyn.solvers.formulas.nodes import NotElementary
+from jaxdyn.solvers.formulas.graph import NotElementary
 
 _MARGIN = 1e-6  # of the box: margin of the bisected box, or a zero on its boundary would be lost
 _POINT_SIZE = 1e-8  # of the box: undecided boxes of this size mark points

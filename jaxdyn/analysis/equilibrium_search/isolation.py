@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Node
+from jaxdyn.solvers.formulas.graph import Node
 from jaxdyn.solvers.intervals import Interval, add, multiply
 
 _MIN_BOX = 1e-9  # of the box: smaller boxes are not bisected

@@ -5,8 +5,7 @@ In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; in balls more b
 
 from collections.abc import Callable
 
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import Number
+from jaxdyn.solvers.formulas.graph import Graph, Number
 
 
 def _half_sum(graph: Graph, a: Number, sign: float) -> Number:

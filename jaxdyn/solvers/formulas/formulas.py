@@ -4,10 +4,16 @@ A rate is written with arrays: stacked, sliced, multiplied with matrices that ar
 `formulas` runs through its jaxpr with a `graph.Node` in place of each number: array operations cost
 nothing then, and repeated computations become one node. Loops of known length are unrolled. Others,
 linear algebra and callbacks cannot be represented: `NotElementary`.
+
+Known numbers are calculated by NumPy: JAX compiles each operation that it carries out, for each
+shape: 40 ms, some sixty times for the formulas of a mechanism, more than all of the program that is
+made from them takes.
 """
 
 import functools
+import itertools
 import math
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -19,29 +25,183 @@ from jaxtyping import Array, PyTree
 
 from jaxdyn._programs import CALLS, Loop, called, loop
 from jaxdyn.solvers.formulas.composed import COMPOSED
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import (
+from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
     FUNCTIONS,
     LOGIC,
     ROUGH,
     TESTS,
+    Graph,
     Node,
     NotElementary,
     Number,
 )
-from jaxdyn.solvers.formulas.on_arrays import (
-    MOVES,
-    by_jax,
-    converted,
-    elementwise,
-    folded,
-    moved,
-    multiplied,
-    objects,
-)
-from jaxdyn.solvers.formulas.on_numpy import calculated
 from jaxdyn.solvers.method import programs
+
+#: Operations on known numbers, with the same results as in JAX to the last digit.
+_CALCULATIONS: dict[str, Callable] = {
+    **{"add": operator.add, "sub": operator.sub, "mul": operator.mul, "neg": operator.neg},
+    **{"lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge},
+    **{"eq": operator.eq, "ne": operator.ne},
+}
+
+
+def rearranged(name: str, params: dict, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+    """What an operation makes of arrays, of any objects, if it only rearranges their entries.
+
+    Args:
+      name: of the operation.
+      params: its parameters.
+      args: arrays; of `dynamic_slice` the indices follow, known integers.
+    Returns:
+      The results; None for other operations.
+    """
+    x = args[0] if args else np.zeros(0)
+    if name == "reshape" and params["dimensions"] is None:
+        return [x.reshape(params["new_sizes"])]
+    if name == "broadcast_in_dim" and len(args) == 1:
+        shape, places = params["shape"], params["broadcast_dimensions"]
+        sizes = dict(zip(places, x.shape, strict=True))
+        rows = x.reshape([sizes.get(i, 1) for i in range(len(shape))])
+        return [np.broadcast_to(rows, shape)]
+    if name == "transpose":
+        return [x.transpose(params["permutation"])]
+    if name == "squeeze":
+        return [x.squeeze(tuple(params["dimensions"]))]
+    if name == "slice":
+        low, high = params["start_indices"], params["limit_indices"]
+        strides = params["strides"] or (1,) * len(low)
+        return [x[(*map(slice, low, high, strides), ...)]]
+    if name == "rev":
+        return [np.flip(x, params["dimensions"])]
+    if name == "concatenate":
+        return [np.concatenate(args, params["dimension"])]
+    if name == "stack":
+        return [np.stack(args, params["axis"])]
+    if name == "unstack":
+        rows = np.moveaxis(x, params["axis"], 0)
+        return [rows[i, ...] for i in range(len(rows))]
+    if name == "split":
+        ends = list(itertools.accumulate(params["sizes"]))
+        return np.split(x, ends[:-1], params["axis"])
+    if name == "dynamic_slice":
+        sizes = params["slice_sizes"]
+        # Out of bounds, a part of this size still lies within.
+        starts = (
+            int(np.clip(at, 0, most - size))
+            for at, most, size in zip(args[1:], x.shape, sizes, strict=True)
+        )
+        return [x[(*(slice(a, a + size) for a, size in zip(starts, sizes, strict=True)), ...)]]
+    return None
+
+
+def calculated(eqn, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+    """The results of an equation of a jaxpr for known numbers; None for other operations."""
+    name, kind = eqn.primitive.name, eqn.outvars[0].aval.dtype
+    found = rearranged(name, eqn.params, args)
+    if found is None and name == "iota":
+        shape, along = eqn.params["shape"], eqn.params["dimension"]
+        sizes = [-1 if i == along else 1 for i in range(len(shape))]
+        found = [np.broadcast_to(np.arange(shape[along]).reshape(sizes), shape)]
+    if found is None and name in _CALCULATIONS:
+        with np.errstate(all="ignore"):
+            found = [np.asarray(_CALCULATIONS[name](*args))]
+    if found is None and name == "select_n" and len(args) == 3 and args[0].dtype == bool:
+        found = [np.where(args[0], args[2], args[1])]
+    if found is None and name == "convert_element_type" and kind in (np.float64, np.int64):
+        found = [args[0]]
+    # Python numbers in a program have the type of its results.
+    return None if found is None else [np.asarray(x, kind) for x in found]
+
+
+#: Operations that only rearrange their first arguments; the others are known indices.
+MOVES = {
+    **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
+    **dict.fromkeys(("concatenate", "rev", "split", "stack", "unstack", "pad"), None),
+    **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
+}
+
+
+def objects(items: list, shape: tuple[int, ...]) -> np.ndarray:
+    """An array of nodes and known numbers."""
+    found = np.empty(len(items), object)
+    found[:] = items
+    return found.reshape(shape)
+
+
+def elementwise(op: Callable, args: list[np.ndarray]) -> np.ndarray:
+    """An operation on numbers, for entries one by one."""
+    shape = np.broadcast_shapes(*(x.shape for x in args))
+    columns = [np.broadcast_to(x, shape).ravel().tolist() for x in args]
+    return objects(list(itertools.starmap(op, zip(*columns, strict=True))), shape)
+
+
+def by_jax(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
+    """The results of an operation on known numbers."""
+    with jax.ensure_compile_time_eval():
+        found = primitive.bind(*map(jnp.asarray, args), **params)
+    return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
+
+
+def moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+    """What one of `MOVES` makes of its arguments."""
+    name, params = eqn.primitive.name, dict(eqn.params)
+    n = MOVES[name] or len(args)
+    entries, places = args[:n], args[n:]
+    if any(x.dtype == object for x in places):
+        raise NotElementary(f"{name} at indices known only at run time")
+    found = rearranged(name, params, [*(x.astype(object) for x in entries), *places])
+    if found is not None:
+        return found
+    # It is applied to the indices of all entries, to see where each goes.
+    if name == "gather":
+        params["fill_value"] = -1
+    starts = itertools.accumulate((x.size for x in entries), initial=0)
+    numbers = [
+        n + np.arange(x.size).reshape(x.shape) for n, x in zip(starts, entries, strict=False)
+    ]
+    pool = np.concatenate([x.astype(object).ravel() for x in entries])
+    found = by_jax(eqn.primitive, params, [*numbers, *places])
+    if any((x < 0).any() for x in found):
+        raise NotElementary(f"{name} at indices out of bounds")
+    return [np.asarray(pool[x], object) for x in found]
+
+
+def converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
+    """An array of another type: real numbers."""
+    if kind == wanted:
+        return x
+    if wanted != np.float64:
+        raise NotElementary(f"conversion to {wanted}")
+    return elementwise(graph.real, [x])
+
+
+def folded(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    """Sums along axes, or what another operation makes of several numbers."""
+    kept = [i for i in range(x.ndim) if i not in axes]
+    n = math.prod(x.shape[i] for i in axes)
+    rows = np.transpose(x, [*kept, *axes]).reshape([*(x.shape[i] for i in kept), n])
+    found = np.empty([x.shape[i] for i in kept], object)
+    for at in np.ndindex(found.shape):
+        found[at] = functools.reduce(op, rows[at]) if n else of_none
+    return found
+
+
+def multiplied(graph: Graph, a, b, contracted, batched) -> np.ndarray:
+    """Products of matrices: batch axes, then free ones of a, then free ones of b."""
+
+    def as_matrices(x, batch, last):
+        free = [i for i in range(x.ndim) if i not in (*batch, *last)]
+        parts = [[x.shape[i] for i in part] for part in (batch, free, last)]
+        moved = np.transpose(x.astype(object), [*batch, *free, *last])
+        return moved.reshape([math.prod(p) for p in parts]), parts
+
+    a, (batch, free_a, _) = as_matrices(a, batched[0], contracted[0])
+    b, (_, free_b, _) = as_matrices(b, batched[1], contracted[1])
+    found = np.empty((a.shape[0], a.shape[1], b.shape[1]), object)
+    for i, j, k in np.ndindex(found.shape):
+        found[i, j, k] = functools.reduce(graph.add, map(graph.mul, a[i, j], b[i, k]), 0.0)
+    return found.reshape([*batch, *free_a, *free_b])
 
 
 class Formulas(NamedTuple):

@@ -6,7 +6,7 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Node, NotElementary, Number
+from jaxdyn.solvers.formulas.graph import Node, NotElementary, Number
 from jaxdyn.solvers.formulas.shortest import shortest
 from jaxdyn.solvers.formulas.values import Value, known, value
 from jaxdyn.solvers.method import Rate, programs

@@ -7,7 +7,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
-from jaxdyn.solvers.formulas.nodes import ROUGH, STEADY, Node, Number
+from jaxdyn.solvers.formulas.graph import ROUGH, STEADY, Node, Number
 
 #: A value; a known number is one of NumPy, a known zero None.
 Value = Array | np.floating | np.bool_ | None

@@ -27,7 +27,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import FUNCTIONS, Node, NotElementary
+from jaxdyn.solvers.formulas.graph import FUNCTIONS, Node, NotElementary
 from jaxdyn.solvers.formulas.shortest import is_guarded, products, shortest
 from jaxdyn.solvers.method import (
     Advance,

@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import runtime_one
 from jaxdyn.solvers.formulas.formulas import Formulas
-from jaxdyn.solvers.formulas.nodes import Node, Number
+from jaxdyn.solvers.formulas.graph import Node, Number
 from jaxdyn.solvers.formulas.values import Value as Coefficient
 from jaxdyn.solvers.formulas.values import known, minus, plus, selected, times, value, weighted
 
@@ -35,7 +35,7 @@ def solution(
 
     Args:
       formulas: those of the rate.
-      nodes: the required nodes, `topological_order`.
+      nodes: the required nodes, in order (`shortest.ordered`).
       order: number of terms of each entry besides the first.
       h: () the step.
     """

@@ -27,7 +27,7 @@ from flint import fmpq, fmpq_mat
 
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat
 from jaxdyn.balls.identities import NoPolynomial
-from jaxdyn.solvers.formulas.nodes import Number
+from jaxdyn.solvers.formulas.graph import Number
 from orbits.proof.closing_equations import ClosingEquations, product
 from orbits.proof.theorems import Theorems
 

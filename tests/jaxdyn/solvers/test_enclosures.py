@@ -10,7 +10,7 @@ from helpers import formulas_of
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.isolation import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
-from jaxdyn.solvers.formulas.nodes import NotElementary
+from jaxdyn.solvers.formulas.graph import NotElementary
 from jaxdyn.solvers.intervals import Interval
 
 

@@ -24,9 +24,8 @@ from jaxdyn.solvers import (
     has_series,
 )
 from jaxdyn.solvers.choice import reason
-from jaxdyn.solvers.formulas.nodes import NotElementary
-from jaxdyn.solvers.formulas.shortest import products
-from jaxdyn.solvers.formulas.topological_order import ordered
+from jaxdyn.solvers.formulas.graph import NotElementary
+from jaxdyn.solvers.formulas.shortest import ordered, products
 from jaxdyn.solvers.taylor.recurrences import solution
 from jaxdyn.solvers.taylor.terms import _CAUTION
 from jaxdyn.status import Status

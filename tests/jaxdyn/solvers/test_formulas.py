@@ -7,7 +7,7 @@ import pytest
 from jax import lax
 
 from jaxdyn._programs import CALLS, called
-from jaxdyn.solvers.formulas.on_numpy import calculated, rearranged
+from jaxdyn.solvers.formulas.formulas import calculated, rearranged
 
 X = np.arange(24.0).reshape(2, 3, 4)
 MOVES = [
