@@ -277,6 +277,25 @@ def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Form
     return _formulas_of(Graph(exact=True), program, t, y, known)
 
 
+def traced(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.ndarray]:
+    """What a function of arrays returns for arrays of nodes and known numbers.
+
+    Args:
+      graph: of the nodes.
+      function: of arrays of floats; returns a pytree of them.
+      inputs: its arguments, arrays of objects.
+    Returns:
+      The leaves of the result, likewise.
+    Raises:
+      NotElementary: an operation of the function cannot be represented.
+    """
+    shapes = [jax.ShapeDtypeStruct(x.shape, float) for x in inputs]
+    program = jax.make_jaxpr(function)(*shapes)
+    _check_program(program)
+    consts = [_taken(graph, c) for c in program.consts]
+    return _interpreted(graph, program.jaxpr, consts, list(inputs))
+
+
 def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
     _check_program(program)
     time = graph.given(t, moving=True)

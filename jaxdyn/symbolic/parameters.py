@@ -1,0 +1,133 @@
+"""The parameters of a scene: its numbers one by one, with names, for formulas and for players.
+
+A parameter is a number of the system or of an effect; the start and the span are none. Its name is
+the shortest end of its path that no other parameter shares, with places in arrays in brackets, from
+0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` where two effects have a `k`.
+"""
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.field import Field
+from jaxdyn.scene import Scene
+
+
+class Parameters(NamedTuple):
+    """The parameters of a scene.
+
+    Attributes:
+      names: (n) of each.
+      values: (n,) of each.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+
+
+class Leaf(NamedTuple):
+    """An array of parameters: the parts of its path, its values, and where these begin.
+
+    Attributes:
+      path: names of attributes, keys and places, from the field on.
+      value: the array.
+      start: number of parameters before it.
+    """
+
+    path: tuple[str, ...]
+    value: np.ndarray
+    start: int
+
+
+def parameters(scene: Scene) -> Parameters:
+    """The names and values of all parameters of a scene, in the order of its fields.
+
+    Raises:
+      ValueError: the scene is invalid, or its numbers are traced.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> from jaxdyn.symbolic.parameters import parameters
+      >>> found = parameters(scenes.cart_pendulum())
+      >>> dict(zip(found.names, found.values.tolist()))
+      {'m[0]': 1.0, 'm[1]': 1.0, 'l': 1.0, 'g': 9.81}
+    """
+    found = leaves(scene.field)
+    names = [
+        name for leaf, stem in zip(found, _stems(found), strict=True) for name in _named(leaf, stem)
+    ]
+    values = [leaf.value.ravel() for leaf in found]
+    return Parameters(tuple(names), np.concatenate([np.zeros(0), *values]))
+
+
+def with_parameters(scene: Scene, values: Array) -> Scene:
+    """The same scene with other values (n,) of its `parameters`, which may be traced."""
+    values = jnp.asarray(values, float)
+    _checks.check_shape("values", values.shape, parameters(scene).values.shape, "One for each.")
+    system, effects = rebuilt(scene.field, values)
+    return Scene(system, effects, y0=scene.y0, t1=scene.t1, name=scene.name)
+
+
+def rebuilt(field: Field, values: Array) -> Field:
+    """A field with its parameters replaced by values (n,)."""
+    numbers, tree = jax.tree.flatten(field)
+    start, made = 0, []
+    for x in numbers:
+        if _is_parameter(x):
+            size = int(np.size(x))
+            made.append(values[start : start + size].reshape(np.shape(x)))
+            start += size
+        else:
+            made.append(x)
+    return jax.tree.unflatten(tree, made)
+
+
+def leaves(field: Field) -> list[Leaf]:
+    """The arrays of a field whose entries are its parameters."""
+    found, start = [], 0
+    for path, x in jax.tree_util.tree_flatten_with_path(field)[0]:
+        if not _is_parameter(x):
+            continue
+        if _checks.is_traced(x):
+            remedy = "Call it outside jit, grad and vmap."
+            raise _checks.fail("scene", "one whose numbers are known", "traced ones", remedy)
+        found.append(Leaf(tuple(map(_part, path)), np.asarray(x, float), start))
+        start += found[-1].value.size
+    return found
+
+
+def _is_parameter(x: Any) -> bool:
+    return isinstance(x, float) or jnp.issubdtype(jnp.result_type(x), jnp.floating)
+
+
+def _part(key: Any) -> str:
+    """A step of a path: a name, or a place in brackets."""
+    name = getattr(key, "name", getattr(key, "key", None))
+    return f"[{getattr(key, 'idx', name)}]" if not isinstance(name, str) else name
+
+
+def _stems(found: list[Leaf]) -> list[str]:
+    """For each array the shortest end of its path that no other one has."""
+    ends = [[_joined(leaf.path[i:]) for i in reversed(_beginnings(leaf.path))] for leaf in found]
+    counts = Counter(end for mine in ends for end in set(mine))
+    return [next((end for end in mine if counts[end] == 1), mine[-1]) for mine in ends]
+
+
+def _beginnings(path: tuple[str, ...]) -> list[int]:
+    """Where an end of a path may begin: at a name."""
+    return [i for i, part in enumerate(path) if not part.startswith("[")] or [0]
+
+
+def _joined(path: tuple[str, ...]) -> str:
+    return "".join(part if part.startswith("[") else f".{part}" for part in path).lstrip(".")
+
+
+def _named(leaf: Leaf, stem: str) -> list[str]:
+    if not leaf.value.ndim:
+        return [stem]
+    places = (",".join(map(str, at)) for at in np.ndindex(leaf.value.shape))
+    return [f"{stem}[{place}]" for place in places]

@@ -1,0 +1,188 @@
+"""Rates as source code in other languages, against the rates themselves."""
+
+import ctypes
+import json
+import shutil
+import subprocess
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import refusal
+
+import jaxdyn
+from jaxdyn import Effect, scenes
+from jaxdyn.analysis import energy
+from jaxdyn.scenes import catalogue
+from jaxdyn.symbolic.code import LANGUAGES, code
+from jaxdyn.symbolic.parameters import parameters, with_parameters
+
+#: Of the size of a rate: it is the same arithmetic, collected in another order.
+ROUNDING = 1e-13
+STATES = 5
+ZOO = catalogue.entries()
+
+
+def _cases(scene):
+    """(times, states, parameters) of random ones near those of a scene."""
+    rng = np.random.default_rng(0)
+    y0, p0 = np.asarray(scene.y0), parameters(scene).values
+    ts = rng.uniform(0.1, 1.0, STATES)
+    ys = y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal((STATES, len(y0)))
+    return ts, ys, p0 * rng.uniform(0.9, 1.1, (STATES, len(p0)))
+
+
+@pytest.fixture(scope="module", params=ZOO)
+def case(request):
+    """A ready-made scene with times, states, parameters and the rates there."""
+    scene = ZOO[request.param].make()
+    ts, ys, ps = _cases(scene)
+
+    @jax.jit
+    def rate(t, y, p):
+        return with_parameters(scene, p).rate(t, y)
+
+    rates = np.array([rate(*at) for at in zip(ts, ys, ps, strict=True)])
+    assert np.isfinite(rates).all()
+    return scene, ts, ys, ps, rates
+
+
+def _check(found, rates):
+    assert np.shape(found) == rates.shape
+    sizes = np.abs(rates).max(axis=1, keepdims=True)
+    assert (np.abs(found - rates) <= ROUNDING * sizes).all()
+
+
+def _loaded(source):
+    made = {}
+    exec(source, made)
+    return made["rate"]
+
+
+def test_python(case):
+    scene, ts, ys, ps, rates = case
+    rate = _loaded(code(scene, "python"))
+    _check(np.array([rate(*at) for at in zip(ts, ys.tolist(), ps.tolist(), strict=True)]), rates)
+
+
+def test_numpy_for_many_states_at_once(case):
+    scene, ts, ys, ps, rates = case
+    _check(_loaded(code(scene, "numpy"))(ts, ys.T, ps.T).T, rates)
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+def test_javascript(case):
+    scene, ts, ys, ps, rates = case
+    cases = json.dumps([[t, list(y), list(p)] for t, y, p in zip(ts, ys, ps, strict=True)])
+    program = (
+        f"{code(scene, 'javascript')}console.log(JSON.stringify({cases}.map(c => rate(...c))))"
+    )
+    done = subprocess.run(["node", "-"], input=program, capture_output=True, text=True, check=True)
+    _check(np.array(json.loads(done.stdout)), rates)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="a compiler for C is not installed")
+def test_c(case, tmp_path):
+    scene, ts, ys, ps, rates = case
+    path = tmp_path / "rate.so"
+    _compiled(code(scene, "c"), path)
+    function, found = ctypes.CDLL(str(path)).rate, np.empty_like(rates)
+    for t, y, p, row in zip(ts, ys, ps, found, strict=True):
+        arrays = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (y, p, row))
+        function(ctypes.c_double(t), *arrays)
+    _check(found, rates)
+
+
+def _compiled(source, path):
+    (path.parent / "rate.c").write_text(source)
+    flags = ["-std=c99", "-Wall", "-Werror", "-Wno-unused-variable", "-shared", "-fPIC", "-lm"]
+    subprocess.run(["cc", *flags, str(path.parent / "rate.c"), "-o", str(path)], check=True)
+
+
+@pytest.mark.skipif(shutil.which("julia") is None, reason="julia is not installed")
+def test_julia(case):
+    scene, ts, ys, ps, rates = case
+    calls = "\n".join(
+        f"println(rate({t!r}, {y.tolist()}, {p.tolist()}))"
+        for t, y, p in zip(ts.tolist(), ys, ps, strict=True)
+    )
+    program = f"{code(scene, 'julia')}{calls}"
+    done = subprocess.run(["julia", "-e", program], capture_output=True, text=True, check=True)
+    _check(np.array([json.loads(line) for line in done.stdout.splitlines()]), rates)
+
+
+def test_every_operation_in_every_language_that_has_it():
+    def rate(t, y):
+        a, b = y
+        chosen = jnp.where((a < b) & ~(a > 2.0) | jnp.isfinite(b / a), jnp.abs(a), jnp.sign(b))
+        rest = (
+            jnp.maximum(a, t)
+            + jnp.minimum(b, 0.5)
+            + jnp.floor(3 * a)
+            + jnp.ceil(b)
+            + jax.lax.rem(b, a)
+        )
+        powers = jnp.cbrt(a) + jnp.exp2(b) + (a * a + b) ** -1.5 + a**b + jnp.sqrt(a) + a**-3
+        arcs = jnp.arctan2(b, a) + jnp.arcsin(b / 4) + jnp.arccos(a / 4) + jnp.arctan(a)
+        exponentials = jnp.sinh(a) + jnp.cosh(b) + jnp.tanh(a) + jnp.exp(b) + jnp.log(a)
+        small = jnp.expm1(a) + jnp.log1p(b) + jax.nn.sigmoid(a) + jnp.tan(b)
+        inverse = jnp.arcsinh(a) + jnp.arccosh(1 + b) + jnp.arctanh(a / 4)
+        return [chosen + rest + powers, arcs + exponentials + small + inverse]
+
+    scene = jaxdyn.ode(rate, [0.7, 1.3])
+    wanted = np.asarray(scene.rate(jnp.asarray(0.3), scene.y0))
+    y = scene.y0.tolist()
+    assert np.allclose(_loaded(code(scene, "python"))(0.3, y, []), wanted, rtol=1e-14)
+    assert np.allclose(_loaded(code(scene, "numpy"))(0.3, y, []), wanted, rtol=1e-14)
+    if shutil.which("node"):
+        program = f"{code(scene, 'javascript')}console.log(JSON.stringify(rate(0.3, {y}, [])))"
+        done = subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True)
+        assert np.allclose(json.loads(done.stdout), wanted, rtol=1e-14)
+
+
+def test_other_functions_of_a_scene_than_its_rate():
+    scene = scenes.double_pendulum()
+    total = _loaded(code(scene, "python", of=energy.energy, name="rate"))
+    p = parameters(scene).values.tolist()
+    y = (scene.y0 + 0.3).tolist()
+    wanted = float(energy.energy(scene, jnp.zeros(()), jnp.asarray(y)))
+    assert total(0.0, y, p) == [pytest.approx(wanted, rel=1e-14)]
+
+
+def test_numbers_are_inputs():
+    one = code(scenes.cannonball(m=3.0), "c")
+    assert one == code(scenes.cannonball(m=5.0), "c")
+
+
+class Winding(Effect):
+    """A force found by a loop of unknown length."""
+
+    def force(self, t, r, v, m):
+        return jax.lax.while_loop(lambda x: jnp.sum(x * x) > 1.0, lambda x: 0.5 * x, r)
+
+
+def test_what_cannot_be_written_is_refused():
+    loop = scenes.cannonball() + Winding()
+    assert "code: expected a rate with formulas, got" in refusal(lambda: code(loop, "c"))
+    said = refusal(lambda: code(scenes.pendulum(), "fortran"))
+    assert "language: expected one of c, javascript, julia, numpy, python" in said
+    assert "a name of a function" in refusal(lambda: code(scenes.pendulum(), "c", name="1 x"))
+    bell = jaxdyn.ode(lambda t, y: [jax.scipy.special.erf(y[0])], [1.0])
+    said = refusal(lambda: code(bell, "javascript"))
+    assert said.endswith("with the function erf, got javascript. Take another language: python, c.")
+    assert "math.erf(y[0])" in code(bell, "python")
+    scene = scenes.pendulum()
+    traced = refusal(lambda: jax.jit(lambda g: parameters(scenes.pendulum(g=g)).values)(9.0))
+    assert "one whose numbers are known" in traced
+    assert "values" in refusal(lambda: with_parameters(scene, jnp.zeros(2)))
+
+
+def test_names_are_the_shortest_that_tell_parameters_apart():
+    named = parameters(scenes.two_springs()).names
+    assert named[:3] == ("m[0]", "effects[0].k", "effects[0].length")
+    assert "g" in named
+    assert parameters(scenes.top()).names[:2] == ("r[0,0]", "r[0,1]")
+    own = jaxdyn.ode(lambda t, y, p: [p["a"][1] * y[0]], [1.0], params={"a": [1.0, 2.0]})
+    assert parameters(own).names == ("a[0]", "a[1]")
+    assert len(LANGUAGES) == 5
