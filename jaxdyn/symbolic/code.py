@@ -16,11 +16,17 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import traced
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import COMPARISONS, LOGIC, TESTS, Node, NotElementary, Number
-from jaxdyn.solvers.formulas.on_arrays import objects
-from jaxdyn.solvers.formulas.topological_order import ordered
+from jaxdyn.solvers.formulas.formulas import objects, traced
+from jaxdyn.solvers.formulas.graph import (
+    COMPARISONS,
+    LOGIC,
+    TESTS,
+    Graph,
+    Node,
+    NotElementary,
+    Number,
+)
+from jaxdyn.solvers.formulas.shortest import ordered
 from jaxdyn.symbolic.parameters import parameters, rebuilt
 
 #: Nodes above which no function is written.
