@@ -1,14 +1,14 @@
 """How do orbits and families compare with those of peers, in time, error and lines?
 
 Run: ``python -m benchmarks families``. Van der Pol's cycle at mu = 5 and 100 by collocation: ours
-(`orbits.find` with `collocation=True`) and SciPy's `solve_bvp`, from a motion of about the period;
-the error is that of the period, by another method. Then ten halo orbits about L1 of Earth and Moon,
-from a start of six digits: ours and hiten's, if that is installed (`pip install hiten`; it is no
-part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration at rtol
-1e-13. Then 50 strands of the unstable manifold of the first one: hiten steps 1e-6 off the orbit,
-ours as far as the error of the linear start, 1e-8, allows, which it measures first; the error is
-that of the integrations, of the ends, from the starts that each gives. Lines are those of the
-functions below. Times are of a run after the first, compiled.
+(`orbits.find` with `orbits.Collocation()`) and SciPy's `solve_bvp`, from a motion of about the
+period; the error is that of the period, by another method. Then ten halo orbits about L1 of Earth
+and Moon, from a start of six digits: ours and hiten's, if that is installed (`pip install hiten`;
+it is no part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration at
+rtol 1e-13. Then 50 strands of the unstable manifold of the first one: hiten steps 1e-6 off the
+orbit, ours as far as the error of the linear start, 1e-8, allows, which it measures first; the
+error is that of the integrations, of the ends, from the starts that each gives. Lines are those of
+the functions below. Times are of a run after the first, compiled.
 
 Last numbers (2 cores with other work, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets,
 which compile, ours with stored programs): van der Pol's cycle at mu = 5: ours 51 ms (5 s), error
@@ -67,7 +67,7 @@ def rate(t, y, mu):
 def our_cycle(mu: float, guess: float) -> float:
     """The period."""
     scene = jaxdyn.ode(rate, [2.0, 0.0], guess, params=mu)
-    return orbits.find(scene, collocation=True).period
+    return orbits.find(scene, strategy=orbits.Collocation()).period
 
 
 def scipy_cycle(mu: float, guess: float) -> float:

@@ -47,5 +47,5 @@ __getattr__ = opened(
     __name__,
     _listed,
     moved=_MOVED,
-    folders=("balls", "course", "gallery", "hard", "player", "studies"),
+    folders=("balls", "course", "gallery", "hard", "player", "studies", "symbolic"),
 )

@@ -62,7 +62,11 @@ from .orbit import SearchError as SearchError
 from .proof.proving import prove as prove
 from .proof.refinement import refine as refine
 from .sections.tables import section as section
+from .shooting.collocation.search import Collocation as Collocation
+from .shooting.deflation import Deflated as Deflated
+from .shooting.descent import Descent as Descent
 from .shooting.finding import find as find
+from .shooting.multiple import Shooting as Shooting
 from .tori.continuation import continue_tori as continue_tori
 from .tori.torus import torus as torus
 

@@ -27,8 +27,8 @@ class Outcome(Code):
     NO_DESCENT = (
         2,
         "No step reduces the closing error any further, and it is above the goal: Newton's method "
-        "has ended beside an orbit, if there is one. Start closer, pass rough=True, more segments, "
-        "or hold what distinguishes the orbit from its family.",
+        "has ended beside an orbit, if there is one. Start closer, pass strategy=orbits.Descent() "
+        "or more segments, or hold what distinguishes the orbit from its family.",
     )
     COLLISION = (
         3,
@@ -71,7 +71,8 @@ class Outcome(Code):
     MESH_LIMIT = (
         10,
         "Collocation with its largest number of intervals leaves errors of its steps above the "
-        "goal. Raise goal, start closer, or find the orbit by shooting (collocation=False).",
+        "goal. Raise goal, start closer, or find the orbit by shooting "
+        "(strategy=orbits.Shooting()).",
     )
     NO_OTHER = (
         11,

@@ -7,3 +7,8 @@ May import: `solvers`, `mechanisms`.
 
 One more language is a row of `LANGUAGES` in `code`.
 """
+
+from jaxdyn.symbolic.code import code
+from jaxdyn.symbolic.parameters import Parameters, parameters
+
+__all__ = ["Parameters", "code", "parameters"]

@@ -99,9 +99,7 @@ def find_command(
             energy=energy,
             hold=hold or (),
             segments=segments,
-            rough=rough,
-            collocation=collocation,
-            unlike=[orbits.load(file)[0] for file in unlike or ()],
+            strategy=_strategy(rough, collocation, unlike or ()),
             report=printed(out),
         )
         if not orbit.ok:
@@ -121,6 +119,22 @@ def find_command(
                 orbits.save(save_to, orbit, claims)
         found = f"period {orbit.period:.9g}, {claims.verdict}"
         draw([orbit], [found], plot, animate, out, title)
+
+
+def _strategy(
+    rough: bool, collocation: bool | None, unlike: "Sequence[Path]"
+) -> "orbits.shooting.strategy.Strategy":
+    """What the flags say of how to look for the orbit."""
+    flags = {"--rough": rough, "--collocation": collocation, "--unlike": unlike}
+    given = [flag for flag, there in flags.items() if there]
+    if len(given) > 1:
+        raise fail("find", f"one of {', '.join(flags)}", " and ".join(given))
+    if unlike:
+        return orbits.Deflated([orbits.load(file)[0] for file in unlike])
+    if collocation:
+        return orbits.Collocation()
+    first = orbits.Descent() if rough else orbits.Shooting()
+    return orbits.shooting.automatic.Automatic(first) if collocation is None else first
 
 
 def _remedy(orbit: "orbits.Orbit") -> str:

@@ -18,8 +18,11 @@ from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import solved
 from orbits.orbit import Orbit
-from orbits.shooting.finding import find
+from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.deflation import Deflated
+from orbits.shooting.finding import AUTOMATIC, find
 from orbits.shooting.newton import Iteration
+from orbits.shooting.strategy import Strategy
 
 _TRIES = 3  # close returns tried
 #: Steps of a span in which close returns are looked for. With more, turns of the motion may be
@@ -38,10 +41,8 @@ def searched(
     closing: Closing | Sequence[Closing] = PLAIN,
     energy: float | None = None,
     hold: Sequence[str] = (),
+    strategy: Strategy = AUTOMATIC,
     segments: int | None = None,
-    rough: bool = False,
-    collocation: bool | None = None,
-    unlike: Sequence[Orbit] = (),
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
     """The orbit near a scene's own start, or the best iterate and the reason.
@@ -54,10 +55,8 @@ def searched(
       closing: see `find`.
       energy: that of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
+      strategy: see `find`.
       segments: see `find`.
-      rough: see `find`.
-      collocation: see `find`.
-      unlike: see `find`.
       report: see `find`.
     Raises:
       ValueError: no close return to begin with, or what `find` refuses.
@@ -70,20 +69,19 @@ def searched(
         closing=several,
         hold=held,
         segments=segments,
-        collocation=collocation,
-        unlike=unlike,
         report=report,
         throw=False,
     )
     if period is not None:
-        return near(None, period, rough=rough)
+        return near(None, period, strategy=strategy)
     seeds = _seeds(scene)
-    # The scene's own start, if that is periodic already.
-    orbit = near(None, seeds[0].period, max_iterations=0)
+    # The scene's own start, if that is periodic already, and no other orbit is asked for.
+    own = strategy if isinstance(strategy, Deflated | Collocation) else AUTOMATIC
+    orbit = near(None, seeds[0].period, strategy=own, max_iterations=0)
     for seed in seeds if not orbit.ok else ():
         # A reversal needs a start that it leaves fixed, such as the scene's own may be.
         start = None if hold or isinstance(several[0], Reversal) else seed.y0
-        orbit = near(start, seed.period, rough=rough)
+        orbit = near(start, seed.period, strategy=strategy)
         if orbit.ok:
             break
     # The closest return may be after several periods.
@@ -91,7 +89,7 @@ def searched(
         shortest, times = minimal_period(orbit)
         if times == 1:
             break
-        again = near(orbit.y0, shortest, unlike=())
+        again = near(orbit.y0, shortest, strategy=AUTOMATIC)
         orbit = eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
     return orbit
 

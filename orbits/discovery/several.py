@@ -18,8 +18,9 @@ from orbits.analysis.same import minimal_period, same_orbit
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
 from orbits.orbit import Orbit
+from orbits.shooting.deflation import Deflated
 from orbits.shooting.effort import GOAL, RTOL
-from orbits.shooting.finding import find
+from orbits.shooting.finding import AUTOMATIC, find
 
 
 @check_first
@@ -79,7 +80,7 @@ def find_all(
         raise fail("period", f"one time, or one for each of {len(starts)}", f"shape {spans.shape}")
     found: list[Orbit] = []
 
-    def closest(y0, span, closing=closing, unlike: Sequence[Orbit] = ()) -> Orbit:
+    def closest(y0, span, closing=closing, known: Sequence[Orbit] = ()) -> Orbit:
         return find(
             scene,
             y0,
@@ -90,7 +91,7 @@ def find_all(
             hold=hold,
             goal=goal,
             rtol=rtol,
-            unlike=unlike,
+            strategy=Deflated(known) if known else AUTOMATIC,
             max_iterations=max_iterations,
             throw=False,
         )
@@ -98,7 +99,7 @@ def find_all(
     for i, (y0, span) in enumerate(zip(starts, np.broadcast_to(spans, len(starts)), strict=True)):
         while len(found) < most:
             doing(f"looking for orbits: {counted(len(found), 'orbit')}", i, len(starts))
-            orbit = _once(closest(y0, span, unlike=found), closest)
+            orbit = _once(closest(y0, span, known=tuple(found)), closest)
             if not orbit.ok or any(same_orbit(known, orbit) for known in found):
                 break
             found.append(orbit)

@@ -17,6 +17,7 @@ orbits, where a descent would end.
 Reference: P. Farrell, A. Birkisson, S. Funke, SIAM J. Sci. Comput. 37 (2015) A2026.
 """
 
+import dataclasses
 import functools
 import itertools
 from collections.abc import Callable, Sequence
@@ -34,11 +35,14 @@ from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.given import Problem, driven, repeats
 from orbits.closing.sizes import alike, coupled, sizes
 from orbits.motion import gravitates, solved
-from orbits.orbit import Orbit
+from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
-from orbits.shooting.outcomes import Trouble
+from orbits.shooting.multiple import Shooting
+from orbits.shooting.outcomes import Trouble, orbit_at
+from orbits.shooting.segmentation import cut
+from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
@@ -99,6 +103,46 @@ class Found(NamedTuple):
     iterations: int = 0
 
 
+@dataclasses.dataclass(frozen=True)
+class Deflated(Strategy):
+    """Newton's method away from known orbits of the scene: another one from the same guess.
+
+    The orbits of a family are unlike each other: hold the energy of a conservative scene.
+
+    Attributes:
+      known: the known orbits.
+    """
+
+    known: Sequence[Orbit]
+
+    def orbit(self, search: Search) -> Orbit:
+        """An orbit unlike the known ones, or the best iterate and the reason.
+
+        Raises:
+          ValueError: a known orbit does not close, or is of another system.
+        """
+        problem, effort, equations = search.problem, search.effort, search.equations
+        several = known(self.known, problem.scene)
+        guess = problem.guess
+        cuts = cut(equations, guess, effort.rtol, search.segments, search.angle)
+        effort.trying("Newton's method with the known orbits deflated")
+        x = cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
+        found = deflated(problem, cuts, x, several, effort)
+        if found.near:
+            orbit = Shooting().orbit(search.at(cuts, found.x))
+            at = equations.pack(orbit.y0, (), orbit.angle, 0.0, orbit.period)
+            if not orbit.ok or distance(equations, at, several) > SAME:
+                return orbit
+        return orbit_at(
+            cuts,
+            found.x,
+            residual=found.residual,
+            outcome=Outcome.NO_OTHER,
+            iterations=0,
+            rtol=effort.rtol,
+        )
+
+
 def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
     """What is deflated.
 
@@ -108,9 +152,9 @@ def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
     for orbit in orbits:
         if not (isinstance(orbit, Orbit) and orbit.ok):
             got = getattr(orbit, "message", type(orbit).__name__)
-            raise fail("unlike", "orbits that close", got)
+            raise fail("Deflated", "known orbits that close", got)
         if type(orbit.scene.system) is not type(scene.system) or orbit.y0.shape != scene.y0.shape:
-            raise fail("unlike", f"orbits of {scene!r}", repr(orbit.scene))
+            raise fail("Deflated", f"known orbits of {scene!r}", repr(orbit.scene))
     return [_known(orbit) for orbit in orbits]
 
 

@@ -25,9 +25,13 @@ import lazy_loader
 import numpy as np
 from jaxtyping import Array
 
+from orbits.orbit import Orbit, Outcome
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
+from orbits.shooting.multiple import Shooting
 from orbits.shooting.newton import Iteration
+from orbits.shooting.outcomes import orbit_at
+from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
 #: Its import takes as long as a search from a good guess, which does not need it.
@@ -48,7 +52,48 @@ _MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
 
 
 @dataclasses.dataclass(frozen=True)
-class Descent:
+class Descent(Strategy):
+    """Descent on the closing error (optax, Adam) from a rough guess, before Newton's method.
+
+    Where that fails, Newton's method begins at the guess after all.
+    """
+
+    def orbit(self, search: Search) -> Orbit:
+        """The orbit near the end of the descent, or near the guess, or the best iterate."""
+        orbit = _orbit_after_descent(search)
+        if orbit.ok or search.effort.over:
+            return orbit
+        # It may have left an orbit that is near the guess.
+        plain = Shooting().orbit(search)
+        return plain if plain.ok else orbit
+
+
+def _orbit_after_descent(search: Search) -> Orbit:
+    problem, equations, effort = search.problem, search.equations, search.effort
+    guess = problem.guess
+    lower, upper = equations.bounds(problem.lower, problem.upper)
+    if problem.driven:  # Adam would move the period however little the error depends on it
+        lower[-1] = upper[-1] = guess[-1]
+    effort.trying("a descent on the closing error")
+    x = equations.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
+    end = descend(equations, x, lower=lower, upper=upper, effort=effort)
+    if not end.near:
+        return orbit_at(
+            equations,
+            end.x,
+            residual=end.residual,
+            outcome=Outcome.DESCENT_ENDED,
+            iterations=0,
+            rtol=effort.rtol,
+        )
+    orbit = Shooting().orbit(search.at(equations, end.x))
+    if orbit.ok or end.arrived:
+        return orbit
+    return dataclasses.replace(orbit, outcome=Outcome.DESCENT_ENDED)
+
+
+@dataclasses.dataclass(frozen=True)
+class End:
     """Where a descent ended.
 
     Attributes:
@@ -64,14 +109,14 @@ class Descent:
     arrived: bool
 
 
-def descended(
+def descend(
     equations: Equations,
     x: np.ndarray,
     *,
     lower: np.ndarray,
     upper: np.ndarray,
     effort: Effort,
-) -> Descent:
+) -> End:
     """The point to which descent on the closing error leads.
 
     Args:
@@ -106,7 +151,7 @@ def descended(
         moves, state = _adam_moves(jnp.asarray(gradient), state)
         new = np.clip(x + np.asarray(moves) * lengths, lower, upper)
         step, x = float(np.linalg.norm((new - x) / units)), new
-    return Descent(
+    return End(
         x=best,
         residual=best_residual,
         near=bool(least <= _NEAR),

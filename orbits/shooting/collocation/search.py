@@ -26,6 +26,7 @@ from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.newton import Result
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
+from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
 _MESHES_MOST = 8
@@ -40,15 +41,62 @@ def suits(equations: Equations) -> bool:
     return type(equations.scene.system).project is System.project
 
 
-def meshed(problem: Problem, equations: Equations, effort: Effort, *, instead: Orbit) -> Orbit:
-    """The orbit by collocation, where it may find one that shooting did not; or else `instead`.
+@dataclasses.dataclass(frozen=True)
+class Collocation(Strategy):
+    """Gauss collocation on an adaptive mesh instead of integrations.
 
-    That is where the motion from the guess is stiff, or integrations take too many steps.
+    For orbits that are stiff or very unstable. Unless something fixes the start, the orbit then
+    starts where it is slow.
+
+    Limits: not for scenes whose states are projected onto constraints, nor with `segments`.
     """
-    if suits(equations) and (instead.outcome == Outcome.STEP_LIMIT or _stiff(problem, equations)):
-        orbit = on_mesh(problem, equations, effort)
-        return orbit if orbit.ok else instead
-    return instead
+
+    def orbit(self, search: Search) -> Orbit:
+        """The orbit near the guess, or the best iterate and the reason.
+
+        Raises:
+          ValueError: see the limits.
+        """
+        problem, equations, effort = search.problem, search.equations, search.effort
+        if not suits(equations):
+            remedy = "Leave it out: by shooting."
+            raise fail("strategy", "one for a scene with projected constraints", self, remedy)
+        if search.segments is not None:
+            raise fail("segments", "none with collocation", search.segments)
+        equations = dataclasses.replace(equations, stiff=is_stiff(equations, problem.guess))
+        found = _searched(problem, equations, effort)
+        if found is None:  # the motion from the guess ends early
+            x = equations.pack(problem.guess[:-1], (), 0.0, 0.0, problem.guess[-1])
+            return orbit_at(
+                equations,
+                x,
+                residual=math.nan,
+                outcome=Outcome.COLLISION,
+                iterations=0,
+                rtol=effort.rtol,
+            )
+        last, result, error, trouble = found
+        outcome = outcome_of(InUnits(last, result.x, effort.rtol), result, trouble)
+        if outcome == Outcome.FOUND and error > effort.goal:
+            outcome = Outcome.MESH_LIMIT
+        return orbit_at(
+            last,
+            result.x,
+            residual=max(float(np.abs(result.residual).max()), error),
+            outcome=outcome,
+            iterations=result.iterations,
+            rtol=effort.rtol,
+        )
+
+    @staticmethod
+    def may_help(search: Search, failed: Orbit) -> bool:
+        """Whether it may find what shooting did not.
+
+        That is where the motion from the guess is stiff, or integrations take too many steps.
+        """
+        if not suits(search.equations):
+            return False
+        return failed.outcome == Outcome.STEP_LIMIT or _stiff(search.problem, search.equations)
 
 
 def _stiff(problem: Problem, equations: Equations) -> bool:
@@ -56,55 +104,6 @@ def _stiff(problem: Problem, equations: Equations) -> bool:
     scene, part = problem.scene, problem.guess[-1] / equations.closing.parts
     flow = solved(scene, part, rtol=_COARSE_RTOL, max_steps=STEPS_MOST)
     return bool(flow.stiff)
-
-
-def on_mesh(
-    problem: Problem,
-    equations: Equations,
-    effort: Effort,
-    segments: int | None = None,
-    rough: bool = False,
-) -> Orbit:
-    """The orbit near a guess by collocation, or the best iterate and the reason.
-
-    Args:
-      problem: the guess, and bounds on the start and the period.
-      equations: in one segment.
-      effort: accuracy and limits.
-      segments: must be None, as for all searches without integrations.
-      rough: must be False, likewise.
-    Raises:
-      ValueError: the scene's states are projected onto constraints, or what `segments` says.
-    """
-    if not suits(equations):
-        remedy = "Leave it out: by shooting."
-        raise fail("collocation", "a scene without projected constraints", "others", remedy)
-    if rough or segments is not None:
-        raise fail("collocation", "neither `rough` nor `segments` with it", "one of them")
-    equations = dataclasses.replace(equations, stiff=is_stiff(equations, problem.guess))
-    found = _searched(problem, equations, effort)
-    if found is None:  # the motion from the guess ends early
-        x = equations.pack(problem.guess[:-1], (), 0.0, 0.0, problem.guess[-1])
-        return orbit_at(
-            equations,
-            x,
-            residual=math.nan,
-            outcome=Outcome.COLLISION,
-            iterations=0,
-            rtol=effort.rtol,
-        )
-    last, result, error, trouble = found
-    outcome = outcome_of(InUnits(last, result.x, effort.rtol), result, trouble)
-    if outcome == Outcome.FOUND and error > effort.goal:
-        outcome = Outcome.MESH_LIMIT
-    return orbit_at(
-        last,
-        result.x,
-        residual=max(float(np.abs(result.residual).max()), error),
-        outcome=outcome,
-        iterations=result.iterations,
-        rtol=effort.rtol,
-    )
 
 
 class _Found(NamedTuple):

@@ -331,7 +331,7 @@ def test_bars_of_an_orbit_by_collocation_hold(rtol):
 
     for c in (0.0, 1e-12):
         scene = jaxdyn.ode(rate, [1.0, 0.0, 0.0], 2 * np.pi, params={"c": c})
-        orbit = orbits.find(scene, collocation=True)
+        orbit = orbits.find(scene, strategy=orbits.Collocation())
         result = orbits.stability(orbit, rtol=rtol)
         exact = np.exp([c * 2 * np.pi, -4 * np.pi])
         wrong = np.abs(np.sort(result.nontrivial.real)[::-1] - exact)

@@ -71,7 +71,7 @@ def test_another_orbit_than_that_of_a_file(orbits, tmp_path):
     assert periods == [6.0756, 7.5433]
     code, _, err = orbits("find", "lorenz", "--period", "2", "--unlike", path)
     assert code == 2
-    assert "unlike: expected orbits of" in err
+    assert "Deflated: expected known orbits of" in err
 
 
 @pytest.mark.parametrize("k", [1e24, 1e-24])
@@ -147,6 +147,7 @@ MISUSE = [
     (["pendulum", "--period", "-1"], "period: expected > 0"),
     (["pendulum", "--period", "2", "--hold", "angle"], "one of theta, theta_dot, got 'angle'"),
     (["two_masses"], "--period: expected one, a multiple of the drive's, got none. The rate dep"),
+    (["pendulum", "--rough", "--collocation"], "find: expected one of --rough, --collocation"),
     (["cannonball"], "has no close return"),
     (["pendulum", "--save", "no/such/folder/x.json"], "a file in a folder that exists"),
 ]

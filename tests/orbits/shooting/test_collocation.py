@@ -14,6 +14,7 @@ from jaxdyn import scenes
 from orbits import Outcome
 from orbits.shooting.collocation import steps
 from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+from orbits.shooting.finding import AUTOMATIC
 
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
 #: `solvers.RADAU9` at rtol 1e-13, and by SciPy's Radau at 1e-12 to the digits 1614.40112581.
@@ -63,7 +64,7 @@ def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
 
 @pytest.mark.slow
 def test_collocation_and_shooting_find_the_same_cycle():
-    cycle = orbits.find(van_der_pol(), collocation=True)
+    cycle = orbits.find(van_der_pol(), strategy=orbits.Collocation())
     assert abs(cycle.period - odes.VAN_DER_POL) < 1e-13 * odes.VAN_DER_POL
     shot = orbits.find(van_der_pol())
     ours, theirs = orbits.stability(cycle), orbits.stability(shot)
@@ -104,19 +105,21 @@ def decaying(t, y):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("collocation", [None, True])
-def test_a_stiff_motion_that_ends_at_rest_is_trivial(collocation):
+@pytest.mark.parametrize("strategy", [AUTOMATIC, orbits.Collocation()])
+def test_a_stiff_motion_that_ends_at_rest_is_trivial(strategy):
     scene = jaxdyn.ode(decaying, [1.0, 1.0, 0.0], 6.0)
-    ended = orbits.find(scene, collocation=collocation, throw=False)
+    ended = orbits.find(scene, strategy=strategy, throw=False)
     assert ended.outcome == Outcome.TRIVIAL
     held = {"lower": [-9, -9, 162.8], "upper": [9, 9, 162.8]}
-    rest = orbits.find(van_der_pol(100.0), [0.0, 0.0], **held, collocation=collocation, throw=False)
+    rest = orbits.find(van_der_pol(100.0), [0.0, 0.0], **held, strategy=strategy, throw=False)
     assert rest.outcome == Outcome.TRIVIAL
 
 
 @pytest.mark.slow
 def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
-    swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta", collocation=True)
+    swing = orbits.find(
+        scenes.pendulum(angle=2.0), period=2.7, hold="theta", strategy=orbits.Collocation()
+    )
     exact = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
     assert abs(swing.period - exact.period) < 1e-14
     path = tmp_path / "swing.json"
@@ -135,7 +138,7 @@ def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
 def test_the_figure_eight_by_collocation():
     closing = orbits.choreography(3)
     eight = orbits.find(scenes.three_body(), closing=closing)
-    found = orbits.find(eight.scene, closing=closing, collocation=True)
+    found = orbits.find(eight.scene, closing=closing, strategy=orbits.Collocation())
     assert found.residual < 1e-13
     ours, theirs = orbits.stability(found), orbits.stability(eight)
     assert ours.verdict == "stable"
@@ -149,14 +152,14 @@ def test_a_driven_orbit_closes_with_its_drive_by_collocation():
 
     scene = jaxdyn.ode(driven, [0.9, 0.1], 2 * np.pi / 1.2)
     shot = orbits.find(scene)
-    ours = orbits.find(scene, shot.y0 + 1e-3, collocation=True)
+    ours = orbits.find(scene, shot.y0 + 1e-3, strategy=orbits.Collocation())
     assert abs(ours.period - shot.period) < 1e-14
     assert np.abs(ours.y0 - shot.y0).max() < 1e-12
 
 
 @pytest.mark.slow
 def test_a_family_of_relaxation_oscillations():
-    start = orbits.find(van_der_pol(5.0, 11.6), collocation=True)
+    start = orbits.find(van_der_pol(5.0, 11.6), strategy=orbits.Collocation())
     family = orbits.continue_family(start, van_der_pol, 5.0, step=0.2, members=3)
     for member in family.members:
         shot = orbits.find(van_der_pol(member.parameter, member.orbit.period), [2.0, 0.0])
@@ -164,11 +167,13 @@ def test_a_family_of_relaxation_oscillations():
 
 
 def test_misuse_of_collocation_is_refused():
-    with pytest.raises(ValueError, match="collocation: expected a scene without projected"):
-        orbits.find(scenes.four_bar(), collocation=True)
-    with pytest.raises(ValueError, match="neither `rough` nor `segments`"):
-        orbits.find(van_der_pol(), collocation=True, segments=4)
-    cycle = orbits.find(van_der_pol(), collocation=True)
+    with pytest.raises(
+        ValueError, match="strategy: expected one for a scene with projected constraints"
+    ):
+        orbits.find(scenes.four_bar(), strategy=orbits.Collocation())
+    with pytest.raises(ValueError, match="segments: expected none with collocation, got 4"):
+        orbits.find(van_der_pol(), strategy=orbits.Collocation(), segments=4)
+    cycle = orbits.find(van_der_pol(), strategy=orbits.Collocation())
     with pytest.raises(ValueError, match="found by shooting"):
         orbits.differentiable(cycle.scene, cycle)
     with pytest.raises(ValueError, match="segments: expected none"):
@@ -179,6 +184,6 @@ def test_misuse_of_collocation_is_refused():
 def test_a_mesh_with_too_few_intervals_is_no_orbit(monkeypatch):
     monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", 16)
     monkeypatch.setattr("orbits.shooting.collocation.mesh._FIRST", 16)
-    cycle = orbits.find(van_der_pol(20.0, 40.0), collocation=True, throw=False)
+    cycle = orbits.find(van_der_pol(20.0, 40.0), strategy=orbits.Collocation(), throw=False)
     assert cycle.outcome in (Outcome.MESH_LIMIT, Outcome.NO_DESCENT)
     assert not cycle.ok

@@ -112,14 +112,18 @@ def test_angles_are_compared_modulo_turns():
 def test_other_orbits_from_one_start(well):
     found = [well]
     for _ in range(2):
-        found.append(orbits.find(scenes.henon_heiles(), STARTS[0], 6.5, hold=LEVEL, unlike=found))
+        found.append(
+            orbits.find(
+                scenes.henon_heiles(), STARTS[0], 6.5, hold=LEVEL, strategy=orbits.Deflated(found)
+            )
+        )
     # Periods of the three kinds of the eight families Pi of Churchill, Pecelli and Rod (1979).
     periods = sorted(round(orbit.period, 4) for orbit in found)
     assert periods == [6.0756, 6.9006, 7.5433]
 
 
 def test_an_orbit_that_is_known_already_is_left(well):
-    other = orbits.find(well.scene, hold=LEVEL, unlike=[well])
+    other = orbits.find(well.scene, hold=LEVEL, strategy=orbits.Deflated([well]))
     assert not orbits.same_orbit(other, well)
 
 
@@ -133,37 +137,36 @@ def test_all_three_motions_of_duffings_oscillator():
 
 def test_there_is_no_other_cycle_of_van_der_pol():
     known = cycle()
-    orbit = orbits.find(known.scene, unlike=[known], throw=False, max_iterations=20)
+    orbit = orbits.find(
+        known.scene, strategy=orbits.Deflated([known]), throw=False, max_iterations=20
+    )
     assert orbit.outcome == orbits.Outcome.NO_OTHER
     with pytest.raises(orbits.SearchError, match="No orbit unlike the known ones"):
-        orbits.find(known.scene, unlike=[known], max_iterations=5)
+        orbits.find(known.scene, strategy=orbits.Deflated([known]), max_iterations=5)
 
 
 def test_progress_is_reported_within_the_limit():
     steps, known = [], cycle()
-    options = {"unlike": [known], "throw": False, "max_iterations": 4, "report": steps.append}
+    options = {
+        "strategy": orbits.Deflated([known]),
+        "throw": False,
+        "max_iterations": 4,
+        "report": steps.append,
+    }
     orbits.find(known.scene, [0.5, 0.5], **options)
     assert [step.index for step in steps] == [0, 1, 2, 3, 4]
     orbits.find(known.scene, **options)  # from the known orbit itself, in three directions
     assert [step.index for step in steps[5:]].count(0) == 3
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"unlike": [3]}, "unlike: expected orbits that close, got int"),
-        ({"rough": True}, "unlike: expected neither rough nor collocation beside it"),
-        ({"collocation": True}, "unlike: expected neither rough nor collocation beside it"),
-    ],
-)
-def test_misuse(options, message, well):
-    with pytest.raises(ValueError, match=message):
-        orbits.find(scenes.henon_heiles(), **{"unlike": [well], **options})
+def test_what_is_no_orbit_is_refused():
+    with pytest.raises(ValueError, match="Deflated: expected known orbits that close, got int"):
+        orbits.find(scenes.henon_heiles(), strategy=orbits.Deflated([3]))
 
 
 def test_orbits_of_another_scene_are_refused(well):
-    with pytest.raises(ValueError, match="unlike: expected orbits of"):
-        orbits.find(scenes.lorenz(), period=2.0, unlike=[well])
+    with pytest.raises(ValueError, match="Deflated: expected known orbits of"):
+        orbits.find(scenes.lorenz(), period=2.0, strategy=orbits.Deflated([well]))
 
 
 @pytest.mark.parametrize(

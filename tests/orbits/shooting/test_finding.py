@@ -19,8 +19,7 @@ from jaxdyn import Effect, Scene, effects, scenes
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome, motion
-from orbits.shooting import equations, finding, outcomes, segment
-from orbits.shooting.descent import Descent
+from orbits.shooting import descent, equations, outcomes, segment
 
 
 class Spring(Effect):
@@ -187,7 +186,7 @@ ENDS = {
     Outcome.BOUND: (van_der_pol(), {"lower": [1.9, -0.1, 6.0], "upper": [2.1, 0.2, 6.2]}),
     # Ten million radians, where a step takes about one.
     Outcome.STEP_LIMIT: (spring(k=1e12, t1=10.0), {}),
-    Outcome.DESCENT_ENDED: (jaxdyn.ode(never, [0.3]), {**ONE_SECOND, "rough": True}),
+    Outcome.DESCENT_ENDED: (jaxdyn.ode(never, [0.3]), {**ONE_SECOND, "strategy": orbits.Descent()}),
     Outcome.TIME_LIMIT: (van_der_pol(), {"seconds": 1e-9}),
 }
 
@@ -269,7 +268,7 @@ def test_messages_say_what_to_do():
 def test_a_search_that_fails_says_what_it_tried():
     scene = jaxdyn.ode(never, [0.3])
     with pytest.raises(orbits.SearchError) as failed:
-        orbits.find(scene, **ONE_SECOND, rough=True)
+        orbits.find(scene, **ONE_SECOND, strategy=orbits.Descent())
     tried = "Tried: a descent on the closing error; Newton's method in 1 segment"
     assert tried in str(failed.value)
 
@@ -277,27 +276,62 @@ def test_a_search_that_fails_says_what_it_tried():
 def test_a_descent_that_leads_astray_loses_no_orbit(monkeypatch):
     def astray(equations, x, **options):
         del equations, options
-        return Descent(x=100 * x, residual=1.0, near=False, arrived=False)
+        return descent.End(x=100 * x, residual=1.0, near=False, arrived=False)
 
-    monkeypatch.setattr(finding, "descended", astray)
-    assert orbits.find(van_der_pol(), rough=True).iterations > 0
-    orbit = orbits.find(jaxdyn.ode(never, [0.3]), **ONE_SECOND, rough=True, throw=False)
+    monkeypatch.setattr(descent, "descend", astray)
+    assert orbits.find(van_der_pol(), strategy=orbits.Descent()).iterations > 0
+    orbit = orbits.find(
+        jaxdyn.ode(never, [0.3]), **ONE_SECOND, strategy=orbits.Descent(), throw=False
+    )
     assert orbit.outcome == Outcome.DESCENT_ENDED
 
 
-@pytest.mark.parametrize("way", [{}, {"rough": True}, {"collocation": True}, {"unlike": True}])
-def test_every_strategy_ends_when_its_time_is_up(way):
+@pytest.mark.parametrize("kind", ["Shooting", "Descent", "Collocation", "Deflated"])
+def test_every_strategy_ends_when_its_time_is_up(kind):
     scene = van_der_pol()
-    if "unlike" in way:
-        way = {"unlike": [orbits.find(scene)]}
+    known = ([orbits.find(scene)],) if kind == "Deflated" else ()
+    strategy = getattr(orbits, kind)(*known)
     start = time.monotonic()
-    orbit = orbits.find(scene, [5.0, 3.0], 9.0, seconds=1e-9, throw=False, **way)
+    orbit = orbits.find(scene, [5.0, 3.0], 9.0, strategy=strategy, seconds=1e-9, throw=False)
     assert orbit.outcome == Outcome.TIME_LIMIT
     assert orbit.iterations <= 1
     assert time.monotonic() - start < 100  # compilation only, on any machine
     for wrong in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match=r"^seconds: expected > 0, got"):
             orbits.find(scene, seconds=wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (
+            orbits.Descent,
+            r"Deflated\(known\), Collocation\(\), got Descent. Call it: orbits.Descent",
+        ),
+        ("rough", r"strategy: expected one of orbits.Shooting\(\), .*, got 'rough'"),
+    ],
+)
+def test_what_is_no_strategy_is_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        orbits.find(van_der_pol(), strategy=wrong)
+
+
+def test_arguments_of_the_version_before_warn_and_are_the_strategies():
+    scene, known = van_der_pol(), orbits.find(van_der_pol())
+    for old, text in (
+        ({"rough": True}, r"Descent\(\)"),
+        ({"collocation": False}, r"Shooting\(\)"),
+        ({"unlike": [known]}, r"Deflated\(known\)"),
+    ):
+        with pytest.warns(DeprecationWarning, match=f"are now strategy=orbits.{text}") as warned:
+            orbit = orbits.find(scene, throw=False, max_iterations=5, **old)
+        assert warned[0].filename == __file__
+        assert orbit.outcome in (Outcome.FOUND, Outcome.NO_OTHER)
+    for pair in ({"rough": True, "collocation": True}, {"unlike": [known], "rough": True}):
+        with pytest.raises(ValueError, match="strategy: expected one, and no other way to look"):
+            orbits.find(scene, **pair)
+    with pytest.raises(ValueError, match="got also rough"):
+        orbits.find(scene, strategy=orbits.Shooting(), rough=True)
 
 
 @pytest.mark.parametrize("period", [0.05, 0.5, 2.0])
@@ -446,20 +480,22 @@ def test_a_rough_guess_is_led_to_an_orbit_by_descent():
     # Newton's method alone shrinks this period to zero, where everything closes.
     scene, start, period = scenes.pendulum(angle=2.0), [-2.3, 1.9], 6.0
     steps = []
-    found = orbits.find(scene, start, period, rough=True, report=steps.append)
+    found = orbits.find(scene, start, period, strategy=orbits.Descent(), report=steps.append)
     assert found.residual < 1e-12
     assert len(steps) > found.iterations + 1
     level = float(energy(scene, jnp.zeros(()), found.y0))
     exact = 4 / np.sqrt(9.81) * ellipk(0.5 * (1 + level / 9.81))
     turns = found.period / exact
     assert abs(turns - round(turns)) < 1e-9
-    held = orbits.find(scene, start, period, rough=True, hold="theta")
+    held = orbits.find(scene, start, period, strategy=orbits.Descent(), hold="theta")
     assert float(held.y0[0]) == pytest.approx(start[0], abs=1e-12)
 
 
 def test_descent_leads_to_where_newtons_method_begins():
     steps = []
-    found = orbits.find(two_cycles(), [1.6, 0.3], 1.6, rough=True, report=steps.append)
+    found = orbits.find(
+        two_cycles(), [1.6, 0.3], 1.6, strategy=orbits.Descent(), report=steps.append
+    )
     assert found.period == pytest.approx(2 * np.pi / 5, rel=1e-11)
     descent = steps[: len(steps) - found.iterations]
     assert descent[-1].residual < 0.01 * descent[0].residual
