@@ -25,6 +25,9 @@ TESTS = Path(__file__).parent
 BEYOND = {*("henon_heiles", "hill", "n_body", "restricted_three_body")}
 BEYOND |= {"restricted_three_body_in_space"}
 BEYOND |= {*("ball_on_table", "impact_oscillator", "rimless_wheel", "simplest_walker")}
+#: Scenes of many kinds, quickly compiled: the default run takes them for all ready-made ones.
+ZOO = ("cannonball", "cylinder_on_ramp", "feynman_plate", "hill", "lorenz", "n_body", "pendulum")
+ZOO += ("satellite", "shaken_pendulum", "three_body")
 #: Two formulas for one number: a few roundings apart, relative to numbers of order one.
 EXACT = 1e-14
 #: A solve at rtol 1e-13 or tighter over a span of order one: its steps' errors add up.

@@ -30,6 +30,7 @@ def _holds(name):
         assert figure.passed, figure
 
 
+@pytest.mark.sample("failing-lanes")
 @pytest.mark.parametrize("name", QUICK)
 def test_a_quick_case_holds(name):
     _holds(name)
