@@ -75,11 +75,15 @@ def run_python(code: str, **env: str) -> str:
 
 
 def run_blocks(blocks: Iterable[str], folder: Path, *flags: str) -> str:
-    """What Python blocks of a text print as one program, in a process and a folder of their own."""
+    """What Python blocks of a text print as one program, in a process and a folder of their own.
+
+    It compiles as users' programs do, with XLA's optimisations.
+    """
     done = subprocess.run(
         [sys.executable, *flags, "-c", "\n".join(blocks)],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg"},
+        env=os.environ
+        | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg", "XLA_FLAGS": ""},
         capture_output=True,
         text=True,
         check=False,
