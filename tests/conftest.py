@@ -2,9 +2,11 @@
 
 import gc
 import importlib.util
+import math
 import os
 import pkgutil
 import sys
+from pathlib import Path
 from typing import NamedTuple
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -43,6 +45,10 @@ shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 import jaxdyn  # noqa: E402
 from jaxdyn.gallery.compiling import FULLY, share_context  # noqa: E402
 
+pytest_plugins = ["costs"]
+
+_MOST_MEMORY = 3e9  # [bytes] that a process keeps from one file to the next
+
 # They make the stored references with packages that the tests do not need.
 collect_ignore = ["references"]
 
@@ -69,11 +75,25 @@ def _check_shapes_again():
 
 @pytest.fixture(scope="module", autouse=True)
 def _forget_programs():
-    """Compiled programs of a file go with it; those of all would fill some 8 GB a process."""
+    """Keep compiled programs for the next files (a tenth less to compile) while memory allows.
+
+    Those of all files would fill some 8 GB a process.
+    """
     yield
+    if _memory() < _MOST_MEMORY:
+        return
     jax.clear_caches()
     share_context()
     gc.collect()
+
+
+def _memory() -> float:
+    """What this process occupies [bytes]; infinite where it cannot be read."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:  # not Linux
+        return math.inf
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @pytest.fixture(scope="module")

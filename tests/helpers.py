@@ -25,6 +25,9 @@ TESTS = Path(__file__).parent
 BEYOND = {*("henon_heiles", "hill", "n_body", "restricted_three_body")}
 BEYOND |= {"restricted_three_body_in_space"}
 BEYOND |= {*("ball_on_table", "impact_oscillator", "rimless_wheel", "simplest_walker")}
+#: Scenes of many kinds, quickly compiled: the default run takes them for all ready-made ones.
+ZOO = ("cannonball", "cylinder_on_ramp", "feynman_plate", "hill", "lorenz", "n_body", "pendulum")
+ZOO += ("satellite", "shaken_pendulum", "three_body")
 #: Two formulas for one number: a few roundings apart, relative to numbers of order one.
 EXACT = 1e-14
 #: A solve at rtol 1e-13 or tighter over a span of order one: its steps' errors add up.
@@ -72,11 +75,15 @@ def run_python(code: str, **env: str) -> str:
 
 
 def run_blocks(blocks: Iterable[str], folder: Path, *flags: str) -> str:
-    """What Python blocks of a text print as one program, in a process and a folder of their own."""
+    """What Python blocks of a text print as one program, in a process and a folder of their own.
+
+    It compiles as users' programs do, with XLA's optimisations.
+    """
     done = subprocess.run(
         [sys.executable, *flags, "-c", "\n".join(blocks)],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg"},
+        env=os.environ
+        | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg", "XLA_FLAGS": ""},
         capture_output=True,
         text=True,
         check=False,

@@ -122,6 +122,20 @@ def _finite(rows):
     return all(np.isfinite(times).all() for row in rows for times in row.times.values())
 
 
+@pytest.mark.sample(
+    "figure-eight",
+    "Kepler, e = 0.9",
+    "cannonball",
+    "van der Pol",
+    "Lorenz",
+    "Arenstorf",
+    "spherical pendulum",
+    "Toda",
+    "Duffing",
+    "Chua",
+    "Lotka-Volterra",
+    "magnetic bottle",
+)
 @pytest.mark.parametrize("name", default_method.PROBLEMS)
 def test_formulas_and_scenes_are_the_same_equations(name):
     problem = default_method.PROBLEMS[name]()
@@ -257,6 +271,7 @@ def _stiffness(rest):
     return total
 
 
+@pytest.mark.slow
 def test_calls_take_no_step():
     scene = three_body()
     out = solve(scene, 0.0)

@@ -180,6 +180,7 @@ def test_rows_of_a_chain_are_as_many_as_its_masses():
     make(m=(1, 1), l=[1, 2], angles=(1, 1), rates=(0, 0)).check()
 
 
+@pytest.mark.slow
 def test_shapes_of_scenes_are_those_under_traces_too():
     make = catalogue.entries()["cart_pendulum"].make
     with pytest.raises(ValueError, match=r"^m: expected shape \(2,\), got shape \(1,\)"):

@@ -68,6 +68,7 @@ def states(t, y):
     return [y[1], -y[0], y[3], -y[2]]
 
 
+@pytest.mark.sample("throw", "chain", "scene", "in space")
 @pytest.mark.parametrize(
     "make",
     [
@@ -94,6 +95,7 @@ def test_a_scene_is_drawn_where_it_starts():
     assert any(np.allclose(dot, [[np.sin(0.5), -np.cos(0.5)]]) for dot in dots)
 
 
+@pytest.mark.slow
 def test_of_a_batch_the_first_motions_are_drawn(monkeypatch):
     drawn = []
     monkeypatch.setattr(

@@ -127,6 +127,7 @@ def test_in_one_kernel_lets_nan_through():
     np.testing.assert_array_equal(in_one_kernel(jnp.sqrt, (x,), x[0] > 0), x)
 
 
+@pytest.mark.sample("9-jacfwd")
 @pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
 @pytest.mark.parametrize("n", [1, 3, 4, 9])  # written out, and as a loop
 def test_elimination_solves_and_differentiates_at_every_size(n, jac):

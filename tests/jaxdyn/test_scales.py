@@ -65,6 +65,7 @@ def test_entries_of_one_unit_share_a_size_and_angles_are_known_by_the_radian():
     assert len(set(scales.groups(scenes.three_body().system).of)) == 2
 
 
+@pytest.mark.sample("scene2")
 @pytest.mark.parametrize(
     "scene", [scenes.pendulum(), scenes.double_pendulum(), scenes.two_body(), scenes.spring_mass()]
 )

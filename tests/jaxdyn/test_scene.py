@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, SOLVED, Arm, gap, kepler, primitives, refusal
+from helpers import EXACT, SOLVED, ZOO, Arm, gap, kepler, primitives, refusal
 
 import jaxdyn
 from jaxdyn import Effect, Scene, System, scenes, simulate, solve
@@ -259,6 +259,7 @@ def changes(bare, loaded):
     return [jnp.abs(s.rate(0.1, s.y0) - bare.rate(0.1, bare.y0)).max() for s in loaded]
 
 
+@pytest.mark.sample(*ZOO)
 @pytest.mark.parametrize("name", sorted(ENTRIES))
 def test_an_effect_changes_the_motion_or_is_refused(name):
     scene = ENTRIES[name].make()

@@ -135,6 +135,7 @@ def test_a_chain_is_shown_by_its_phases():
     assert (len(shown), shown[5]) == (12, "  ...     12 more")
 
 
+@pytest.mark.slow
 def test_results_are_shown_by_their_fields():
     scene = scenes.pendulum(g=4.0)
     flow = solve(scene, 1.0, solver=RK4, dt=0.5)
@@ -153,6 +154,7 @@ def test_results_are_shown_by_their_fields():
     assert lines(modes)[:2] == ["Modes", "  squares    (4,) rad^2/s^2"]
 
 
+@pytest.mark.slow
 def test_stops_of_a_batch_are_shown_with_how_often_each_end_occurs():
     def stop(x):
         swing = scenes.oscillator()

@@ -30,6 +30,7 @@ SHAKEN = jaxdyn.ode(shaken, [0.7, 0.0, 0.0], 10.0, params=2.0)
 CIRCLING = jaxdyn.ode(circling, [0.5, 0.0, 0.0, 3.0**0.5], 20.0)
 
 
+@pytest.mark.sample("scene1-solver1")
 @pytest.mark.parametrize("solver", [None, solvers.VERNER9, solvers.RADAU9])
 @pytest.mark.parametrize("scene", [SHAKEN, CIRCLING])
 def test_motions(scene, solver):
@@ -66,6 +67,7 @@ def test_ready_made_scenes_by_their_parameters():
     assert abs(int(theirs.steps) - int(ours.steps)) <= 1
 
 
+@pytest.mark.sample("False")
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_gradients(adjoint):
     def end(scene, y0):
@@ -94,6 +96,7 @@ def test_derivatives_by_parameters():
     np.testing.assert_allclose(by_parameters(fine) * 1e9, by_parameters(SHAKEN), atol=10 * SAME)
 
 
+@pytest.mark.slow
 def test_events_and_crossings():
     plain = events.until(CIRCLING, events.Reaches(1, 0.0, 1), 20.0)
     through = jaxdyn.crossings(CIRCLING, events.Reaches(1, 0.0), 20.0)

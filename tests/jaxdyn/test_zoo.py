@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import ZOO
 
 from jaxdyn.analysis import energy
 from jaxdyn.integrate.simulation import solve
@@ -22,18 +23,11 @@ DISSIPATIVE_OR_DRIVEN = {"car", "lorenz", "plate", "rod_on_line", "shaken_pendul
 DISSIPATIVE_OR_DRIVEN |= {"impact_oscillator", "moved_box", "moved_shape", "turned_box"}
 #: They need more than numbers: an effect or a law of force.
 MADE_BY_HAND = {"central_orbit", "particle"}
+pytestmark = pytest.mark.sample(*ZOO)
 SPAN = 0.5  # of time units, or the scene's own if shorter
 
 
-#: They take seconds to compile; the default run leaves them to the slow one.
-LARGE = {"car", "dumbbell", "four_bar", "pinned_chain", "rolling_disk", "skate_chain", "two_skates"}
-
-
-def _named(name):
-    return pytest.param(name, marks=pytest.mark.slow if name in LARGE else ())
-
-
-@pytest.fixture(scope="module", params=map(_named, sorted(ENTRIES.keys() - MADE_BY_HAND)))
+@pytest.fixture(scope="module", params=sorted(ENTRIES.keys() - MADE_BY_HAND))
 def name(request):
     return request.param
 

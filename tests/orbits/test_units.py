@@ -96,6 +96,7 @@ def suns(length, time, mass):
     return Scene(bodies, (PairGravity(strength),), y0=y0, t1=scenes.EIGHT_PERIOD * time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", MECHANICAL)
 def test_the_eight_is_the_eight(units):
     time = units[1]
@@ -123,6 +124,7 @@ def makes(units, value):
     return make
 
 
+@pytest.mark.sample("units3-None")
 @pytest.mark.parametrize("amplitude", [None, 0.05])
 @pytest.mark.parametrize("units", UNITS)
 def test_a_family_from_a_hopf_point_has_its_fold(units, amplitude):
@@ -161,6 +163,7 @@ def test_a_manifold_leaves_its_equilibrium_alike(units):
     assert np.abs(v**2 - (x - 1) ** 2 + (x - 1) ** 4 / 2).max() < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_a_manifold_of_an_orbit_is_the_same(units):
     each, time = np.array(units[0]), units[1]
@@ -190,6 +193,7 @@ def test_the_vibration_of_a_molecule_in_si():
     assert orbits.recheck(orbit).closure < SOLVED
 
 
+@pytest.mark.sample("1.001")
 @pytest.mark.parametrize("off", [0.99, 1.001, 1.01])
 def test_earth_and_moon_in_si_from_a_rough_period(off):
     strength, earth, moon, distance = 6.6743e-11, 5.972e24, 7.342e22, 3.844e8

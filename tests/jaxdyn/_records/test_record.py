@@ -69,6 +69,7 @@ def lower(monkeypatch):
 EVENTS = [lambda: events.When(height), lambda: Falls(jnp.zeros(()))]
 
 
+@pytest.mark.sample("find1-When")
 @pytest.mark.parametrize("make", EVENTS, ids=["When", "subclass"])
 @pytest.mark.parametrize("find", [jaxdyn.until, functools.partial(jaxdyn.crossings, most=1)])
 def test_an_event_is_never_that_of_an_old_value(make, find, lower):
@@ -106,6 +107,7 @@ def _acceleration(scene):
     return float(scene.vector_field(0.0, np.array([1.0, 0.0]))[1])
 
 
+@pytest.mark.sample("_acceleration--1.0--4.0")
 @pytest.mark.parametrize(
     ("of", "first", "then"),
     [
@@ -172,6 +174,7 @@ def test_a_condition_of_an_orbit_is_never_that_of_an_old_value(lower):
     assert abs(orbits.find(SCENE, hold=Through()).y0[0] - 0.5) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_section_is_never_that_of_an_old_value(lower):
     event = events.When(height, 1)
     scene = scenes.oscillator(k=1.0, x=1.0)
@@ -199,6 +202,7 @@ def test_records_without_functions_of_the_user_cost_nothing():
     assert SCENE == eqx.tree_at(lambda scene: scene.y0, SCENE, SCENE.y0)
 
 
+@pytest.mark.slow
 def test_a_record_that_is_made_within_a_trace_is_as_good():
     def time(offset):
         return jaxdyn.until(SCENE, Falls(offset), 3.0, rtol=1e-13).t

@@ -32,6 +32,7 @@ def as_entry(name, **numbers):
     return entry.make(**numbers), lambda scene, rtol: entry.motion(scene, samples=3, rtol=rtol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-6, 1e-10])
 def test_written_digits_of_a_chaotic_motion_are_right(rtol):
     ts, exact = chaos.reference("double")
@@ -99,6 +100,7 @@ def test_a_tighter_tolerance_is_known_to_help_or_not():
     assert finest.least > found.least + 3
 
 
+@pytest.mark.slow
 def test_a_chain_of_phases_is_judged_at_its_end():
     scene, again = as_entry("car")
     found = end_error(again(scene, 1e-8), again, rtol=1e-8)
@@ -129,6 +131,7 @@ def test_what_was_not_reached_is_not_written():
     assert set(found.written()) == {"not reached"}
 
 
+@pytest.mark.slow
 def test_a_motion_at_rest_has_its_digits():
     # Velocities that are nothing but rounding have no size by which digits could be lost.
     scene, again = as_entry("four_bar", l=(2.0, 2.0, 2.0), angle=0.0)

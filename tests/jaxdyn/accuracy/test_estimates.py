@@ -42,6 +42,7 @@ def test_a_second_method_says_the_same():
     assert_calibrated(calibration(accuracy.by_second_method, THROW, TOLERANCES[3:]))
 
 
+@pytest.mark.slow
 def test_a_second_method_is_another_one():
     case = KNOWN["damped oscillator"]
     found = calibration(accuracy.by_second_method, DAMPED, TOLERANCES[:-1])
@@ -50,12 +51,14 @@ def test_a_second_method_is_another_one():
         accuracy.by_second_method(case.scene, solver=solvers.VERNER9, second=solvers.VERNER9)
 
 
+@pytest.mark.slow
 def test_the_tangent_map_gives_a_bound():
     quotients = calibration(accuracy.by_tangents, DAMPED, (1e-4, 1e-8, 1e-12))
     assert quotients.min() > 0.9  # first order in the errors
     assert quotients.max() < 20
 
 
+@pytest.mark.sample("verlet")
 @pytest.mark.parametrize(
     ("solver", "dt"), [(solvers.VERLET, 0.01), (solvers.KAHAN_LI8, 0.2)], ids=["verlet", "kahan-li"]
 )
@@ -66,6 +69,7 @@ def test_halved_steps_tell_the_error_of_symplectic_solvers(solver, dt):
     assert f"order {solver.order}" in found.basis
 
 
+@pytest.mark.sample("euler")
 @pytest.mark.parametrize(("method", "n"), [(solvers.EULER, 2000), (TSIT5, 100)], ids=["euler", "5"])
 def test_problem_3_d_halved_steps_tell_the_error(method, n):
     case = KNOWN["damped oscillator"]
@@ -75,6 +79,7 @@ def test_problem_3_d_halved_steps_tell_the_error(method, n):
     assert found.fineness[0] == case.t1 / n
 
 
+@pytest.mark.slow
 def test_an_estimate_says_what_it_rests_on():
     found = accuracy.estimate(scenes.oscillator(), rtol=1e-6)
     assert found.basis.startswith("tolerance ladder: Taylor 16 at 1.0e-06 against Taylor 20")
@@ -89,6 +94,7 @@ def test_an_estimate_says_what_it_rests_on():
 # ---- so many digits, please
 
 
+@pytest.mark.sample("flipping body-9")
 @pytest.mark.parametrize(
     ("name", "digits"), [("flipping body", 4), ("flipping body", 9), ("ellipse 0.9", 12)]
 )
@@ -124,6 +130,7 @@ def test_a_small_motion_gets_its_digits_too():
     assert np.abs(motion["x"] - 1e-7 * np.cos(motion.ts)).max() < 1e-17
 
 
+@pytest.mark.slow
 def test_chaos_is_said_with_how_long_the_digits_hold():
     with pytest.warns(
         UserWarning, match="9 digits were requested; over the whole span 0.0 are certain"

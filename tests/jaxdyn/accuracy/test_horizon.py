@@ -15,6 +15,7 @@ from jaxdyn.solvers import VERNER9
 RTOL = 1e-10
 
 
+@pytest.mark.slow
 def test_growth_is_that_of_an_upright_pendulum():
     # Beside upright differences grow like cosh t; sqrt(g / l) = 1.
     upright = scenes.pendulum(g=1.0, angle=math.pi - 1e-4)

@@ -94,6 +94,7 @@ def test_along_a_motion_is_one_value_a_sample():
     np.testing.assert_allclose(values, exact, atol=SOLVED)
 
 
+@pytest.mark.slow
 def test_drift_is_rounding_without_drag_and_exact_with_it():
     assert drift(simulate(kepler(0.6), rtol=1e-13)) < SOLVED
     slowed = Scene(FreePoints(1.0, d=1), (LinearDrag(1.0),), y0=[0.0, 2.0])
@@ -107,6 +108,7 @@ def test_drift_of_what_never_moves_is_zero(effects):
     assert float(drift(simulate(still, 1.0))) == 0.0
 
 
+@pytest.mark.sample("moves0-causes0")
 @pytest.mark.parametrize(
     ("moves", "causes"),
     [
@@ -175,6 +177,7 @@ def test_the_work_of_a_force_without_potential_is_measured():
     assert f"because of Bare (no potential known, work {found.works[0]:.1e})" in found.message
 
 
+@pytest.mark.slow
 def test_each_of_several_causes_has_its_work():
     motion = simulate(_ball(LinearDrag(0.3), Moving(), Magnetic()))
     found = energy_change(motion)
@@ -194,6 +197,7 @@ def test_a_work_of_which_samples_say_too_little_is_not_known():
     assert "LinearDrag (no potential known, work not known)" in found.message
 
 
+@pytest.mark.slow
 def test_raw_constraints_drift_and_are_not_driven():
     raw = scenes.pendulum(formulation="constrained", drift="raw", angle=2.0)
     found = energy_change(simulate(raw, 30.0, rtol=1e-5))
@@ -258,6 +262,7 @@ def test_gradients_forward_and_reverse_agree():
     np.testing.assert_allclose(-reverse[:4], np.repeat(M, 2) * both.rate(T, Y)[4:], rtol=SOLVED)
 
 
+@pytest.mark.sample("samples0")
 @pytest.mark.parametrize("samples", [[], 1])
 def test_drift_without_a_change_to_see_is_refused(samples):
     motion = simulate(scenes.cannonball(), samples=samples)

@@ -28,6 +28,7 @@ def _saddles(found: Equilibria) -> int:
     return sum(np.linalg.det(x.jacobian[2:, :2]) < 0 for x in found.linearizations)
 
 
+@pytest.mark.slow
 def test_weightless_mass_between_long_springs_has_five():
     found = equilibria(two_springs(g=0.0), [-3, -3], [3, 3])
     # Both springs at rest length (two minima); on the line of the anchors, where the two
@@ -64,6 +65,7 @@ def _peaks(g, k_a=10.0, k_b=10.0, length_a=1.5, length_b=1.5) -> int:
     return int(at_a) + int(at_b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("numbers", "count"), NUMBERS)
 def test_problem_13_c_number_of_equilibria_by_topology(numbers, count):
     scene = two_springs(**numbers)
@@ -100,6 +102,7 @@ def test_equilibria_of_lorenz():
     assert gap(found.states, [[-w, -w, 27], [0, 0, 0], [w, w, 27]]) < 1e-12
 
 
+@pytest.mark.slow
 def test_angles_are_counted_once():
     scene = Scene(NewtonEuler(Arm()), (UniformGravity(9.0),), y0=[0.0, 0.0])
     found = equilibria(scene, [-10.0], [10.0], starts=64)
@@ -134,6 +137,7 @@ def test_low_discrepancy_points_fill_the_cube():
     assert gap(low_discrepancy(1, 1), [[(0.5 + 2 / (1 + np.sqrt(5))) % 1]]) < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
 def test_equilibria_with_small_basins_are_all_found(numbers, expected):
     found = equilibria(oblique(*numbers), [-10, -10], [10, 10])
@@ -147,6 +151,7 @@ def test_equilibria_with_small_basins_are_all_found(numbers, expected):
     )
 
 
+@pytest.mark.slow
 def test_two_equilibria_that_are_about_to_vanish():
     before, after = (
         equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1] + beside), [-10, -10], [10, 10], starts=64)
@@ -192,6 +197,7 @@ def test_modes_take_what_equilibria_returns():
         modes(scene, state + 1e-3 * moving)
 
 
+@pytest.mark.slow
 def test_equilibria_with_constraints_satisfy_them_and_are_not_proved():
     # Without the constraint, a mass on a rod could rest anywhere on the vertical.
     found = equilibria(pendulum(formulation="constrained"), [-2, -2], [2, 2], starts=64)
@@ -210,6 +216,7 @@ class Flat(Effect):
         return -(r**3)
 
 
+@pytest.mark.slow
 def test_a_equilibrium_that_exists_but_was_not_reached_is_told():
     field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
     proof = bisected(field, jnp.zeros(()), box)
@@ -229,6 +236,7 @@ def test_a_equilibrium_without_stiffness_is_degenerate():
     assert "near (0) the Jacobian is singular" in found.certainty
 
 
+@pytest.mark.slow
 def test_a_equilibrium_moves_with_the_numbers_of_the_scene():
     def height(k):
         return equilibrium(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
@@ -251,6 +259,7 @@ def test_equilibria_of_a_traced_scene_are_refused():
             attempt(1.0)
 
 
+@pytest.mark.slow
 def test_no_isolated_equilibrium_is_nan_and_so_is_its_derivative():
     def place(length):
         return equilibrium(spring_mass(g=0.0, length=length), [0.5, 0.0, 0.0, 0.0])[0]

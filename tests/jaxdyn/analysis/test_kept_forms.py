@@ -47,6 +47,7 @@ def test_every_form_that_a_linear_rate_keeps_is_found():
     assert np.abs(forms[:, :2, 2:]).max() < 1e-12
 
 
+@pytest.mark.sample("newton_euler")
 @pytest.mark.parametrize("formulation", ["lagrange", "newton_euler"])
 def test_the_form_of_canonical_coordinates_changes_by_damping_alone(formulation):
     scene = scenes.pendulum(angle=1.0, formulation=formulation)

@@ -40,6 +40,7 @@ QUESTIONS = {
 ON_THE_HOST = QUESTIONS | {"energy_change": (hanging, lambda motion: energy_change(motion).works)}
 
 
+@pytest.mark.sample("drift", "drift of another", "along", "tilts", "antenna")
 @pytest.mark.parametrize("name", ON_THE_HOST)
 def test_another_number_of_samples_compiles_nothing(name, caplog):
     make, question = ON_THE_HOST[name]
@@ -51,6 +52,7 @@ def test_another_number_of_samples_compiles_nothing(name, caplog):
     assert [record.message for record in caplog.records if "Compiling" in record.message] == []
 
 
+@pytest.mark.sample("drift", "drift of another", "along")
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_samples_that_fill_an_array_up_change_no_answer(name):
     make, question = QUESTIONS[name]

@@ -41,6 +41,7 @@ def _nutation(rate: float) -> float:
         return float(mpmath.sqrt(mpmath.diff(potential, THETA, 2) / I))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("representation", ["euler", "quaternion"])
 def test_a_top_nutates_about_slow_and_fast_precession(representation):
     roots = precession.top_roots(THETA, SPIN, **TOP)
@@ -54,6 +55,7 @@ def test_a_top_nutates_about_slow_and_fast_precession(representation):
         assert abs(frequency - _nutation(float(rate))) < found.reduced.bars.max()
 
 
+@pytest.mark.sample("coordinates0")
 @pytest.mark.parametrize("coordinates", [{}, {"representation": "euler", "sequence": "XYZ"}])
 def test_a_sleeping_top_falls_below_its_critical_spin(coordinates):
     critical = float(critical_spin(**TOP))
@@ -66,6 +68,7 @@ def test_a_sleeping_top_falls_below_its_critical_spin(coordinates):
         assert abs(found.eigenvalues[0].real - grows) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [0.25, 0.5])  # I_1 / m r^2 of a uniform disk, and of a hoop
 def test_the_slowest_speed_of_an_upright_disk(shape):
     m, r, g = 2.0, 0.5, 9.81

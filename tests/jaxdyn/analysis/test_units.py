@@ -30,6 +30,7 @@ BUCKLED = jaxdyn.ode(buckled, [0.7, 0.1, 0.3], 10.0, params=0.2)
 MIXED = [([1e-12, 1e12, 1e-6], 1e-12), ([1e6, 1e-12, 1e12], 1e6), ([3e11, 2e-7, 1e-12], 1e12)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("each", "time"), MIXED)
 def test_equilibria_and_their_stability(each, time):
     plain = equilibria(BUCKLED, [-2.0, -1, -3], [2.0, 1, 3], starts=64)
@@ -102,6 +103,7 @@ def swung(t, y, p):
     return [y[1], -(1.0 + p * jnp.cos(2 * t)) * y[0] - 0.02 * y[1]]
 
 
+@pytest.mark.sample("each0-1e-12-0.2", "each1-1000000.0-0.01", "each2-1000000000000.0-0.01")
 @pytest.mark.parametrize("pumped", [0.01, 0.2])
 @pytest.mark.parametrize(("each", "time"), MIXED)
 def test_multipliers(each, time, pumped):

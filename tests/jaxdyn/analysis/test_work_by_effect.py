@@ -108,6 +108,7 @@ class _Brake(Effect):
         return jnp.concatenate([jnp.zeros(3), -0.3 * v[3:]])
 
 
+@pytest.mark.slow
 def test_a_torque_on_a_rigid_body_works_on_its_spin():
     scene = scenes.free_body(t1=2.0) + _Brake()
     motion = simulate(with_work(scene, _Brake), rtol=1e-12)

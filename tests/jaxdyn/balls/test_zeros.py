@@ -50,6 +50,7 @@ def test_a_double_zero_is_left_undecided_and_named():
     assert proof.as_json()["undecided"][0][0].keys() == {"mid", "rad"}
 
 
+@pytest.mark.sample("scene3-low3-high3-3")
 @pytest.mark.parametrize(
     ("scene", "low", "high", "count"),
     [
@@ -91,6 +92,7 @@ def _push(y, strength, *, guarded):
     )
 
 
+@pytest.mark.sample("0.4-False")
 @pytest.mark.parametrize("guarded", [True, False])
 @pytest.mark.parametrize("strength", [0.25, 0.4])
 def test_a_force_of_one_size_and_any_direction_has_no_zero(guarded, strength):

@@ -76,6 +76,7 @@ def test_megno_tells_regular_from_chaotic_motions():
     assert 0.5 < found.mean[0, 1] / (0.5 * 1000.0 * found.exponent[0, 1]) < 2
 
 
+@pytest.mark.slow
 def test_sali_and_gali_are_those_of_an_independent_integration():
     sizes = sizes_at_start(crossing(REGULAR, 0.0), 0.0, 50.0)
     _, _, tangents = _by_scipy(STARTS[0], _tangents(2), sizes, 50.0)
@@ -113,6 +114,7 @@ def test_a_map_has_every_value_and_a_picture(tmp_path):
         assert len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0)) > 10
 
 
+@pytest.mark.slow
 def test_parameters_may_differ():
     def heated(rho, sigma):
         return scenes.lorenz(rho=rho, sigma=sigma)

@@ -21,6 +21,7 @@ def damped(t, y):
 SCENE = jaxdyn.ode(damped, [1.0, 0.2, 0.5], 12.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("each", "time"), UNITS)
 def test_exponents(each, time):
     plain = chaos.lyapunov_exponents(SCENE, transient=2.0, chunk=0.5)
@@ -31,6 +32,7 @@ def test_exponents(each, time):
     assert abs(int(found.steps) - int(plain.steps)) <= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("each", "time"), UNITS)
 def test_indicators(each, time):
     new, _, _ = in_units(SCENE, each, time)

@@ -46,6 +46,7 @@ def test_a_map_over_entries_of_the_start_is_printed_and_drawn(chaos, tmp_path):
     assert found["first"] == pytest.approx([0, np.pi / 2, np.pi])
 
 
+@pytest.mark.slow
 def test_a_map_over_a_parameter_is_that_of_its_scenes(chaos):
     words = ["--map", "rho=10:30", "--map", "x=1:2", "--size", 2, "--t1", 20, "--json"]
     found = json.loads(chaos("lorenz", *words)[1])

@@ -218,6 +218,7 @@ def test_numbers_of_a_scene_may_be_arithmetic(jaxdyn):
     assert "angle: expected a number" in err
 
 
+@pytest.mark.slow
 def test_auto_is_that_of_the_library_and_warnings_are_printed(jaxdyn):
     words = ("run", "two_springs", "--set", "c_a=1e6", "--t1", "1e-2", "--samples", "2")
     code, out, _ = jaxdyn(*words, "--json")
@@ -255,6 +256,7 @@ def test_a_run_becomes_files(jaxdyn, tmp_path):
     assert table.read_text().startswith("t [s],x [m],")
 
 
+@pytest.mark.sample("cannonball")
 @pytest.mark.parametrize("scene", ["cannonball", "car"])  # a motion, and a chain of phases
 def test_a_saved_run_is_loaded_as_it_was_printed(jaxdyn, tmp_path, scene):
     path = tmp_path / "a.npz"

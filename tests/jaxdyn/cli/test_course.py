@@ -45,6 +45,7 @@ def test_a_motion_is_played_in_the_browser(command, opened):
     assert 'class="player"' in Path(url.removeprefix("file://")).read_text()
 
 
+@pytest.mark.slow
 def test_without_a_browser_the_page_is_named(command, monkeypatch):
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
     ran = command("jaxdyn", "run", "pendulum", "--t1", "1", "--samples", "20", "--play")

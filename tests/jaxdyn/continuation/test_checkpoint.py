@@ -58,6 +58,7 @@ def assert_same(a, b):
         np.testing.assert_array_equal(one.coefficient, two.coefficient)
 
 
+@pytest.mark.sample("7-family")
 @pytest.mark.parametrize("follow", [family, folds])
 @pytest.mark.parametrize("after", [1, 7])
 def test_an_interrupted_run_goes_on_to_the_same_result(follow, after, tmp_path):

@@ -210,6 +210,7 @@ def test_a_constrained_scene_is_refused_by_name():
         jaxdyn.continue_equilibria(make, 9.81, make(9.81).y0)
 
 
+@pytest.mark.slow
 def test_a_member_that_is_special_itself_is_found_once():
     def rate(t, y, p):
         return [p * y[0] - 2.0 * y[1], p * y[1] + 2.0 * y[0]]

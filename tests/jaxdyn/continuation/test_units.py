@@ -82,6 +82,7 @@ def assert_alike(there, here, units):
         np.testing.assert_allclose(one.state / each, other.state, atol=1e-6)
 
 
+@pytest.mark.sample("units2")
 @pytest.mark.parametrize("units", UNITS)
 def test_a_hopf_point(units):
     of = ([7.0, 7.0, 19.0], 20.0, (14, 28), 8 / 3)
@@ -92,6 +93,7 @@ def test_a_hopf_point(units):
     assert hopf.parameter / units[1][0] == pytest.approx(470 / 19, rel=1e-12)
 
 
+@pytest.mark.sample("units1")
 @pytest.mark.parametrize("units", UNITS)
 def test_folds(units):
     of = ([-2.5, -2.5, 1.0], -5.0, (-6, 5), 3.0)
@@ -103,6 +105,7 @@ def test_folds(units):
         assert quadratic < 0  # signs do not depend on units
 
 
+@pytest.mark.sample("units0")
 @pytest.mark.parametrize("units", UNITS)
 def test_a_branch_from_an_equilibrium_at_0(units):
     of = ([0.0, 0.0, 0.0], 0.5, (0, 2), 8 / 3)
@@ -114,6 +117,7 @@ def test_a_branch_from_an_equilibrium_at_0(units):
     assert_alike(branches[1], branches[0], units)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "units", [UNITS[0], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[1:])]
 )

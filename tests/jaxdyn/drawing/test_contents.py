@@ -141,6 +141,7 @@ def test_the_parts_of_a_car_are_where_they_are():
     assert all(np.ptp(wheel[:, 1]) > 2 * np.ptp(wheel[:, 0]) for wheel in wheels)
 
 
+@pytest.mark.sample("matrix")
 @pytest.mark.parametrize("representation", ["quaternion", "matrix", "euler"])
 def test_antennas_are_drawn_where_their_tips_are(representation):
     scene = scenes.satellite("B", representation=representation, t1=3.0)
@@ -170,6 +171,7 @@ def test_a_drawing_of_a_ledger_and_of_logarithmic_time_is_that_of_their_system()
     assert system.sketch(jnp.zeros(()), jnp.append(bound.y0, jnp.zeros(2))) == ()
 
 
+@pytest.mark.sample("cylinder_on_cylinder")
 @pytest.mark.parametrize("name", ["cylinder_on_cylinder", "cylinder_on_ramp"])
 def test_rims_move_with_the_cylinder_and_touch_what_they_roll_on(name):
     scene = getattr(scenes, name)(t1=0.6)
@@ -200,6 +202,7 @@ def test_a_ramp_is_drawn_as_far_as_the_motion_goes():
     np.testing.assert_allclose(slope, -np.tan(0.2), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_disk_touches_the_ground_where_its_contact_path_is():
     scene = scenes.rolling_disk(t1=1.0)
     drawn = paths(simulate(scene, samples=30))
@@ -228,6 +231,7 @@ def test_a_dashpot_joins_its_ends():
     np.testing.assert_array_equal([near[0], far[-1]], ends)
 
 
+@pytest.mark.slow
 def test_what_acts_in_one_phase_only_is_left_out():
     pulled = scenes.spring_mass(g=0.0)
     gone = pulled.without(effects.Spring)

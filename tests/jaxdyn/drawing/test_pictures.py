@@ -134,6 +134,7 @@ def test_trajectory_draws_every_body_once_with_start_and_end(eight):
     assert ax.get_title() == "eight"
 
 
+@pytest.mark.slow
 def test_in_space_only_simple_bodies_are_drawn_at_later_times():
     # Several poses of a satellite, a cube with balls, would be a tangle of lines.
     figures = [
@@ -145,6 +146,7 @@ def test_in_space_only_simple_bodies_are_drawn_at_later_times():
     assert [all_of.count(1.1) - springs for all_of in widths] == [2, 0]
 
 
+@pytest.mark.slow
 def test_the_turntable_is_seen_in_its_picture():
     drawn = paths(simulate(scenes.turntable(), samples=20))
     (rim,) = (at for kind, at in drawn.shapes if kind == "area")
@@ -160,6 +162,7 @@ def test_a_filled_body_does_not_hide_its_later_poses():
     assert all(x.get_zorder() > table.get_zorder() for x in later)
 
 
+@pytest.mark.slow
 def test_no_body_on_skates_looks_like_the_mark_of_an_end():
     drawn = paths(simulate(scenes.two_skates(), samples=5))
     assert all(at.shape[2] == 4 for kind, at in drawn.shapes if kind == "area")
@@ -221,6 +224,7 @@ def test_many_bodies_have_a_colour_each():
     assert _legend(drawing.trajectory(simulate(scene, samples=3))) == ["start", "end"]
 
 
+@pytest.mark.slow
 def test_a_chain_is_drawn_with_its_phases(bounce, tmp_path):
     figure = drawing.trajectory(bounce)
     (ax,) = figure.axes

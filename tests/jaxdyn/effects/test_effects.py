@@ -63,6 +63,7 @@ PROBLEM_15 = {
 }
 
 
+@pytest.mark.sample("a", "c", "e log", "f", "h", "i")
 @pytest.mark.parametrize("part", PROBLEM_15)
 def test_problem_15_every_potential_against_its_force(part):
     effect, energy = PROBLEM_15[part]
@@ -81,6 +82,7 @@ COINCIDENT += [Spring(2.0, 1.0), Dashpot(2.0), PowerLaw(1.0, 2.0), Gauss()]
 COINCIDENT += [DryFriction(0.2, 3.0), DryFriction(0.2, 3.0, creep=0.1)]
 
 
+@pytest.mark.sample("Spring1", "Gauss", "DryFriction1")
 @pytest.mark.parametrize("effect", COINCIDENT, ids=lambda e: type(e).__name__)
 def test_forces_and_slopes_are_finite_where_ends_meet_at_rest(effect):
     r = jnp.zeros((2, 2))
@@ -100,6 +102,7 @@ AT_REST = [UniformGravity(9.81), PairGravity(0.7), LinearDrag(0.3), QuadraticDra
 AT_REST += [LinearDrag(0.3, wind=[1.0, -2.0, 0.5])]
 
 
+@pytest.mark.sample("LinearDrag0-jacrev", "LinearDrag1-jacfwd", "LinearDrag1-jacrev")
 @pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
 @pytest.mark.parametrize("effect", AT_REST, ids=lambda e: type(e).__name__)
 def test_derivatives_are_finite_at_rest(effect, jac):

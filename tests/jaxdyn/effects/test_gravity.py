@@ -19,6 +19,7 @@ def _points(n: int, d: int = 2) -> Points:
     return Points(r, v, jnp.asarray(RNG.uniform(0.5, 2.0, n)))
 
 
+@pytest.mark.sample("effect0-1-2", "effect0-1-3", "effect0-3-3", "effect1-1-2", "effect1-1-3")
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("n", [1, 3, 12])
 @pytest.mark.parametrize("effect", [UniformGravity(9.81), PairGravity(0.7)])
@@ -37,6 +38,7 @@ def test_pair_gravity_is_newtons_law():
     assert gap(force, [[2.4, 3.2], [-2.4, -3.2]]) < EXACT
 
 
+@pytest.mark.sample("12")
 @pytest.mark.parametrize("n", [9, 10, 12, 15])
 def test_pair_gravity_is_one_law_for_few_and_many_bodies(n):
     gravity, (r, v, m) = PairGravity(0.7), _points(n, 3)
@@ -50,6 +52,7 @@ def test_pair_gravity_is_one_law_for_few_and_many_bodies(n):
     assert gap(gravity.potential(T, r, m), -lost) < 100 * EXACT * lost
 
 
+@pytest.mark.slow
 def test_derivatives_of_many_bodies_are_those_of_few():
     gravity, (r, v, m) = PairGravity(0.7), _points(9)
     slope = jax.jacfwd(lambda r: gravity._acceleration_by_pairs(r, m))(r)

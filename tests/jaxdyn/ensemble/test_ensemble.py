@@ -63,6 +63,7 @@ def zoo_gap(name):
     return gap(out.y1, expected) / max(1.0, np.abs(expected).max())
 
 
+@pytest.mark.sample("cannonball")
 @pytest.mark.parametrize("name", ["cannonball", "satellite"])
 def test_scenes_with_drag_and_with_projection(name):
     assert zoo_gap(name) < SOLVED
@@ -109,6 +110,7 @@ def test_fixed_numbers_are_those_that_all_motions_share():
         ensemble.run(scenes.cannonball(drag=0.1), params=made, t1=0.5, fixed=True)
 
 
+@pytest.mark.slow
 def test_any_number_of_the_scene_may_differ():
     drags = np.linspace(0.0, 0.3, N)
     scene = scenes.cannonball(drag=0.1)
@@ -269,6 +271,7 @@ print(len(jax.devices()), np.abs(alone.y1 - spread.y1).max())
 """
 
 
+@pytest.mark.slow
 def test_two_devices_give_the_numbers_of_one():
     printed = run_python(COMPARE, XLA_FLAGS="--xla_force_host_platform_device_count=2")
     devices, difference = printed.split()

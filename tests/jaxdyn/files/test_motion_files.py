@@ -94,6 +94,7 @@ def test_a_motion_of_every_scene_comes_back_to_the_bit(name, path):
     assert_equal_to_the_bit(through_file(motion, path), motion)
 
 
+@pytest.mark.sample("failed", "chain")
 @pytest.mark.parametrize("name", MOTIONS)
 def test_every_kind_of_motion_comes_back_to_the_bit(name, path):
     motion = MOTIONS[name]()

@@ -47,6 +47,7 @@ def _rates(scene, states):
     return jax.jit(jax.vmap(lambda y: scene.rate(NOW, y)))(states)
 
 
+@pytest.mark.sample("bead")
 @pytest.mark.parametrize("name", TIED)
 def test_all_formulations_give_the_same_accelerations(name):
     make, tied = TIED[name]

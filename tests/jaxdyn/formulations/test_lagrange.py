@@ -40,6 +40,7 @@ def double_potential(t, q, p):
     return -p["m"] * p["g"] * p["l"] * (3 * jnp.cos(q[0]) + jnp.cos(q[1])) / 2
 
 
+@pytest.mark.slow
 def test_a_pendulum_is_that_of_the_zoo():
     own = scenes.pendulum(angle=2.0, length=0.8, m=2.0)
     motion, wanted = simulate(SWING, rtol=1e-13), simulate(own, 5.0, rtol=1e-13)
@@ -55,6 +56,7 @@ def test_a_pendulum_is_that_of_the_zoo():
     )
 
 
+@pytest.mark.slow
 def test_a_double_pendulum_from_its_two_energies():
     own = scenes.double_pendulum()
     params = {"m": 1.0, "l": 1.0, "g": 1.0}
@@ -74,6 +76,7 @@ def charged(t, r, v, p):
     return 0.5 * p["m"] * jnp.sum(v * v) + along + p["q"] * p["E"] * r[0]
 
 
+@pytest.mark.slow
 def test_a_charge_in_a_magnetic_field_turns_and_drifts():
     params = {"m": 2.0, "q": 3.0, "B": 4.0, "E": 0.5}
     scene = jaxdyn.lagrangian(charged, [1.0, 0.5], [0.2, -0.3], 3.0, params=params)
@@ -94,6 +97,7 @@ def test_a_charge_in_a_magnetic_field_turns_and_drifts():
     assert gap(scene.system.canonical(T, y), wanted) < EXACT * 10
 
 
+@pytest.mark.slow
 def test_the_energy_in_a_turning_frame_is_jacobis_integral():
     mu = 0.1
     scene = jaxdyn.lagrangian(odes.restricted_lagrangian, [0.4, 0.1], [0.2, 0.9], 3.0, params=mu)
@@ -122,6 +126,7 @@ class Turned(Lagrange):
         return super().lagrangian(t, q, v, effects) + turning
 
 
+@pytest.mark.slow
 def test_a_subclass_with_a_lagrangian_of_its_own_has_the_energy_of_that():
     scene = Scene(Turned(Arm(), jnp.asarray(4.0)), (UniformGravity(9.81),), y0=[0.3, 0.1])
     motion = simulate(scene, 5.0, rtol=1e-13)
@@ -167,6 +172,7 @@ def test_effects_act_on_its_coordinates():
     assert jaxdyn.energy_change(simulate(scene)).causes == ("Brake",)
 
 
+@pytest.mark.slow
 def test_linear_modes_and_derivatives():
     def springs(t, q, v, k):
         return 0.5 * jnp.sum(v * v) - 0.5 * (k * q[0] ** 2 + k * q[1] ** 2 + (q[0] - q[1]) ** 2)

@@ -69,6 +69,7 @@ def test_new_numbers_never_recompile():
     assert gap(ends[2], np.exp(-3.0) * np.array([1.0, 2.0])) < 1e-9
 
 
+@pytest.mark.slow
 def test_derivatives_and_batches_go_through_the_parameters():
     def end(k):
         return solve(jaxdyn.ode(fade, FADING.y0, params={"k": k}), 1.5, rtol=1e-13).y1

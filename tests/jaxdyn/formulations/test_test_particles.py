@@ -19,6 +19,7 @@ def bodies(n, d, massless=(1, 3)):
     return m, np.concatenate([5 * RNG.normal(size=n * d), 0.1 * RNG.normal(size=n * d)])
 
 
+@pytest.mark.sample("4-3")
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("n", [4, 12])
 def test_they_feel_the_field_of_the_others(n, d):
@@ -41,6 +42,7 @@ def test_they_are_the_limit_of_small_masses():
     assert gap(small.ys, none.ys) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_by_a_mass_of_zero_are_those_of_the_limit():
     def end(m):
         return simulate(scenes.three_body(m=m), 1.0, samples=2, rtol=1e-13).ys[-1]

@@ -98,6 +98,7 @@ def test_every_page_opens_without_a_message_and_fits(site, width):
         window.quit()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_text_stands_out_and_headings_leave_no_level_out(site, theme):
     window = chromium.start()
@@ -224,6 +225,7 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     assert "pictures/a.pdf" in set(other.links) - set(full.links)
 
 
+@pytest.mark.sample("no-preference")
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
 def test_miniatures_move_until_they_are_stopped(tmp_path, motion):
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)

@@ -174,6 +174,7 @@ def test_free_axes_do_not_depend_on_rounding(name):
     assert gap(PRINCIPAL(BODIES["ball"]).axes, np.eye(3)) < 3 * EXACT
 
 
+@pytest.mark.slow
 def test_derivatives_of_moments_axes_and_points():
     base = BODIES["any"]
 

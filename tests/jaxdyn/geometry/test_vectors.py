@@ -133,6 +133,7 @@ def test_lines_that_meet_nearly_parallel_lines_and_no_lines():
         assert np.isnan([missing.distance, *missing.on_ab, *missing.on_cd]).all()
 
 
+@pytest.mark.slow
 def test_derivatives_of_lines_by_three_ways_and_where_they_are_hard():
     numbers = _random(12)
 

@@ -29,6 +29,7 @@ def starts(scene, n=20, seed=0):
     return jnp.asarray(ys)
 
 
+@pytest.mark.slow
 def test_a_free_body_does_not_meet_again_the_event_that_it_starts_on():
     first = until(BODY, UP, 100.0, rtol=1e-13)
     again = until(BODY.starting(first.y), UP, 100.0, rtol=1e-13)
@@ -112,6 +113,7 @@ def test_a_first_step_is_one_that_times_can_show(t0):
     assert abs(motion.ys[-1, 1] + 2 * G) < 1e-3 * (1 + 1e-9 * t0)
 
 
+@pytest.mark.sample("1--1")
 @pytest.mark.parametrize("way", [1, -1, 0])
 @pytest.mark.parametrize("power", [1, 3, 5])
 def test_leaving_a_flat_event_is_no_event(power, way):
@@ -148,6 +150,7 @@ def curved_floor(t, y):
     return y[1] - y[0] ** 3
 
 
+@pytest.mark.slow
 def test_a_tangential_start_counts_where_the_motion_goes_through():
     # Slope and value are zero: gravity, of second order, is stronger than the cube of the floor.
     level = BALL.starting([0.0, 0.0, 1.0, 0.0])
@@ -204,6 +207,7 @@ def test_forwards_and_backwards_between_events():
     assert abs(again.t - 2 * np.arccos(0.3)) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_phase_that_begins_a_rounding_before_its_bound_ends_there():
     free = scenes.cannonball(g=0.0).starting([-1e-25, 1.0, 1.0, 0.0])
     wall = Exit(Reaches(0, 0.0, 1), END)

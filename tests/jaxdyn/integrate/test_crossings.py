@@ -99,6 +99,7 @@ def dips_found(scene, weight, solver, rtol):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-12])
 def test_dips_of_harmonic_signals_are_found_down_to_rounding(rtol):
     rng = np.random.default_rng(13)
@@ -142,6 +143,7 @@ def test_events_faster_than_the_motion_are_found():
             assert abs(stop.t - exact) < EXACT + 1e-15 / np.sqrt(depth)
 
 
+@pytest.mark.slow
 def test_an_event_too_fast_to_be_followed_ends_the_search():
     never = Clock(jnp.asarray(1e9), jnp.asarray(-1.5))
     stop = until(BALL, never, 32.0)
@@ -162,6 +164,7 @@ def first_landing(y, v, size, rate):
     return optimize.root_scalar(gap, bracket=(t[k - 1], t[k]), xtol=1e-15).root
 
 
+@pytest.mark.slow
 def test_landings_on_a_shaken_floor():
     rng = np.random.default_rng(16)
     for rate in (3.0, 20.0, 100.0):
@@ -204,6 +207,7 @@ def test_the_shortest_flights_end(t0):
     assert abs(stop.t - t0) <= np.spacing(1.0)
 
 
+@pytest.mark.sample("1e-06", "0.0")
 @pytest.mark.parametrize("keeps", [0.8, 0.1, 1e-6, 0.0])
 def test_a_bouncing_ball_never_falls_through_the_floor(keeps):
     t, y = jnp.asarray(0.3), jnp.array([0.0, 0.0, 1.0, 5.0])
@@ -242,6 +246,7 @@ def test_a_start_at_rest_on_an_event():
     assert still.status == Status.OK
 
 
+@pytest.mark.slow
 def test_what_is_settled_has_no_hidden_crossings():
     rng = np.random.default_rng(18)
     times, fine = np.array([0.0, 0.23, 0.49, 0.77, 1.0]), np.linspace(0, 1, 4001)

@@ -154,6 +154,7 @@ def test_direction_is_that_of_the_motion():
     assert both == up
 
 
+@pytest.mark.slow
 def test_backward_in_time():
     # Backwards the ball comes from below: the height falls as the motion goes.
     start = BALL.starting([0.0, 1.0, 1.0, 1.0])
@@ -332,6 +333,7 @@ STEPPED = [
 ]
 
 
+@pytest.mark.sample("crossings-<lambda>2")
 @pytest.mark.parametrize("value", STEPPED)
 @pytest.mark.parametrize("find", [until, crossings])
 def test_the_time_of_a_step_has_no_derivative_and_says_so(value, find):
@@ -350,6 +352,7 @@ def test_the_time_of_a_step_has_no_derivative_and_says_so(value, find):
         jax.grad(time)(1.0)
 
 
+@pytest.mark.slow
 def test_the_time_of_a_stroboscope_does_not_depend_on_the_motion():
     def stop(k):
         return until(scenes.oscillator(k=k, x=1.0), Every(0.5), 3.0, rtol=1e-13)

@@ -111,6 +111,7 @@ def test_kepler_tangents_obey_the_third_law():
     assert gap(along, weights * y1) < SOLVED
 
 
+@pytest.mark.slow
 def test_vmap_is_a_loop_and_jit_is_eager():
     x = jnp.array([[1.0, 1.0, 1.0, 1.0], [1.1, 1.0, 1.2, 0.8], [0.9, 1.3, 1.0, 1.0]])
     one_by_one = jnp.stack([_three_bodies(row) for row in x])
@@ -162,6 +163,7 @@ def _end_by(name, start):
     return lambda p, t, rtol: solve(make[name](p).starting(start), t, rtol=rtol).y1
 
 
+@pytest.mark.sample("lorenz")
 @pytest.mark.parametrize("name", _OFF)
 def test_derivatives_of_long_motions_are_right_and_differences_are_not(name):
     kept = json.loads(_LONG.read_text())[name]

@@ -86,6 +86,7 @@ def test_the_span_ends_a_motion():
     assert gap(chain.y[:2], [1.2, 2.5 * 0.2 - G / 2 * 0.04]) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_failure_ends_it_without_numbers():
     fall = Scene(FreePoints([1.0, 1.0]), (PairGravity(),), y0=[-0.5, 0, 0.5, 0, 0, 0, 0, 0])
     phases = {"fall": Phase(fall, (Exit(Reaches(0, 9.0), END),))}

@@ -41,12 +41,14 @@ def contact(t, y, p):
 METHODS = [None, solvers.VERNER9, solvers.DOPRI8, solvers.TAYLOR16, solvers.RADAU9]
 
 
+@pytest.mark.sample("Verner 9(8)")
 @pytest.mark.parametrize("solver", METHODS, ids=lambda m: m.name if m else "default")
 def test_a_pulse_is_seen_by_every_method(solver):
     run = jaxdyn.simulate(jaxdyn.ode(kick, [1.0, 0.0], 20.0, params=0.1), solver=solver, samples=2)
     assert np.allclose(run.ys[-1], KICKED, rtol=0, atol=1e-8)
 
 
+@pytest.mark.sample("50", "2000")
 @pytest.mark.parametrize("samples", [2, 50, 2000])
 def test_a_pulse_at_rest_with_digits(samples):
     scene = jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=0.2)
@@ -86,6 +88,7 @@ def test_a_pulse_that_moves_past_the_motion(width):
     assert run.steps < 60
 
 
+@pytest.mark.slow
 def test_a_pulse_in_ensembles_events_and_derivatives():
     scene = jaxdyn.ode(kick, [1.0, 0.0], 20.0, params=0.1)
     ends = ensemble.run(scene, np.array([[1.0, 0.0], [0.0, 0.0]]), 20.0)
@@ -103,6 +106,7 @@ def end_of(width):
     return jaxdyn.solve(jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=width), 20.0).y1[0]
 
 
+@pytest.mark.sample("200")
 @pytest.mark.parametrize("samples", [2, 200, 2000])
 def test_pulse_width_modulation(samples):
     run = jaxdyn.simulate(jaxdyn.ode(modulated, [0.0], 0.3), samples=samples)
@@ -120,6 +124,7 @@ def test_forces_that_are_switched_on_and_off():
     assert np.allclose(jaxdyn.simulate(pushed(5.0), samples=at).ys[:, 0], expected, atol=1e-14)
 
 
+@pytest.mark.sample("True")
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_derivatives_by_a_switching_time(adjoint):
     def end(on):
@@ -131,6 +136,7 @@ def test_derivatives_by_a_switching_time(adjoint):
         assert abs(jax.grad(jax.grad(end))(3.0) - 1) < 1e-12
 
 
+@pytest.mark.slow
 def test_derivatives_of_events_by_a_switching_time():
     when = lambda on: events.until(pushed(on, 20.0), events.Reaches(0, 1.1875)).t  # noqa: E731
     assert abs(jax.grad(when)(3.0) - 1) < 1e-12
@@ -147,6 +153,7 @@ def test_a_fit_of_a_switching_time():
     assert abs(on - 3.217) < 1e-10
 
 
+@pytest.mark.sample("50")
 @pytest.mark.parametrize("samples", [2, 50, 2000])
 def test_a_table_with_a_spike(samples):
     knots = np.linspace(0.0, 14.0, 141)
@@ -159,6 +166,7 @@ def test_a_table_with_a_spike(samples):
     assert abs(run.ys[-1, 0] - triangle * np.exp(-7.0)) < 1e-16
 
 
+@pytest.mark.slow
 def test_contact_stiffness_and_its_derivative():
     scene = jaxdyn.ode(contact, [1.0, 0.0], 3.0, params=1e6)
     run = jaxdyn.simulate(scene, rtol=1e-12)
@@ -166,6 +174,7 @@ def test_contact_stiffness_and_its_derivative():
     assert np.allclose(run.ys[-1], (0.66267798318763, -2.57259751415525), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_dry_friction_sticks():
     run = jaxdyn.simulate(jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=0.3))
     assert np.allclose(run.ys[-1], (-0.25, 0.0), rtol=0, atol=1e-10)
@@ -208,6 +217,7 @@ def test_adjoints_of_play_between_gears_from_rest(t1):
     assert np.allclose(backwards[1], forwards[1], rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_many_short_pieces_are_not_stiff():
     rate = lambda t, y: [y[1], -y[0] - 0.3 * jnp.maximum(y[0], 0.0)]  # noqa: E731
     run = jaxdyn.simulate(jaxdyn.ode(rate, [1.0, 0.0], 500.0), samples=2)
@@ -226,6 +236,7 @@ def test_chattering_ends_in_a_status():
     assert np.isnan(run.ys[-1]).all()
 
 
+@pytest.mark.slow
 def test_conditions_in_ensembles_jit_and_backwards():
     scene = jaxdyn.ode(stuck, [2.05, 0.0], 20.0, params=0.3)
     ends = ensemble.run(scene, np.array([[2.05, 0.0], [-0.2, 0.0]]), 20.0)
@@ -262,6 +273,7 @@ def test_what_cannot_be_read_is_said():
     assert "blind to a loop" in jaxdyn.simulate(scene, digits=6).error.basis
 
 
+@pytest.mark.slow
 def test_events_at_a_switching_surface():
     # The ball meets the floor where the contact force begins.
     ball = jaxdyn.ode(contact, [1.0, 0.0], 3.0, params=1e6)
@@ -270,6 +282,7 @@ def test_events_at_a_switching_surface():
     assert stop.y[0] >= 0
 
 
+@pytest.mark.slow
 def test_breaks_and_longest_steps_for_what_cannot_be_read():
     def called(t):
         return np.asarray(float(abs(float(t) - 1.2345) < 1e-3))
@@ -289,6 +302,7 @@ def test_breaks_and_longest_steps_for_what_cannot_be_read():
     assert abs(run.ys[-1, 0] - expected) < 1e-10
 
 
+@pytest.mark.slow
 def test_breaks_and_longest_steps_of_smooth_motions():
     scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 10.0)
     run = jaxdyn.simulate(scene, breaks=[1.0, 2.0])

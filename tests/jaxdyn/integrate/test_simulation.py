@@ -61,6 +61,7 @@ def test_a_throw_without_drag_is_a_parabola():
     assert gap(motion["y"], v * t - 5 * t * t) < EXACT
 
 
+@pytest.mark.slow
 def test_samples_are_as_accurate_as_the_steps(eight):
     motion = simulate(EIGHT, samples=101, rtol=1e-12)
     # An interpolant between 48 steps would be wrong by 1e-8.
@@ -107,6 +108,7 @@ def test_programs_do_not_contain_what_step_control_does_itself():
     assert "next_after" not in program
 
 
+@pytest.mark.sample("options1")
 @pytest.mark.parametrize("options", [{"ts": [0.5]}, {}])
 def test_a_start_of_integers_inside_jit(options):
     scene = eqx.tree_at(lambda scene: scene.y0, BALL, jnp.arange(4))
@@ -119,6 +121,7 @@ def test_a_step_is_asked_for_inside_jit():
     assert gap(by_jit, solve(EIGHT, 1.0, solver=RK4, dt=0.01).y1) < SOLVED
 
 
+@pytest.mark.slow
 def test_the_method_follows_the_effects():
     assert default_solver(EIGHT) is STOERMER18
     assert default_solver(EIGHT, rtol=1e-12) is NYSTROM12
@@ -195,6 +198,7 @@ def _traced(rtol, atol, t0, t1, y0):
     return solve(BALL.starting(start), t1, t0=t0, rtol=rtol, atol=atol, max_steps=200)
 
 
+@pytest.mark.slow
 def test_a_batch_keeps_a_status_for_each_run():
     def run(x):
         y0 = jnp.array([-0.5, 0, 0.5, 0, 0, 0, 0, 0]).at[5].set(x)
@@ -226,6 +230,7 @@ def swings():
     )
 
 
+@pytest.mark.sample("r", "momentum")
 @pytest.mark.parametrize(
     "quantity",
     [
@@ -488,6 +493,7 @@ def test_new_numbers_never_recompile():
     assert len(Counting.traces) > before
 
 
+@pytest.mark.slow
 def test_limits_of_steps_and_numbers_of_samples_share_programs():
     simulate(_counted(), samples=20, max_steps=50)
     simulate(_counted(), samples=20, dt=0.1, solver=RK4)
@@ -548,6 +554,7 @@ def test_new_numbers_never_recompile_derivatives():
     assert len(Counting.traces) == before
 
 
+@pytest.mark.sample("False")
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_derivatives_outside_of_jit_are_compiled_once_too(caplog, adjoint):
     def slope(c):

@@ -82,6 +82,7 @@ def test_conditions_of_all_kinds_and_those_on_time_alone():
     assert found.on_state
 
 
+@pytest.mark.sample("nested", "of_no_rounds")
 @pytest.mark.parametrize("rate", [with_all_kinds, nested, of_no_rounds])
 def test_a_branch_that_holds_gives_the_rate_itself(rate):
     found, field = plan(rate)
@@ -151,6 +152,7 @@ FUNCTIONS = [
 ]
 
 
+@pytest.mark.sample("<lambda>1", "<lambda>4", "<lambda>5")
 @pytest.mark.parametrize("fn", FUNCTIONS)
 def test_bounds_enclose(fn):
     program = jax.make_jaxpr(fn)(0.0)
@@ -173,6 +175,7 @@ def test_what_has_no_bounds_is_unknown():
     assert not np.isfinite(found.low).any()
 
 
+@pytest.mark.sample("0.123456-0.1", "0.5-0.1", "0.87654321-0.1")
 @pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
 @pytest.mark.parametrize("centre", [1e-3, 0.123456, 0.5, 0.87654321])
 def test_a_step_ends_before_a_pulse_of_any_width(width, centre):

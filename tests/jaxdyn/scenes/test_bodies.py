@@ -80,6 +80,7 @@ def test_drawings_join_the_right_points():
         assert arms[i, axis] > 0
 
 
+@pytest.mark.sample("matrix")
 @pytest.mark.parametrize("kind", ["quaternion", "matrix", "euler"])
 def test_each_scene_starts_where_it_says(kind):
     omega0 = jnp.array([0.1, 1.0, -0.3])
@@ -102,6 +103,7 @@ def test_what_is_refused():
         rolling_disk(radius=-0.5, I1=0.1).check()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.02, 0.3])
 def test_a_plate_wobbles_twice_while_it_spins_once(tilt):
     spin = 10.0
@@ -115,6 +117,7 @@ def test_a_plate_wobbles_twice_while_it_spins_once(tilt):
     assert gap(precession.tilts(motion), np.full(200, tilt)) < SOLVED * 10
 
 
+@pytest.mark.slow
 def test_satellite_a_can_flip_b_precesses_and_c_only_spins():
     def axis_moves(name, omega0):
         motion = simulate(satellite(name, omega0), 60.0, samples=200, rtol=1e-12)
@@ -331,6 +334,7 @@ def test_a_disk_on_ice_slides_steadily():
         assert gap(normal, 9.81) < SOLVED * 10
 
 
+@pytest.mark.slow
 def test_friction_is_what_the_steady_family_says(rolls):
     for motion, said in ((rolls[0], circle()), (rolls[1], None)):
         system, effects = motion.scene.system, motion.scene.effects

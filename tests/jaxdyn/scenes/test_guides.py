@@ -111,6 +111,7 @@ def test_the_turntables_limit_is_differentiable():
     assert gap(jax.grad(limit)(x), central_difference(limit, x)) < 1e-7  # h^4 / v^5
 
 
+@pytest.mark.slow
 def test_turntable_turns_for_ever_with_the_mass_at_rest_but_is_unstable():
     m, inertia, d, rate = 1.3, 0.8, 0.6, 2.0
     scene = guides.turntable(m=m, inertia=inertia, d=d, speed=0.0, rate=rate)
@@ -124,6 +125,7 @@ def test_turntable_turns_for_ever_with_the_mass_at_rest_but_is_unstable():
     assert np.array_equal(limits, [np.inf, -np.inf, 0.0])
 
 
+@pytest.mark.slow
 def test_plate_turns_at_zero_angular_momentum():
     motion = simulate(guides.plate(), samples=9, rtol=1e-13)
     momentum = energy.along(energy.angular_momentum, motion)

@@ -118,6 +118,7 @@ def test_the_published_trio_in_space_returns_with_zero_momentum():
     assert np.abs(points.m @ points.v).max() < 1e-16
 
 
+@pytest.mark.slow
 def test_many_bodies_in_space_by_name():
     rng = np.random.default_rng(0)
     r, v = rng.normal(size=(2, 5, 3))

@@ -52,6 +52,7 @@ def test_fast_balls_end_in_free_fall_under_quadratic_drag():
     assert gap(motion["vy"][-1], -2.0) < 1e-8
 
 
+@pytest.mark.slow
 def test_problem_8_the_path_is_straighter_at_tighter_tolerance():
     bends = [float(straightness(simulate(polar_particle(), rtol=r))) for r in (1e-4, 1e-8, 1e-13)]
     assert bends[0] > 10 * bends[1] > 1e3 * bends[2]
@@ -78,6 +79,7 @@ def test_straightness_is_the_height_of_an_arc():
     assert gap(straightness(arc), (2 / np.pi) / 2) < 1e-3
 
 
+@pytest.mark.slow
 def test_polar_and_cartesian_coordinates_tell_one_motion():
     effects = (Spring(3.0, 0.5, anchor=(0.2, 0.1)), UniformGravity(1.0), LinearDrag(0.2))
     start = {"position": (1.0, 0.5), "velocity": (-1.0, 0.3), "m": 2.0}
@@ -132,6 +134,7 @@ def test_lorenz_has_no_points_and_no_energy_and_says_so():
         moment_balance(motion, centre_of_mass)
 
 
+@pytest.mark.slow
 def test_a_particle_differentiates_through_its_constructor():
     def height(angle, speed, drag):
         return simulate(cannonball(speed=speed, angle=angle, drag=drag), 0.5, samples=1).ys[-1, 1]

@@ -24,6 +24,7 @@ def elliptic_period(length: float, g: float, angle: float) -> float:
     return 2 * np.pi * np.sqrt(length / g) / a
 
 
+@pytest.mark.sample("newton_euler")
 @pytest.mark.parametrize("formulation", ["newton_euler", "constrained"])
 def test_pendulum_returns_after_its_elliptic_period(formulation):
     scene = pendula.pendulum(length=0.7, g=3.0, angle=2.8, formulation=formulation)
@@ -75,6 +76,7 @@ def two_points(m, l, g):  # noqa: E741
 POINTS = {"m": (1.3, 0.7), "l": (0.9, 1.1), "g": 2.0, "uniform": False}
 
 
+@pytest.mark.slow
 def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
     rate = two_points(POINTS["m"], POINTS["l"], POINTS["g"])
     for formulation in ("newton_euler", "lagrange"):
@@ -89,6 +91,7 @@ def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
         ]
 
 
+@pytest.mark.sample("newton_euler-False")
 @pytest.mark.parametrize(
     ("formulation", "relative"),
     [("newton_euler", False), ("lagrange", True), ("constrained", False)],

@@ -32,6 +32,7 @@ def test_published_halo_orbits_close(x, z, vy, half):
     assert abs(orbit.period / 2 - half) < 4e-6
 
 
+@pytest.mark.slow
 def test_the_halo_orbit_of_the_defaults_closes():
     scene = scenes.restricted_three_body_in_space()
     orbit = orbits.find(scene, period=float(scene.t1), hold=["z", "y"])
@@ -39,6 +40,7 @@ def test_the_halo_orbit_of_the_defaults_closes():
     assert abs(orbit.period - float(scene.t1)) < 5e-3
 
 
+@pytest.mark.slow
 def test_in_the_plane_it_is_the_plane_problem():
     numbers = {"mu": 0.1, "x": 0.5, "y": 0.2, "vx": 0.1, "vy": 0.8}
     flat = scenes.restricted_three_body(**numbers)
@@ -75,6 +77,7 @@ def test_it_is_newtons_law_in_turning_axes():
     assert gap(found, np.concatenate([r, u])) < 1e-10
 
 
+@pytest.mark.sample("hill")
 @pytest.mark.parametrize("name", ["restricted_three_body_in_space", "hill"])
 def test_jacobis_constant_is_kept(name):
     scene = scenes.catalogue.entries()[name].make(t1=5.0)

@@ -37,6 +37,7 @@ def test_newton_euler_and_lagrange_agree(motion):
         assert gap(scene.rate(0.0, y), motion.scene.rate(0.0, y)) < 10 * EXACT
 
 
+@pytest.mark.sample("parallel")
 def test_skates_do_no_work_and_do_not_slip(motion):
     assert energy.drift(motion) < SOLVED
     rows = jax.vmap(lambda y: motion.scene.system.violation(0.0, y)[1])(motion.ys)

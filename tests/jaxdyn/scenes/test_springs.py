@@ -114,6 +114,7 @@ def test_problem_10_every_motion_is_one_ellipse_in_closed_form():
     assert gap(hanging_spring_exact(weightless, 0.0), weightless.y0) == 0
 
 
+@pytest.mark.slow
 def test_problem_10_no_start_is_wild_and_a_rest_length_makes_it_so():
     starts = np.random.default_rng(10).normal(size=(5, 2, 3)) * 3
     for position, velocity in starts:

@@ -87,6 +87,7 @@ def test_a_body_tumbles_through_the_locks_of_its_angles(sequence):
     assert {sequence, complement(sequence)} == set(chain.names)
 
 
+@pytest.mark.slow
 def test_a_known_sequence_of_exchanges_has_derivatives():
     def end(rate):
         scene = scenes.polar_particle(position=(1.0, 1e-3), velocity=(rate, 0.0))

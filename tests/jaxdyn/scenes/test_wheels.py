@@ -81,6 +81,7 @@ def test_time_and_place_of_rest_are_right_to_the_tolerance(locked, speed, spin):
     assert gap(np.append(chain.t, chain.y[:3]), rest(locked, speed, spin)) < SOLVED * max(1, speed)
 
 
+@pytest.mark.slow
 def test_a_car_at_rest_has_stopped():
     scene = car(speed=0.0, spin=0.0)
     chain = simulate_phases(braking(scene), None, scene.y0, 60.0, samples=2)
@@ -150,6 +151,7 @@ def test_without_friction_a_turning_grows_undamped():
         turning_left(smooth, 10.0)
 
 
+@pytest.mark.sample("rear")
 @pytest.mark.parametrize("locked", AXLES)
 def test_the_criterion_is_the_linearised_motion(locked):
     @jax.jit
@@ -193,6 +195,7 @@ def test_impossible_cars_are_refused():
         simulate(car(g=-1.0))
 
 
+@pytest.mark.slow
 def test_a_state_at_rest_has_finite_rates_and_gradients():
     scene = car()
     rest = jnp.zeros(6)

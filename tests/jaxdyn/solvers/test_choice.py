@@ -143,6 +143,7 @@ def test_looser_tolerances_take_lower_orders():
     assert default_solver(orbit, rtol=1e-5).for_tangents is NYSTROM12
 
 
+@pytest.mark.slow
 def test_polynomial_forces_take_what_runs_fastest_at_each_tolerance():
     assert default_solver(CUBIC).name == "Taylor 20"
     assert default_solver(HENON_HEILES, rtol=1e-8) is STOERMER18
@@ -194,6 +195,7 @@ def test_several_bodies_take_extrapolation_where_rounding_leaves_room(n, d, rtol
     assert reason(scene, rtol).endswith(why)
 
 
+@pytest.mark.slow
 def test_all_that_is_asked_of_a_default_works_with_extrapolation():
     scene = _ring(5)
     exact = solve(scene, 1.0, ts=[0.3, 1.0], rtol=1e-15, solver=NYSTROM12)
@@ -253,6 +255,7 @@ def test_a_root_that_is_zero_at_the_start_is_passed_by_default():
     assert not np.isfinite(solve(scene, 1.0, rtol=1e-13, solver=TAYLOR14).y1).all()
 
 
+@pytest.mark.slow
 def test_ends_samples_and_digits_are_right():
     motion = simulate(LORENZ, samples=[1.0, 2.0], rtol=1e-13)
     assert gap(motion.ys[-1], END) < SOLVED
@@ -328,6 +331,7 @@ def _error_ratio(scene, method, t1):
     return float(np.exp(np.mean(errors(method) - errors(VERNER9))))
 
 
+@pytest.mark.slow
 def test_at_one_tolerance_errors_are_of_the_size_of_those_of_the_pair():
     swinging = jaxdyn.ode(spherical, [1.0, 0.0, 0.0, 0.8])
     relaxing = jaxdyn.ode(van_der_pol, [2.0, 0.0], params=5.0)
@@ -339,6 +343,7 @@ def test_at_one_tolerance_errors_are_of_the_size_of_those_of_the_pair():
         assert ratio < 2.0, (method.name, ratio)
 
 
+@pytest.mark.sample("damped")
 @pytest.mark.parametrize(
     ("make", "t1"),
     [
@@ -356,6 +361,7 @@ def test_the_default_says_that_a_motion_is_stiff(make, t1):
     assert motion.warning.startswith("The scene is stiff")
 
 
+@pytest.mark.slow
 def test_new_numbers_and_tolerances_do_not_compile_again():
     other = jaxdyn.ode(lorenz, [1.0, 2.0, 1.0], 2.0, params=NUMBERS | {"rho": 20.0})
     for first, more in ((1e-10, (1e-8, 1e-12)), (1e-5, (2e-6, 1e-3))):

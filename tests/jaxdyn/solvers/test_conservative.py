@@ -28,6 +28,7 @@ def _end(scene, t1, n, method):
     return solve(scene, t1, solver=method, dt=t1 / n).y1
 
 
+@pytest.mark.sample("Blanes-Moan 6", "Gauss 12")
 @METHODS
 def test_the_error_falls_with_the_order(method):
     span, e, n = 5.0, 0.3, COUNTS[method]
@@ -76,6 +77,7 @@ def test_samples_lie_on_the_motion():
     assert drift(motion) < 1e-12
 
 
+@pytest.mark.slow
 def test_energy_errors_stay_bounded_over_many_periods():
     scene, periods = kepler(0.5), 2000
     ts = 2 * np.pi * np.linspace(0.0, periods, 500)
@@ -139,6 +141,7 @@ def test_a_motion_at_rest_has_no_steps_too_long():
     assert simulate(scene, 1.0, solver=solvers.GAUSS12, dt=0.1, samples=5).warning == ""
 
 
+@pytest.mark.slow
 def test_a_million_steps_of_an_oscillator():
     oscillator = scenes.oscillator(k=4.0)
     motion = simulate(oscillator, 1e4, samples=2, solver=solvers.GAUSS8, dt=0.01)

@@ -179,6 +179,7 @@ CALLS = {
 }
 
 
+@pytest.mark.sample("solve", "stream", "fixed_steps", "advanced")
 @pytest.mark.parametrize("name", CALLS)
 def test_solvers_of_diffrax_are_taken_wherever_a_solver_is(name):
     call = CALLS[name]
@@ -202,6 +203,7 @@ def followed(k, t):
     return k * (k * np.cos(t) + np.sin(t)) / (1 + k * k)
 
 
+@pytest.mark.sample("ImplicitEuler-float-float")
 @pytest.mark.parametrize(
     ("solver", "rtol", "goal"),
     [
@@ -220,6 +222,7 @@ def test_implicit_solvers_of_diffrax_take_their_own_steps(solver, rtol, goal):
     assert simulate(stiff(k), samples=5, solver=type(solver)(), rtol=rtol).ys[-1] == motion.ys[-1]
 
 
+@pytest.mark.slow
 def test_implicit_solvers_of_diffrax_have_derivatives_and_events():
     k, solver = 100.0, diffrax.Kvaerno5()
 
@@ -311,6 +314,7 @@ HANDED += [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "error"), HANDED, ids=lambda x: getattr(x, "name", ""))
 def test_between_steps_a_method_in_diffrax_is_as_right_as_its_steps(method, error):
     ts = np.linspace(0.0, 2.0, 33)

@@ -60,6 +60,20 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.sample(
+    "reshape-True",
+    "stack-True",
+    "concatenate-True",
+    "unstack-True",
+    "sort-False",
+    "sort-True",
+    "split-True",
+    "transpose-True",
+    "broadcast-True",
+    "matrix-True",
+    "choice-True",
+    "nothing-True",
+)
 @pytest.mark.parametrize("apart", [False, True])
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_it_agrees_with_vmap(name, apart):

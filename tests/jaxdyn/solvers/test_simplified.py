@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import gap
+from helpers import ZOO, gap
 
 from benchmarks.classics import links
 from jaxdyn import ode, solve
@@ -23,6 +23,7 @@ SHORTER = (
 ZERO = np.zeros(())
 
 
+@pytest.mark.sample(*ZOO)
 @pytest.mark.parametrize("name", catalogue.entries())
 def test_every_rate_of_the_zoo_has_the_same_values(name):
     scene = catalogue.entries()[name].make()
@@ -71,6 +72,7 @@ def test_a_state_that_is_left_as_it_is_is_not_taken_apart():
     assert program.outvars == program.invars[1:]
 
 
+@pytest.mark.sample("<lambda>0", "<lambda>1", "<lambda>2", "<lambda>6")
 @pytest.mark.parametrize(
     "bent",
     [
@@ -120,6 +122,7 @@ def _long(t, y):
     return jax.lax.fori_loop(0, 900, lambda i, x: jax.lax.fori_loop(0, 20, body, x), y)
 
 
+@pytest.mark.sample("_drawing-random_bits", "_long-scan")
 @pytest.mark.parametrize(
     ("rate", "kept"), [(_printing, "debug_"), (_drawing, "random_bits"), (_long, "scan")]
 )
@@ -164,6 +167,7 @@ def test_arrays_that_are_many_numbers_stay_arrays():
     assert (program.count("tanh"), program.count("dot_general")) == (1, 2)
 
 
+@pytest.mark.sample("pendulum", "polar_particle")
 @pytest.mark.parametrize("name", SHORTER)
 def test_their_derivatives_are_those_of_the_rate(name):
     scene = catalogue.entries()[name].make()
@@ -181,6 +185,7 @@ def test_their_derivatives_are_those_of_the_rate(name):
         assert gap(a, b) < 1e-11 * max(1.0, float(jnp.abs(a).max()))
 
 
+@pytest.mark.slow
 def test_pairs_and_their_derivatives_agree_with_closed_forms():
     def rate(t, y, p):
         return jnp.stack([y[1] + 0 * jnp.sin(y[0]), -p * p * y[0] + y[0] - y[0]])

@@ -99,6 +99,7 @@ def test_global_error_falls_with_the_order(pair):
     assert np.log2(errors[0] / errors[1]) > pair.order - 0.2
 
 
+@pytest.mark.sample("Verner 9(8)")
 @PAIRS
 def test_rolled_and_unrolled_steps_are_one_step(pair):
     y = jnp.array([0.3, -0.2, 0.5, 1.1])
@@ -112,6 +113,7 @@ def test_rolled_and_unrolled_steps_are_one_step(pair):
             assert abs(loop.speed - code.speed) < 1e-6 * abs(code.speed)  # of differences
 
 
+@pytest.mark.sample("Verlet 2", "Euler", "Taylor 8", "Taylor 12")
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.name)
 def test_every_method_keeps_the_contract(method):
     assert method.order >= 1
@@ -183,6 +185,7 @@ def test_pairs_are_told_apart_by_identity():
     assert len(set(pairs)) == 4
 
 
+@pytest.mark.sample("euler")
 @pytest.mark.parametrize(("method", "order"), [(EULER, 1), (RK4, 4)], ids=["euler", "rk4"])
 def test_methods_without_an_error_estimate_take_equal_steps(method, order):
     exact = np.array([np.cos(2.0), -np.sin(2.0)])

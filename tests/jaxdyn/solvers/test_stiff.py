@@ -98,6 +98,9 @@ def test_stiffness_is_noticed_and_said():
     assert motion.warning.endswith("Pass solver=solvers.RADAU9.")
 
 
+@pytest.mark.sample(
+    "kepler-1e-06", "kepler-1e-13", "ball-1e-06", "ball-1e-13", "eight-1e-06", "eight-1e-13"
+)
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6, 1e-13])
 @pytest.mark.parametrize(
     "scene",
@@ -160,6 +163,7 @@ def test_inside_a_trace_the_method_stays_and_that_is_said():
     assert gap(same, motion.ys[-1]) < SOLVED
 
 
+@pytest.mark.slow
 def test_digits_of_a_stiff_motion():
     motion = simulate(CHASED, 2.0, samples=2, digits=9)
     assert gap(motion.ys[-1], CHASED_END) < 1e-9
@@ -168,12 +172,14 @@ def test_digits_of_a_stiff_motion():
     assert "took over" in motion.warning
 
 
+@pytest.mark.slow
 def test_estimates_are_those_of_the_method_that_takes_over():
     found = jaxdyn.accuracy.estimate(CHASED, 2.0, samples=2, rtol=1e-8)
     assert (found.solver, found.other) == (solvers.RADAU9.name, solvers.RADAU9.name)
     assert np.abs(found.ys[-1] - CHASED_END).max() < 10 * found.error[-1].max()
 
 
+@pytest.mark.slow
 def test_events_and_crossings_switch_too():
     stop = until(CHASED, Reaches(2, 0.5, -1), 9.0)
     assert gap(stop.t, np.log(2.0)) < 1e-9

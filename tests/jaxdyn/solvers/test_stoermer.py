@@ -109,6 +109,7 @@ def test_at_one_tolerance_errors_are_of_the_size_of_those_of_the_pair():
     assert np.exp(np.mean(errors(STOERMER14) - errors(NYSTROM12))) < 1.0
 
 
+@pytest.mark.slow
 def test_rounding_of_places_in_close_encounters_neither_shortens_steps_nor_is_amplified():
     # Two bodies that nearly collide: at 1e-4 to 1e-3 of their distance from the origin.
     def run(aside, method, rtol):
@@ -136,6 +137,7 @@ def test_backwards_it_comes_back(method):
     assert gap(back, scene.y0) < SOLVED
 
 
+@pytest.mark.sample("Stoermer 18")
 @pytest.mark.parametrize("method", BOTH, ids=lambda m: m.name)
 def test_samples_are_as_right_as_the_end(method):
     scene = scenes.oscillator()
@@ -156,6 +158,7 @@ def test_many_coordinates_are_not_taken_apart_and_go_the_same_way():
     assert gap(ends[2], ends[0]) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_pair():
     scene = scenes.three_body()
 
@@ -216,6 +219,7 @@ def test_forces_that_depend_on_velocity_are_refused():
         simulate(scenes.cannonball(drag=0.1), solver=STOERMER18)
 
 
+@pytest.mark.slow
 def test_in_an_ensemble_it_goes_the_same_way():
     scene = scenes.three_body()
     y0s = np.asarray(scene.y0) * np.array([[1.0], [1.001]])

@@ -144,6 +144,7 @@ def _edges(t, y):
     return cut + far + y.at[jnp.array([0, 9, -1, 2])].get(mode="clip")
 
 
+@pytest.mark.sample("_looped", "_truths", "_empty", "_edges")
 @pytest.mark.parametrize(
     "rate", [_matrix, _moved, _looped, _chosen, _nothing_twice, _truths, _empty, _edges]
 )
@@ -257,6 +258,7 @@ def test_a_start_where_all_terms_vanish_is_left_by_short_steps():
     assert abs(float(found.y1[0]) / (2.0**26 / 26) - 1) < 1e-11
 
 
+@pytest.mark.slow
 def test_samples_and_ends_are_reached_by_shortened_steps():
     orbit = kepler(0.7)
     ts = jnp.linspace(0.0, float(orbit.t1), 40)
@@ -574,6 +576,7 @@ def test_a_speed_that_passes_zero_does_not_become_negative(norm):
     assert abs(found.y1[3] - exact) < 1e-9
 
 
+@pytest.mark.sample("_norm")
 @pytest.mark.parametrize("norm", [_norm, jnp.linalg.norm])
 def test_a_puck_does_not_slide_back(norm):
     # At rest the direction v / |v| of its friction does not exist: there the motion ends.

@@ -82,6 +82,7 @@ def test_the_eight_by_a_mass_against_orbits_found_again():
     assert np.abs(slopes / differences - 1).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
     swing = orbits.find(scenes.pendulum(angle=1.0), period=2.2)
 
@@ -126,6 +127,7 @@ def test_an_orbit_that_does_not_close_has_no_derivative(swing):
         orbits.differentiable(bad.scene, bad)
 
 
+@pytest.mark.slow
 def test_multipliers_that_coincide_are_nan():
     # On a circle the two that no integral forces to be 1 are 1 too, in a defective block.
     circle = orbits.Orbit(

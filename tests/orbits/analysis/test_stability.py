@@ -118,6 +118,7 @@ def test_all_multipliers_of_a_kepler_ellipse_are_one(e):
     assert np.abs(np.linalg.eigvals(result.monodromy) - 1).max() > 1e-9
 
 
+@pytest.mark.slow
 def test_the_flow_has_an_integral_where_the_form_is_kept():
     # The scene names neither; or the angular momentum alone, which has its symmetry then.
     def rate(t, y, p):
@@ -141,6 +142,7 @@ def test_the_flow_has_an_integral_where_the_form_is_kept():
     assert (ellipse.unit, ellipse.verdict) == (4, "stable")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("c", [1e-8, -1e-8, 1e-10])
 def test_hardly_any_damping_is_no_conservative_scene(c):
     def rate(t, y, c):
@@ -157,6 +159,7 @@ def test_hardly_any_damping_is_no_conservative_scene(c):
     assert (np.abs(np.abs(again.nontrivial) - 1) > again.bars).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [1e-4, 1e-6])
 def test_small_orbits_have_bars_that_hold(amplitude):
     # Of rates that are differences of nearly equal numbers; multipliers as of the linear system.

@@ -42,6 +42,7 @@ def finished(tmp_path_factory):
     return done, path
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_nothing_else(finished):
     done, _ = finished
     assert done.returncode == 0, done.stderr

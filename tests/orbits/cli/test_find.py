@@ -82,6 +82,7 @@ def test_a_period_is_found_in_any_units(orbits, k):
     assert abs(json.loads(out)["period"] * np.sqrt(k) / (2 * np.pi) - 1) < 1e-13
 
 
+@pytest.mark.slow
 def test_the_period_of_a_drive_is_taken(orbits):
     words = ("shaken_pendulum", "--set", "frequency=50", "--json")
     code, out, err = orbits("find", *words)

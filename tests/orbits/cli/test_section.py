@@ -16,6 +16,7 @@ def section(command):
 HENON = ("henon_heiles", "--event", "x=0")
 
 
+@pytest.mark.slow
 def test_two_energies_are_drawn_and_written(section, tmp_path):
     picture, table = tmp_path / "section.png", tmp_path / "section.csv"
     words = ("--energy", "1/12,1/8", "--starts", "y=-0.3:0.9:3", "--crossings", 20)
@@ -33,6 +34,7 @@ def test_two_energies_are_drawn_and_written(section, tmp_path):
     assert all(float(row[7]) > 0 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_stroboscope_as_json(section):
     words = ("shaken_pendulum", "--event", "every=2*pi/60", "--starts", "theta=0.1:0.2:2")
     code, out, err = section(*words, "--crossings", 3, "--json")

@@ -34,6 +34,7 @@ def test_a_choreography_needs_a_body():
         orbits.choreography(3, 0)
 
 
+@pytest.mark.slow
 def test_the_eight_by_reversal_is_the_eight_by_choreography(ring):
     half = orbits.find(scenes.three_body(), closing=orbits.reversal(EULER))
     assert half.closing.parts == 2
@@ -53,6 +54,7 @@ def test_the_eight_is_a_relative_orbit_that_does_not_turn(ring):
     assert gap(linear.nontrivial, whole.nontrivial) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_reflection_turns_the_rotation_of_the_next_part_round(ring):
     c, s = np.cos(0.3), np.sin(0.3)
     turned = (np.asarray(ring.y0).reshape(6, 2) @ np.array([[c, s], [-s, c]])).ravel()
@@ -138,6 +140,7 @@ def test_a_pendulum_that_goes_over_the_top_closes_after_a_turn():
     assert abs(orbit.period - 4 / w0 * ellipk(m)) < SOLVED
 
 
+@pytest.mark.sample("1")
 @pytest.mark.parametrize("segments", [1, 3])
 def test_a_driven_orbit_in_segments(segments):
     k, w, f = 4.0, 1.3, 0.7

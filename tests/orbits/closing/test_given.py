@@ -22,6 +22,7 @@ def test_a_drive_is_seen_at_rest_too(scene, expected):
     assert driven(scene) == expected
 
 
+@pytest.mark.slow
 def test_the_rest_of_a_driven_scene_is_an_orbit():
     upright = orbits.find(scenes.shaken_pendulum(angle=0.0), period=2 * math.pi / 60)
     assert upright.ok

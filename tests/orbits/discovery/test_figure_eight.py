@@ -42,6 +42,7 @@ def numbers(texts) -> np.ndarray:
     return np.array([float(text) for text in texts])
 
 
+@pytest.mark.slow
 def test_plain_closing_ends_on_the_neighbour(neighbour):
     assert neighbour.ok
     assert neighbour.closing == orbits.PLAIN

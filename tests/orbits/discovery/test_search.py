@@ -88,6 +88,7 @@ def test_both_cycles_are_found_with_their_exact_periods_and_multipliers(both):
     assert counts[-1] >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("executor", [Line, Backwards])
 def test_the_table_is_the_same_whoever_works_in_which_order(both, executor):
     again = searched(executor=executor())

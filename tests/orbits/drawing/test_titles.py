@@ -35,6 +35,9 @@ def _rosette(**words):
     return drawing.rosette(scenes.power_law(n=1.0, t1=1.0), **words).axes[0]
 
 
+@pytest.mark.sample(
+    "_family-lorenz (sigma = 10, beta = 2.667)", "<lambda>-Motions about a centre of force .*"
+)
 @pytest.mark.parametrize(
     ("axes", "title"),
     [

@@ -118,6 +118,9 @@ def is_refused(kind: Kind, path: Path, data: bytes) -> bool:
     return False
 
 
+@pytest.mark.sample(
+    "search.jsonl", "equilibria.jsonl", "curve.jsonl", "orbits.jsonl", "orbit_curve.jsonl"
+)
 def test_every_flipped_bit_is_seen(kind):
     kind, path, data = kind
     random = np.random.default_rng(143)

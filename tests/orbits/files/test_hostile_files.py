@@ -170,6 +170,7 @@ def places(record, way=()):
         yield from places(item, (*way, key))
 
 
+@pytest.mark.sample("pendulum", "three_body")
 @pytest.mark.parametrize("name", ["pendulum", "three_body", "four_bar"])
 def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
     scene = getattr(scenes, name)()

@@ -95,6 +95,7 @@ def test_directions_to_other_orbits_are_refused_for_a_chain():
         orbits.stability(_ball(None), along=np.eye(4)[:, :1])
 
 
+@pytest.mark.slow
 def test_a_grazing_chain_is_refused():
     with pytest.raises(ValueError, match="an event that is crossed"):
         orbits.stability(hopping.hop(scenes.cylinder_on_ramp(slope=0.0)))

@@ -143,6 +143,7 @@ def test_a_cylinder_whose_mass_is_near_its_centre_hops_too(inertia):
     assert abs(hop.spans[1] - stands) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_hop_that_rounding_hides_is_none():
     with pytest.raises(orbits.SearchError, match=r"inertia is below .* m d\^2.*Take a larger"):
         hopping.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=1e-13))
@@ -184,6 +185,7 @@ BALL = scenes.cannonball(g=10.0)
 LANDS, TOP = events.Reaches(1, 0.0), events.Reaches(3, 0.0)
 
 
+@pytest.mark.slow
 def test_a_ball_that_bounces_without_loss():
     legs = [orbits.Leg(BALL, (LANDS,), _bounced), orbits.Leg(BALL, (TOP, events.Reaches(1, 5.0)))]
     found = orbits.find_hybrid(legs, [0.3, 4.0, 0.0, 0.0], [0.7, 1.2])

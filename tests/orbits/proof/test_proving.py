@@ -96,11 +96,13 @@ def _box_about(orbit, moved: float, radius: float, digits=30, bits=None):
     return certified(orbit, system, numbers, radius, digits + lost, bits=bits)
 
 
+@pytest.mark.slow
 def test_a_box_without_the_orbit_is_not_proved():
     assert _box_about(_cycle(), 0.0, 1e-12).proved
     assert not _box_about(_cycle(), 1e-8, 1e-12).proved
 
 
+@pytest.mark.slow
 def test_a_box_that_is_too_narrow_for_its_centre_is_widened():
     orbit = _cycle()
     system = posed_equations(orbit)
@@ -133,6 +135,7 @@ def test_a_near_return_is_not_proved():
         orbits.prove(near, throw=True)
 
 
+@pytest.mark.slow
 def test_a_symmetry_that_the_rate_has_only_to_rounding_proves_nothing():
     # An even term below the rounding: half of a period later the state is the opposite one in
     # doubles, and never exactly.
@@ -146,6 +149,7 @@ def test_a_symmetry_that_the_rate_has_only_to_rounding_proves_nothing():
     assert "symmetry of the closing condition" in proof.reason
 
 
+@pytest.mark.slow
 def test_cycles_about_a_centre_have_no_other_multipliers_than_1():
     rate = lambda t, y: [y[0] * (1.5 - y[1]), y[1] * (y[0] - 1.0)]  # noqa: E731
     level = lambda t, y: y[0] - jnp.log(y[0]) + y[1] - 1.5 * jnp.log(y[1])  # noqa: E731

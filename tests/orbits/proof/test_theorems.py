@@ -84,6 +84,7 @@ def test_spared_equations_need_integrals_that_do_not_depend_on_each_other():
         assert not twice.spared_hold(end[:2], numbers)
 
 
+@pytest.mark.slow
 def test_a_driven_motion_is_followed_over_a_whole_period():
     driven = dataclasses.replace(_closure(), drive=(1.0, 1))
     assert missing(driven) == ""

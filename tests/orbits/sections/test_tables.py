@@ -46,6 +46,7 @@ def by_scipy(y0, crossings):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_crossings_are_those_of_scipy():
     found = orbits.section(HENON, PLANE, STARTS, crossings=20, **TIGHT)
     assert found.ok.all()
@@ -65,6 +66,7 @@ def test_a_start_does_not_depend_on_the_others():
     assert gap(found.ys[1], alone.ys[0]) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.0, 0.6, 0.999, 1 - 1e-9, -0.999])
 def test_an_oscillator_crosses_each_level_twice_a_period(level):
     found = orbits.section(SWING, Reaches(0, level), [[0.0, 2.0]], crossings=40, **TIGHT)
@@ -85,6 +87,7 @@ def test_a_level_that_is_only_nearly_reached_is_not_crossed():
     assert found.status.tolist() == [Status.FEW_CROSSINGS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "way", [1, *(pytest.param(way, marks=pytest.mark.slow) for way in (-1, 0))]
 )

@@ -49,6 +49,7 @@ def well():
     return orbits.find(scenes.henon_heiles(), STARTS[0], 6.5, hold=LEVEL)
 
 
+@pytest.mark.slow
 def test_the_slope_is_that_of_log_m(well):
     (known,) = deflation.known([well], well.scene)
     here = equations(well)
@@ -90,6 +91,7 @@ def test_the_first_step_is_damped_and_within_the_bounds():
     assert step[1] == 0.5
 
 
+@pytest.mark.slow
 def test_an_orbit_is_itself_however_it_is_seen():
     eight = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
     late = np.asarray(jaxdyn.solve(eight.scene, 1.3).y1).reshape(2, 3, 2)[:, [1, 0, 2]]
@@ -127,6 +129,7 @@ def test_an_orbit_that_is_known_already_is_left(well):
     assert not orbits.same_orbit(other, well)
 
 
+@pytest.mark.slow
 def test_all_three_motions_of_duffings_oscillator():
     found = orbits.find_all(driven(), [[0.3, 0.1], [0.0, 0.0]])
     verdicts = sorted(orbits.stability(orbit).verdict for orbit in found)

@@ -85,6 +85,7 @@ def test_without_drag_the_best_angle_is_45_degrees(speed):
     assert abs(best.landing - np.pi / 4) < SOLVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.1, 5.0, -9.99])
 def test_without_drag_two_angles_hit(x):
     found = aim.hit(scenes.cannonball(g=10.0), x, 10.0)
@@ -297,6 +298,7 @@ def test_all_angles_are_found_in_wind(scene):
             assert np.abs(np.asarray(end[:2]) - [2.0 + x, 1.0]).max() < SOLVED * 10
 
 
+@pytest.mark.slow
 def test_the_course_problem(drag):
     """Problem 27: 1 kg, g = 10, c = 0.5 kg/m; hit 2 m at 10 m/s, and the least speed for 2 m."""
     scene = scenes.cannonball(g=10.0, drag=0.5)

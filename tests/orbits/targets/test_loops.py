@@ -78,6 +78,7 @@ def test_orbits_that_pass_near_the_centre_are_found_and_their_turns_counted(
     assert loops.count(orbit) == (turns, count)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_exists_but_cannot_be_followed_says_so():
     with pytest.raises(orbits.SearchError, match=r"exists: its smallest distance is 1.6.*e-16 of"):
         loops.closed(PowerLaw(1.0, -2.9), 9, 1)
