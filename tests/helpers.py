@@ -82,8 +82,7 @@ def run_blocks(blocks: Iterable[str], folder: Path, *flags: str) -> str:
     done = subprocess.run(
         [sys.executable, *flags, "-c", "\n".join(blocks)],
         cwd=folder,
-        env=os.environ
-        | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg", "XLA_FLAGS": ""},
+        env=os.environ | {"PYTHONPATH": str(TESTS.parent), "MPLBACKEND": "Agg", "XLA_FLAGS": ""},
         capture_output=True,
         text=True,
         check=False,

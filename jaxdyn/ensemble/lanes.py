@@ -22,7 +22,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._numerics import two_sum
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn._text import counted, second
@@ -271,7 +270,7 @@ class _Work(eqx.Module):
             (end - start)[None],
             group.y,
         )
-        y, carry = two_sum(group.y, group.carry, found.increment)
+        y, carry = found.onto(group.y, group.carry)
         y = every(project, end, y)
         lost = every(loses, start, group.y, end, y)
         y = y if lost is None else jnp.where(lost, jnp.nan, y)

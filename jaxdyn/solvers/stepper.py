@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._numerics import two_sum
 from jaxdyn.solvers.formulas.simplified import simplified
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import perturbed_start
@@ -43,9 +42,8 @@ class StepError(NamedTuple):
 class Stepper(diffrax.AbstractAdaptiveSolver):
     """A method as a diffrax solver.
 
-    The solver's state is the rounding error of the last sum; it is added to the next increment,
-    so the rounding error of N steps grows like one step's, not like sqrt(N) to N. After each step
-    the field projects the state onto its constraints (most have none). The state also counts
+    The solver's state is the rounding error of the last sum (`Advance.onto`). After each step the
+    field projects the state onto its constraints (most have none). The state also counts
     steps that stability limits, see `is_stiff`, and has the sizes of the motion so far.
 
     Attributes:
@@ -91,7 +89,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
         tolerance = None if sizes is None else (self.tolerance[0], absolute(self.tolerance, sizes))
         step = _advance(self.method, terms, now, sign, start, h, y, tolerance)
-        y1, carry = two_sum(y0, carry + step.rest, step.increment)
+        y1, carry = step.onto(y0, carry)
         end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
         t1 = t1 if end is None else end
         y1 = simplified(args.project)(sign * t1, y1)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from helpers import SOLVED, gap, kepler, run_python
 
-from jaxdyn import Scene, ensemble, scenes
+from jaxdyn import Scene, ensemble, ode, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag
 from jaxdyn.ensemble import watches
 from jaxdyn.ensemble.batches import _alone
@@ -20,7 +20,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import catalogue
-from jaxdyn.solvers import NYSTROM12, RADAU9
+from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9
 from jaxdyn.status import Status
 
 RTOL = 1e-12
@@ -366,3 +366,13 @@ def test_numbers_of_the_wrong_shape_are_named():
     params = eqx.tree_at(lambda s: s.effects[0].G, scene, jnp.ones(3))
     with pytest.raises(ValueError, match=r"params.effects\[0\].G: expected shape \(\) or \(2,\)"):
         ensemble.run(scene, y0s, params=params)
+
+
+def test_long_motions_keep_their_energy_to_rounding():
+    scene = ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 1.0)
+    starts = np.random.default_rng(0).uniform(0.5, 2.0, (4, 2))
+    ends = ensemble.run(scene, starts, 5e3, rtol=1e-16, solver=VERNER9)
+    assert ends.steps.min() > 50_000
+    energies = [np.sum(np.asarray(y) ** 2, axis=1) for y in (starts, ends.y1)]
+    # 3e-14 without the correction of rounded coefficients.
+    assert np.abs(energies[1] / energies[0] - 1).max() < 1e-14
