@@ -7,13 +7,15 @@ that is no number are refused.
 
 import ast
 import contextlib
+import functools
 import inspect
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jaxdyn import _scene_files
 from jaxdyn._arithmetic import setting
 from jaxdyn._text import choice, fail
 
@@ -51,8 +53,20 @@ def scenes() -> dict[str, SceneText]:
         constants = _constants(body)
         for node in body:
             if isinstance(node, ast.FunctionDef) and _is_ready_made(node):
-                found[node.name] = _scene_text(node, constants)
+                found[node.name] = _scene_text(node, functools.partial(_evaluated, constants))
     return dict(sorted(found.items()))
+
+
+def of_file(name: str) -> SceneText:
+    """What the text of a scene in a file of the user's says."""
+    return _scene_text(_scene_files.place(name).node, _literal)
+
+
+def _literal(default: ast.expr) -> Any:
+    """A default that is a number or a text; else what is written, of which nothing is run."""
+    with contextlib.suppress(ValueError):
+        return ast.literal_eval(default)
+    return ast.unparse(default)
 
 
 def _is_ready_made(function: ast.FunctionDef) -> bool:
@@ -60,6 +74,10 @@ def _is_ready_made(function: ast.FunctionDef) -> bool:
     named = any(ast.unparse(x).startswith("ready_made(") for x in function.decorator_list)
     given = function.args
     return named and len(given.defaults) == len(given.args) and None not in given.kw_defaults
+
+
+def _evaluated(constants: dict[str, Any], default: ast.expr) -> Any:
+    return eval(compile(ast.Expression(default), "a default", "eval"), constants)
 
 
 def _constants(body: list[ast.stmt]) -> dict[str, Any]:
@@ -72,7 +90,8 @@ def _constants(body: list[ast.stmt]) -> dict[str, Any]:
     return found
 
 
-def _scene_text(function: ast.FunctionDef, constants: dict[str, Any]) -> SceneText:
+def _scene_text(function: ast.FunctionDef, value: Callable[[ast.expr], Any]) -> SceneText:
+    """What it says, with the value of each default."""
     given, text = function.args, inspect.cleandoc(ast.get_docstring(function) or "")
     first = text.partition("\n")[0]
     cited = re.search(r"problems? ([\d, and]+)", first)
@@ -83,10 +102,7 @@ def _scene_text(function: ast.FunctionDef, constants: dict[str, Any]) -> SceneTe
         summary=re.sub(r"\s*\([^()]*problems? [^()]*\)", "", first).rstrip("."),
         problems=tuple(int(n) for n in re.findall(r"\d+", cited[1])) if cited else (),
         parameters={
-            name: Parameter(
-                eval(compile(ast.Expression(x), "a default", "eval"), constants),
-                " ".join(meanings.get(name, "").split()),
-            )
+            name: Parameter(value(x), " ".join(meanings.get(name, "").split()))
             for name, x in zip(names, defaults, strict=True)
         },
     )
@@ -100,12 +116,24 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
         whose value is of another kind than the parameter.
     """
     found = _by_name(texts or ())
+    if _scene_files.is_in_file(name):
+        for key in found:
+            choice(f"parameter of {name}", key, _scene_files.place(name).parameters)
+        return found
     zoo = scenes()
     known = zoo[choice("scene", name, zoo, "jaxdyn list")].parameters
     for key, text in found.items():
         choice(f"parameter of {name}", key, known)
         setting(key, text, known[key].default)
     return found
+
+
+def check_parameter(option: str, parameter: str, name: str) -> None:
+    """Raise ValueError unless an option names a parameter of a scene."""
+    own = _scene_files.is_in_file(name)
+    choice(
+        option, parameter, _scene_files.place(name).parameters if own else scenes()[name].parameters
+    )
 
 
 def _by_name(texts: Iterable[str]) -> dict[str, str]:

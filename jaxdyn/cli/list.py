@@ -7,9 +7,10 @@ from rich.markup import escape
 from rich.table import Table
 
 import jaxdyn
+from jaxdyn import _scene_files
 from jaxdyn._text import choice, fail
 from jaxdyn.cli import completion
-from jaxdyn.cli.docstrings import SceneText, scenes
+from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
 
@@ -18,8 +19,8 @@ def list_command(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[SCENE]...",
-            help="Which; all if none is named.",
+            metavar="[SCENE or WORD]...",
+            help="Which, or a word about them, or FILE.py:NAME of yours; all if none is named.",
             autocompletion=completion.scene,
         ),
     ] = None,
@@ -28,12 +29,10 @@ def list_command(
         bool, typer.Option("--problems", help="The course's problems and what answers each.")
     ] = False,
 ) -> None:
-    """List every scene with its course problems and its parameters, their defaults and units."""
+    """List scenes with their course problems and their parameters, defaults and units."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
-    zoo, out = scenes(), Screen(as_object)
-    for name in names or ():
-        choice("scene", name, zoo, "jaxdyn list")
+    out = Screen(as_object)
     if problems:
         found = jaxdyn.course.problems()
         if as_object:
@@ -41,11 +40,35 @@ def list_command(
         else:
             out.print(_problems(found))
         return
-    chosen = {name: zoo[name] for name in names or zoo}
+    chosen = _chosen(names) if names else scenes()
     if as_object:
         out.result({name: _described(scene) for name, scene in chosen.items()})
     else:
         out.print(_scenes(chosen))
+
+
+def _chosen(words: list[str]) -> dict[str, SceneText]:
+    """The scenes that are named, and those whose name or text has a word in it."""
+    zoo, found = scenes(), {}
+    for word in words:
+        if _scene_files.is_in_file(word):
+            found[word] = of_file(word)
+        elif word in zoo:
+            found[word] = zoo[word]
+        else:
+            about = {name: x for name, x in zoo.items() if word.casefold() in _text(name, x)}
+            found |= about or {word: zoo[choice("scene", word, zoo, "jaxdyn list")]}
+    return found
+
+
+def _text(name: str, scene: SceneText) -> str:
+    words = [
+        name,
+        scene.summary,
+        *scene.parameters,
+        *(p.meaning for p in scene.parameters.values()),
+    ]
+    return " ".join(words).replace("_", " ").casefold()
 
 
 def _scenes(zoo: dict[str, SceneText]) -> Table:
@@ -53,7 +76,8 @@ def _scenes(zoo: dict[str, SceneText]) -> Table:
     for name, scene in zoo.items():
         lines = [f"[bold]{escape(scene.summary)}[/bold]"]
         for key, p in scene.parameters.items():
-            lines.append(escape(f"{key} = {_shown(p.default)}: {p.meaning}"))
+            meaning = f": {p.meaning}" if p.meaning else ""
+            lines.append(escape(f"{key} = {_shown(p.default)}{meaning}"))
         table.add_row(name, ", ".join(map(str, scene.problems)), "\n".join(lines), end_section=True)
     return table
 

@@ -71,7 +71,7 @@ def run_command(
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
-        entry = jaxdyn.scenes.catalogue.entries()[name]
+        entry = jaxdyn.scenes.catalogue.entry(name)
         method = _method(solver)
 
         def made(scene: "jaxdyn.Scene", rtol: float) -> "jaxdyn.accuracy.end_error.Motion":

@@ -66,7 +66,9 @@ def number(about: str) -> Any:
 SceneArgument = Annotated[
     str,
     typer.Argument(
-        metavar="SCENE", help="A scene of `jaxdyn list`.", autocompletion=completion.scene
+        metavar="SCENE",
+        help="A scene of `jaxdyn list`, or FILE.py:NAME, a function of yours that returns one.",
+        autocompletion=completion.scene,
     ),
 ]
 SetOption = Annotated[

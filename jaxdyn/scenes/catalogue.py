@@ -3,7 +3,8 @@
 A scene is a function of keyword parameters in one of the families; its docstring begins with a
 summary and the course problems that it answers, and documents each parameter with its unit;
 `jaxdyn list` shows that text. Nothing else needs to be registered, except the phases of a scene
-whose motion has corners (`corners`).
+whose motion has corners (`corners`). A scene of the user's has the name of its file and function,
+as in "mine.py:roessler".
 """
 
 import dataclasses
@@ -16,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _scene_files
 from jaxdyn._arithmetic import setting
 from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
@@ -68,6 +69,33 @@ class Entry:
         )
 
 
+def entry(name: str) -> Entry:
+    """The ready-made scene of a name, or that of a function in a file of the user's, which is run.
+
+    Raises:
+      ValueError: there is no such scene (the nearest is suggested), file or function.
+    """
+    if _scene_files.is_in_file(name):
+        make = _scene_files.load(name)
+        return Entry(name, _checked_maker(name, make), _scene_files.defaults(make))
+    zoo = entries()
+    return zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
+
+
+def _checked_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
+    """A function of the user's that must return a scene."""
+
+    @functools.wraps(make)
+    def made(*args, **kwargs) -> Scene:
+        scene = make(*args, **kwargs)
+        if not isinstance(scene, Scene):
+            got = f"{type(scene).__name__}"
+            raise _checks.fail(name, "a function that returns a Scene", got)
+        return scene
+
+    return made
+
+
 def entries() -> dict[str, Entry]:
     """Every ready-made scene whose parameters are numbers, by name."""
     made = {name: make for family in _families() for name, make in vars(family).items()}
@@ -99,7 +127,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
         a number.
     """
     values = numbers(name, settings)
-    return entries()[name].make(**values)
+    return entry(name).make(**values)
 
 
 def varied(
@@ -114,16 +142,16 @@ def varied(
     Raises:
       ValueError: see `build`, or a name of neither (the nearest is suggested).
     """
-    fixed, entry = numbers(name, settings), entries()[name]
-    units = dict(entry.make(**fixed).labels())
-    single = {key for key, x in entry.parameters.items() if isinstance(x, float)}
+    fixed, known = numbers(name, settings), entry(name)
+    units = dict(known.make(**fixed).labels())
+    single = {key for key, x in known.parameters.items() if isinstance(x, float)}
     for one in names:
         _checks.choice(f"number of {name}", one, {*units, *single})
     order = list(units)
 
     def make(*values) -> Scene:
         given = dict(zip(names, values, strict=True))
-        scene = entry.make(**fixed | {key: x for key, x in given.items() if key in single})
+        scene = known.make(**fixed | {key: x for key, x in given.items() if key in single})
         y0 = scene.y0
         for key in given.keys() - single:
             y0 = y0.at[order.index(key)].set(given[key])
@@ -135,17 +163,14 @@ def varied(
 
 def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     """The keyword arguments of a scene's function, from text; see `build`."""
-    zoo = entries()
-    entry = zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
+    known = entry(name).parameters
     values = {}
     for key, text in settings.items():
-        _checks.choice(f"parameter of {name}", key, entry.parameters)
-        values[key] = setting(key, text, entry.parameters[key])
+        _checks.choice(f"parameter of {name}", key, known)
+        values[key] = setting(key, text, known[key])
     return values
 
 
 def _entry(name: str, make: Callable[..., Scene]) -> Entry:
-    parameters = inspect.signature(make).parameters.values()
     # An effect or a force law, which has no default, is not a number.
-    defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
-    return Entry(name=name, make=make, parameters=defaults)
+    return Entry(name=name, make=make, parameters=_scene_files.defaults(make))

@@ -92,6 +92,8 @@ def find_command(
     chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        if save_to:
+            jaxdyn.files.records.encode(scene)  # or refuse before the search what no file holds
         orbit = orbits.discovery.nearby.searched(
             scene,
             period,

@@ -30,7 +30,7 @@ def maker(
     Raises:
       ValueError: the scene has no such number, or its rate is not differentiable in it.
     """
-    entry = catalogue.entries()[name]
+    entry = catalogue.entry(name)
     choice("--parameter", parameter, entry.parameters)
     value = {**entry.parameters, **values}[parameter]
     remedy = "Its motion must be smooth in it."
@@ -67,7 +67,7 @@ def maker_of_two(
     if first == second:
         raise fail("--parameters", "two different numbers", f"{first} twice")
     present = tuple(maker(name, values, parameter)[1] for parameter in parameters)
-    entry = catalogue.entries()[name]
+    entry = catalogue.entry(name)
 
     def make(x: Array, y: Array) -> Scene:
         return entry.make(**{**values, first: x, second: y})

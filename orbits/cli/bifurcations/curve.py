@@ -11,7 +11,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail, whole
-from jaxdyn.cli.docstrings import scene_settings, scenes
+from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -65,7 +65,7 @@ def curve_command(
     first, second = _names(parameters)
     chosen = scene_settings(name, settings)
     for parameter in (first, second):
-        choice("--parameters", parameter, scenes()[name].parameters)
+        check_parameter("--parameters", parameter, name)
     if kind is not None:
         if from_orbit is None:
             raise fail("--kind", "none without --from-orbit", repr(kind))

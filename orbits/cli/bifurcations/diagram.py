@@ -6,8 +6,8 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import choice, whole
-from jaxdyn.cli.docstrings import scene_settings, scenes
+from jaxdyn._text import whole
+from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -44,7 +44,7 @@ def diagram_command(
     whole("--members", members)
     limits = bounds("--within", within)
     chosen = scene_settings(name, settings)
-    choice("--parameter", parameter, scenes()[name].parameters)
+    check_parameter("--parameter", parameter, name)
     with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = orbits.families.parameters.maker(name, values, parameter)

@@ -10,8 +10,8 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import choice, fail, whole
-from jaxdyn.cli.docstrings import scene_settings, scenes
+from jaxdyn._text import fail, whole
+from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -68,7 +68,7 @@ def family_command(
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
-        choice("--parameter", parameter, scenes()[name].parameters)
+        check_parameter("--parameter", parameter, name)
     part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
@@ -76,6 +76,8 @@ def family_command(
         if parameter is not None:
             make, value = orbits.families.parameters.maker(name, values, parameter)
         orbit = _first(name, values, period, from_orbit, out)
+        if save_to:
+            jaxdyn.files.records.encode(orbit.scene)  # or refuse now what no file holds
         if not orbit.ok:
             raise not_found(orbit, _REMEDY, {"scene": name}, as_object, out)
         found = orbits.continue_family(
@@ -104,7 +106,7 @@ def _first(
     """The first orbit of the family."""
     if from_orbit is not None:
         return orbits.load(from_orbit)[0]
-    scene = jaxdyn.scenes.catalogue.entries()[name].make(**values)
+    scene = jaxdyn.scenes.catalogue.entry(name).make(**values)
     return orbits.discovery.nearby.searched(scene, period, report=printed(out))
 
 

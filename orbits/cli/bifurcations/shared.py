@@ -36,7 +36,7 @@ def rest_start(name: str, values: dict, start: str | None) -> list[float]:
     """The state near which an equilibrium is sought."""
     if start is not None:
         return list(numbers("--start", start))
-    return jaxdyn.scenes.catalogue.entries()[name].make(**values).y0.tolist()
+    return jaxdyn.scenes.catalogue.entry(name).make(**values).y0.tolist()
 
 
 def bounds(option: str, text: str) -> tuple[float, float]:

@@ -1,0 +1,121 @@
+"""Scenes in a file of the user's, named like "mine.py:roessler": found in its text, or imported.
+
+The text says what there is within milliseconds, and runs nothing. The file itself is run only where
+a scene is made that the user has named.
+"""
+
+import ast
+import functools
+import importlib.util
+import inspect
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxdyn._text import choice, fail
+
+_NAME = re.compile(r"(?P<path>.*\.py)(?::(?P<function>\w+))?", re.DOTALL)
+
+
+class Place(NamedTuple):
+    """Where the function that makes a scene is written.
+
+    Attributes:
+      path: the file.
+      function: its name.
+      node: its text.
+    """
+
+    path: Path
+    function: str
+    node: ast.FunctionDef
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of its parameters."""
+        given = self.node.args
+        return tuple(x.arg for x in (*given.args, *given.kwonlyargs))
+
+
+def is_in_file(name: str) -> bool:
+    """Whether a name is that of a function in a file."""
+    return _NAME.fullmatch(name) is not None
+
+
+def place(name: str) -> Place:
+    """Where the scene of a name is, from the text of its file.
+
+    Without a function's name it is the only public function there that needs no arguments.
+
+    Raises:
+      ValueError: there is no such file or function, the file is no Python, or the function needs
+        arguments.
+    """
+    parts = _NAME.fullmatch(name)
+    assert parts is not None
+    path = Path(parts["path"])
+    try:
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+    except OSError as error:
+        raise fail("scene", "a Python file that exists", str(path)) from error
+    except (SyntaxError, ValueError) as error:
+        raise fail("scene", "a file of Python", f"{path}, which is none: {error}") from error
+    functions = {node.name: node for node in body if isinstance(node, ast.FunctionDef)}
+    if parts["function"] is None:
+        public = [key for key, x in functions.items() if key[0] != "_" and not _needs_more(x)]
+        if len(public) != 1:
+            names = ", ".join(f"{path}:{key}" for key in public)
+            remedy = f"Name one of {names}." if public else "Write a function that returns one."
+            raise fail("scene", "a file with one function that makes it", str(path), remedy)
+        (found,) = public
+    else:
+        public = {key: x for key, x in functions.items() if key[0] != "_"}
+        found = choice(f"function of {path}", parts["function"], public)
+    if _needs_more(functions[found]):
+        remedy = "Give each parameter a default, which --set changes."
+        raise fail("scene", "a function that needs no arguments", f"{path}:{found}", remedy)
+    return Place(path, found, functions[found])
+
+
+def _needs_more(function: ast.FunctionDef) -> bool:
+    given = function.args
+    return len(given.defaults) < len(given.args) + len(given.posonlyargs) or (
+        None in given.kw_defaults
+    )
+
+
+def load(name: str) -> Callable[..., Any]:
+    """The function of a name; its file is run.
+
+    Raises:
+      ValueError: see `place`.
+    """
+    found = place(name)
+    return vars(_module(found.path.resolve(), found.path.stat().st_mtime_ns))[found.function]
+
+
+@functools.cache
+def _module(path: Path, changed: int) -> Any:
+    """The module of a file as it was when it was last changed."""
+    del changed
+    spec = importlib.util.spec_from_file_location(f"scenes in {path}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # Its neighbours may be imported, as if it were run itself.
+    folder = str(path.parent)
+    sys.path.insert(0, folder)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(folder)
+    return module
+
+
+def defaults(function: Callable[..., Any]) -> dict[str, Any]:
+    """The defaults of a function's parameters by name."""
+    parameters = inspect.signature(function).parameters.values()
+    return {p.name: p.default for p in parameters if p.default is not p.empty}

@@ -1,0 +1,116 @@
+"""Scenes in files of the user's, on the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+ROESSLER = '''
+import jaxdyn
+from shared import CONSTANT
+
+
+def _rate(t, y, p):
+    a, b, c = p
+    return [-y[1] - y[2], y[0] + a * y[1], b + y[2] * (y[0] - c)]
+
+
+def roessler(a=CONSTANT, b=0.2, c=5.7, t1=50):
+    """Roessler's system.
+
+    Args:
+      c: where it turns chaotic.
+    """
+    return jaxdyn.ode(_rate, [1.0, 1.0, 0.0], t1, params=(a, b, c))
+
+
+def _helper(x):
+    raise RuntimeError("not asked for")
+'''
+SEVERAL = """
+def one(c=1):
+    return c
+
+
+def two():
+    return 2
+
+
+def three(x):
+    return x
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(ROESSLER)
+    (tmp_path / "shared.py").write_text("CONSTANT = 0.2")
+    (tmp_path / "several.py").write_text(SEVERAL)
+    (tmp_path / "broken.py").write_text("def f(:")
+    (tmp_path / "empty.py").write_text("raise RuntimeError")
+    return tmp_path
+
+
+def test_a_scene_of_a_file_runs_with_its_numbers_set(folder, command):
+    del folder
+    ends = []
+    for words in (["mine.py"], ["mine.py:roessler", "--set", "c=2.5", "--set", "t1=2"]):
+        code, out, err = command("jaxdyn", "run", *words, "--json")
+        assert code == 0, err
+        ends.append(json.loads(out))
+    assert [one["t"][-1] for one in ends] == [50, 2]
+    code, out, _ = command("jaxdyn", "run", "mine.py", "--set", "c=2.5", "--t1", "2", "--json")
+    assert np.array_equal(json.loads(out)["y"][-1], ends[1]["y"][-1])
+
+
+def test_an_orbit_of_it_is_found_and_what_no_file_holds_is_said_before(folder, command):
+    words = ("orbits", "find", "mine.py", "--set", "c=2.5", "--set", "t1=100")
+    code, out, err = command(*words, "--json")
+    assert code == 0, err
+    assert json.loads(out)["period"] == pytest.approx(5.7489911833, abs=1e-9)  # by DOP853 of SciPy
+    code, out, err = command(*words, "--save", str(folder / "cycle.json"))
+    assert code == 2
+    assert out == ""
+    assert "A scene that holds a function cannot be written to a file" in err
+
+
+def test_its_text_is_listed_without_running_it(folder, command):
+    (folder / "shared.py").unlink()
+    code, out, _ = command("jaxdyn", "list", "mine.py", "--json")
+    assert code == 0
+    (text,) = json.loads(out).values()
+    assert text["summary"] == "Roessler's system"
+    assert text["parameters"]["a"] == {"default": "CONSTANT", "meaning": ""}
+    assert text["parameters"]["c"] == {"default": 5.7, "meaning": "where it turns chaotic."}
+
+
+def test_a_word_finds_scenes(command):
+    code, out, _ = command("jaxdyn", "list", "slope", "--json")
+    assert code == 0
+    assert {"cylinder_on_ramp", "simplest_walker"} <= json.loads(out).keys()
+    assert "cannonball" not in json.loads(out)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nine.py"], "scene: expected a Python file that exists, got nine.py"),
+        (["broken.py"], "scene: expected a file of Python, got broken.py, which is none"),
+        (["empty.py"], "got empty.py. Write a function that returns one."),
+        (["several.py"], "got several.py. Name one of several.py:one, several.py:two."),
+        (["several.py:tree"], "expected one of one, three, two, got 'tree'. Did you mean 'three'?"),
+        (["several.py:three"], "Give each parameter a default, which --set changes."),
+        (["several.py:two"], "several.py:two: expected a function that returns a Scene, got int"),
+        (["mine.py:_helper"], "function of mine.py: expected one of roessler, got '_helper'"),
+        (["mine.py", "--set", "d=1"], "parameter of mine.py: expected one of a, b, c, t1, got 'd'"),
+        (["mine.py", "--set", "c=x"], "c: expected a number"),
+    ],
+)
+def test_misuse_is_one_line(folder, command, words, message):
+    del folder
+    code, out, err = command("jaxdyn", "run", *words)
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert message in err
