@@ -1,7 +1,7 @@
-"""Scenes in a file of the user's, named like "mine.py:roessler": found in its text, or imported.
+"""Scenes in a file of the user's: functions, as "mine.py:roessler", or texts, as "lorenz.ode".
 
-The text says what there is within milliseconds, and runs nothing. The file itself is run only where
-a scene is made that the user has named.
+The text says what there is within milliseconds, and runs nothing. A file of Python is run only
+where a scene is made that the user has named; one of XPPAUT never (`jaxdyn.formulations.xpp`).
 """
 
 import ast
@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 from jaxdyn._text import choice, fail
 
+#: The ending of a text of XPPAUT, of which nothing is run.
+TEXT = ".ode"
 _NAME = re.compile(r"(?P<path>.*\.py)(?::(?P<function>\w+))?", re.DOTALL)
 
 
@@ -40,8 +42,28 @@ class Place(NamedTuple):
 
 
 def is_in_file(name: str) -> bool:
-    """Whether a name is that of a function in a file."""
-    return _NAME.fullmatch(name) is not None
+    """Whether a name is that of a file, or of a function in one."""
+    return name.endswith(TEXT) or _NAME.fullmatch(name) is not None
+
+
+def text_of(name: str) -> str | None:
+    """The content of a file of XPPAUT; None for a name of another kind.
+
+    Raises:
+      ValueError: the file cannot be read.
+    """
+    if not name.endswith(TEXT):
+        return None
+    try:
+        return Path(name).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise fail("scene", "a file of XPPAUT that exists", name) from error
+
+
+def check_parameter(name: str, what: str, parameter: str) -> None:
+    """Raise ValueError unless a file of Python has a parameter; of others it is seen later."""
+    if not name.endswith(TEXT):
+        choice(what, parameter, place(name).parameters)
 
 
 def place(name: str) -> Place:

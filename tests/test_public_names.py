@@ -53,6 +53,32 @@ for name in {names}:
     run_python(code)
 
 
+def _chains(file: Path):
+    """The dotted names of the packages in the code of a file."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        text = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        if re.fullmatch(r"(?:jaxdyn|orbits)(?:\.[A-Za-z]\w*)+", text):
+            yield text
+
+
+def test_what_commands_reach_through_folders_is_declared_there():
+    """Else it is found only where another import has loaded it."""
+    missing = set()
+    for file in (*ROOT.glob("jaxdyn/cli/**/*.py"), *ROOT.glob("orbits/cli/**/*.py")):
+        for chain in _chains(file):
+            found: object = {"jaxdyn": jaxdyn, "orbits": orbits}[chain.partition(".")[0]]
+            for name in chain.split(".")[1:]:
+                folder = isinstance(found, types.ModuleType) and hasattr(found, "__path__")
+                if folder and found not in (jaxdyn, orbits) and name not in dir(found):
+                    missing.add(chain)
+                    break
+                if found is orbits or found is jaxdyn or isinstance(found, types.ModuleType):
+                    found = getattr(found, name)
+                else:
+                    break
+    assert not missing
+
+
 def test_public_names_are_declared_and_nothing_else_is_shown():
     for package in (jaxdyn, orbits):
         for name in package.__all__:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jaxdyn
 from jaxdyn import _scene_files
 from jaxdyn._arithmetic import setting
 from jaxdyn._text import choice, fail
@@ -59,6 +60,11 @@ def scenes() -> dict[str, SceneText]:
 
 def of_file(name: str) -> SceneText:
     """What the text of a scene in a file of the user's says."""
+    if (text := _scene_files.text_of(name)) is not None:
+        numbers = jaxdyn.formulations.xpp.Maker(text).defaults
+        first = text.strip().partition("\n")[0]
+        summary = first.lstrip('#%" ') if first[:1] in ("#", "%", '"') else Path(name).stem
+        return SceneText(summary, (), {key: Parameter(x, "") for key, x in numbers.items()})
     return _scene_text(_scene_files.place(name).node, _literal)
 
 
@@ -118,7 +124,7 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     found = _by_name(texts or ())
     if _scene_files.is_in_file(name):
         for key in found:
-            choice(f"parameter of {name}", key, _scene_files.place(name).parameters)
+            _scene_files.check_parameter(name, f"parameter of {name}", key)
         return found
     zoo = scenes()
     known = zoo[choice("scene", name, zoo, "jaxdyn list")].parameters
@@ -130,10 +136,10 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
 
 def check_parameter(option: str, parameter: str, name: str) -> None:
     """Raise ValueError unless an option names a parameter of a scene."""
-    own = _scene_files.is_in_file(name)
-    choice(
-        option, parameter, _scene_files.place(name).parameters if own else scenes()[name].parameters
-    )
+    if _scene_files.is_in_file(name):
+        _scene_files.check_parameter(name, option, parameter)
+    else:
+        choice(option, parameter, scenes()[name].parameters)
 
 
 def _by_name(texts: Iterable[str]) -> dict[str, str]:

@@ -9,7 +9,8 @@ place. `extended` is a system with further entries in its state. `choice` sets o
 several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
-Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given.
+Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given. `xpp` reads
+equations that are written as text.
 
 May import: `geometry`.
 
@@ -31,6 +32,7 @@ from jaxdyn.formulations import (
     polar,
     prescribed,
     rigid,
+    xpp,
 )
 
 __all__ = [
@@ -47,4 +49,5 @@ __all__ = [
     "polar",
     "prescribed",
     "rigid",
+    "xpp",
 ]

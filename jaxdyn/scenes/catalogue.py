@@ -19,6 +19,7 @@ from typing import Any
 
 from jaxdyn import _checks, _scene_files
 from jaxdyn._arithmetic import setting
+from jaxdyn.formulations import xpp
 from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
@@ -75,6 +76,9 @@ def entry(name: str) -> Entry:
     Raises:
       ValueError: there is no such scene (the nearest is suggested), file or function.
     """
+    if (text := _scene_files.text_of(name)) is not None:
+        make = xpp.Maker(text, Path(name).stem)
+        return Entry(name, make, make.defaults)
     if _scene_files.is_in_file(name):
         make = _scene_files.load(name)
         return Entry(name, _checked_maker(name, make), _scene_files.defaults(make))

@@ -1,5 +1,6 @@
 """The names of orbits.families: for type checkers, and for imports when they are first used."""
 
+from . import checkpoint as checkpoint
 from . import parameters as parameters
 from .criticality import Criticality as Criticality
 from .diagram import Diagram as Diagram

@@ -33,13 +33,14 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
     note = jaxdyn.files.typed.typed(found, Noted, "file", jaxdyn.continuation.checkpoint.OTHER)
     settings = [f"{key}={value}" for key, value in note.settings.items()]
-    if _scene_files.is_in_file(note.scene):
+    own = _scene_files.is_in_file(note.scene)
+    if own and not note.scene.endswith(_scene_files.TEXT):
         # A file may not name code that is run.
         remedy = (
             "Read it in Python, by orbits.families.load with the function that makes its scenes."
         )
         raise fail("file", "one of a scene of `jaxdyn list`", f"one of {note.scene}", remedy)
-    chosen = scene_settings(choice("scene", note.scene, scenes()), settings)
+    chosen = scene_settings(note.scene if own else choice("scene", note.scene, scenes()), settings)
     values = jaxdyn.scenes.catalogue.numbers(note.scene, chosen)
     whats = {walk.begin.what for walk in walks}
     if len(note.parameters) == 1:

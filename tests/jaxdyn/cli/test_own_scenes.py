@@ -85,6 +85,23 @@ def test_its_text_is_listed_without_running_it(folder, command):
     assert text["parameters"]["c"] == {"default": 5.7, "meaning": "where it turns chaotic."}
 
 
+def test_a_text_of_xppaut_is_read(folder, command):
+    text = "# A swing\npar k=4\nx'=v\nv'=-k*x\ninit x=1\n@ total=5\n"
+    (folder / "swing.ode").write_text(text)
+    code, out, err = command("jaxdyn", "run", "swing.ode", "--set", "k=1", "--json")
+    assert code == 0, err
+    motion = json.loads(out)
+    assert motion["t"][-1] == 5
+    assert motion["y"][-1][0] == pytest.approx(np.cos(5.0), abs=1e-9)
+    code, out, _ = command("jaxdyn", "list", "swing.ode", "--json")
+    assert json.loads(out)["swing.ode"]["summary"] == "A swing"
+    code, _, err = command("jaxdyn", "run", "swing.ode", "--set", "m=1")
+    assert code == 2
+    assert "parameter of swing.ode: expected one of k, total, v, x, got 'm'" in err
+    code, _, err = command("jaxdyn", "run", "sling.ode")
+    assert "scene: expected a file of XPPAUT that exists, got sling.ode" in err
+
+
 def test_a_word_finds_scenes(command):
     code, out, _ = command("jaxdyn", "list", "slope", "--json")
     assert code == 0

@@ -1,0 +1,118 @@
+"""Rates that are written as text: against the same by hand, and what is refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn.formulations.xpp import Maker
+
+MORRIS_LECAR = """# Morris and Lecar
+params v1=-.01,v2=0.15,v3=0.1,v4=0.145,gca=1.33,phi=.333
+params vk=-.7,vl=-.5 iapp=.08, gk=2.0,gl=.5,  om=1
+minf(V)=.5*(1+tanh((v-v1)/v2))
+ninf(v)=.5*(1+tanh((v-v3)/v4))
+lamn(v)= phi*cosh((v-v3)/(2*v4))   # of the channels
+ica=gca*minf(v)*(v-1)
+V'= (iapp+gl*(vl-v)+ \\
+   gk*w*(vk-v)-ica)*om
+dw/dt = (lamn(v)*(ninf(v)-w))*om
+v(0)=.05
+aux current=ica
+@ TOTAL=150,DT=.25,xlo=0,xhi=150
+done
+nothing after this is read'=
+"""
+
+
+def _by_hand(y, iapp=0.08):
+    v, w = y
+    ica = 1.33 * 0.5 * (1 + np.tanh((v + 0.01) / 0.15)) * (v - 1)
+    slow = 0.333 * np.cosh((v - 0.1) / 0.29) * (0.5 * (1 + np.tanh((v - 0.1) / 0.145)) - w)
+    return [iapp + 0.5 * (-0.5 - v) + 2.0 * w * (-0.7 - v) - ica, slow]
+
+
+def test_a_model_of_a_neuron_is_what_it_is_by_hand():
+    scene = Maker(MORRIS_LECAR)(iapp=0.2)
+    assert [name for name, _ in scene.labels()] == ["v", "w"]
+    assert np.array_equal(scene.y0, [0.05, 0.0])
+    assert float(scene.t1) == 150.0
+    for y in np.random.default_rng(0).uniform(-0.5, 0.5, (20, 2)):
+        assert np.allclose(scene.rate(0.0, jnp.asarray(y)), _by_hand(y, 0.2), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("-x^2", [-4.0, -9.0]),
+        ("2^-x", [0.25, 0.125]),
+        ("x^3 - x/2*3", [5.0, 22.5]),
+        ("heav(x - 2.5) + sign(2 - x)", [0.0, 0.0]),
+        ("if(x>2)then(if(x>=3)then(7)else(8))else(-1)", [-1.0, 7.0]),
+        ("if (x==2) then (1) else (0) + 1", [2.0, 1.0]),
+        ("(x>1 & x<3) + 10*not(x<3) + 100*((x<1) | (x>2.5))", [1.0, 110.0]),
+        ("max(x, 2.5) + min(x, 1e-1) + mod(x, 2) + flr(x/2)", [3.6, 5.1]),
+        ("lambda*x + ln(exp(x)) + log10(10) + pi - pi + t", [9.0, 13.0]),
+        ("f(x, 2) + q", [13.0, 15.0]),
+    ],
+)
+def test_expressions(text, values):
+    model = f"p lambda=3 is=1; f(a,in)=a*in+is; !q=2^lambda; x'={text}"
+    scene = Maker(model)()
+    found = [float(scene.rate(0.0, jnp.asarray([x]))[0]) for x in (2.0, 3.0)]
+    assert found == pytest.approx(values, abs=1e-14)
+
+
+def test_numbers_are_arguments_and_have_derivatives():
+    make = Maker("par k=4, c=0\nx'=v\nv'=-k*x-c*v\ninit x=1")
+    end = jaxdyn.simulate(make(k=2.0, x=0.5, total=3.0)).ys[-1]
+    assert np.allclose(end[0], 0.5 * np.cos(np.sqrt(2) * 3.0), atol=1e-9)
+    slope = jax.grad(lambda k: jaxdyn.simulate(make(k=k), 1.0, samples=2).ys[-1, 0])(4.0)
+    assert abs(slope + np.sin(2.0) / 4) < 1e-8
+
+
+def test_its_scenes_survive_their_file(tmp_path):
+    make = Maker("par mu=1\nx'=y\ny'=mu*(1-x^2)*y-x\ninit x=2\n@ total=6.7", "cycle")
+    orbit = orbits.find(make())
+    assert orbit.period == pytest.approx(6.663286859, abs=1e-8)  # of van der Pol's oscillator
+    orbits.save(tmp_path / "cycle.json", orbit)
+    again, _ = orbits.load(tmp_path / "cycle.json")
+    assert again.period == orbit.period
+    assert again.scene.system.text == orbit.scene.system.text
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "text: expected rates such as x' = -x, got none"),
+        ("x'=-y", "name in x': expected one of pi, t, x, got 'y'"),
+        ("x'=foo(x)", "function in x': expected one of"),
+        ("x'=delay(x,1)", "function in x': expected one of .*, got 'delay'"),
+        ("f(a)=a\nx'=f(x,1)", "x': expected 1 arguments of f, got 2"),
+        ("x'=__import__('os')", "expected parameters, starts and rates, got .*__import__"),
+        ("x'=x.real", "expected parameters, starts and rates"),
+        ("x'=[x for x in 1]", "got an array"),
+        ("x(t+1)=x/2", "got a map or an integral equation"),
+        ("wiener w\nx'=w", "got noise: 'wiener w'"),
+        ("global 1 x-1 {x=0}\nx'=1", "got a reset of states"),
+        ("table f f.tab\nx'=1", "got a table"),
+        ("x[1..3]'=-x[j]", "got an array"),
+        ("x'=-x\ninit y=1", "start: expected one of x, got 'y'"),
+        ("par x=1\nx'=-x", "text: expected one meaning of each name, got two of x"),
+        ("x'=if(x)then(1)", "expected parameters, starts and rates"),
+        ("x'=(x", "expected parameters, starts and rates"),
+        ("what is this\nx'=1", "got 'what is this'"),
+        ("x'=" + "-" * 5000 + "x", "expected parameters, starts and rates"),
+        ("x" * 300_000, "text: expected at most 200000 characters, got 300000"),
+    ],
+)
+def test_what_is_refused(text, message):
+    with pytest.raises(ValueError, match=message):
+        Maker(text)
+
+
+def test_an_unknown_number_is_refused():
+    with pytest.raises(ValueError, match="number: expected one of k, total, x, got 'm'"):
+        Maker("par k=1\nx'=-k*x")(m=1.0)
