@@ -5,7 +5,7 @@
 `pieces` are those of either's period; `identity` has the invariants of an orbit, `same` and
 `alignment` compare two, `words` their topology; `sensitivity` makes one differentiable in the
 parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
-`report` all of it as a record.
+`report` all of it as a record; `quantities` are numbers by which families are drawn.
 
 May import: `shooting`, `hybrid`.
 

@@ -1,5 +1,6 @@
 """The names of orbits.analysis: for type checkers, and for imports when they are first used."""
 
+from . import quantities as quantities
 from .alignment import Match as Match
 from .evidence import closure as closure
 from .identity import Identity as Identity

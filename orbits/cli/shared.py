@@ -19,6 +19,9 @@ NOT_FOUND = 1  # exit code: no orbit was found
 _FRAMES = 180
 
 OrbitFile = Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)]
+QuantityOption = Annotated[
+    str, typer.Option(metavar="WHAT", help="Draw it: energy, amplitude x, max x, mean x, phase x.")
+]
 SaveOption = Annotated[Path | None, written(writable, "Write a file (.json).", "--save")]
 
 

@@ -11,12 +11,13 @@ from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.bifurcations.shown import is_continuation, show_continuation
 from orbits.cli.printed import print_family, print_reports
-from orbits.cli.shared import OrbitFile, draw
+from orbits.cli.shared import OrbitFile, QuantityOption, draw
 
 
 def show_command(
     file: OrbitFile,
     plot: PlotOption = None,
+    quantity: QuantityOption = "period",
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
@@ -33,7 +34,7 @@ def show_command(
         if as_object:
             out.result(json.loads(file.read_text()))
         if isinstance(found, orbits.files.family_files.Listing):
-            _show_family(found, file, plot, title, out)
+            _show_family(found, file, plot, quantity, title, out)
         else:
             _show_orbit(found, file, plot, title, out)
 
@@ -58,6 +59,7 @@ def _show_family(
     found: "orbits.files.family_files.Listing",
     file: Path,
     plot: Path | None,
+    quantity: str,
     title: str | None,
     out: Screen,
 ) -> None:
@@ -68,7 +70,7 @@ def _show_family(
         print_family(found, out)
     if plot:
         with out.writing(plot, "drawn in"):
-            orbits.drawing.family(found, plot, title=title)
+            orbits.drawing.family(found, plot, quantity=quantity, title=title)
 
 
 def _heading(

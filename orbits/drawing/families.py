@@ -1,4 +1,4 @@
-"""A picture of a family of orbits: its periods, their stability and special points."""
+"""A picture of a family of orbits: a quantity of each, their stability and special points."""
 
 import itertools
 import math
@@ -12,8 +12,10 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
+from orbits.analysis.quantities import Quantity, unit
+from orbits.analysis.quantities import quantity as named_quantity
 from orbits.families.family import Family, Kind, first_scene
-from orbits.files.family_files import Listing, listing
+from orbits.files.family_files import Entry, Listing, listing
 
 _WIDTH = 6.8  # inches
 _STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
@@ -30,48 +32,66 @@ MARKS = {
 
 
 @check_first
-def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
-    """A picture of the periods of a family, against its parameter or the energy.
+def family(
+    listed: Family | Listing,
+    path=None,
+    *,
+    quantity: str | Quantity = "period",
+    parameter: str | None = None,
+    title: str | None = None,
+) -> Figure:
+    """A picture of a family: a quantity of its orbits against its parameter or the energy.
 
     Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
     dotted; special points are marked.
 
     Args:
-      listed: from `family_files.listing` or `family_files.load`.
+      listed: a family, or a list of one, from `family_files.load`.
       path: file to write, .png, .pdf or .svg.
+      quantity: "period", "energy", "amplitude x", "max x", "min x", "mean x" or "phase x" of an
+        entry x of the state, or a function from an orbit to a number; see
+        `orbits.analysis.quantities`.
+      parameter: what to call the parameter of a family.
       title: its title; the scene with the numbers that all orbits share by default, "" for none.
     Raises:
-      ValueError: `path` cannot be written, or the family has no parameter and its scene no
-        energy.
+      ValueError: `path` cannot be written, the family has no parameter and its scene no energy, or
+        there is no such quantity.
     """
-    path = picture_path(path)
+    path, of_orbit = picture_path(path), named_quantity(quantity)
+    if isinstance(listed, Family):
+        listed = listing(listed, parameter or _name(listed))
     if listed.parameter is None and math.isnan(listed.members[0].energy):
         raise fail("listed", "a family with a parameter or an energy", "one without both")
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot(1, 1, 1)
 
-    def place(entry):
+    def place(entry: Entry) -> tuple[float, float]:
         across = entry.energy if listed.parameter is None else entry.parameter
-        return across, entry.orbit.period
+        return across, float(of_orbit(entry.orbit))
+
+    passed = [place(entry) for entry in listed.members]
 
     seen: set[str] = set()
-    for one, two in itertools.pairwise(listed.members):
+    for (one, here), (two, there) in itertools.pairwise(zip(listed.members, passed, strict=True)):
         verdict = one.verdict if one.verdict == two.verdict else "undecided"
         label = "_" if verdict in seen else verdict
         seen.add(verdict)
-        line = tuple(zip(place(one), place(two), strict=True))
-        ax.plot(*line, color=PALETTE[0], lw=1.8, ls=_STRETCHES[verdict], label=label)
-    passed = np.array([place(entry) for entry in listed.members])
-    ax.plot(*passed.T, ".", color=PALETTE[0], ms=4, label="_")
-    start = place(listed.members[0])
-    ax.plot(*start, "o", color=INK, ms=6, zorder=3, label="first")
+        ax.plot(
+            *zip(here, there, strict=True),
+            color=PALETTE[0],
+            lw=1.8,
+            ls=_STRETCHES[verdict],
+            label=label,
+        )
+    ax.plot(*zip(*passed, strict=True), ".", color=PALETTE[0], ms=4, label="_")
+    ax.plot(*passed[0], "o", color=INK, ms=6, zorder=3, label="first")
     for (kind, marker), colour in zip(MARKS.items(), itertools.cycle(PALETTE[1:]), strict=False):
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
     plain = all(unit == "1" for _, unit in first_scene(listed.members[0].orbit).labels())
-    energy, period = ("energy", "period") if plain else ("energy [J]", "period [s]")
-    ax.set(xlabel=listed.parameter or energy, ylabel=period)
+    energy = "energy" if plain else "energy [J]"
+    ax.set(xlabel=listed.parameter or energy, ylabel=_label(quantity, listed))
     shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)
     style(ax)
@@ -80,6 +100,17 @@ def family(listed: Listing, path=None, *, title: str | None = None) -> Figure:
 
 
 def overview(found: Family) -> Figure:
-    """The picture of a family in a notebook: against its parameter, whatever its name, untitled."""
-    named = None if np.isnan(found.parameters).any() else "parameter"
-    return family(listing(found, named), title="")
+    """The picture of a family in a notebook: untitled."""
+    return family(found, title="")
+
+
+def _name(found: Family) -> str | None:
+    """The parameter of a family, whatever its name, if it has one."""
+    return None if np.isnan(found.parameters).any() else "parameter"
+
+
+def _label(quantity: str | Quantity, listed: Listing) -> str:
+    if not isinstance(quantity, str):
+        return getattr(quantity, "__name__", "").strip("_<>").replace("_", " ")
+    one = unit(quantity, first_scene(listed.members[0].orbit))
+    return quantity if one == "1" else f"{quantity} [{one}]"

@@ -25,7 +25,7 @@ from jaxdyn.cli.shared import (
 )
 from orbits.cli.bifurcations.shared import kept
 from orbits.cli.printed import print_family
-from orbits.cli.shared import SaveOption, not_found, numbers, printed
+from orbits.cli.shared import QuantityOption, SaveOption, not_found, numbers, printed
 
 _REMEDY = (
     "Give another --period, or find it with `orbits find`, which has more options, and pass its "
@@ -53,6 +53,7 @@ def family_command(
         str | None, typer.Option(metavar="A,B", help="Bounds on the energy.")
     ] = None,
     plot: PlotOption = None,
+    quantity: QuantityOption = "period",
     title: TitleOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
@@ -76,6 +77,9 @@ def family_command(
         if parameter is not None:
             make, value = orbits.families.parameters.maker(name, values, parameter)
         orbit = _first(name, values, period, from_orbit, out)
+        if plot:
+            first = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
+            orbits.analysis.quantities.check_quantity(quantity, first)
         if save_to:
             jaxdyn.files.records.encode(orbit.scene)  # or refuse now what no file holds
         if not orbit.ok:
@@ -97,7 +101,10 @@ def family_command(
             out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
             print_family(family, out)
-        _write(family, save_to, part, plot, title, out)
+        _write(family, save_to, part, out)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.family(family, plot, quantity=quantity, title=title)
 
 
 def _first(
@@ -136,14 +143,9 @@ def _write(
     family: "orbits.files.family_files.Listing",
     save_to: Path | None,
     part: Path | None,
-    plot: Path | None,
-    title: str | None,
     out: Screen,
 ) -> None:
     if save_to and part:
         with out.writing(save_to, "saved to"):
             orbits.files.family_files.save(save_to, family)
         jaxdyn.files.journal.remove(part)  # the family file has it all
-    if plot:
-        with out.writing(plot, "drawn in"):
-            orbits.drawing.family(family, plot, title=title)

@@ -1,0 +1,164 @@
+"""Numbers of an orbit by which families are drawn: extremes, amplitudes, means, phases of entries.
+
+A quantity is a function of an orbit, or its name: "period", "energy", and with the name of an entry
+of the state "max x", "min x", "amplitude x" (half of the difference of these), "mean x" and
+"phase x" (of its first harmonic over the period, in radians, behind a cosine).
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, simulate
+from jaxdyn._checks import choice, fail
+from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.energy import energy
+from orbits.orbit import Orbit
+
+#: Samples of a period. The error of the polynomial of order 5 between two that are h apart is
+#: h^6 / 46080 of the sixth derivative.
+_SAMPLES = 2048
+
+Quantity = Callable[[Orbit], float]
+
+
+@check_first
+def extremes(orbit: Orbit, entry: str) -> tuple[float, float]:
+    """The least and the largest value of an entry of the state over a period.
+
+    Args:
+      orbit: any.
+      entry: its name, one of those of `Scene.labels`.
+    Raises:
+      ValueError: there is no such entry.
+    Limits: to about 12 digits where a period has no parts that are a thousand times faster than
+      the rest, as relaxation oscillations have; there to 3 to 6.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> swing = orbits.find(scenes.pendulum(angle=2.0), period=8.3, hold="theta")
+      >>> [round(x, 9) for x in extremes(swing, "theta")]
+      [-2.0, 2.0]
+    """
+    y, slopes, curvatures = _along(orbit, entry)
+    (a, b, c), (a1, b1, c1) = (
+        [x[i : i - 1 or None] for x in (y, slopes, 0.5 * curvatures)] for i in (0, 1)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Where the cubic of the ends' values and slopes is level, in the form that does not cancel.
+        second, third = 3 * (a1 - a) - 2 * b - b1, 2 * (a - a1) + b + b1
+        root = -(second + np.copysign(np.sqrt(second**2 - 3 * b * third), second))
+        u = np.stack([root / (3 * third), b / root])
+        # The value there is that of order 5, with the curvatures of the ends.
+        gap, tilt, bend = a1 - a - b - c, b1 - b - 2 * c, c1 - c
+        rest = 10 * gap - 4 * tilt + bend + u * (7 * tilt - 15 * gap - 2 * bend)
+        rest += u * u * (6 * gap - 3 * tilt + bend)
+        tops = np.where((u > 0) & (u < 1), a + u * (b + u * (c + u * rest)), y[0])
+    return min(y.min(), tops.min()).item(), max(y.max(), tops.max()).item()
+
+
+@check_first
+def amplitude(orbit: Orbit, entry: str) -> float:
+    """Half of the distance between the extremes of an entry of the state; see `extremes`."""
+    low, high = extremes(orbit, entry)
+    return 0.5 * (high - low)
+
+
+@check_first
+def mean(orbit: Orbit, entry: str) -> float:
+    """The mean of an entry of the state over a period; see `extremes`."""
+    y, *_ = _along(orbit, entry)
+    return float(y[:-1].mean())  # of a periodic function all digits
+
+
+@check_first
+def phase(orbit: Orbit, entry: str) -> float:
+    """The phase of the first harmonic of an entry over a period: p of cos(2 pi t / T - p).
+
+    Of a driven scene that is the phase behind a drive of cos(2 pi t / T).
+
+    Returns:
+      From -pi to pi.
+    """
+    y, *_ = _along(orbit, entry)
+    n = len(y) - 1
+    turn = np.exp(-2j * np.pi * np.arange(n) / n)
+    return float(-np.angle(y[:-1] @ turn))
+
+
+_OF_ENTRIES: dict[str, Callable[[Orbit, str], float]] = {
+    "max": lambda orbit, entry: extremes(orbit, entry)[1],
+    "min": lambda orbit, entry: extremes(orbit, entry)[0],
+    "amplitude": amplitude,
+    "mean": mean,
+    "phase": phase,
+}
+
+
+def quantity(what: str | Quantity) -> Quantity:
+    """The function of an orbit that is meant.
+
+    Args:
+      what: a function from an orbit to a number, or a name; see above.
+    Raises:
+      ValueError: neither.
+    """
+    if callable(what):
+        return what
+    wanted = "a function of an orbit, or a name such as period, energy or amplitude x"
+    if not isinstance(what, str):
+        raise fail("quantity", wanted, repr(what))
+    if what == "period":
+        return lambda orbit: orbit.period
+    if what == "energy":
+        return lambda orbit: float(energy(orbit.scene, 0.0, orbit.y0))
+    word, _, entry = what.partition(" ")
+    if word not in _OF_ENTRIES or not entry:
+        names = ", ".join(f"{word} NAME" for word in _OF_ENTRIES)
+        raise fail("quantity", wanted, repr(what), f"Of entries there are {names}.")
+    return lambda orbit: _OF_ENTRIES[word](orbit, entry)
+
+
+def check_quantity(what: str | Quantity, scene: Scene) -> None:
+    """Raise ValueError unless a scene's orbits have a quantity, before a family is computed."""
+    quantity(what)
+    word, _, entry = what.partition(" ") if isinstance(what, str) else ("", "", "")
+    if word in _OF_ENTRIES:
+        choice("entry", entry, [name for name, _ in scene.labels()])
+    elif word == "energy" and not scene.has_energy:
+        raise fail("quantity", "one of a scene without an energy", "energy")
+
+
+def unit(what: str, scene: Scene) -> str:
+    """The unit of a quantity's name in a scene; "1" for none, and for what has no name."""
+    units = dict(scene.labels())
+    plain = all(x == "1" for x in units.values())
+    known = {"period": "s", "energy": "J"}
+    word, _, entry = what.partition(" ")
+    if word == "phase":
+        return "rad"
+    return ("1" if plain else known[what]) if what in known else units.get(entry, "1")
+
+
+def _along(orbit: Orbit, entry: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An entry with its first two derivatives, by equal parts of a period, at their ends."""
+    scene = orbit.scene
+    names = [name for name, _ in scene.labels()]
+    i = names.index(choice("entry", entry, names))
+    motion = simulate(scene, samples=_SAMPLES + 1, rtol=orbit.rtol, solver=orbit.solver)
+    part = orbit.period / _SAMPLES
+    slopes, curvatures = (np.asarray(x)[:, i] for x in _derivatives(scene, motion.ts, motion.ys))
+    return np.asarray(motion.ys)[:, i], part * slopes, part**2 * curvatures
+
+
+@jax.jit
+def _derivatives(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
+    """(n, k) rates, and how these change along the motion."""
+
+    def at(t: Array, y: Array) -> tuple[Array, Array]:
+        return jax.jvp(scene.rate, (t, y), (jnp.ones(()), scene.rate(t, y)))
+
+    return jax.vmap(at)(ts, ys)

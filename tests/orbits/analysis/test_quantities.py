@@ -1,0 +1,92 @@
+"""Quantities of orbits: against closed forms, in other units, and what is refused."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+from jaxdyn.analysis.energy import energy
+from orbits.analysis import quantities
+from orbits.analysis.quantities import amplitude, extremes, mean, phase, quantity
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """x'' + 0.2 x' + x = cos(1.5 t + 0.3) + 2: x = 2 + Re(A e^(1.5 i t + 0.3 i))."""
+
+    def rate(t, y):
+        return [y[1], jnp.cos(1.5 * t + 0.3) + 2.0 - 0.2 * y[1] - y[0]]
+
+    response = 1 / (1 - 1.5**2 + 0.3j)
+    scene = jaxdyn.ode(rate, [2.0, 0.0], 2 * np.pi / 1.5, names=["x", "v"])
+    return orbits.find(scene), response * np.exp(0.3j)
+
+
+def test_a_driven_oscillator(driven):
+    orbit, answer = driven
+    size = abs(answer)
+    assert np.allclose(extremes(orbit, "x"), [2 - size, 2 + size], rtol=0, atol=1e-12)
+    assert abs(amplitude(orbit, "v") - 1.5 * size) < 1e-12
+    assert abs(mean(orbit, "x") - 2.0) < 1e-12
+    assert abs(mean(orbit, "v")) < 1e-12
+    assert abs(phase(orbit, "x") + np.angle(answer)) < 1e-12
+
+
+def test_an_extreme_at_the_start_counts():
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=8.3, hold="theta")
+    low, high = extremes(swing, "theta")
+    assert abs(high - 2.0) < 1e-12
+    assert abs(low + 2.0) < 1e-12
+
+
+def test_names_mean_the_functions(driven):
+    orbit, _ = driven
+    assert quantity("period")(orbit) == orbit.period
+    assert quantity("max x")(orbit) == extremes(orbit, "x")[1]
+    assert quantity("min x")(orbit) == extremes(orbit, "x")[0]
+    assert quantity("phase x")(orbit) == phase(orbit, "x")
+    assert quantity(lambda orbit: 3.0)(orbit) == 3.0
+    swing = orbits.find(scenes.pendulum(angle=2.0), period=8.3, hold="theta")
+    assert quantity("energy")(swing) == float(energy(swing.scene, 0.0, swing.y0))
+    assert quantities.unit("amplitude theta", swing.scene) == "rad"
+    assert quantities.unit("period", swing.scene) == "s"
+    assert quantities.unit("period", orbit.scene) == "1"
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("x", "quantity: expected a function of an orbit, or a name .* got 'x'. Of entries"),
+        ("amplitude", "Of entries there are max NAME, min NAME, amplitude NAME, mean NAME"),
+        (3, "quantity: expected a function of an orbit"),
+        ("max y", "entry: expected one of v, x, got 'y'"),
+        ("energy", "quantity: expected one of a scene without an energy, got energy"),
+    ],
+)
+def test_what_is_refused(driven, what, message):
+    with pytest.raises(ValueError, match=message):
+        quantities.check_quantity(what, driven[0].scene)
+
+
+def test_a_family_is_drawn_by_a_quantity():
+    swing = orbits.find(scenes.pendulum(angle=1.0), period=2.0, hold="theta")
+    family = orbits.continue_family(swing, members=2, step=0.1)
+    (ax,) = orbits.drawing.family(family, quantity="amplitude theta").axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("energy [J]", "amplitude theta [rad]")
+    (first,) = (line for line in ax.lines if line.get_label() == "first")
+    assert abs(first.get_ydata()[0] - 1.0) < 1e-12
+    (ax,) = orbits.drawing.family(family, quantity=lambda orbit: 2 * orbit.period).axes
+    (first,) = (line for line in ax.lines if line.get_label() == "first")
+    assert first.get_ydata()[0] == 2 * swing.period
+    with pytest.raises(ValueError, match="entry: expected one of theta, theta_dot, got 'x'"):
+        orbits.drawing.family(family, quantity="max x")
+
+
+def test_the_command_refuses_a_quantity_before_it_follows_the_family(command, tmp_path):
+    words = ("family", "pendulum", "--period", "2.1", "--plot", str(tmp_path / "family.png"))
+    code, out, err = command("orbits", *words, "--quantity", "max x")
+    assert code == 2
+    assert "entry: expected one of theta, theta_dot, got 'x'" in err
+    assert out.count("period") < 20
