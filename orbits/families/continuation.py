@@ -27,6 +27,7 @@ from orbits.families.bifurcations import drift, special_points
 from orbits.families.chains import ChainSurface
 from orbits.families.checkpoint import ORBITS, about, codec
 from orbits.families.family import Family, Kind, Member
+from orbits.families.isolas import met_again
 from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain, MakeChain
@@ -117,7 +118,8 @@ def continue_family(
       ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
         `parameter` is given; `step`, `members` or a pair of bounds is out of range; a chain of legs
         is given without `make`, or with what is not for chains.
-    Limits: host only. A family of chains ends where one grazes an event, since beyond they are no
+    Limits: host only. A family that closes upon itself ends where it meets its first member again.
+      A family of chains ends where one grazes an event, since beyond they are no
       motions. A special point is detected where a multiplier changes sides between two
       members: of two that do so in one step one or none is found. One that cannot be located is
       left out.
@@ -253,6 +255,7 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     rules = Rules(
         following=lambda last, length: _next(surface.at(last.point), last, length),
         between=lambda a, b, fresh: special_points(surface.at(a.point), a, b),
+        again=lambda a, b: met_again(surface.at(a.point), first, a, b),
         ready=lambda new: in_segments(surface, new),
         before=_last,
         after=after,
