@@ -25,7 +25,7 @@ from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import drift, special_points
 from orbits.families.chains import ChainSurface
-from orbits.families.checkpoint import ORBITS, about, codec
+from orbits.families.checkpoint import about, codec, what
 from orbits.families.family import Family, Kind, Member
 from orbits.families.isolas import met_again
 from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
@@ -111,7 +111,8 @@ def continue_family(
       goal: largest closing error of a member.
       report: called with each member as it is found.
       path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
-        same call goes on from it where it was interrupted; not for chains.
+        same call goes on from it where it was interrupted. `orbits.families.load` reads it; not the
+        families of chains, which hold numbers only.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -138,7 +139,7 @@ def continue_family(
     _check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)
     if isinstance(orbit, HybridOrbit):
-        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments, path=path)
+        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments)
         chain = Chain.of(orbit, make)
         x = chain.pack(np.asarray(orbit.y0), orbit.spans, value)
         surface = ChainSurface(chain, orbit.rtol, goal)
@@ -243,7 +244,7 @@ def _check_bounds(name: str, bounds) -> None:
 def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     step, most, within, energies = limits
     place = np.append(first.point.x, first.tangent)
-    begin = Begin(ORBITS, step, place, first, {} if path is None else about(surface))
+    begin = Begin(what(surface), step, place, first, {} if path is None else about(surface))
 
     def after(member: Member) -> str:
         if not within[0] <= _measure(surface, member.point) <= within[1]:
