@@ -314,14 +314,14 @@ class _Runs(NamedTuple):
     @classmethod
     def _joined(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
         """Those from segments; None where they do not join at the tolerances."""
-        both = segments.at(rtol), segments.at(coarser(rtol))
-        if both[0] is None or both[1] is None:
+        first, second = segments.at(rtol), segments.at(coarser(rtol))
+        if first is None or second is None:
             return None
 
         def at(rtol: float) -> Returned:
             return (segments.at(rtol) or segments).returned(basis, each)
 
-        fine, coarse = (x.returned(basis, each) for x in both)
+        fine, coarse = first.returned(basis, each), second.returned(basis, each)
         error = abs(fine.log_determinant - coarse.log_determinant) + ROUNDING
         return cls(fine, coarse, at, lambda: (fine.log_determinant, error))
 
