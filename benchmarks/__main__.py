@@ -1,5 +1,8 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
+``python -m benchmarks published [ROW...]`` and ``python -m benchmarks verdicts`` compare answers
+instead, with published ones and with more digits; see their files.
+
 Prints a table of times and ratios after each part, with target ratios where there are any, and at
 the end what got slower since ``last_run.json``, the stored result of a full run;
 ``--json benchmarks/last_run.json`` updates it with the present results. Other methods are listed
@@ -11,8 +14,9 @@ import json
 import math
 import os
 import platform
+import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated
@@ -38,7 +42,9 @@ from benchmarks import (
     gradient,
     monodromy,
     nonsmooth,
+    published,
     systems,
+    verdicts,
 )
 from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
@@ -68,6 +74,15 @@ RUNS = {
     "digits": digits.run,
     "families": families.run,
 }
+
+#: Those of answers, not of times, which have options of their own.
+ANSWERS = {"published": published.main, "verdicts": verdicts.main}
+
+
+def command_of(arguments: Sequence[str]) -> tuple[Callable[..., None], list[str]]:
+    """What the arguments ask for, and the arguments of that."""
+    name, *rest = arguments or [""]
+    return (ANSWERS[name], rest) if name in ANSWERS else (main, list(arguments))
 
 
 def main(
@@ -218,4 +233,7 @@ def _time(seconds: float) -> str:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    asked, given = command_of(sys.argv[1:])
+    program = typer.Typer(add_completion=False)
+    program.command()(asked)
+    program(given, prog_name="python -m benchmarks")

@@ -1,6 +1,6 @@
 """Does any verdict on the stability of a published orbit contradict more digits than doubles have?
 
-Run: ``python -m benchmarks.verdicts [--count N] [--seed S]``. It draws orbits of three bodies from
+Run: ``python -m benchmarks verdicts [--count N] [--seed S]``. It draws orbits of three bodies from
 ``three_body_tables.csv``, finds each in doubles, asks `orbits.stability`, and compares its verdict
 and the error bars of the multipliers with multipliers that nothing of this package takes part in:
 heyoka's Taylor method in Jacobi coordinates, in long doubles (64 bits), and in 113 bits where those

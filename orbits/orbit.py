@@ -15,6 +15,9 @@ from orbits.closing.closings import Closing
 from orbits.closing.sizes import sizes
 from orbits.motion import logarithmic_period
 
+#: Largest closing error, in sizes, of an orbit that its start determines.
+CLOSED = 1e-2
+
 
 class Outcome(Code):
     """Outcome of a search for an orbit."""
@@ -216,9 +219,12 @@ def relocated(orbit: Orbit, scene: Scene) -> Orbit:
     return dataclasses.replace(orbit, scene=scene, s_period=s_period, mesh=mesh)
 
 
-def gap(orbit: Orbit, end: Array, periods: int = 1) -> float:
-    """Largest entry, in sizes, by which a state misses the start after some whole periods."""
+def gap(orbit: Orbit, end: Array, periods: int = 1, each: np.ndarray | None = None) -> float:
+    """Largest entry, in sizes, by which a state misses the start after some whole periods.
+
+    The sizes (k,) are those along the orbit by default.
+    """
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
     off = np.asarray(system.difference(*map(np.asarray, (end, target))))
-    return float(np.abs(off / sizes(orbit.scene)).max())
+    return float(np.abs(off / (sizes(orbit.scene) if each is None else each)).max())

@@ -23,8 +23,10 @@ from benchmarks import (
     nonsmooth,
     picture,
     problems,
+    published,
     switched,
     systems,
+    verdicts,
 )
 from benchmarks._timing import Method, Row, Times, at_error, interleaved, work_precision
 from jaxdyn.integrate.simulation import solve
@@ -49,6 +51,14 @@ def test_a_run_that_another_beats_in_both_does_not_count():
     more = at_error([1e-6, 1e-8, 1e-12], [_same(1.0), _same(5.0), _same(4.0)], 1e-9)
     assert best == more
     assert best.minimum == pytest.approx(2.0, rel=EXACT)
+
+
+def test_questions_that_are_not_about_time_have_options_of_their_own():
+    ask = command_line.command_of
+    assert ask(["published", "halo"]) == (published.main, ["halo"])
+    assert ask(["verdicts", "--count", "3"]) == (verdicts.main, ["--count", "3"])
+    assert ask(["digits", "--quick"]) == (command_line.main, ["digits", "--quick"])
+    assert ask([]) == (command_line.main, [])
 
 
 def test_an_error_that_no_run_reaches_has_no_time():

@@ -214,7 +214,8 @@ def bounded(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigen
     if not (unsure[others] < 1).all():
         return found
     value = np.exp(log_product - np.log(values[others]).sum())
-    bar = np.abs(value) * np.expm1(error - np.log1p(-unsure[others]).sum())
+    with np.errstate(over="ignore", invalid="ignore"):  # a value below the smallest float is 0
+        bar = np.abs(value) * np.expm1(error - np.log1p(-unsure[others]).sum())
     if bar < bars[i]:
         values[i], bars[i] = value, bar
     return Eigenvalues(values, bars)

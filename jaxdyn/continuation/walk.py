@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jaxdyn.continuation.checkpoint import Advance, Codec, Kept, Stored
 
 _INTERRUPTED = "an interruption"
+_CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
 _LONGEST = 10.0  # of the first step: longest step
@@ -25,6 +26,8 @@ class Rules(NamedTuple):
         `a`.
       before: (member, special) -> why the walk ends without this member; "" if it does not.
       after: member -> why the walk ends with it; "" if it does not.
+      again: (a, b) -> the first member of the walk, as it is met again between two neighbours; None
+        if it is not.
       ready: member -> the same one, as the next step starts from it.
       lost: (member, step) -> why the walk ends where no member is found, however short the step.
       shortest: of the first step: smallest step.
@@ -35,6 +38,7 @@ class Rules(NamedTuple):
     before: Callable[[Any, list], str]
     after: Callable[[Any], str]
     lost: Callable[[Any, float], str]
+    again: Callable[[Any, Any], Any] = lambda a, b: None
     ready: Callable[[Any], Any] = lambda member: member
     shortest: float = 1e-4
 
@@ -116,8 +120,9 @@ def _advance(rules: Rules, last, length: float, step: float, fresh: bool) -> Adv
         length *= _SHRINK
         if length < rules.shortest * step:
             return Advance(None, [], length, rules.lost(last, length))
-    special = rules.between(last, new, fresh)
-    end = rules.before(new, special)
+    first = rules.again(last, new)
+    special = rules.between(last, new if first is None else first, fresh)
+    end = rules.before(new, special) or (_CLOSED if first is not None else "")
     new = None if end else rules.ready(new)
     return Advance(new, special, min(factor * length, _LONGEST * step), end)
 

@@ -1,8 +1,13 @@
-"""The monodromy matrix of an orbit, rotated back for a relative orbit."""
+"""The monodromy matrix of an orbit, rotated back for a relative orbit.
+
+By one run over the period, or from segments that join: a run leaves an orbit along which errors
+grow much, and its matrix then is that of another motion.
+"""
 
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,16 +18,127 @@ from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
-from orbits.closing.closings import PLAIN
+from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.symmetry import Symmetry
 from orbits.motion import solved
-from orbits.orbit import Orbit
+from orbits.orbit import Orbit, gap
+from orbits.shooting import newton
 from orbits.shooting.collocation.steps import NODES, linearised_steps
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Piece, linearised_end
+from orbits.shooting.segmentation import cut
+from orbits.shooting.units import InUnits
 
 _SAMPLES = 1024  # of a period, for the mean of the divergence
 _ROUNDING = 1e-12  # of that, relative to its size
 _FEWER = 2  # nodes, for a second opinion on an orbit by collocation
+#: Newton steps to segments that join to this; they go on to rounding.
+_STEPS, _JOINED = 8, 1e-9
+_SAME = 1e-8  # of the sizes: by how much the start of an orbit, and its period, may move meanwhile
+
+
+class Segments(NamedTuple):
+    """An orbit in segments that join.
+
+    Attributes:
+      equations: its closing equations.
+      x: (n,) the unknowns.
+      rtol: tolerance of the integrations at which they join.
+    """
+
+    equations: Equations
+    x: np.ndarray
+    rtol: float
+
+    @classmethod
+    def of(cls, orbit: Orbit) -> "Segments | None":
+        """Those of an orbit, in which errors grow little; None if none are found that join."""
+        guess, rtol = np.append(np.asarray(orbit.y0), orbit.period), orbit.rtol
+        cuts = cut(Equations.of(orbit), guess, rtol, None, orbit.angle)
+        return cls(cuts, cuts.spread(guess[:-1], guess[-1], rtol, orbit.angle), math.nan).at(rtol)
+
+    def at(self, rtol: float) -> "Segments | None":
+        """Those of the same orbit at another tolerance; None if they do not join."""
+        if rtol == self.rtol:
+            return self
+        equations, x = self.equations, self.x
+        closed = InUnits(equations, x, rtol)
+        # The states between are those of a run that has left the orbit; where it starts is known.
+        known, free = np.append(equations.start_at(x), x[-1]), np.append(closed.sizes, x[-1])
+        lower, upper = equations.bounds(known - _SAME * free, known + _SAME * free)
+        options = {"units": closed.units.x, "goal": _JOINED, "max_iterations": _STEPS}
+        found = newton.solve(closed, x, lower=lower, upper=upper, **options)
+        return Segments(equations, found.x, rtol) if found.converged else None
+
+    def returned(self, basis: np.ndarray, each: np.ndarray) -> "Returned":
+        """The monodromy matrix from these segments."""
+        equations, unknowns = self.equations, self.equations.unpack(self.x)
+        closing, system = equations.closing, equations.scene_at(unknowns.parameter).system
+        here, times = jax.tree.map(np.asarray, pieces(equations, self.x)), closing.parts
+        ends, status, slopes = equations.passed(here, self.rtol)
+        starts, maps = here.start, np.asarray(slopes.start)
+        if closing.mirror is not None:
+            again = _mirrored(here, ends[-1], closing.mirror, equations.driven)
+            more, later, slopes = equations.passed(again, self.rtol)
+            starts, ends = np.concatenate([starts, again.start]), np.concatenate([ends, more])
+            status, maps = np.append(status, later), np.concatenate([maps, slopes.start])
+            times = times // 2
+        image, back = _image(closing, system, jnp.asarray(ends[-1]), unknowns.angle)
+        if type(system).difference is not System.difference:  # its derivative is the unit matrix
+            targets = np.concatenate([starts[1:], starts[:1]])
+            reached = np.concatenate([ends[:-1], np.asarray(image)[None]])
+            *joints, last = np.asarray(_displacements(system, reached, targets))
+            maps[:-1], back = np.reshape(joints, maps[:-1].shape) @ maps[:-1], last @ back
+        once = functools.reduce(lambda m, step: step @ m, [*maps, np.asarray(back)])
+        m = np.linalg.matrix_power(map_in_units(once, each), times)
+        known = type(system).project is System.project
+        growth = times * float(np.linalg.slogdet(maps)[1].sum()) if known else math.nan
+        return Returned(basis.T @ m @ basis, _status(m, status.max()), growth)
+
+
+def _mirrored(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) -> Piece:
+    """The segments (n) of the next part of a motion, by which a time reversal retraces them."""
+    starts = np.concatenate([end[None], here.start[:0:-1]])
+    later = 2 * float(np.sum(here.span)) - (here.t0 + here.span)[::-1]
+    return Piece(
+        start=np.stack([mirror.act(y) for y in starts]),
+        t0=later if driven else here.t0,
+        span=here.span[::-1],
+        parameter=here.parameter,
+        s=None if here.s is None else here.s[::-1],
+    )
+
+
+@jax.jit
+def _image(closing: Closing, system: System, end: Array, angle) -> tuple[Array, Array]:
+    """(k,) the start that leads to an end, as its image, and (k, k) the derivative by the end."""
+
+    def back(y: Array) -> Array:
+        return closing.back(system, y, angle)
+
+    return back(end), jax.jacfwd(back)(end)
+
+
+@jax.jit
+def _displacements(system: System, ends: Array, starts: Array) -> Array:
+    """(n, k, k) derivatives of the displacements of ends (n, k) from starts (n, k) by the ends."""
+    return jax.vmap(jax.jacfwd(system.difference))(ends, starts)
+
+
+class Returned(NamedTuple):
+    """A monodromy matrix.
+
+    Attributes:
+      m: (d, d) in a basis of tangents, in units of sizes; NaN unless the status is OK.
+      status: of the integration over the period.
+      log_determinant: logarithm of the determinant, of segments without constraints; else NaN.
+      gap: by how much the end of a run misses the start, in sizes; 0 of segments, which join.
+    """
+
+    m: np.ndarray
+    status: Status
+    log_determinant: float = math.nan
+    gap: float = 0.0
 
 
 def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
@@ -30,18 +146,22 @@ def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
     return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
 
 
-def returned(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> tuple[np.ndarray, Status]:
-    """(d, d) the monodromy matrix in a basis of tangents, rotated back for a relative orbit.
+def returned(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
+    """The monodromy matrix by one run over the period, rotated back for a relative orbit.
 
     The basis (k, d) is one of states in units of sizes `each` (k,).
 
     The displacement after a period is measured by `difference`: -1 times a quaternion is the
-    same attitude. The matrix is NaN unless the status of its integration is OK.
+    same attitude.
     """
-    m, status = returned_map(orbit, rtol)
-    m = basis.T @ map_in_units(m, each) @ basis
+    m, status, end = _run(orbit, rtol)
+    m = basis.T @ map_in_units(np.asarray(m), each) @ basis
+    return Returned(m, _status(m, status), gap=gap(orbit, end, each=each))
+
+
+def _status(m: np.ndarray, status) -> Status:
     code = Status(int(status))
-    return m, code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
+    return code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
 
 
 def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
@@ -49,6 +169,11 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
 
     The matrix is differentiable in the numbers of the orbit's scene.
     """
+    return _run(orbit, rtol)[:2]
+
+
+def _run(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
+    """`returned_map`, and the end of the period."""
     scene, closing = orbit.scene, orbit.closing
     if orbit.mesh is not None:
         end, status, m = _by_collocation(orbit, rtol)
@@ -57,7 +182,7 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
     # Not by solving: the inverse rotation is exact to rounding.
-    return (rotation_back(orbit) @ m if closing.turns else m), status
+    return (rotation_back(orbit) @ m if closing.turns else m), status, end
 
 
 def log_determinant(orbit: Orbit) -> tuple[float, float]:

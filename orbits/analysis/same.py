@@ -153,11 +153,15 @@ def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
             best = off.min(), piece, float(ts[np.argmin(off)])
     assert best is not None
     _, piece, t = best
+    most, tries = float(piece.scene.t1) / SAMPLES, []
     for _ in range(_ROUNDS):
         y = piece.at(t)
         off, along = offsets(a, y[None], start)[0], offset_along(a, y, rate(piece.scene, t, y))
-        t -= float(off @ along / (along @ along))
-    distance = float(np.abs(offsets(a, piece.at(t)[None], start)).max())
+        tries.append((float(np.abs(off).max()), t))
+        # Under a drive a state may rest for a moment: then it is compared as it is.
+        size = float(along @ along)
+        t -= float(np.clip(off @ along / size, -most, most)) if size > 0 else 0.0
+    distance, t = min(tries)
     return Match(
         distance=distance,
         shift=(piece.t0 + t) % period,

@@ -19,6 +19,7 @@ multipliers then say, "stable", "unstable" or "undecided", is `map_verdict` of t
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +51,8 @@ from jaxdyn.integrate.trajectory import explained
 from jaxdyn.status import IntegrationError
 from orbits.analysis.chain import return_map, transitions, without_flow
 from orbits.analysis.monodromy import (
+    Returned,
+    Segments,
     log_determinant,
     returned,
     rotation_back,
@@ -58,9 +61,12 @@ from orbits.analysis.monodromy import (
 )
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.orbit import Orbit
+from orbits.orbit import CLOSED, Orbit
 from orbits.shooting import trivial
 
+#: A run over the period is replaced by segments where errors grow by more than the first, or it
+#: misses its start by more than the second, in sizes.
+_GROWN, _APART = 1e4, 1e-6
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
 _EXACT_BARS = 1e-11  # a multiplier that these leave within them is one to more digits, too
 _WIDE = (
@@ -206,36 +212,52 @@ def stability(
         if along is not None:
             raise fail("along", "None for a chain of legs", "directions", "Leave it out.")
         return _of_chain(orbit, rtol, throw)
-    scene, each = orbit.scene, sizes(orbit.scene)
+    return judged(orbit, None, sizes(orbit.scene), rtol=rtol, along=along, throw=throw)
+
+
+def judged(
+    orbit: Orbit,
+    segments: Segments | None,
+    each: np.ndarray,
+    *,
+    rtol: float,
+    along: np.ndarray | None,
+    throw: bool,
+) -> Stability:
+    """`stability` of an orbit whose segments may be known, in sizes `each` (k,) of its entries."""
+    scene = orbit.scene
     basis = tangents_in(scene, each)
-    m, status = returned(orbit, rtol, basis, each)
-    coarse, coarse_status = returned(orbit, coarser(rtol), basis, each)
-    status = max(status, coarse_status)
+    runs = _Runs.of(segments, orbit, rtol, basis, each)
+    fine, coarse = runs.fine, runs.coarse
+    status = max(fine.status, coarse.status)
     if status != Status.OK:
         if throw:
             raise IntegrationError(explained(status, scene))
-        return _unknown(len(m), status)
-    form = _form(scene, m, float(uncertainty(m, coarse, rtol)), basis, each)
-    split = _split(orbit, m, coarse, form, basis, each, along)
+        return _unknown(len(fine.m), status)
+    m = fine.m
+    form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, each)
+    split = _split(orbit, m, coarse.m, form, basis, each, along)
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
-    error = uncertainty(reduced, q.T @ coarse @ q, rtol) + ROUNDING * norm(m)
+    error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
+    # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
+    error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
 
-    def judged(*known) -> tuple[Eigenvalues, str]:
+    def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widened(map_eigenvalues(reduced, error, *known), split, m)
         if form.kept:
             found = mirrored(bounded(found, 0.0))
         elif (found.bars > np.maximum(_VAGUE, np.abs(found.values))).any():
-            found = bounded(found, *log_determinant(orbit))
+            found = bounded(found, *runs.log_determinant())
         return found, str(map_verdict(found, form.kept))
 
-    found, verdict = judged()
+    found, verdict = multipliers()
     # Collocation has two numbers of nodes only: a third matrix would be the second.
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
-        closer, _ = returned(orbit, _CLOSER * rtol, basis, each)
-        changes = [q.T @ (x - m) @ q for x in (closer, coarse)]
-        found, verdict = judged(changes, (rtol + ROUNDING) * norm(m))
+        closer = runs.at(_CLOSER * rtol)
+        changes = [q.T @ (x.m - m) @ q for x in (closer, coarse)]
+        found, verdict = multipliers(changes, (rtol + ROUNDING) * norm(m))
     nontrivial, bars = found
     unit = len(m) - len(nontrivial) - len(split.turned)
     return Stability(
@@ -253,6 +275,60 @@ def stability(
         conservative=form.kept,
         growth=float(norm(m)),
     )
+
+
+class _Runs(NamedTuple):
+    """The monodromy matrix at several tolerances, by runs over the period or from segments.
+
+    Attributes:
+      fine: at the first tolerance.
+      coarse: at a coarser one.
+      at: at any other one.
+      log_determinant: its logarithm and the error of that.
+    """
+
+    fine: Returned
+    coarse: Returned
+    at: Callable[[float], Returned]
+    log_determinant: Callable[[], tuple[float, float]]
+
+    @classmethod
+    def of(cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, each) -> "_Runs":
+        """Those of an orbit; along one where errors grow much a run ends far from its start."""
+        if segments is not None:
+            found = cls._joined(segments, rtol, basis, each)
+            if found is not None:
+                return found
+
+        def at(rtol: float) -> Returned:
+            return returned(orbit, rtol, basis, each)
+
+        fine = at(rtol)
+        if segments is None and orbit.mesh is None and _leaves(fine):
+            segments = Segments.of(orbit)
+            found = None if segments is None else cls._joined(segments, rtol, basis, each)
+            if found is not None:
+                return found
+        return cls(fine, at(coarser(rtol)), at, lambda: log_determinant(orbit))
+
+    @classmethod
+    def _joined(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
+        """Those from segments; None where they do not join at the tolerances."""
+        first, second = segments.at(rtol), segments.at(coarser(rtol))
+        if first is None or second is None:
+            return None
+
+        def at(rtol: float) -> Returned:
+            return (segments.at(rtol) or segments).returned(basis, each)
+
+        fine, coarse = first.returned(basis, each), second.returned(basis, each)
+        error = abs(fine.log_determinant - coarse.log_determinant) + ROUNDING
+        return cls(fine, coarse, at, lambda: (fine.log_determinant, error))
+
+
+def _leaves(run: Returned) -> bool:
+    """Whether a run over the period leaves the orbit by so much that segments tell more."""
+    return run.status == Status.OK and not (norm(run.m) <= _GROWN and run.gap <= _APART)
 
 
 _NO_MAP = (

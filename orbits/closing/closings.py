@@ -70,6 +70,18 @@ class Closing(Record):
         del system, angle, periods
         return y0
 
+    @property
+    def mirror(self) -> Symmetry | None:
+        """A time reversal by which the motion retraces a part in the next one; None if it does not.
+
+        Then two parts, else one, lead from a state to the one that `back` takes to it.
+        """
+        return None
+
+    @abc.abstractmethod
+    def back(self, system: System, y: Array, angle) -> Array:
+        """(k,) the start whose image y the motion reaches after one part, or two (`mirror`)."""
+
     def angle(self, system: System, end: Array, y0: Array) -> float:
         """Best guess of the angle [rad] for a part of the motion that leads from y0 to end."""
         del system, end, y0
@@ -115,8 +127,7 @@ class Return(Closing):
         y = self.symmetry.act(y)
         return y if self.turn is None else self._turned(system, y, angle)
 
-    def _back(self, system: System, y: Array, angle) -> Array:
-        """(k,) the state that `act` takes to y."""
+    def back(self, system, y, angle):
         y = y if self.turn is None else self._turned(system, y, -angle)
         return self.symmetry.inverse.act(y)
 
@@ -148,7 +159,7 @@ class Return(Closing):
         if self.turn is None:  # the power of g is the identity
             return y0
         # The rotations need not add up: a reflection turns the next one round.
-        once = self.act if periods > 0 else self._back
+        once = self.act if periods > 0 else self.back
         for _ in range(self.parts * abs(periods)):
             y0 = once(system, y0, angle)
         return y0
@@ -217,6 +228,14 @@ class Reversal(Closing):
 
     def rows(self, each):
         return each[self._moved(len(each))]
+
+    @property
+    def mirror(self):
+        return self.there
+
+    def back(self, system, y, angle):
+        del system, angle
+        return self.here.act(self.there.act(y))
 
     def _moved(self, k: int) -> np.ndarray:
         """Entries of a state that `there` changes: one of two that it exchanges."""

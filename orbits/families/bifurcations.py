@@ -55,7 +55,7 @@ def special_points(
     rest = rest_between(surface, a, b)
     if rest is not None:
         # Beyond it orbits repeat, and at it other tests vanish where frequencies are resonant.
-        point = _zero(surface, a, rest, _TESTS[Kind.DOUBLING])
+        point = zero_between(surface, a, rest, _TESTS[Kind.DOUBLING])
         doublings = [] if point is None else [_named(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
@@ -65,7 +65,7 @@ def special_points(
             halves = ((a, middle), (middle, b))
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
     told = _told(surface, a, b)
-    places = [(kind, _zero(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
+    places = [(kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
     found = [_named(surface, kind, point) for kind, point in places if point is not None]
     if _left_in_pairs(surface, a, b):
         found += _boundary(surface, a, b)
@@ -98,7 +98,7 @@ def _grazings(surface: Surface, a: Member, b: Member) -> list[Member]:
     found = []
     for i in range(len(surface.margins(a.orbit))):
         # A grazed event has no multipliers.
-        point = _zero(surface, a, b, _margin(i), known=False)
+        point = zero_between(surface, a, b, _margin(i), known=False)
         found += [] if point is None else [dataclasses.replace(point, kind=Kind.GRAZING)]
     return found
 
@@ -110,7 +110,7 @@ def _margin(i: int) -> Test:
     return test
 
 
-def _zero(
+def zero_between(
     surface: Surface, a: Member, b: Member, test: Test, *, known: bool = True
 ) -> Member | None:
     """The member between two others where a test is zero, by the Illinois method; None for none."""

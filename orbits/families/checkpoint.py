@@ -16,13 +16,14 @@ from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
 from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Point, Surface
+from orbits.hybrid.equations import Chain
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.segment import Make
 from orbits.shooting.units import InUnits
 
-#: What such a walk is.
-ORBITS = "orbits"
+#: What such a walk is: of orbits, or of chains of legs.
+ORBITS, CHAINS = "orbits", "chains"
 _POINT = ("orbit", "point")  # what is made again of a point of the surface
 _UNITS = ("sizes", "units")  # of a point
 _NOT_NUMBERS = ("equations", "jacobian", "growth")  # of a point, and what steps from it need
@@ -88,9 +89,19 @@ def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
     return {"tangent": tangent / length, "alike": point.units[:, None] * ways}
 
 
+def what(surface: Surface) -> str:
+    """What a walk on a surface is."""
+    return CHAINS if isinstance(surface.equations, Chain) else ORBITS
+
+
 def about(surface: Surface) -> dict[str, Any]:
     """What tells the equations of a family from others, besides the scenes."""
     equations = surface.equations
+    if isinstance(equations, Chain):
+        closes = getattr(equations.closes, "__qualname__", type(equations.closes).__name__)
+        path = [[name, number] for name, number in equations.path]
+        legs = len(equations.legs)
+        return {"legs": legs, "path": path, "closes": closes, "rtol": float(surface.rtol)}
     return {
         "closing": records.encode(equations.closing),
         "conditions": [type(condition).__name__ for condition in equations.conditions],

@@ -25,8 +25,9 @@ from jaxdyn.continuation.walk import Rules, walked
 from orbits.closing.conditions import Hold, conditions
 from orbits.families.bifurcations import drift, special_points
 from orbits.families.chains import ChainSurface
-from orbits.families.checkpoint import ORBITS, about, codec
+from orbits.families.checkpoint import about, codec, what
 from orbits.families.family import Family, Kind, Member
+from orbits.families.isolas import met_again
 from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain, MakeChain
@@ -110,14 +111,16 @@ def continue_family(
       goal: largest closing error of a member.
       report: called with each member as it is found.
       path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
-        same call goes on from it where it was interrupted; not for chains.
+        same call goes on from it where it was interrupted. `orbits.families.load` reads it; not the
+        families of chains, which hold numbers only.
     Returns:
       The members, and the special points between them.
     Raises:
       ValueError: `orbit` does not close, or belongs to no family; only one of `make` and
         `parameter` is given; `step`, `members` or a pair of bounds is out of range; a chain of legs
         is given without `make`, or with what is not for chains.
-    Limits: host only. A family of chains ends where one grazes an event, since beyond they are no
+    Limits: host only. A family that closes upon itself ends where it meets its first member again.
+      A family of chains ends where one grazes an event, since beyond they are no
       motions. A special point is detected where a multiplier changes sides between two
       members: of two that do so in one step one or none is found. One that cannot be located is
       left out.
@@ -136,7 +139,7 @@ def continue_family(
     _check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)
     if isinstance(orbit, HybridOrbit):
-        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments, path=path)
+        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments)
         chain = Chain.of(orbit, make)
         x = chain.pack(np.asarray(orbit.y0), orbit.spans, value)
         surface = ChainSurface(chain, orbit.rtol, goal)
@@ -241,7 +244,7 @@ def _check_bounds(name: str, bounds) -> None:
 def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     step, most, within, energies = limits
     place = np.append(first.point.x, first.tangent)
-    begin = Begin(ORBITS, step, place, first, {} if path is None else about(surface))
+    begin = Begin(what(surface), step, place, first, {} if path is None else about(surface))
 
     def after(member: Member) -> str:
         if not within[0] <= _measure(surface, member.point) <= within[1]:
@@ -253,6 +256,7 @@ def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
     rules = Rules(
         following=lambda last, length: _next(surface.at(last.point), last, length),
         between=lambda a, b, fresh: special_points(surface.at(a.point), a, b),
+        again=lambda a, b: met_again(surface.at(a.point), first, a, b),
         ready=lambda new: in_segments(surface, new),
         before=_last,
         after=after,

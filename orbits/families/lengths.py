@@ -4,7 +4,8 @@ A start says little where it is near an equilibrium, or a passage through zero, 
 move across the flow along a family. So an entry has its largest size along the motion; one without
 a unit has at least the size that others give to it (`orbits.closing.sizes.coupled`). A parameter
 has no size by its value, which may be anything, but by what it changes: its unit changes the rate,
-or the rate's derivatives, by their units in a radian of the period, where it does so most.
+or the rate's derivatives, by their units in a radian of the period, where it does so most. To
+second order: at 0 a parameter whose square counts changes nothing to first order.
 """
 
 import functools
@@ -43,7 +44,9 @@ def parameter_units(
     The scene's span is a period; its entries have sizes `each` (k,).
     """
     changes = np.asarray(_changes(scene, parameters, ts, ys, each, make=make))
-    most = changes * float(scene.t1) / (2 * np.pi)
+    first, second = changes * float(scene.t1) / (2 * np.pi)
+    # first u + second u^2 / 2 = 1
+    most = (first + np.sqrt(first**2 + 2 * second)) / 2
     return 1 / np.where((0 < most) & (most < np.inf), most, 1.0)
 
 
@@ -58,18 +61,29 @@ def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @functools.partial(jax.jit, static_argnames="make")
 def _changes(scene: Scene, parameters, ts: Array, ys: Array, each: Array, *, make: Make) -> Array:
-    """(p,) the largest change by parameters of the rate, or of its derivatives, in sizes (k,)."""
+    """(2, p) the largest change by parameters of the rate, or of its derivatives, in sizes (k,).
 
-    def by_parameters(t, y):
-        def rate(values):
-            return scene_of(scene, make, values).rate(t, y)
-
-        return jax.jacfwd(rate)(parameters).reshape(len(y), -1)
+    To first order, and of the rate to second order.
+    """
 
     def largest(t, y):
-        by_both = jax.jacfwd(by_parameters, argnums=1)(t, y) * each[None, None]
-        found = jnp.concatenate([by_parameters(t, y)[..., None], by_both], axis=2)
-        found = jnp.abs(found) / each[:, None, None]
-        return jnp.max(jnp.where(jnp.isfinite(found), found, 0.0), axis=(0, 2))
+        def rate(y, values):
+            return scene_of(scene, make, values).rate(t, y)
+
+        def slopes(y):
+            return jax.jacfwd(rate, argnums=1)(y, parameters).reshape(len(y), -1)
+
+        def curvature(way):
+            def slope(values):
+                return jax.jvp(lambda values: rate(y, values), (values,), (way,))[1]
+
+            return jax.jvp(slope, (parameters,), (way,))[1]
+
+        by_y = jax.jacfwd(slopes)(y) * each[None, None]
+        firsts = jnp.concatenate([slopes(y)[..., None], by_y], axis=2)
+        ways = jnp.eye(parameters.size).reshape(-1, *parameters.shape)
+        seconds = jax.vmap(curvature, out_axes=1)(ways)[..., None]
+        both = [jnp.abs(found) / each[:, None, None] for found in (firsts, seconds)]
+        return jnp.stack([jnp.where(jnp.isfinite(x), x, 0.0).max(axis=(0, 2)) for x in both])
 
     return jnp.max(jax.vmap(largest)(ts, ys), axis=0)

@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status
-from orbits.analysis.stability import Stability, stability
+from orbits.analysis.monodromy import Segments
+from orbits.analysis.stability import Stability, judged
 from orbits.closing.sizes import rate
 from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
@@ -31,6 +32,8 @@ _CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step
 #: are large, so that others are small beside them.
 _KERNEL = 1e-9
 _NEUTRAL = 1e-6  # relative: the closing equations change no more along a symmetry of theirs
+#: Decimal digits that are lost over a period, at most, where one run tells the multipliers.
+_FEW_DIGITS = 4.0
 _AT_REST = 1e-9  # of the sizes: radius of an orbit that is an equilibrium to rounding
 _BRANCH = 1e-3  # relative: at a branch point found by bisection one more is below this
 
@@ -323,7 +326,11 @@ class OrbitSurface(Surface):
 
     def stability(self, orbit: Orbit, point: Point, alike: np.ndarray) -> Stability:
         along = np.asarray(_start_slope(self.equations, point.x)) @ alike
-        return stability(orbit, along=along, throw=False)
+        # Of point.growth in each segment at most.
+        lost = self.parts * self.equations.segments * math.log10(max(1.0, point.growth))
+        alone = self.equations.collocated or lost <= _FEW_DIGITS
+        segments = None if alone else Segments(point.equations, point.x, self.rtol)
+        return judged(orbit, segments, point.sizes, rtol=orbit.rtol, along=along, throw=False)
 
     def judged(self, orbit: Orbit, known: Stability) -> Orbit:
         lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf

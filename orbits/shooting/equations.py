@@ -243,33 +243,35 @@ class Equations(eqx.Module):
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
+        ends, status, slopes = self.passed(here, rtol, max_steps)
+        residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
+        return Evaluation(
+            residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
+        )
+
+    def passed(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
+        """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a Piece)."""
         if self.collocated:
             found, slopes = steps.linearised_steps(self.scene, here, make=self.make)
-            return self._evaluation(x, here, found.end, found.status, slopes)
+            return found.end, found.status, slopes
         # One compiled program for any number of segments, run in threads on all cores.
-        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
+        count = len(here.span)
+        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(count)]
         integrate = functools.partial(
             linearised_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
         )
-        if self.segments == 1:  # starting a thread takes as long as a few integrations
+        if count == 1:  # starting a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:
-            with ThreadPoolExecutor(self.segments) as threads:
+            with ThreadPoolExecutor(count) as threads:
                 found = list(threads.map(integrate, each))
-        ends, status, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-        return self._evaluation(x, here, ends, status, slopes)
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
     def missed(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
         """(m,) the residual at x from the segments and their ends (n, k), however computed."""
         n, k = ends.shape
         none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
         return np.asarray(linearised(self, x, here, ends, none)[0])
-
-    def _evaluation(self, x, here: Piece, ends, status, slopes: Piece) -> Evaluation:
-        residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
-        return Evaluation(
-            residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
-        )
 
 
 @jax.jit

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import Status
 from orbits.motion import advanced, logarithmic_period, other_solver, solved
-from orbits.orbit import Orbit, Outcome, gap
+from orbits.orbit import CLOSED, Orbit, Outcome, gap
 from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.newton import Result
@@ -23,8 +23,6 @@ _SEGMENT_ROUNDINGS = 64.0
 _ROUNDING_FACTOR = 4.0
 #: Decimal digits that rounding may grow by and leave no doubt that an orbit closes.
 _FEW_DIGITS = 12.0
-#: Largest closing error, in sizes, of an orbit that its start determines.
-_CLOSED = 1e-2
 #: Largest error of a segment by another integrator, over the tolerance and the growth of errors.
 _AGREEMENT = 1e5
 #: A start this many times larger than the guess's: everything closes without motion.
@@ -158,7 +156,7 @@ def determined(orbit: Orbit, lost: float) -> bool:
         return True
     solver = other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
     end = advanced(orbit.scene, orbit.period, orbit.s_period, rtol=TIGHT, solver=solver)
-    return int(end.status) == Status.OK and gap(orbit, end.y1) <= _CLOSED
+    return int(end.status) == Status.OK and gap(orbit, end.y1) <= CLOSED
 
 
 def confirmed(closed: InUnits, x: np.ndarray) -> bool:

@@ -119,7 +119,7 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
         )
     each = sizes(orbit.scene)
     basis = tangents_in(orbit.scene, each)
-    m, _ = returned(orbit, orbit.rtol, basis, each)
+    m = returned(orbit, orbit.rtol, basis, each).m
     values, vectors = np.linalg.eig(m)
     i = int(np.argmin(np.abs(values - on_circle[pair])))
     w = each * (basis @ vectors[:, i])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers import TESTS
 
+import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis import energy
@@ -159,3 +160,17 @@ def test_only_bodies_under_their_own_gravity_alone_are_scaled_by_keplers_third_l
     assert not gravitates(scene + LinearDrag(0.1))
     assert not gravitates(scene + PairGravity(1.0))
     assert not gravitates(scenes.oscillator())
+
+
+def test_an_orbit_that_rests_where_it_starts_is_itself():
+    """Under a drive the rate may vanish at the start, exactly or to rounding."""
+
+    def follows(t, y, offset):
+        return [100.0 * (offset - y[0] + jnp.cos(t)) - jnp.sin(t)]
+
+    for offset in (0.0, 1e-17):
+        scene = jaxdyn.ode(follows, [1.0], 2 * np.pi, params=offset)
+        orbit = orbits.find(scene, [1.0], 2 * np.pi)
+        found = orbits.analysis.same.match(orbit, orbit)
+        assert found.distance < 1e-14
+        assert orbits.same_orbit(orbit, orbit)

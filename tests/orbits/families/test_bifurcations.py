@@ -293,3 +293,23 @@ def test_noise_near_a_homoclinic_orbit_is_no_special_point():
     assert (last.stability.verdict, last.orbit.outcome) == ("undecided", Outcome.UNDETERMINED)
     assert not orbits.recheck(last.orbit).closure < 1e-2
     assert family.special == ()
+    # A cycle that passes the origin for longer has multipliers that are larger by exp(4.466 T),
+    # with the eigenvalues of the origin (Shilnikov): far beyond what one run over a period holds.
+    long = [member for member in family.members if 7 < member.orbit.period < 12]
+    assert len(long) >= 3
+    rate = (np.sqrt(121 + 40 * (last.parameter - 1)) - 11) / 2 - 8 / 3
+    for member in long:
+        known = member.stability
+        assert known.verdict == "unstable"
+        assert known.bars[0] < 0.01 * known.nontrivial[0].real
+    heights = np.log([member.stability.nontrivial[0].real for member in long])
+    periods = [member.orbit.period for member in long]
+    np.testing.assert_allclose(np.diff(heights) / np.diff(periods), rate, rtol=3e-3)
+    assert heights[-1] > np.log(1e13)
+    # The same from an orbit alone, as long as that determines its segments; then no number.
+    last = [member for member in family.members if member.orbit.ok][-1]
+    alone, known = orbits.stability(last.orbit), last.stability
+    assert (alone.verdict, known.verdict) == ("unstable", "unstable")
+    assert alone.nontrivial[0].real > 1e5
+    assert abs(alone.nontrivial[0] - known.nontrivial[0]) <= alone.bars[0] + known.bars[0]
+    assert orbits.stability(long[-1].orbit).verdict == "undecided"

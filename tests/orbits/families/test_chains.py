@@ -153,6 +153,31 @@ def test_derivatives_by_the_parameter_are_those_of_differences(bounce):
     assert unknowns.parameter == 0.1
 
 
+def test_a_family_goes_on_from_its_file(tmp_path):
+    gait = _found(_walker, 0.009, scenes.simplest_walker())
+    options = {"path": tmp_path / "gaits.jsonl", "step": 0.1}
+    first = orbits.continue_family(gait, _walker, 0.009, members=3, **options)
+    more = orbits.continue_family(gait, _walker, 0.009, members=30, within=(0.0, 0.017), **options)
+    # The members of the file, and none of them anew.
+    np.testing.assert_array_equal(more.parameters[:3], first.parameters)
+    assert more.members[0].orbit.residual == first.members[0].orbit.residual
+    seen = []
+    again = orbits.continue_family(
+        gait, _walker, 0.009, members=30, within=(0.0, 0.017), report=seen.append, **options
+    )
+    assert len(seen) == len(more.members) > 3
+    for a, b in zip(again.members, more.members, strict=True):
+        np.testing.assert_array_equal(a.point.x, b.point.x)
+        assert a.stability.verdict == b.stability.verdict
+        assert orbits.recheck(a.orbit).closure < 1e-12
+    (point,) = again.special
+    assert point.kind == Kind.DOUBLING
+    assert abs(point.parameter - 0.0150884379) < 1e-10
+    assert again.end == more.end == "the bounds (0.0, 0.017)"
+    with pytest.raises(ValueError, match="path: expected a file of equilibria or orbits"):
+        orbits.families.load(options["path"], _walker)
+
+
 def test_a_family_is_a_picture(gaits, tmp_path):
     listed = family_files.listing(gaits, "slope")
     orbits.drawing.family(listed, tmp_path / "gaits.png")
@@ -180,7 +205,6 @@ def test_a_closing_that_counts_turns_is_not_that_of_two_periods(bounce):
         ({"hold": ("stance",)}, "hold: expected none for a chain of legs"),
         ({"segments": 4}, "segments: expected none for a chain of legs"),
         ({"energies": (0.0, 1.0)}, "energies: expected none for a chain of legs"),
-        ({"path": "gaits.jsonl"}, "path: expected none for a chain of legs"),
         ({"parameter": 3.0}, "orbit: expected a solution of the closing equations"),
     ],
 )

@@ -134,27 +134,27 @@ def test_it_says_where_it_ends():
 def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkeypatch):
     make = maker(Pitchfork, [1.0, 0.0, 0.0])
     first = orbits.find(make(-0.3))
-    calls = []
+    calls, judged = [], surface.judged
 
-    def counted(orbit, **options):
+    def counted(orbit, *known, **options):
         calls.append(options)
         if len(calls) > 1:
             raise ValueError("effect: expected a potential, got none.")
-        return orbits.stability(orbit, **options)
+        return judged(orbit, *known, **options)
 
-    monkeypatch.setattr(surface, "stability", counted)
+    monkeypatch.setattr(surface, "judged", counted)
     with pytest.raises(ValueError, match="effect: expected a potential"):
         orbits.continue_family(first, make, -0.3, members=2)
     assert len(calls) == 2
 
     ended = Status.STEP_LIMIT
 
-    def unknown(orbit, **options):
+    def unknown(orbit, *known, **options):
         calls.append(options)
-        linear = orbits.stability(orbit, **options)
+        linear = judged(orbit, *known, **options)
         return linear if len(calls) == 1 else dataclasses.replace(linear, status=ended)
 
-    monkeypatch.setattr(surface, "stability", unknown)
+    monkeypatch.setattr(surface, "judged", unknown)
     calls.clear()
     found = orbits.continue_family(first, make, -0.3, members=2)
     assert len(found.members) == 1

@@ -60,9 +60,16 @@ def test_cycles_lose_their_symmetry_where_half_a_turn_says():
     assert abs(hopf.parameter + 0.58933644) < 5e-8
     assert abs(branch.parameter + 0.5) < 1e-9
     first, nu = orbits.from_hopf(rests, hopf)
-    family = orbits.continue_family(first, make, nu, members=30, step=0.05)
+    family = orbits.continue_family(first, make, nu, members=42, step=0.05)
     fold, point = family.special[:2]
     assert (fold.kind, point.kind) == (Kind.FOLD, Kind.BRANCH)
+    # The family winds towards a homoclinic orbit; errors grow by 1e5 at its folds.
+    folds = [x for x in family.special if x.kind == Kind.FOLD]
+    assert len(folds) == 5
+    for x in folds:
+        off = np.abs(x.stability.nontrivial - 1)
+        assert off.min() < 1e-6
+        assert (off <= x.stability.bars).any()
     # The orbit from where z vanishes, as the symmetric start of half a turn.
     run = jaxdyn.simulate(point.orbit.scene, samples=np.linspace(0, point.orbit.period, 2001))
     at = np.argmin(np.abs(np.asarray(run.ys)[:, 2]))
