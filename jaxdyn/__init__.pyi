@@ -24,7 +24,7 @@ from .analysis.linearize import modes as modes
 from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .continuation.equilibria import continue_equilibria as continue_equilibria
 from .continuation.two_parameters import continue_curve as continue_curve
-from .files.motion_files import load as load
+from .files.loading import load as load
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.event_search.all_crossings import crossings as crossings

@@ -23,6 +23,7 @@ import lazy_loader
 
 from jaxdyn import __version__ as __version__
 from jaxdyn._doors import opened
+from jaxdyn.files import loading
 
 _listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 #: Moved in version 0.3.
@@ -56,3 +57,13 @@ _MOVED = {
     "word": "analysis",
 }
 __getattr__ = opened(__name__, _listed, moved=_MOVED, folders=("shooting",))
+loading.register(
+    {
+        "jaxdyn-orbit": "orbits:load",
+        "jaxdyn-chain": "orbits:load",
+        "jaxdyn-family": "orbits.files.family_files:load",
+        "jaxdyn-search": "orbits.discovery.journal:read",
+        "jaxdyn-continuation of orbits": "orbits.families:load",
+        "jaxdyn-continuation of curve of orbits": "orbits.curves:load",
+    }
+)

@@ -3,6 +3,7 @@
 `input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
 scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
 JSON, `journal` keeps them in files that grow line by line, for one program or several in turn.
+`loading` reads a file of any kind by what it says it is, with readers that packages register.
 `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV and
 JSON, `data_frames` for pandas. All that is read again ends with one of the `digests`, by which any
 changed byte is noticed.
@@ -24,6 +25,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "image_files",
         "input_files",
         "journal",
+        "loading",
         "motion_files",
         "output_files",
         "records",

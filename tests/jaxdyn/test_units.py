@@ -43,6 +43,7 @@ def test_motions(scene, solver):
         assert found.warning == plain.warning
 
 
+@pytest.mark.slow
 def test_motions_of_second_order():
     scene = jaxdyn.ode(circling, [0.5, 0.0, 0.0, 3.0**0.5], 20.0, second_order=True)
     plain = solve(scene, 20.0)
@@ -152,6 +153,7 @@ def test_digits():
     np.testing.assert_allclose(np.asarray(found.error.scale) / y, plain.error.scale, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_error_of_an_end():
     def again(scene, rtol):
         return jaxdyn.simulate(scene, samples=5, rtol=rtol)

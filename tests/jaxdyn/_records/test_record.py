@@ -145,6 +145,7 @@ def test_a_system_is_never_that_of_an_old_value(lower):
     assert abs(end(jaxdyn.Scene(Decay(), y0=[1.0])) - np.exp(-0.5)) < 1e-12
 
 
+@pytest.mark.slow
 def test_what_a_phase_does_is_never_that_of_an_old_value(lower):
     def raised(t, y):
         return y + LEVEL

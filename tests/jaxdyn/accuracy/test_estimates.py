@@ -36,24 +36,24 @@ def test_estimates_are_errors_of_other_solvers_too(solver):
 
 @pytest.mark.slow
 def test_a_second_method_says_the_same():
+    assert_calibrated(calibration(accuracy.by_second_method, DAMPED, TOLERANCES[:-1]))
     assert_calibrated(calibration(accuracy.by_second_method, SOME, TOLERANCES))
     # Its series is more accurate than the pair at a thousandth of a loose tolerance.
     assert (calibration(accuracy.by_second_method, THROW, TOLERANCES[:3]) > 1).all()
     assert_calibrated(calibration(accuracy.by_second_method, THROW, TOLERANCES[3:]))
 
 
-@pytest.mark.slow
 def test_a_second_method_is_another_one():
     case = KNOWN["damped oscillator"]
-    found = calibration(accuracy.by_second_method, DAMPED, TOLERANCES[:-1])
-    assert_calibrated(found)
+    assert_calibrated(calibration(accuracy.by_second_method, DAMPED, TOLERANCES[2:3]))
     with pytest.raises(ValueError, match="second: expected another solver, got Verner"):
         accuracy.by_second_method(case.scene, solver=solvers.VERNER9, second=solvers.VERNER9)
 
 
-@pytest.mark.slow
-def test_the_tangent_map_gives_a_bound():
-    quotients = calibration(accuracy.by_tangents, DAMPED, (1e-4, 1e-8, 1e-12))
+@pytest.mark.sample("1e-08")
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+def test_the_tangent_map_gives_a_bound(rtol):
+    quotients = calibration(accuracy.by_tangents, DAMPED, (rtol,))
     assert quotients.min() > 0.9  # first order in the errors
     assert quotients.max() < 20
 
@@ -79,7 +79,6 @@ def test_problem_3_d_halved_steps_tell_the_error(method, n):
     assert found.fineness[0] == case.t1 / n
 
 
-@pytest.mark.slow
 def test_an_estimate_says_what_it_rests_on():
     found = accuracy.estimate(scenes.oscillator(), rtol=1e-6)
     assert found.basis.startswith("tolerance ladder: Taylor 16 at 1.0e-06 against Taylor 20")
@@ -157,6 +156,7 @@ def test_more_digits_than_the_motion_has_are_refused():
         simulate(scenes.free_body(), 60.0, digits=15, samples=8)
 
 
+@pytest.mark.slow
 def test_the_limit_of_a_motion_does_not_depend_on_the_request():
     # Two random changes, of other steps for each request, gave 10.6 to 11.0.
     limits = set()

@@ -109,7 +109,6 @@ def test_solvers_of_fixed_step_have_their_curve():
     assert found.curves[0].rungs[1].fineness == 10.0 / 200
 
 
-@pytest.mark.slow
 def test_a_stiff_scene_gets_implicit_solvers():
     stiff = scenes.oscillator(k=1.0, c=1e6)
     assert work.fit_solvers(stiff) == (solvers.RADAU9, solvers.RADAU5)

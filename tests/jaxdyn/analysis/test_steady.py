@@ -102,6 +102,7 @@ def _triangle(m) -> Scene:
     return Scene(FreePoints(m, 2), (PairGravity(1.0),), y0=y0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("m", "verdict"), [((1, 0.02, 0.01), "undecided"), ((1, 1, 1), "unstable")]
 )

@@ -145,6 +145,7 @@ def _reference(rate, jacobian, start, span):
     return mpmath.odefun(whole, 0, [*start, *unit])(span)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (1, 2, 3))])
 def test_motions_of_random_polynomial_fields_are_enclosed(seed):
     k, width, span = 2 + seed % 2, 1e-9, 0.5

@@ -124,6 +124,7 @@ def test_a_corner_at_which_an_infinity_may_cancel_is_not_excluded():
     assert all(abs(float(box[0].mid)) < 1e-4 for box in proof.undecided)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "proved"), [(0.4, True), pytest.param(0.5, False, marks=pytest.mark.slow)]
 )

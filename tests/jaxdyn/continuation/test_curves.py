@@ -88,6 +88,7 @@ def test_bogdanov_takens_point_joins_folds_and_hopf_points():
     assert (back.parameters[1:, 1] < 0).all()
 
 
+@pytest.mark.sample("0.0")
 @pytest.mark.parametrize("start", [-1.0, 0.0])
 def test_bautin_point_of_the_normal_form(start):
     # From 0 the first member is the point itself, which is found once.
@@ -104,6 +105,7 @@ def test_bautin_point_of_the_normal_form(start):
     assert [x.criticality for x in curve.members[1:]] == which
 
 
+@pytest.mark.slow
 def test_lyapunov_coefficients_of_a_normal_form_in_bent_coordinates():
     """z' = (2 i + c1 |z|^2 + c2 |z|^4) z beside a line that contracts, in bent coordinates."""
     c2 = -0.7

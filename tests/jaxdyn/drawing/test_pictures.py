@@ -194,6 +194,7 @@ def test_springs_and_anchors_are_drawn():
         np.testing.assert_array_equal(zigzag[[0, -1]], [[0.2, -1.0], anchor])
 
 
+@pytest.mark.slow
 def test_a_motion_that_comes_back_is_shown_on_its_way():
     (ax,) = drawing.trajectory(simulate(scenes.moved_box(), samples=60)).axes
     ax.figure.draw_without_rendering()
@@ -253,6 +254,7 @@ def test_a_plane_has_one_scale_and_everything_is_inside(ball):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
 
 
+@pytest.mark.slow
 def test_space_has_one_scale(throws):
     (ax,) = drawing.trajectory(throws[3]).axes
     assert ax.name == "3d"

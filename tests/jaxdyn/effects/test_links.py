@@ -58,6 +58,7 @@ def test_large_networks_of_springs_are_as_many_springs():
     assert gap(force, -jax.grad(network.potential, argnums=1)(T, r, m)) < 10 * EXACT
 
 
+@pytest.mark.sample("70")
 @pytest.mark.parametrize("n", [70, 300, 700])
 def test_a_point_may_hold_most_springs_of_a_network(n):
     # More than a point sums at once, or than its parts do; one spring counts its end from behind.

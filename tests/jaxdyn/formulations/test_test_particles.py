@@ -59,6 +59,7 @@ def test_one_of_two_bodies_may_be_one(masses):
     assert gap(simulate(scene, samples=2, rtol=1e-13).ys[-1], scene.y0) < SOLVED
 
 
+@pytest.mark.slow
 def test_forces_on_other_points_act_beside_them():
     m, y0 = bodies(4, 2)
     spring = effects.Spring(2.0, 0.0, i=0, j=2)

@@ -104,7 +104,6 @@ def test_exp_and_log_are_inverse_and_longer_vectors_come_back_short():
     assert gap(LOG(jnp.eye(3)), np.zeros(3)) == 0
 
 
-@pytest.mark.slow
 def test_quaternions_and_matrices_are_one_group():
     p, q, s = _quaternions(3 * 32).reshape(3, 32, 4)
     multiply, matrix = jax.vmap(ro.multiply_wxyz), jax.vmap(ro.matrix_from_wxyz)

@@ -133,6 +133,7 @@ def test_a_minimum_above_the_level_is_no_crossing():
         assert not stop.happened
 
 
+@pytest.mark.slow
 def test_events_faster_than_the_motion_are_found():
     # A throw without drag is crossed in steps of seconds: they say nothing about the clock. Some
     # of these have whole periods in a quarter of a step, where evenly spaced looks see no change.

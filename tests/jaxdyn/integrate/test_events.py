@@ -132,6 +132,7 @@ def kepler_height(t, y):
     return y[2] - 1.29 / 2
 
 
+@pytest.mark.slow
 def test_a_shallow_double_crossing_of_a_curved_orbit_is_found():
     # x of the second body is (cos E - e) / 2 on an ellipse, largest at E = 0 mod 2 pi.
     e = 0.3

@@ -226,6 +226,7 @@ def steady():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["quaternion", "euler"])
 @pytest.mark.parametrize("i", [0, 1])
 def test_steady_precession_stays_steady(steady, kind, i):

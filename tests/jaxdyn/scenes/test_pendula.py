@@ -163,6 +163,7 @@ def test_cart_and_pendulum_obey_the_equations_of_newton_and_euler():
         assert gap(scene.rate(NOW, y)[2:], jnp.stack([x, swing])) < EXACT * 100
 
 
+@pytest.mark.slow
 def test_cart_and_pendulum_keep_horizontal_momentum():
     motion = simulate(pendula.cart_pendulum(speed=0.3, rate=2.0), samples=9, rtol=1e-13)
     momentum = energy.along(energy.momentum, motion)[:, 0]

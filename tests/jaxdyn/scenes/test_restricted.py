@@ -116,6 +116,7 @@ def test_hills_libration_points_and_jacobis_constant_there():
         assert gap(np.sort((found**2).real), squares) < 1e-12
 
 
+@pytest.mark.slow
 def test_hills_problem_is_the_limit_of_the_restricted_three_bodies():
     hill = scenes.hill()
     end = np.asarray(jaxdyn.solve(hill, 1.0, rtol=1e-13).y1)

@@ -100,6 +100,7 @@ def test_problem_6_c_vii_small_swings_have_two_known_frequencies():
     assert gap(modes.squares, [g / -hanging, k / m]) < 100 * EXACT
 
 
+@pytest.mark.slow
 def test_problem_10_every_motion_is_one_ellipse_in_closed_form():
     scene = hanging_spring(position=(1.0, -0.5, 0.3), velocity=(0.7, 1.0, 2.0), k=3.0, m=2.0)
     motion = simulate(scene, 6.0, **TIGHT)
@@ -175,6 +176,7 @@ def test_problem_13_forces_by_hand():
 STIFF = {"m1": 1.0, "m2": 3.0, "force": 2.0}
 
 
+@pytest.mark.slow
 def test_problem_20_against_the_closed_form_and_the_centre_of_mass():
     scene = two_masses(k=50.0, length=0.8, **STIFF)
     motion = simulate(scene, 3.0, **TIGHT)

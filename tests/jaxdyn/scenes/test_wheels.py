@@ -133,6 +133,7 @@ def test_the_equations_are_those_by_hand():
         assert gap(a, [f[0] / m, 7.0 * w - s * turn, turn]) < SOLVED
 
 
+@pytest.mark.slow
 def test_without_friction_it_is_the_ideal_car_on_one_skate():
     scene = car(mu=0.0, spin=0.3, m=2.0, inertia=0.7)
     assert scene.effects == ()

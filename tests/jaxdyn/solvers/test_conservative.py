@@ -136,6 +136,7 @@ def test_steps_far_too_long_are_warned_of(method):
     assert simulate(kepler(0.3), 20.0, solver=method, dt=0.1, samples=20).warning == ""
 
 
+@pytest.mark.slow
 def test_a_motion_at_rest_has_no_steps_too_long():
     scene = scenes.pendulum().starting([np.pi, 0.0])  # upright but for rounding
     assert simulate(scene, 1.0, solver=solvers.GAUSS12, dt=0.1, samples=5).warning == ""

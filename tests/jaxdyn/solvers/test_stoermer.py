@@ -202,6 +202,7 @@ def _free(t, y):
     return jnp.stack([y[1], -y[0]])
 
 
+@pytest.mark.slow
 def test_a_stiff_motion_is_noticed():
     # A slow fall of two points that a rod-like spring holds together.
     scene = scenes.two_masses()

@@ -94,6 +94,7 @@ def test_an_orbit_of_one_point_is_compared_as_it_is():
     assert not orbits.same_orbit(well, back)
 
 
+@pytest.mark.slow
 def test_the_neighbour_is_not_the_eight():
     guess = scenes.EIGHT_GUESS, scenes.EIGHT_GUESS_PERIOD
     neighbour = orbits.find(scenes.three_body(), *guess)

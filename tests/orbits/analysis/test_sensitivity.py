@@ -127,7 +127,6 @@ def test_an_orbit_that_does_not_close_has_no_derivative(swing):
         orbits.differentiable(bad.scene, bad)
 
 
-@pytest.mark.slow
 def test_multipliers_that_coincide_are_nan():
     # On a circle the two that no integral forces to be 1 are 1 too, in a defective block.
     circle = orbits.Orbit(

@@ -81,6 +81,7 @@ def test_a_verdict_within_its_bars_is_undecided():
     assert (result.unit, result.verdict) == (1, "undecided")
 
 
+@pytest.mark.slow
 def test_the_product_is_the_exponential_of_the_divergence():
     period, start = odes.VAN_DER_POL, [odes.VAN_DER_POL_X, 0.0]
     scene = jaxdyn.ode(odes.van_der_pol, start, period, params=1.0)
@@ -208,6 +209,7 @@ def test_a_circular_orbit_is_undecided():
     assert result.verdict == "undecided"
 
 
+@pytest.mark.slow
 def test_an_oscillator_confirms_only_what_is_conserved():
     # Every solution has period 2 pi, so M = 1 fits momenta, shifts and turns as well.
     result = orbits.stability(orbit_of(springs([1.0, 4.0])))

@@ -74,6 +74,7 @@ def test_another_orbit_than_that_of_a_file(orbits, tmp_path):
     assert "Deflated: expected known orbits of" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [1e24, 1e-24])
 def test_a_period_is_found_in_any_units(orbits, k):
     # The scene's own span is of 10^11 periods of the first, and a 10^13th of one of the second.

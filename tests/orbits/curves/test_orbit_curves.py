@@ -68,6 +68,7 @@ def torus_curve():
     return orbits.continue_curve(_carried, orbit, (0.0, -0.2), kind=Kind.TORUS, step=0.02)
 
 
+@pytest.mark.slow
 def test_torus_points_pass_the_strong_resonances(torus_curve):
     p, q = torus_curve.parameters.T
     np.testing.assert_allclose(p, 0.0, atol=1e-12)

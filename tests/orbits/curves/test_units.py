@@ -73,6 +73,7 @@ def assert_alike(there, here, units):
 SLOW = [UNITS[0], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[1:])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", SLOW)
 def test_torus_points_and_resonances(units):
     of = {"y0": [1.0, 0.0], "period": 2 * np.pi, "parameters": (0.0, -0.2)}

@@ -33,6 +33,7 @@ def _legend(figure):
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
+@pytest.mark.slow
 def test_the_jump_of_a_wheel_to_its_next_spoke_is_dashed(tmp_path):
     roll = _found(scenes.rimless_wheel())
     path = tmp_path / "roll.png"
@@ -44,6 +45,7 @@ def test_the_jump_of_a_wheel_to_its_next_spoke_is_dashed(tmp_path):
     assert "jump" in _legend(figure)
 
 
+@pytest.mark.slow
 def test_a_bounce_jumps_nowhere():
     bounce = _found(scenes.ball_on_table(phase=1.2, velocity=3.0))
     figure = orbits.drawing.orbits([bounce], title="")
@@ -81,6 +83,7 @@ def test_jumps_are_dashed_in_any_picture_of_phases():
     assert len(_dashed(drawing.trajectory(steps, title=""))) == 4  # two points, two steps
 
 
+@pytest.mark.sample("scene1")
 @pytest.mark.parametrize("scene", [scenes.impact_oscillator(), scenes.simplest_walker()])
 def test_a_notebook_shows_a_chain(scene):
     assert "<img" in _found(scene)._repr_html_()

@@ -45,6 +45,7 @@ def test_panels_show_all_crossings_and_the_edge_of_the_allowed_region(tables):
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("y", "vy")
 
 
+@pytest.mark.slow
 def test_a_stroboscopic_section_has_no_edge_and_units_on_its_axes():
     scene = scenes.shaken_pendulum()
     found = orbits.section(scene, Every(2 * np.pi / 60), [[0.2, 0.0]], crossings=3)

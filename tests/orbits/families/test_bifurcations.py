@@ -47,6 +47,7 @@ def test_an_integral_that_the_scene_does_not_name_forces_a_unit_multiplier():
     assert reasons == {("integral of flow", "flow", "family")}
 
 
+@pytest.mark.slow
 def test_the_period_follows_the_drive():
     make = at_drive
     family = orbits.continue_family(orbits.find(make(0.5)), make, 0.5, step=0.5, members=16)

@@ -69,6 +69,7 @@ def test_hyperbolic_functions_have_their_identities():
     assert known.is_symmetry(-np.eye(2, dtype=int), 1)
 
 
+@pytest.mark.slow
 def test_spared_equations_need_integrals_that_do_not_depend_on_each_other():
     swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
     system = posed_equations(swing)

@@ -105,6 +105,7 @@ def test_an_orbit_is_itself_however_it_is_seen():
     assert 1e-3 < away(neighbour, eight) < 3e-2
 
 
+@pytest.mark.slow
 def test_angles_are_compared_modulo_turns():
     swing = orbits.find(scenes.pendulum(angle=2.0), period=8.0)
     turned = orbits.find(swing.scene, swing.y0 + jnp.array([2 * jnp.pi, 0.0]), swing.period)

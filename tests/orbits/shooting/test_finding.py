@@ -111,6 +111,7 @@ def test_segments_with_a_symmetry():
     assert abs(a - b) < SOLVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, -1])
 def test_the_direction_round_the_ring_is_the_guesses(order):
     ring = orbits.choreography(3)[::order]

@@ -1,0 +1,97 @@
+"""One `load` for files of every kind: each says what it is, and its reader is looked up by that.
+
+Packages above this one register readers for their kinds when they are imported; the readers' own
+modules are imported when such a file is read. Nothing in a file is imported or executed.
+"""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxdyn._text import fail
+from jaxdyn.files import journal
+from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+
+_REMEDY = "Give the path of a file that this library wrote."
+_ARCHIVE = b"PK"  # the first bytes of an archive of NumPy
+_MOTION = "jaxdyn-motion"
+_CONTINUATION = "jaxdyn-continuation"
+#: "module:function" that reads files of a kind. Files of continuations have kinds of branches.
+_READERS = {
+    _MOTION: "jaxdyn.files.motion_files:load",
+    f"{_CONTINUATION} of equilibria": "jaxdyn.continuation:load",
+    f"{_CONTINUATION} of curve": "jaxdyn.continuation:load",
+}
+
+
+def register(readers: Mapping[str, str]) -> None:
+    """Let `load` read files of further kinds, each by a "module:function" that takes the path."""
+    _READERS.update(readers)
+
+
+def load(path: str | Path, *of: Any, **options: Any) -> Any:
+    """What is in a file that this library wrote, whatever its kind.
+
+    Args:
+      path: of the file: a motion; an orbit, a family of orbits, a chain of legs, a search (after
+        ``import orbits``); or the file of a continuation (``path=``).
+      of: files of continuations have numbers only and need the function that makes the scenes, as
+        it was given to the continuation; files of chains need the legs.
+      options: of the reader; chains take `closes`.
+    Returns:
+      A motion or a chain of phases; of a continuation, families of equilibria and curves, or a
+      diagram if it has orbits; of an orbit or a chain, with the file's claims, as `orbits.load`
+      says; of a family, its `Listing`; of a search, its description and its chunks.
+    Raises:
+      ValueError: `path` is no such file or of a kind that no imported package reads, it is damaged
+        or edited, `of` does not fit its kind, or what it holds names a class that is not imported.
+    Example:
+      >>> import tempfile, jaxdyn
+      >>> motion = jaxdyn.simulate(jaxdyn.scenes.pendulum(), 1.0, samples=5)
+      >>> with tempfile.TemporaryDirectory() as folder:
+      ...     motion.save(f"{folder}/swing.npz")
+      ...     back = jaxdyn.load(f"{folder}/swing.npz")
+      >>> bool((back.ys == motion.ys).all()), back.scene.name
+      (True, 'pendulum')
+    """
+    kinds = _kinds(path)
+    # The last one reads most: that of diagrams takes families of equilibria, too.
+    known = [reader for kind, reader in _READERS.items() if kind in kinds]
+    if not known:
+        got = f"{path} of {kinds[0]!r:.40}" if kinds else f"{path} without a format"
+        remedy = f"{_REMEDY} If another package reads such files, import it first."
+        raise fail("path", "a file of a kind that is read here", got, remedy)
+    module, _, name = known[-1].partition(":")
+    read = getattr(importlib.import_module(module), name)
+    return read(path, *of, **options)
+
+
+def _kinds(path: str | Path) -> list[str]:
+    """What a file says that it is; several for the file of a continuation."""
+    data = content(path, journal.MAX_BYTES, _REMEDY, "path")
+    if data.startswith(_ARCHIVE) or not data.startswith(b"{"):
+        return [_MOTION]  # whose reader says what is wrong with it
+    first = data[: data.find(b"\n") + 1]
+    if not first.rstrip().endswith(b"}"):
+        if len(data) > MAX_BYTES:
+            raise fail("path", f"at most {MAX_BYTES} bytes", "more", _REMEDY)
+        first = data
+    header = parsed(first, str(path), _REMEDY)
+    kind = header.get("format") if isinstance(header, dict) else None
+    if not isinstance(kind, str):
+        return []
+    if kind != _CONTINUATION:
+        return [kind]
+    begun = [record["begin"] for record in _records(path) if "begin" in record]
+    return [f"{kind} of {begin.get('what')}" for begin in begun if isinstance(begin, dict)] or [
+        f"{kind} of equilibria"  # which has none yet
+    ]
+
+
+def _records(path: str | Path) -> list[dict[str, Any]]:
+    try:
+        return journal.records(journal.whole_lines(Path(path), _REMEDY))
+    except journal.NotAJournal as error:
+        got = f"{path}, which is damaged or was edited ({error})"
+        raise fail("path", "the file of a continuation", got, _REMEDY) from error
