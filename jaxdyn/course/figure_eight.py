@@ -39,6 +39,11 @@ def solve(page: Page) -> None:
         end = motions[name].ys[-1]
         page.equal(statement, end, orbit.y0, within=1e-11, route="simulation of six periods")
 
+    for name in ("the neighbour", "the eight"):
+        places, speeds = np.split(np.asarray(found[name].y0), 2)
+        page.number(f"corrected start of {name}: x1, y1, x2, y2, x3, y3", places)
+        page.number(f"corrected start of {name}: their velocities", speeds)
+
     printed = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
     first, second, known = (orbits.identify(orbit) for orbit in (plain, eight, printed))
     page.number("T |E|^(3/2) of the neighbour", first.scale_free)
