@@ -13,7 +13,7 @@ r^10, and ever more as n comes near to, but is not, 1 or -2.
 (a) On a circle m v^2 / r = F(r), so v is the same for all r where F is proportional to 1 / r.
 
 (b) The law of the example is F = k / r with k = 1 N m, for m = 1 kg. Started at 1 m from the centre
-across the radius with 0.7249 m/s, the motion closes after 2 turns and 3 loops, in 7.40 s: that is
+across the radius with 0.3132 m/s, the motion closes after 2 turns and 3 loops, in 8.141 s: that is
 where the angle between a nearest and the next farthest point, which the start determines, is pi
 2 / 3. It is found by solving the closure for the start and the period, as the hint says.
 

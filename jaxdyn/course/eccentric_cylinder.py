@@ -28,9 +28,9 @@ normal force N, and rolling needs a coefficient of at least |F| / N:
     F = m ((r + d cos psi) psi'' - d sin(psi) psi'^2) - m g sin gamma
     N = m g cos gamma - m d (sin(psi) psi'' + cos(psi) psi'^2)
 
-(c) N falls to zero after 12.78 m. There the friction is still -3.9 N: it holds the cylinder back
+(c) N falls to zero after 12.78 m. There the friction is still -0.602 N: it holds the cylinder back
 and, by its moment about G, keeps it turning as it rolls. Without it G would accelerate into the
-ramp, at 0.76 m/s^2, so there is no flight that begins there. As N falls, |F| / N grows without
+ramp, at 0.233 m/s^2, so there is no flight that begins there. As N falls, |F| / N grows without
 bound, so a real cylinder slips before; it can skip into the air only from a slip.
 """
 
@@ -76,6 +76,7 @@ def solve(page: Page) -> None:
     end = scenes.contact_lost(scene)
     rolled = end.y[2] - NUMBERS["slope"]
     page.number("c: it rolls until the normal force vanishes, with unlimited friction", rolled, "m")
+    page.number("c: that is, beyond two turns", rolled - 4 * np.pi, "rad")
     friction, normal = forces(float(rolled))
     page.equal("c: No normal force is left there", normal, 0.0, within=1e-9, route="energy")
     page.number("c: friction that is left there", friction, "N")

@@ -5,8 +5,8 @@ are given. Correct both until the motion closes on itself, and follow it for mor
 periods. Is it the figure-eight? Which other periodic motions of three bodies can be found?
 
 Answer: Asking only that the motion closes leads to a neighbour, in which three bodies run on three
-slightly different eights and which is weakly unstable (T = 7.9675). With the condition that each
-body is in the next one's place after T / 3 the search ends on Montgomery's eight (T = 7.9690),
+slightly different eights and which is weakly unstable (T = 7.9592). With the condition that each
+body is in the next one's place after T / 3 the search ends on Montgomery's eight (T = 7.9611),
 which is stable; another start closes to the "moth".
 """
 

@@ -19,7 +19,7 @@ spins, wobbles and repeated flips are possible. But they are not all: the motion
 wobbles about axis 1 from those about axis 3 begins and ends as a spin about axis 2, in opposite
 directions of the body, and flips once.
 
-(B i, ii) True: a turn by 120 degrees about (1, 1, 1) takes the cube and its balls into themselves.
+(B i, ii) True: a third of a turn about (1, 1, 1) takes the cube and its balls into themselves.
 (B iii) As printed it says "steady precession about the symmetry axis". In the body that is true:
 there omega goes round the symmetry axis at a constant rate. In space it is the axis that goes round
 the constant angular momentum H, and a precession about the axis, which moves itself, is none. In

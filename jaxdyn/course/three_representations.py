@@ -23,15 +23,21 @@ e_i'.
 (d) The three motions below are a box of 3 m x 2 m x 1 m that tumbles, the same spun near its middle
 axis, which flips over, and a plate of 1 m x 1 m that wobbles (problem 56 is about it).
 
-(e) With roll, pitch and yaw (phi, theta, psi; R = R_z(psi) R_y(theta) R_x(phi)) the angular
-velocity in the body's axes is
+(e) With turns alpha about y, then beta about the new x, then gamma about the newest z, R =
+R_y(alpha) R_x(beta) R_z(gamma), the angular velocity in the body's axes is
 
-    omega1 = phi' - psi' sin(theta)
-    omega2 = theta' cos(phi) + psi' sin(phi) cos(theta)
-    omega3 = -theta' sin(phi) + psi' cos(phi) cos(theta)
+    omega1 = beta' cos(gamma) + alpha' cos(beta) sin(gamma)
+    omega2 = -beta' sin(gamma) + alpha' cos(beta) cos(gamma)
+    omega3 = gamma' - alpha' sin(beta)
 
-which is solved for the rates of the angles; at theta = 90 degrees it cannot be, and the library
-changes to other angles before.
+and, solved for the rates of the angles,
+
+    alpha' = (omega1 sin(gamma) + omega2 cos(gamma)) / cos(beta)
+    beta' = omega1 cos(gamma) - omega2 sin(gamma)
+    gamma' = omega3 + alpha' sin(beta)
+
+which, with Euler's equations for omega1, omega2 and omega3, are the equations of motion. They lock
+at beta = 90 degrees; these three motions stay away from it.
 """
 
 import jax.numpy as jnp
@@ -40,6 +46,7 @@ from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
 from jaxdyn.formulations import rigid
+from jaxdyn.geometry import euler
 
 PROBLEM = 53
 TOPIC = "rigid bodies in space"
@@ -77,6 +84,15 @@ def solve(page: Page) -> None:
     spins = plate.rate(0.0, plate.y0)[-3:]
     own = scene.rate(0.0, scene.y0)[-3:]
     page.equal("Only the moments count", spins, own, within=1e-12, route="six points")
+
+    _, beta, gamma = angles = jnp.array([0.4, -0.7, 1.1])
+    formulas = [
+        [jnp.cos(beta) * jnp.sin(gamma), jnp.cos(gamma), 0.0],
+        [jnp.cos(beta) * jnp.cos(gamma), -jnp.sin(gamma), 0.0],
+        [-jnp.sin(beta), 0.0, 1.0],
+    ]
+    by_angles = euler.omega_b_from_euler(angles, "YXZ")
+    page.equal("e: omega by the rates of the angles", by_angles, formulas, within=1e-14)
 
     figure = drawing.trajectory(list(shown.values()), names=list(shown))
     page.draw(figure, "Path of a corner of each.")

@@ -6,7 +6,7 @@ your own, such as a chain whose last bar ends on a skate.
 
 Answer: Newton-Euler, Lagrange and constraints give one motion of the triple pendulum; the crank
 angle alone and the three angles with a closed loop give one motion of the four-bar linkage.
-Energies stay to 1e-12. Released from rest the linkage swings periodically, every 7.78 s from a
+Energies stay to 1e-12. Released from rest the linkage swings periodically, every 9.137 s from a
 crank angle of 2 rad. Bars that are too short to close a loop are refused.
 
 The numbers belong to uniform bars of 1 kg and 1 m in the triple pendulum, and to a crank of 1 m, a

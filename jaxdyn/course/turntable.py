@@ -40,7 +40,7 @@ With v0 > 0, no: with A = I + m d^2 and the energy E, the two conserved quantiti
 
 The first is positive, so s grows for ever, at a speed that tends to sqrt(2 E / m). The second falls
 like 1 / s^2, and the integral of that to infinity is finite. For slow masses the limit is large, as
-log(1 / v0). With I = 1 kg m^2, m = 1 kg, d = 0.5 m, v0 = 1 m/s and omega_0 = 1 rad/s it is 1.26
+log(1 / v0). With I = 1 kg m^2, m = 1 kg, d = 0.5 m, v0 = 1 m/s and omega_0 = 1 rad/s it is 1.061
 rad.
 """
 
@@ -93,9 +93,9 @@ def solve(page: Page) -> None:
     )
     slow = [scenes.turntable_limit(d=d, speed=u) for u in (0.01, 0.1, 1.0)]
     page.number("d: limits with v0 = 0.01, 0.1 and 1 m/s", slow, "rad")
-    still = simulate(scenes.turntable(speed=0.0, formulation="lagrange"), 100.0, **precisely)
-    uniform = jnp.array([100.0, 0.0, 1.0, 0.0])
-    page.equal("d: With v0 = 0 it turns at omega_0 for ever", still.ys[-1], uniform, within=1e-11)
+    still = simulate(scenes.turntable(speed=0.0, formulation="lagrange"), 10.0, **precisely)
+    uniform = jnp.array([10.0, 0.0, 1.0, 0.0])
+    page.equal("d: With v0 = 0 it turns at omega_0", still.ys[-1], uniform, within=1e-10)
 
     page.draw(drawing.trajectory(by_lagrange), "The mass leaves on a path that becomes straight.")
     speeds = {

@@ -85,7 +85,7 @@ class Page:
 
     def __getitem__(self, name: str) -> Any:
         """The value of the number of a name."""
-        return next(number.value for number in self.numbers if number.name == name)
+        return {number.name: number.value for number in self.numbers}[name]
 
     def number(self, name: str, value: Any, unit: str = "") -> None:
         """Add a number to the table: () or (n,), or a short text."""
