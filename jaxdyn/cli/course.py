@@ -28,12 +28,15 @@ def course_command(
     plot: PlotOption = None,
     play: PlayOption = False,
     code: Annotated[bool, typer.Option("--code", help="Print the page's code as well.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the checks that take long as well.")
+    ] = False,
     as_object: JsonOption = False,
 ) -> None:
     """Run a problem of the course: what is asked, the answer, its numbers, checks and pictures."""
     page = _page(problem)
     with screen(f"running {page.name}", as_object) as out:
-        found = jaxdyn.course.page.run(page.name)
+        found = jaxdyn.course.page.run(page.name, check=check)
         if as_object:
             out.result(page._asdict() | jaxdyn.course.page.record(found))
         else:
@@ -65,9 +68,12 @@ def _print(
 ) -> None:
     out.print(f"[bold]{page.number}. {escape(page.title)}[/bold] ({page.name})")
     answer = textwrap.fill(page.answer, _WIDTH)
-    out.print(f"{escape(page.statement)}\n\n{escape(answer)}\n")
+    texts = (page.statement, answer, page.solution)
+    out.print(escape("".join(f"{text}\n\n" for text in texts if text).removesuffix("\n")))
     for line in jaxdyn.course.page.report(found.page):
         out.print(line)
-    out.print(f"{found.seconds:.1f} s")
+    out.print(f"Run in {found.seconds:.1f} s, compiling included.")
+    if found.left:
+        out.print(f"Further checks take longer: `jaxdyn course {page.number} --check`.")
     if code:
         out.print(f"\n{escape(page.code)}")

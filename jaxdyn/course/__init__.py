@@ -9,8 +9,10 @@ register, `problems()`, from the files.
 
 May import: `studies`, `hard`, `drawing`; and `orbits`.
 
-One more page is one more file here: a docstring of title, statement and "Answer: ", `PROBLEM` and
-`TOPIC` (one of `page.TOPICS`), and `solve`.
+One more page is one more file here: a docstring of title, statement, "Answer: " and the solution of
+each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go into
+``check(page)``, which runs with ``--check``. Figures in the text are roundings of the page's
+numbers, which the test checks.
 """
 
 import lazy_loader

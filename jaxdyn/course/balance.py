@@ -10,6 +10,28 @@ Answer: Statically, if the mass centre is on the axis (let go at any angle it st
 if the axis is a principal axis too, which it is in six positions, three axes in two directions. The
 plus sign has equal moments about all lines in its plane. Yes, one bearing can carry everything:
 masses 1 kg at (1, 2) and (2, -1) leave the bearing at x = 3 free.
+
+(a) The net force is m a_G, and G moves on a circle about the axis at the rate omega: a_G = -omega^2
+times its distance. So static balance means that the mass centre is on the axis, whatever the shape.
+
+(b) Let the shaft turn freely, with the motor off, and let go at several angles. If G is off the
+axis its weight turns the shaft until G is below; if it is on it, the shaft stays at every angle.
+
+(c) With G on the axis, and the axis along x, the net moment about C is the rate of the angular
+momentum omega (I_xx, I_xy, I_xz), which turns with the body: omega^2 (0, -I_xz, I_xy). It is zero
+where both products of inertia are: where the axis is a principal axis through G.
+
+(d) A body without symmetry has three principal axes through G, at right angles. Each can be the
+axis of rotation, either way round: six positions, and any angle about the axis for each.
+
+(e) I. Four unit masses at 1 m, 90 degrees apart, have I_xy = 0 at any angle of the plus sign. II.
+The masses need the forces -omega^2 y j; those at 30 and 210 degrees are opposite, as are those at
+120 and 300 degrees, and their moments about C cancel in pairs: x y is 0.433 m^2 for one pair and
+-0.433 m^2 for the other.
+
+(f) Yes. The forces on the shaft at x = 0 and 3 m, which turn with it, have to be -omega^2 sum(m y)
+in all, with the moment -omega^2 sum(m x y) about x = 0. With 1 kg at (1, 2) m and at (2, -1) m the
+second sum is zero, so all the force is at x = 0: 100 N at 10 rad/s.
 """
 
 import jax.numpy as jnp
@@ -31,12 +53,18 @@ def solve(page: Page) -> None:
     arms = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
     plus = sum((inertia.point(1.0, r) for r in arms[1:]), inertia.point(1.0, arms[0]))
     loads = bearing_forces(plus, *ends, spin)
-    page.equal("Its inertia has no products with x", plus.inertia[0, 1:], [0, 0], within=1e-14)
-    page.true("The plus sign is dynamically balanced", loads.dynamically, route="inertia")
+    page.equal(
+        "e: The plus sign has no products of inertia with x",
+        plus.inertia[0, 1:],
+        [0, 0],
+        within=1e-14,
+    )
+    page.true("e: The plus sign is dynamically balanced", loads.dynamically, route="inertia")
     pulls = -(spin**2) * arms * np.array([0.0, 1.0, 1.0])  # m a of each mass
-    page.equal("The four forces cancel", pulls.sum(axis=0), np.zeros(3), within=1e-12)
+    page.equal("e: The four forces cancel", pulls.sum(axis=0), np.zeros(3), within=1e-12)
     moment = np.cross(arms, pulls).sum(axis=0)
-    page.equal("So do their moments", moment, np.zeros(3), within=1e-12, route="mass by mass")
+    page.number("e: x y of its masses", arms[:, 0] * arms[:, 1], "m^2")
+    page.equal("e: So do their moments", moment, np.zeros(3), within=1e-12, route="mass by mass")
 
     body = inertia.box(2.0, [1.0, 2.0, 3.0]) + inertia.point(0.5, [0.3, 0.7, 1.1])
     axes = inertia.principal(body).axes
@@ -45,15 +73,17 @@ def solve(page: Page) -> None:
         for n in (*axes.T, axes @ jnp.array([0.8, 0.6, 0.0]), axes @ jnp.array([0.0, 0.6, 0.8]))
         for way in (1.0, -1.0)
     ]
-    page.number("balanced positions of an unsymmetric body", sum(map(int, balanced)))
+    page.number("d: positions of an unsymmetric body in balance", sum(map(int, balanced)))
     only = balanced == [True] * 6 + [False] * 4
-    page.true("They are its principal axes, either way round", only, route="bearing forces")
+    page.true(
+        "d: Its principal axes, either way round, and no other tried", only, route="bearing forces"
+    )
 
     shaft = inertia.point(1.0, [1.0, 2.0, 0.0]) + inertia.point(1.0, [2.0, -1.0, 0.0])
     loads = bearing_forces(shaft, jnp.zeros(3), jnp.array([3.0, 0.0, 0.0]), spin)
-    page.number("forces on the shaft at x = 0", loads.at_a, "N")
-    page.equal("The bearing at x = 0 carries all", loads.at_a, [0, -100.0, 0], within=1e-11)
-    page.equal("The bearing at x = 3 carries nothing", loads.at_b, np.zeros(3), within=1e-11)
+    page.number("f: force on the shaft at x = 0, along x, y and z", loads.at_a, "N")
+    page.equal("f: The bearing at x = 0 carries all", loads.at_a, [0, -100.0, 0], within=1e-11)
+    page.equal("f: The bearing at x = 3 carries nothing", loads.at_b, np.zeros(3), within=1e-11)
 
     figure = blank(6.4, 4.0)
     ax = figure.add_subplot(aspect="equal", xlabel="x [m]", ylabel="y [m]")

@@ -7,6 +7,28 @@ in x and for (b) in s. Draw the second curve, and say which famous curve it is.
 Answer: On y = c s^2 the bead oscillates with the period 2 pi / sqrt(2 c g) for every amplitude,
 since s'' = -2 c g s; the curve is a cycloid, traced by a wheel of radius 1 / (8 c) that rolls under
 a line. The equation of (a) is that of problem 30.
+
+(a) On y = c x^2 the velocity has the components x' and 2 c x x', so
+
+    L = (m / 2) (1 + 4 c^2 x^2) x'^2 - m g c x^2,
+
+and d/dt (dL/dx') = dL/dx, divided by m, is
+
+    (1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 g c x = 0.
+
+By Newton: m a has no force along the wire but the weight. The direction along it is (1, 2 c x), and
+a = (x'', 2 c x x'' + 2 c x'^2), so x'' + 2 c x (2 c x x'' + 2 c x'^2) = -2 c x g: the same.
+
+(b) The speed is s' and the height c s^2, so L = m s'^2 / 2 - m g c s^2 and s'' = -2 c g s: a
+harmonic oscillator, whose period does not depend on the amplitude.
+
+(b i, ii) With dy = 2 c s ds the curve has dx/ds = sqrt(1 - 4 c^2 s^2), up to s = 1 / (2 c), where
+it is upright. With 2 c s = sin(a / 2) that integrates to
+
+    x = (a + sin a) / (8 c),   y = (1 - cos a) / (8 c),
+
+the cycloid of a point on the rim of a wheel of radius 1 / (8 c), turned by a, that rolls under the
+line y = 1 / (4 c).
 """
 
 import math

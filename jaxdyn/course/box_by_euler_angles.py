@@ -4,7 +4,10 @@ Turn a drawn box by three Euler angles that are any functions of time. Begin wit
 time, to see roll, pitch and yaw alone.
 
 Answer: Roll, pitch and yaw are turns about x, y and z alone; together the box has the matrix
-R_z R_y R_x, and its corners are that matrix times the corners of the drawing, to 1e-15.
+R_z R_y R_x, and its corners are that matrix times the corners of the drawing.
+
+The angles swing as 0.6 sin(t), 0.9 sin(2 t) and 1.2 sin(3 t) rad. In roll alone every x stays the
+same, in pitch every y, in yaw every z.
 """
 
 import jax
@@ -41,7 +44,7 @@ def solve(page: Page) -> None:
     t, names = np.asarray(whole.ts), [name for name, _ in whole.scene.labels()]
     angles = jnp.stack([whole[name] for name in names[:3]], axis=1)
     given = np.array(swings["all"]) * np.sin(np.array([1.0, 2.0, 3.0]) * t[:, None])
-    page.number("largest angles", jnp.max(jnp.abs(angles), axis=0), "rad")
+    page.number("largest roll, pitch and yaw when all swing", swings["all"], "rad")
     page.equal("The angles are those given", angles, given, within=1e-11)
 
     about = jax.vmap(matrix_from_axis_angle, (None, 0))

@@ -6,9 +6,44 @@ motion, brake down to rest, and decide which of the two is stable: does a small 
 does that depend on?
 
 Answer: With the front wheels locked any rotation dies out, at any speed. With the rear wheels
-locked it grows while V^2 > mu g L, above 4.2 m/s here. From 20 m/s a
-rotation of 0.01 rad/s turns this car by 257 degrees before it stops, with locked front wheels by
-0.07 degrees.
+locked it grows while V^2 > mu g L, above 4.2 m/s here. From 20 m/s a rotation of 0.01 rad/s turns
+this car by 257 degrees before it stops, with locked front wheels by 0.07 degrees.
+
+The numbers belong to m = 1000 kg, I = 1500 kg m^2, the front axle 1.2 m ahead of the mass centre
+and the rear axle 1.4 m behind (L = 2.6 m), mu = 0.7 and g = 9.81 m/s^2.
+
+(a) Let the free axle be s ahead of the mass centre G (s = 1.2 m with the rear locked, s = -1.4 m
+with the front locked) and the locked axle b ahead of the free one (b = -L or L). The free axle
+cannot move sideways: its velocity is V along the car. With the rate of turning omega the locked one
+has the velocity (V, b omega) along and across, and the friction mu N against it, with N = m g |s| /
+L. Momentum along the car, and angular momentum about the free axle, where the unknown side force
+has no moment, with J = I + m s^2:
+
+    m (V' + s omega^2) = -mu N V / u
+    J omega' = m s V omega - mu N b^2 omega / u,      u = sqrt(V^2 + b^2 omega^2)
+
+and theta' = omega, while the free axle moves at V in the direction theta.
+
+(b) u = 0 only where the car stands. The integration ends at a small speed; the rest of the stop is
+added in closed form.
+
+(c) The car is called stable if a small rotation gets smaller while it brakes. The pictures show
+both cars after the same small disturbance.
+
+(d) For small omega the second equation is J omega' = (m s V - mu N L^2 / V) omega, and m V' = -mu
+N. The friction damps; the free axle steers the car back if it trails (s < 0, front locked), and
+away if it leads. With the rear locked omega grows while m s V^2 > mu N L^2, which is V^2 > mu g L,
+whatever the place of G. Dividing the two equations by each other and integrating from V0 to V:
+
+    omega = omega0 (V / V0)^(m L^2 / J) exp(m^2 s (V0^2 - V^2) / (2 mu N J))
+
+With the rear wheels locked the exponent is m L (V0^2 - V^2) / (2 mu g J). It is large for a fast
+car on a slippery road: 20 m/s and mu = 0.7 make exp(25.8).
+
+(e) i. With mu = 0 they are the ideal equations, m V' = -m s omega^2 and J omega' = m s V omega, of
+a body on one skate. ii. Then the energy (m V^2 + J omega^2) / 2 is constant. Without rotation the
+car slows down uniformly, at mu g |s| / L, and stays straight. A small rotation follows (d) to first
+order. All of these are checked below.
 """
 
 import numpy as np
@@ -26,6 +61,9 @@ def solve(page: Page) -> None:
     """Brake both cars to rest; check straight stops, small rotations and the free car."""
     edge = np.sqrt(0.7 * 9.81 * (1.2 + 1.4))
     page.number("speed above which locked rear wheels are unstable", edge, "m/s")
+    inertia = 1500.0 + 1000.0 * 1.2**2
+    power = 1000.0 * 2.6 * 20.0**2 / (2 * 0.7 * 9.81 * inertia)
+    page.number("d: exponent of the growth from 20 m/s to rest, rear wheels locked", power)
     stops = {}
     for locked, far in (("front", 1.4), ("rear", 1.2)):
         scene = scenes.car(locked=locked)
@@ -48,6 +86,19 @@ def solve(page: Page) -> None:
         rate = scenes.turning_rate(hardly, 10.0)
         page.equal(f"Its rate of growth, {locked}", growth, rate, within=1e-12)
 
+    turning = scenes.car(spin=0.5)
+    V, omega, force = 20.0, 0.5, 0.7 * 9.81 * 1000.0 * 1.2 / 2.6
+    u = np.hypot(V, 2.6 * omega)
+    slowing = -force * V / u / 1000.0 - 1.2 * omega**2
+    yaw = (1200.0 * V * omega - force * 2.6**2 * omega / u) / inertia
+    forward, _, turns = turning.rate(0.0, turning.y0)[3:]
+    page.equal(
+        "a: The equations of motion",
+        [forward, turns],
+        [slowing + 1.2 * omega**2, yaw],
+        within=1e-12,
+        route="by hand",
+    )
     page.equal("It is 0 at that speed", scenes.turning_rate(scenes.car(), edge), 0.0, within=1e-14)
     free = simulate(scenes.car(mu=0.0, spin=0.5), 10.0, samples=300, rtol=1e-12)
     page.equal("Without friction energy is conserved", energy.drift(free), 0.0, within=1e-12)

@@ -6,13 +6,29 @@ is the error at t = 2 s, and how does it depend on the tolerance or the step? Wh
 the path for ever larger speeds, and to what angle does the one with the longest range tend?
 
 Answer: With tau = m / c, x = tau vx0 (1 - e^(-t/tau)) and y = tau (vy0 + g tau) (1 - e^(-t/tau)) -
-g tau t; the error falls with the tolerance from 2e-11 m to rounding, and with Euler's method in
-proportion to the step. Fast shots draw a triangle, straight to the distance tau v0 and straight
-down; the best angle tends to 0 like log(u^2) / u with u = v0 / (g tau).
+g tau t; with Euler's method the error is proportional to the step. Fast shots draw a triangle,
+straight to the distance tau v0 and straight down; the best angle tends to 0, like W(u^2 / e) / u
+with u = v0 / (g tau), where W is Lambert's function.
+
+(a) m x'' = -c x' and m y'' = -c y' - m g are two linear equations of the first order for the
+velocity: vx = vx0 e^(-t/tau), vy = (vy0 + g tau) e^(-t/tau) - g tau. Integrated once more they give
+the formulas above.
+
+(b, c) With m = c = g = v0 = 1 and 45 degrees the errors at t = 2 s are in the table. With the
+method of ode45 they fall with the tolerance; with Euler's method they halve with the step.
+
+(d) In units of tau v0 the weight becomes unimportant for most of a fast flight: the ball runs out
+of speed on its first straight line, at the distance tau v0, and falls down from there.
+
+(e) The best angle tends to zero. A fast shot lands after t = tau (1 + u sin(theta)), at x = tau v0
+cos(theta) (1 - e^(-t/tau)). Its derivative by theta vanishes, for small theta, where u theta
+e^(u theta) = u^2 / e, so that theta = W(u^2 / e) / u: large u only add logarithms to 1 / u.
 """
 
+import diffrax
 import jax
 import numpy as np
+from scipy import special
 
 from jaxdyn import scenes, simulate
 from jaxdyn.accuracy import convergence
@@ -34,12 +50,13 @@ def solve(page: Page) -> None:
     """Compare with the closed form, shoot faster and faster, and look for the longest range."""
     ball = scenes.cannonball(speed=1.0, g=1.0, linear=1.0)
     exact = np.asarray(ballistics.cannonball_linear_exact(2.0, speed=1.0, g=1.0))
-    for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
-        end = np.asarray(simulate(ball, 2.0, samples=400, rtol=rtol).ys[-1])
-        page.number(f"error at 2 s, tolerance {rtol:.0e}", np.abs(end - exact).max(), "m")
+    for rtol in (1e-3, 1e-6, 1e-9):
+        end = simulate(ball, 2.0, samples=2, rtol=rtol, solver=diffrax.Dopri5()).ys[-1]
+        error = np.abs(np.asarray(end) - exact).max()
+        page.number(f"c: error at 2 s, ode45's method, tolerance {rtol:.0e}", error, "m")
     halved = convergence.halvings(ball, 2.0, steps=1024, rows=4)
     errors = np.abs(halved.ys - exact).max(axis=1)
-    page.number("error at 2 s, Euler's method with 1024, 2048, 4096 and 8192 steps", errors, "m")
+    page.number("c: error at 2 s, Euler's method with 1024, 2048, 4096 and 8192 steps", errors, "m")
     page.equal("Its order is 1", halved.orders[-1], 1.0, within=1e-3, route="halved steps")
 
     figure = figures.blank(6.4, 5.4)
@@ -60,8 +77,10 @@ def solve(page: Page) -> None:
 
     u = np.array([1.0, 1e2, 1e4])
     best = ballistics.best_angle(speed=u, g=1.0)
-    page.number("best angle for v0 = 1, 100, 10000 m/s", np.degrees(best), "degrees")
-    page.number("over log(u^2) / u", best[1:] * u[1:] / np.log(u[1:] ** 2))
+    page.number("e: best angle for v0 = 1, 100, 10000 m/s", np.degrees(best), "degrees")
+    law = special.lambertw(u**2 / np.e).real / u
+    page.number("e: W(u^2 / e) / u for these", np.degrees(law), "degrees")
+    page.equal("e: They agree for 10000 m/s", best[2] / law[2], 1.0, within=1e-5)
     slopes = jax.vmap(jax.grad(reach))(best, u) / u
     page.equal(
         "No angle takes it farther", slopes, 0 * u, within=1e-11, route="derivative of the range"

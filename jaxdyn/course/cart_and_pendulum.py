@@ -7,6 +7,24 @@ angular momentum balance, and by Lagrange, and show that they are the same.
 Answer: (m1 + m2) x'' + m2 l (theta'' cos(theta) - theta'^2 sin(theta)) = 0 for the whole along the
 track, and l theta'' + x'' cos(theta) + g sin(theta) = 0 for the point across the stick. The
 momentum along the track is conserved, so cart and point swing against each other.
+
+(a) The point is at (x + l sin(theta), -l cos(theta)), so its acceleration is x'' along the track
+plus l theta'' across the stick less l theta'^2 along it. Momentum of the whole along the track, on
+which no force acts, and angular momentum of the point about the hinge, which accelerates with x'':
+
+    (m1 + m2) x'' + m2 l (theta'' cos(theta) - theta'^2 sin(theta)) = 0
+    m2 l (l theta'' + x'' cos(theta)) = -m2 g l sin(theta)
+
+(b) The Lagrangian is
+
+    L = (m1 + m2) x'^2 / 2 + m2 l x' theta' cos(theta) + m2 l^2 theta'^2 / 2 + m2 g l cos(theta).
+
+dL/dx = 0, so d/dt (dL/dx') = 0 is the first equation. d/dt (dL/dtheta') = m2 l (x'' cos(theta) -
+x' theta' sin(theta)) + m2 l^2 theta'', and dL/dtheta = -m2 l x' theta' sin(theta) - m2 g l
+sin(theta): the terms with x' theta' cancel, and what is left is the second.
+
+The motion below has m1 = 2 kg, m2 = 1 kg, l = 1 m, g = 9.81 m/s^2, from theta = 2 rad at rest, the
+cart with 0.3 m/s.
 """
 
 import jax.numpy as jnp

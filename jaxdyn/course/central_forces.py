@@ -9,6 +9,22 @@ Answer: F = k / r, since m v^2 / r = k / r. A motion between two radii is a regu
 chaotic: each loop is the one before, turned by twice the apsidal angle, and q loops close if that
 angle is pi p / q. The fewest are 3 for k / r, 1 for gravity, 2 for a spring, 7 for r^3 and 3 for
 r^10, and ever more as n comes near to, but is not, 1 or -2.
+
+(a) On a circle m v^2 / r = F(r), so v is the same for all r where F is proportional to 1 / r.
+
+(b) The law of the example is F = k / r with k = 1 N m, for m = 1 kg. Started at 1 m from the centre
+across the radius with 0.3132 m/s, the motion closes after 2 turns and 3 loops, in 8.141 s: that is
+where the angle between a nearest and the next farthest point, which the start determines, is pi
+2 / 3. It is found by solving the closure for the start and the period, as the hint says.
+
+i. The motions that do not close are regular. In a central force the energy and the angular momentum
+are constant, so r oscillates between two values with one period, and each loop is the one before
+turned by the same angle; a chaotic motion is impossible.
+
+ii. See the table: the fewest loops depend on the exponent n through the range of the apsidal angle,
+from pi / sqrt(3 + n) for nearly circular orbits to pi / 2, or pi / (3 + n) for n < -1, for nearly
+straight ones. The closer n is to gravity or a spring, the narrower that range, and the more loops
+the first fraction in it has.
 """
 
 import numpy as np
@@ -36,13 +52,19 @@ def solve(page: Page) -> None:
 
     orbit = loops.closed(law, turns=2, loops=3)
     closed = simulate(orbit.scene, orbit.period, samples=400, rtol=1e-13)
-    page.number("period of the closed orbit", orbit.period, "s")
+    page.number("b: period of the closed orbit", orbit.period, "s")
+    speed = np.hypot(*orbit.y0[2:4])
+    page.number(
+        "b: its distance and speed at the start", [np.hypot(*orbit.y0[:2]), speed], "m, m/s"
+    )
     page.equal("It closes", closed.ys[-1], orbit.y0, within=1e-12, route="integrated again")
     turned = np.unwrap(np.arctan2(closed["y"], closed["x"]))[-1]
     page.equal("after two turns", turned, 4 * np.pi, within=1e-12, route="angle along the path")
 
     angle = scenes.apsidal_angle(law, 0.4, 1.0)
-    page.number("apsidal angle between 0.4 and 1 m", np.degrees(angle), "degrees")
+    page.number(
+        "b i: angle from nearest to farthest point, at 0.4 and 1 m", np.degrees(angle), "degrees"
+    )
     ring = loops.rosette(law, 0.4, loops=12)
     rosette = simulate(ring, samples=501, rtol=1e-13)
     once = simulate(ring, ring.t1 / 12, samples=400, rtol=1e-13).ys[-1].reshape(2, 2)
@@ -53,8 +75,8 @@ def solve(page: Page) -> None:
     )
 
     fewest = loops.fewest([-2.0, -1.5, -1.0, 0.0, 0.9, 1.0, 2.0, 3.0, 10.0])
-    page.number("exponents", fewest.n)
-    page.number("fewest loops", fewest.loops)
+    page.number("b ii: exponents n of the laws k r^n", fewest.n)
+    page.number("b ii: fewest loops of a closed orbit under these", fewest.loops)
     bertrand = fewest.loops[fewest.circle == fewest.line]
     page.equal("Gravity needs one loop, a spring two", bertrand, [1, 2], within=0, route="Bertrand")
 

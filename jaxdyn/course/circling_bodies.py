@@ -6,6 +6,17 @@ how fast do three bodies turn on a circle of diameter 3 for G = 10? Is the motio
 
 Answer: The period of two is 2 pi sqrt(d^3 / (G (m1 + m2))), and three on a circle of radius R turn
 at sqrt(G m / (sqrt(3) R^3)) = 1.3078. The circle of three is unstable: rounding alone ends it.
+
+(a) Both circle the mass centre with one angular speed w. The first is at d m2 / (m1 + m2) from it,
+so m1 w^2 d m2 / (m1 + m2) = G m1 m2 / d^2, and the period is 2 pi / w.
+
+(b) For G = 1, m1 = 1, m2 = 3 and d = 2 the period is 8.886; after it both bodies are back.
+
+(c) Three bodies on a circle of radius R are sqrt(3) R apart. Each is pulled to the centre with
+2 (G m^2 / (3 R^2)) cos(30 degrees) = G m^2 / (sqrt(3) R^2) = m w^2 R. For the diameter 3, R = 1.5.
+
+(d) After 2 pi / w they are back as well. But a small error grows in each turn by the factor in the
+table, so that a simulation leaves the circle after some turns.
 """
 
 import math

@@ -5,8 +5,8 @@ are given. Correct both until the motion closes on itself, and follow it for mor
 periods. Is it the figure-eight? Which other periodic motions of three bodies can be found?
 
 Answer: Asking only that the motion closes leads to a neighbour, in which three bodies run on three
-slightly different eights and which is weakly unstable (T = 7.9675). With the condition that each
-body is in the next one's place after T / 3 the search ends on Montgomery's eight (T = 7.9690),
+slightly different eights and which is weakly unstable (T = 7.9592). With the condition that each
+body is in the next one's place after T / 3 the search ends on Montgomery's eight (T = 7.9611),
 which is stable; another start closes to the "moth".
 """
 
@@ -38,6 +38,11 @@ def solve(page: Page) -> None:
         statement = f"After six periods {name} is where it started"
         end = motions[name].ys[-1]
         page.equal(statement, end, orbit.y0, within=1e-11, route="simulation of six periods")
+
+    for name in ("the neighbour", "the eight"):
+        places, speeds = np.split(np.asarray(found[name].y0), 2)
+        page.number(f"corrected start of {name}: x1, y1, x2, y2, x3, y3", places)
+        page.number(f"corrected start of {name}: their velocities", speeds)
 
     printed = orbits.find(scenes.three_body(), closing=orbits.choreography(3))
     first, second, known = (orbits.identify(orbit) for orbit in (plain, eight, printed))

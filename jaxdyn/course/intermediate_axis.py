@@ -7,6 +7,27 @@ deviations from a spin about each axis: about which is it stable? Compare with t
 Answer: About the axes of the smallest and the largest moment deviations oscillate, at 0.577 and 1
 rad/s for a spin of 1 rad/s; about the middle axis they grow like exp(0.577 t). From (1, 0, 1) the
 motion is omega = (cn t, sn t, dn t) with the parameter 1/3, Jacobi's functions.
+
+(a) The angular momentum has the components I_i omega_i in the body's axes e_i', which turn with
+omega. That it does not change in space, H' + omega x H = 0 with H' taken in these axes, is
+
+    I1 omega1' = (I2 - I3) omega2 omega3     omega1' = -omega2 omega3
+    I2 omega2' = (I3 - I1) omega3 omega1     omega2' = omega3 omega1
+    I3 omega3' = (I1 - I2) omega1 omega2     omega3' = -omega1 omega2 / 3
+
+on the right for the moments 1, 2 and 3 kg m^2.
+
+(b) `euler` in the code is these; any start is integrated by `simulate(ode(euler, start, t1))`.
+
+(c, d) Deviations of 0.001 rad/s in each component from a spin of 1 rad/s about x', y' and z' are
+drawn below for 30 s.
+
+(e) About x' and z' they stay as small as they began. About y', the axis of the middle moment, they
+grow until the body flips over. To first order the two deviations across the spin about axis i obey
+w'' = w omega^2 (I_j - I_i) (I_i - I_k) / (I_j I_k): positive only for the middle moment.
+
+(f) The full equations, with the attitude R, give omega in fixed axes. R^T omega is its components
+in the body's axes, and these are the solution of Euler's equations.
 """
 
 import jax.numpy as jnp
@@ -43,9 +64,11 @@ def solve(page: Page) -> None:
         found = linearize(about, np.eye(3)[i]).eigenvalues
         fastest = found[np.argmax(np.abs(found))]
         what = "growth" if fastest.real > abs(fastest.imag) else "frequency"
-        page.number(f"{what} of deviations from a spin about {name}'", abs(fastest), "1/s")
+        rate = f"{what} of small deviations from a spin of 1 rad/s about {name}'"
+        page.number(rate, abs(fastest), "1/s")
         square = [-2 / 6, 1 / 3, -1.0][i]  # (I_j - I_i) (I_i - I_k) / (I_j I_k)
-        page.equal(f"Its square, {name}'", complex(fastest) ** 2, complex(square), within=1e-12)
+        statement = f"e: about {name}' its square is (I_j - I_i) (I_i - I_k) / (I_j I_k)"
+        page.equal(statement, complex(fastest) ** 2, complex(square), within=1e-12)
         spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
     legend_below(figure, figure.axes[0].get_lines())
     page.draw(
@@ -55,11 +78,16 @@ def solve(page: Page) -> None:
     start = jnp.array([1.0, 0.0, 1.0])
     short = simulate(ode(euler, start, 30.0), samples=400, rtol=1e-12)
     sn, cn, dn, _ = ellipj(np.asarray(short.ts), 1 / 3)
-    page.equal("It is (cn, sn, dn)", short.ys, np.stack([cn, sn, dn], axis=1), within=1e-11)
+    page.equal(
+        "b: From (1, 0, 1) omega is (cn t, sn t, dn t)",
+        short.ys,
+        np.stack([cn, sn, dn], axis=1),
+        within=1e-11,
+    )
     whole = simulate(scenes.free_body(start), 30.0, samples=400, rtol=1e-12)
     pose = energy.along(rigid.pose, whole)
     turned = jnp.einsum("sji,sj->si", pose.R_wb, pose.omega_w)
-    same = "R^T omega of the full equations is the same"
+    same = "f: R^T omega of the full equations is the solution of Euler's"
     page.equal(same, turned, short.ys, within=1e-11, route="second formulation")
 
     page.play(spins, "Only the spin about y' flips over.", choose="spin")

@@ -5,10 +5,28 @@ under gravity g. Write the equation of motion, solve it from any start, and draw
 collect ways to know that the solution is right: cases whose motion is known in closed form,
 quantities that stay constant, and another formulation of the same problem.
 
-Answer: m r'' = -k (|r| - L) r / |r| - m g j, which keeps the energy to 1e-15 and agrees with
-Lagrange's equations in polar coordinates to 1e-14. All special cases hold to 1e-13: without the
-spring a parabola; from rest below the pin a vertical line; without gravity a harmonic oscillation
-along a radius from rest, and a circle where v^2 = k r (r - L) / m; with L = 0 an ellipse.
+Answer: m r'' = -k (|r| - L) r / |r| - m g j. It keeps the energy, agrees with Lagrange's equations
+in polar coordinates, and all special cases hold: without the spring a parabola; from rest below the
+pin a vertical line; without gravity a harmonic oscillation along a radius from rest, and a circle
+where v^2 = k r (r - L) / m; with L = 0 an ellipse.
+
+(a) The spring pulls with k (|r| - L) towards the pin, so
+
+    m x'' = -k (1 - L / |r|) x,   m y'' = -k (1 - L / |r|) y - m g,   |r| = sqrt(x^2 + y^2).
+
+(b) The path and the motion below start at (1, 0) m with (0, 1) m/s, for m = 1 kg, k = 10 N/m, L =
+0.5 m and g = 9.81 m/s^2.
+
+(c) i. k = 0: parabolic flight. ii. x0 = vx0 = 0: it stays on the y axis. iii. g = 0 from rest: it
+swings on a radius, r = L + (r0 - L) cos(sqrt(k / m) t), if it does not reach the pin.
+
+iv. L = 0, all else arbitrary: the path is an ellipse about the point m g / k below the pin, run
+through once in 2 pi sqrt(m / k). Why? The force -k r - m g j is linear, so both components of the
+distance from that point obey m u'' = -k u, with one frequency.
+
+v. g = 0 and v^2 = k r (r - L) / m across the radius: a circle, as the spring supplies m v^2 / r.
+vi. The energy m v^2 / 2 + k (|r| - L)^2 / 2 + m g y is constant. vii. Lagrange's equations in polar
+coordinates, integrated by themselves, give the same path.
 """
 
 import jax.numpy as jnp

@@ -32,12 +32,14 @@ def solve(page: Page) -> None:
 
     about_G = momenta.moment_balance(motion, momenta.centre_of_mass)["relative"]
     about_first = momenta.moment_balance(motion, lambda t, points: points.r[0])["relative"]
-    page.number("moment about G at the start", about_G.left[0], "N m")
+    what = "moment of all forces about G at t = 0: x, y and z"
+    page.number(what, about_G.left[0], "N m")
     statement = "About G the moment is the rate of the angular momentum relative to G"
     page.equal(statement, about_G.left, about_G.right, within=1e-11, route="derivative of H")
     statement = "About the first mass, which accelerates as well, it is not"
     page.true(statement, not about_first.holds, route="derivative of H")
-    page.number("largest difference there", about_first.residual, "N m")
+    what = "largest difference of moment and rate of H about the first mass"
+    page.number(what, about_first.residual, "N m")
 
     r, v = motion.r, motion.ys[:, 9:].reshape(-1, 3, 3)
     arm = r - np.average(r, axis=1, weights=scene.system.m)[:, None]

@@ -9,6 +9,21 @@ Answer: The three linear equations have the motion of theta'' = -g/l sin(theta),
 the second derivative of the length at zero, so errors of the steps add up: at a tolerance of 1e-3
 the rod drifts visibly within 100 s. Baumgarte's restoring term bounds the drift, and
 projecting the state back onto the circle after each step removes it.
+
+The equations, with y upwards and T the tension of the rod, are linear in x'', y'' and T:
+
+    m x'' + (x / l) T = 0
+    m y'' + (y / l) T = -m g
+    x x'' + y y'' = -(x'^2 + y'^2)
+
+The third is x^2 + y^2 = l^2 differentiated twice. As a matrix equation for (x'', y'', T / (m l))
+the rows are (1, 0, x), (0, 1, y) and (x, y, 0), with the right side (0, -g, -(x'^2 + y'^2)). It
+always has a solution, as its determinant is -l^2.
+
+The start, l = 1 m, 2 rad from hanging, at rest, satisfies the length condition and its derivative;
+the equations keep nothing but the second derivative. An error e of the length and e' of its rate
+left by the steps therefore grow like e + e' t. Compared with l sin(theta) and -l cos(theta) of the
+pendulum by its angle all three agree to 1e-9 for 100 s at a tolerance of 1e-13.
 """
 
 import jax.numpy as jnp
@@ -53,7 +68,9 @@ def solve(page: Page) -> None:
         statement = f"x and y are those of the angle for 100 s, {name}"
         page.equal(statement, tight[name].r, by_angle.r, within=1e-9, route="second formulation")
         off = np.abs(np.linalg.norm(motion.r[:, 0], axis=1) - 1.0)
-        page.number(f"change of the length in 100 s at rtol 1e-3, {name}", off.max(), "m")
+        page.number(
+            f"largest error of the length at 601 times in 100 s, rtol 1e-3, {name}", off.max(), "m"
+        )
         ax.semilogy(motion.ts, off + 1e-17, label=name)
     ax.set(xlabel="t [s]", ylabel="change of the length [m]")
     ax.legend(frameon=False)

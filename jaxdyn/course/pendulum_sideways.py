@@ -7,6 +7,16 @@ compare its solutions with those of the usual pendulum equation.
 Answer: x'' = -x x'^2 / (l^2 - x^2) - g x sqrt(l^2 - x^2) / l^2, from Lagrange with the speed
 l x' / sqrt(l^2 - x^2). It agrees with l sin(theta) to rounding as long as the mass stays below the
 hinge; at the level of the hinge the coordinate ends, with 0 / 0 for the acceleration.
+
+With x = l sin(theta) the mass is at the depth sqrt(l^2 - x^2), and its speed is l theta' = l x' /
+sqrt(l^2 - x^2). So
+
+    L = m l^2 x'^2 / (2 (l^2 - x^2)) + m g sqrt(l^2 - x^2),
+
+and d/dt (dL/dx') = dL/dx, divided by m l^2 / (l^2 - x^2), is the equation above. The same follows
+from theta'' = -(g / l) sin(theta): x'' = l theta'' cos(theta) - l theta'^2 sin(theta).
+
+The comparison is for l = 1 m, from 1.2 rad at rest, for 10 s.
 """
 
 import jax.numpy as jnp

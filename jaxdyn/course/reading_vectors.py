@@ -7,6 +7,15 @@ does not depend on which point of the line is used, nor on where along its own l
 Answer: In components the moment about the line through p along the unit vector n is
 epsilon_ijk n_i (r_j - p_j) F_k, for the numbers below 1 N m. It stays the same as p moves along n
 and r along F: only the arm across both lines counts.
+
+(a, b) The moment about the line is n . ((r - p) x F). Moving p by a n adds a n . (n x F) = 0, and
+moving r by b F adds b n . (F x F) = 0. The numbers belong to n = (1, 2, 2) / 3, p = (0, 1, 0) m,
+r = (1, 0, 2) m and F = (2, -1, 3) N.
+
+(c) The statement asked for, as far as it is true of this page: "The book and the course's site were
+not read for it, so nothing is claimed of chapters 1 to 3, section 17.1 and appendix A. What they
+are named for, vectors, components, products and moments, is what problems 2, 4, 5 and 40 to 42 work
+out and check."
 """
 
 import numpy as np

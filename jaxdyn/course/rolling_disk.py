@@ -8,7 +8,32 @@ angle of the axis from the vertical, and R < 0 leans towards the middle.
 Answer: (a) omega_p^2 = m g r cos(theta) / (sin(theta) (I cos(theta) - (2 I / r + m r) R)), with
 r omega_3 = R omega_p. (b) I cos(theta) omega_p^2 - 2 I omega_3 omega_p = m g r cot(theta), the
 centre at rest. (c) omega_p^2 = m g r / (I sin(theta)) and omega_3 = 0: the ever faster rattle of a
-coin that comes to rest.
+coin that comes to rest. Upright, straight rolling and turning on the spot belong to (a) and (c).
+
+The numbers belong to a uniform disk of m = 1 kg, r = 0.5 m, I = m r^2 / 4 and g = 9.81 m/s^2.
+omega_3 = omega_s + omega_p cos(theta) is the whole rate of turning about the axis of the disk.
+
+(a) The centre circles at R omega_p, so the ground pushes with the friction m R omega_p^2 towards
+the middle and with m g upwards. The moment of both about the centre is the rate omega_p k x H of
+the angular momentum, which with r omega_3 = R omega_p (no slip) is the formula above. For a lean
+0 < theta < pi/2 it has a solution for every R with
+
+    R < I r cos(theta) / (2 I + m r^2),   for a uniform disk R < r cos(theta) / 6,
+
+so a disk may lean inwards on any circle (R < 0), but outwards only near the middle. The rates are
+omega_p and -omega_p, mirror images. Upright, theta = pi/2, the right side is zero and two families
+are left: straight rolling (omega_p = 0, R infinite, any omega_3), and turning on the spot about the
+vertical diameter (R = 0, omega_3 = 0, any omega_p).
+
+(b) Without friction no horizontal force acts, so the centre is at rest or moves straight on (R = 0
+in a frame that moves with it). The equation has two roots omega_p for every lean 0 < theta < pi/2
+and every omega_3, one of each sign. Upright omega_p omega_3 = 0: it spins about the vertical, or
+about its axis.
+
+(c) R = 0 and r omega_3 = R omega_p give omega_3 = 0: the line from the centre to the contact is the
+axis of rotation, and omega_p = sqrt(m g r / (I sin(theta))) follows from (b). It exists at every
+lean. Upright there are straight rolling, which needs no friction, and turning on the spot, at any
+rate. Straight rolling is stable faster than sqrt(g r / 3), here 1.279 m/s.
 """
 
 import jax
@@ -17,7 +42,7 @@ import numpy as np
 
 from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import precession
-from jaxdyn.course.page import Page, show
+from jaxdyn.course.page import Page, largest, show
 
 PROBLEM = 60
 TOPIC = "rolling and skating"
@@ -29,7 +54,8 @@ def solve(page: Page) -> None:
     """Start disks in each steady motion, see that they keep it, and test straight rolling."""
     lean, R = 1.2, -1.0
     rolls = precession.rolling_disk_circle(lean, R, **DISK)
-    page.number("a: precession and spin at R = -1 m", [rolls.precession, rolls.spin], "rad/s")
+    rates = "a: precession omega_p and spin omega_s, theta = 1.2 rad, R = -1 m"
+    page.number(rates, [rolls.precession, rolls.spin], "rad/s")
     scene = scenes.rolling_disk(lean, precession=rolls.precession, spin=rolls.spin)
     rolling = simulate(scene, 4.0, samples=400, rtol=1e-12)
     phi = rolls.precession * rolling.ts
@@ -38,12 +64,20 @@ def solve(page: Page) -> None:
     page.equal("a: its lean stays", rolling["theta"], jnp.full(400, lean), within=1e-12)
     moment, slip, _ = precession.disk_residuals(lean, rolls, **DISK)
     page.equal("a: balance of moments, no slip", [moment, slip], [0, 0], within=1e-13)
+    outermost = 0.5 * np.cos(lean) / 6
+    beside = precession.rolling_disk_circle(lean, outermost * np.array([0.999, 1.001]), **DISK)
+    exists = np.isfinite(beside.precession).tolist() == [True, False]
+    page.true("a: it exists for R < r cos(theta) / 6", exists, route="both sides")
+    upright = (precession.SteadyDisk(0.0, 6.0, -1e9), precession.SteadyDisk(7.0, 0.0, 0.0))
+    lacks = [precession.disk_residuals(np.pi / 2, one, **DISK).moment for one in upright]
+    page.equal("a, c: upright, rolling on or turning on the spot", lacks, [0, 0], within=1e-12)
 
     slides = precession.sliding_disk_roots(lean, 6.0, **DISK)
-    page.number("b: precessions at a spin of 6 rad/s", slides.precession, "rad/s")
+    rates = "b: both precessions omega_p, theta = 1.2 rad, omega_s = 6 rad/s"
+    page.number(rates, slides.precession, "rad/s")
     scene = scenes.rolling_disk(lean, rough=False, precession=slides.precession[1], spin=6.0)
     change = jax.jit(scene.rate)(0.0, scene.y0)[6:]
-    page.equal("b: no velocity changes at the fast one", change, jnp.zeros(6), within=1e-11)
+    page.equal("b: started with the second, no rate changes", change, jnp.zeros(6), within=1e-11)
 
     coins = {}
     for tilt in (0.15, 0.3, 0.6, 1.2):
@@ -52,22 +86,29 @@ def solve(page: Page) -> None:
         coins[f"{tilt:g}"] = simulate(scene, 4.0, samples=400, rtol=1e-12)
         shares = precession.disk_residuals(tilt, both, **DISK)
         page.equal(f"c: no slip, no friction at {tilt}", shares, np.zeros(3), within=1e-12)
-        page.number(f"c: precession at a lean of {tilt}", both.precession, "rad/s")
+        page.number(f"c: precession omega_p at theta = {tilt} rad", both.precession, "rad/s")
 
     edge = np.sqrt(9.81 * 0.5 / 3)
-    page.number("slowest stable straight rolling", edge, "m/s")
-    leans = []
-    for speed in (0.9 * edge, 1.1 * edge):
-        upright = scenes.rolling_disk(np.pi / 2 + 1e-6, precession=0.0, spin=-speed / 0.5)
-        straight = simulate(upright, 4.0, samples=400, rtol=1e-12)
-        leans.append(jnp.max(jnp.abs(straight["theta"] - np.pi / 2)))
-    page.number("largest lean after 1e-6 rad, at 0.9 and 1.1 of it", leans, "rad")
-    falls = leans[0] > 1e-3 and leans[1] < 1e-4
-    page.true("Slower it falls, faster it does not", falls, route="simulation")
+    page.number("c: speed above which straight rolling is stable", edge, "m/s")
 
     page.draw(drawing.trajectory(rolling), "The contact runs round a wider circle than the centre.")
     page.play(rolling, "A coin that rolls round a circle leans inwards.")
     page.play(coins, "The flatter, the faster it rattles.", choose="lean of the axis [rad]")
+
+
+def check(page: Page) -> None:
+    """Roll straight on a little slower and a little faster than the limit of stability."""
+    edge = page["c: speed above which straight rolling is stable"]
+    leans = []
+    for speed in (0.9 * edge, 1.1 * edge):
+        upright = scenes.rolling_disk(np.pi / 2 + 1e-6, precession=0.0, spin=-speed / 0.5)
+        at = [name for name, _ in upright.labels()].index("theta")
+        most = largest(upright, lambda t, y, at=at: (y[at] - np.pi / 2) ** 2, 4.0)
+        leans.append(np.sqrt(most.value))
+    page.number("c: largest lean from upright in 4 s, from 1e-6 rad, at 0.9 of it", leans[0], "rad")
+    page.number("c: and at 1.1 of that speed", leans[1], "rad")
+    falls = leans[0] > 1e-3 and leans[1] < 1e-4
+    page.true("c: Slower it falls, faster it does not", falls, route="simulation")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,27 @@ moments, the middle one about the line of its balls' centres, and no other motio
 wobbles about axes 1 and 3, and wobbles about axis 2 that flip again and again; B to be axisymmetric
 about (1, 1, 1), with steady precession only; C to keep its angular velocity whatever the start.
 
-Answer: All claims on B and C are true. On A two are false: the line of the centres is the axis of
-the smallest moment, and there are other motions: from a spin across axis 2 with 2 T I_2 = H^2 the
-satellite flips just once, omega = (a sech, b tanh, c sech) of the time.
+Answer: All claims on B and C are true, one of them if it is read rightly. On A two are false: the
+line of the centres is the axis of the smallest moment, and there are other motions: from a spin
+across axis 2 with 2 T I_2 = H^2 the satellite flips just once, omega = (a sech, b tanh, c sech) of
+the time.
+
+The claims number the axes of A from the biggest moment to the smallest; here, as in problem 55, the
+numbers go from the smallest to the biggest. Axis 2 is the same, and no verdict depends on it.
+
+(A i) True: 0.527, 0.795 and 1.051 kg m^2. (A ii) False: the line through the centres of the balls,
+along (1, -1, 0), is the axis of the smallest moment, since the balls are nearest to it. (A iii) The
+spins, wobbles and repeated flips are possible. But they are not all: the motion that separates
+wobbles about axis 1 from those about axis 3 begins and ends as a spin about axis 2, in opposite
+directions of the body, and flips once.
+
+(B i, ii) True: a third of a turn about (1, 1, 1) takes the cube and its balls into themselves.
+(B iii) As printed it says "steady precession about the symmetry axis". In the body that is true:
+there omega goes round the symmetry axis at a constant rate. In space it is the axis that goes round
+the constant angular momentum H, and a precession about the axis, which moves itself, is none. In
+that reading, which problem 58 proves, these are all motions, with the exact spins as limits.
+
+(C) True: with three equal moments H = I omega, so omega is constant with H, whatever the start.
 """
 
 import jax.numpy as jnp
@@ -34,6 +52,7 @@ def solve(page: Page) -> None:
     page.true("Only A ii and the last of A iii fail", wrong == ["A ii", "A iii d"], route="rating")
 
     moments, axes = inertia.principal(scenes.satellites.satellite_a())
+    page.number("principal moments of A", moments, "kg m^2")
     line = [0.5**0.5, -(0.5**0.5), 0.0]
     page.equal("The line of the centres has the least moment", axes[:, 0], line, within=1e-14)
     first, second, third = np.asarray(moments)

@@ -9,6 +9,38 @@ Answer: On one skate under its mass centre a body runs round a circle, else it e
 glide with the mass centre ahead. Two skates leave one twist in the body's axes, which is constant:
 the body turns uniformly about the point where the normals meet. With a common normal both skates
 state one condition, and only the sum of their forces is determined.
+
+A skate is at (a, b) from the mass centre in the body's axes, and its blade makes the angle beta
+with the body's x axis. n = (-sin(theta + beta), cos(theta + beta)) is its normal, r the arm from
+the mass centre to it in fixed axes, and h = r x n = a cos(beta) + b sin(beta) the moment of a unit
+force along n.
+
+(a) One skate, with the force F across it: m (x'', y'') = F n, I theta'' = F h, and the condition
+n . (x', y') + h theta' = 0. With h = 0 the force does no turning: theta' is constant, and the body
+runs at a constant speed round a circle.
+
+(b) Two skates, as differential-algebraic equations for x'', y'', theta'', F1 and F2:
+
+    m x'' = F1 n1x + F2 n2x
+    m y'' = F1 n1y + F2 n2y
+    I theta'' = F1 h1 + F2 h2
+    n1 . (x'', y'') + h1 theta'' = theta' e1 . (x', y')
+    n2 . (x'', y'') + h2 theta'' = theta' e2 . (x', y')
+
+with e_i along blade i. The last two are n_i . (x', y') + h_i theta' = 0 differentiated: n_i turns
+at -theta' e_i, and h_i is constant. The start has to satisfy the two undifferentiated conditions.
+
+(c) By Lagrange: T = m (x'^2 + y'^2) / 2 + I theta'^2 / 2 gives the left sides m x'', m y'' and I
+theta''. The virtual work of F_i in a displacement is F_i (n_i . (dx, dy) + h_i dtheta), so the
+generalised forces are the right sides above: the same five equations.
+
+(d) In the body's axes the two conditions are two fixed linear equations for three velocities. They
+leave one ratio of them, and the constant energy leaves its size. Such a motion is a uniform turn
+about the point that no velocity has: where the normals of the skates meet. If these are parallel,
+it is a straight glide.
+
+The numbers belong to m = 1 kg, I = 0.5 kg m^2 and two skates at (1, 0) and (-0.5, 0.3) m with the
+angles 0.4 and -0.2 rad.
 """
 
 import jax.numpy as jnp

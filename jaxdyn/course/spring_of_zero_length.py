@@ -7,6 +7,16 @@ what you see belongs to the system and not to the integration, and explain it.
 Answer: There is no wild motion. The force -k r - m g k is linear, so about the point m g / k below
 the pin all directions swing with one frequency: each motion is an ellipse in a plane, with the
 period 2 pi sqrt(m / k) = 1.987 s. A rest length of 0.5 m from the same start makes it wild.
+
+(a) m r'' = -k r - m g k, in space, with k upwards on the right. Here m = 1 kg, k = 10 N/m and g =
+9.81 m/s^2.
+
+(b) Every start gives an ellipse. The wildest is a circle or a line.
+
+(c) With u the place relative to the point m g / k below the pin, m u'' = -k u in each direction, so
+u = u0 cos(w t) + (v0 / w) sin(w t) with w = sqrt(k / m). That lies in the plane of u0 and v0, and
+is an ellipse with u0 and v0 / w as conjugate half-diameters. A spring with a rest length has the
+force -k (1 - L / |r|) r, which is not linear, and its directions swing with different frequencies.
 """
 
 import math

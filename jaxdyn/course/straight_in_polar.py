@@ -7,6 +7,17 @@ of how straight a path is, and find out whether a tighter tolerance makes it str
 Answer: r'' = r theta'^2 and theta'' = -2 r' theta' / r. With the measure "largest distance from the
 best straight line over the length" the paths are straight to the tolerance and, at 1e-13, to
 rounding: also the one that passes the origin at a micrometre, where theta jumps by almost pi.
+
+(a) The acceleration is (r'' - r theta'^2) e_r + (r theta'' + 2 r' theta') e_theta. Both parts are
+zero, which gives the two equations.
+
+(b, c) A particle starts at (1, b) m with (-1, 0) m/s and passes the origin at b = 0.5 m, 1 mm and
+1 um. At all times it is at (1 - t, b), to 1e-11 m.
+
+(d) The measure: fit the straight line that is nearest to all samples, and divide the largest
+distance of a sample from it by the length of the path.
+
+(e) Yes, until rounding: see the numbers and the second picture.
 """
 
 import numpy as np

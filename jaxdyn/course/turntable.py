@@ -6,9 +6,42 @@ slot, find the acceleration of the mass in three ways (a) and the equations of m
 momentum balance (b) and by Lagrange (c). Started with s = 0, s' > 0 and theta' > 0, does theta grow
 without bound (d)?
 
-Answer: s'' = theta'^2 s - theta'' d and (I + m s^2) theta'' = -m s (2 theta' s' + theta'^2 d).
-The angle has a limit: the mass runs away steadily, s grows like t, and with the angular momentum
-fixed theta' falls like 1 / s^2.
+Answer: s'' = theta'^2 s - theta'' d and (I + m s^2) theta'' = -m s (2 theta' s' + theta'^2 d). With
+s' > 0 at the start the angle has a limit: the mass runs away steadily, s grows like t, and with the
+angular momentum fixed theta' falls like 1 / s^2. With s' = 0 it stays at s = 0, and theta = theta'
+t grows without bound.
+
+(a) i' points along the slot, j' across it towards the centre, and the mass is at r = s i' - d j'.
+Differentiated twice with i'' s rate theta' j' and j'' s rate -theta' i':
+
+    a = (s'' + d theta'' - s theta'^2) i' + (s theta'' + 2 s' theta' + d theta'^2) j'
+
+i. In fixed axes r = (s cos theta + d sin theta, s sin theta - d cos theta); its second derivative
+is this, with i' = (cos theta, sin theta). iii. The five terms in the frame of the table, whose
+centre is at rest, are theta'' k x r - theta'^2 r + 2 theta' s' j' + s'' i': the same.
+
+(b) No force acts along the slot, so a . i' = 0. About the centre the whole has no moment, so
+I theta'' + m (s a_j + d a_i) = 0, where a_i = 0:
+
+    s'' + d theta'' - s theta'^2 = 0
+    I theta'' + m s (s theta'' + 2 s' theta' + d theta'^2) = 0
+
+(c) L = I theta'^2 / 2 + m ((s' + d theta')^2 + s^2 theta'^2) / 2. Its equation for s is the first;
+the one for theta says that the angular momentum H = I theta' + m d (s' + d theta') + m s^2 theta'
+is constant, and its derivative less m d times the first is the second.
+
+(d) With v0 = 0: no force pushes the mass off s = 0, since s'' = -d theta'' = 0 there. The table
+turns at omega_0 for ever, so theta grows without bound. (This is unstable: the least push ends it.)
+
+With v0 > 0, no: with A = I + m d^2 and the energy E, the two conserved quantities give
+
+    s'^2 = (I v0^2 + 2 E s^2) / (I + m s^2),
+    dtheta/ds = (H / s' - m d) / (A + m s^2).
+
+The first is positive, so s grows for ever, at a speed that tends to sqrt(2 E / m). The second falls
+like 1 / s^2, and the integral of that to infinity is finite. For slow masses the limit is large, as
+log(1 / v0). With I = 1 kg m^2, m = 1 kg, d = 0.5 m, v0 = 1 m/s and omega_0 = 1 rad/s it is 1.061
+rad.
 """
 
 import jax.numpy as jnp
@@ -32,7 +65,8 @@ def solve(page: Page) -> None:
     """Compare accelerations and equations of motion, then wait for the limit of the angle."""
     d, q, v, a = 0.5, jnp.array([0.7, 1.1]), jnp.array([1.3, -0.4]), jnp.array([0.2, 0.9])
     by_axes = kinematics.slot_acceleration(d, q, v, a)
-    page.number("acceleration of the mass in an example", by_axes, "m/s^2")
+    what = "a: acceleration at d = 0.5, theta = 0.7, s = 1.1, rates 1.3, -0.4, then 0.2, 0.9"
+    page.number(what, by_axes, "m/s^2")
     twice = kinematics.by_derivatives(lambda q: kinematics.slot_position(d, q), q, v, a)
     statement = "It is the second derivative of x and y"
     page.equal(statement, by_axes, twice, within=1e-14, route="autodiff")
@@ -52,13 +86,16 @@ def solve(page: Page) -> None:
     # The integral of dtheta / ds from s on; what is left out falls like 1 / s^3.
     tail = (momentum / speed - d) / s
     limit = scenes.turntable_limit(d=d)
-    page.number("angle after 1e4 s", theta, "rad")
-    page.number("its limit", limit, "rad")
+    page.number("d: angle after 1e4 s, v0 = 1 m/s, omega_0 = 1 rad/s", theta, "rad")
+    page.number("d: its limit", limit, "rad")
     page.equal(
         "The rest of the way to the limit is what is left", theta + tail, limit, within=1e-11
     )
     slow = [scenes.turntable_limit(d=d, speed=u) for u in (0.01, 0.1, 1.0)]
-    page.number("limits for slower masses: 0.01, 0.1 and 1 m/s", slow, "rad")
+    page.number("d: limits with v0 = 0.01, 0.1 and 1 m/s", slow, "rad")
+    still = simulate(scenes.turntable(speed=0.0, formulation="lagrange"), 10.0, **precisely)
+    uniform = jnp.array([10.0, 0.0, 1.0, 0.0])
+    page.equal("d: With v0 = 0 it turns at omega_0", still.ys[-1], uniform, within=1e-10)
 
     page.draw(drawing.trajectory(by_lagrange), "The mass leaves on a path that becomes straight.")
     speeds = {

@@ -8,10 +8,38 @@ sense the two then are a single mass.
 Answer: Yes, for any k: the forces of the spring cancel in the sum, so G moves at F t^2 / (2 M), M
 being the whole mass. About that the masses swing with the frequency sqrt(k M / (m1 m2)); they stray
 from the motion of a rigid pair by at most 2 F m1 m2 / (k M^2) and 2 F m1^2 / (k M^2), at all times.
+
+The numbers belong to m1 = 1 kg, m2 = 2 kg and F = 1 N, with a rest length of 1 m.
+
+(a) With the stretch s = x2 - x1 - l0,
+
+    m1 x1'' = k s,   m2 x2'' = -k s + F,   and so   s'' + w^2 s = F / m2,   w^2 = k M / (m1 m2).
+
+From rest s = F (1 - cos(w t)) / (m2 w^2), and with A = F m1 m2 / (k M^2) = F / (M w^2)
+
+    x1 = F t^2 / (2 M) - A (1 - cos(w t)),
+    x2 = l0 + F t^2 / (2 M) + (m1 / m2) A (1 - cos(w t)).
+
+(b) Yes. Adding both equations removes k s, whatever it is: (m1 + m2) a_G = F. A method of
+integration that adds multiples of the rates, as all of ours do, keeps the sum, so the numerical
+solution has the property to rounding, even where its steps are too long for the vibration.
+
+(c) Ten times the stiffness is a tenth of the largest distance from the rigid pair: see the numbers.
+
+(d) "Nearly a single mass" depends on what is measured, at the time t:
+
+    place: the first mass lacks at most a share (2 / (w t))^2 of the way F t^2 / (2 M), the second
+        has too much by at most m1 / m2 times that;
+    velocity: it differs by at most a share 1 / (w t) of F t / M (the second m1 / m2 times that);
+    acceleration: it never is that of a single mass. It swings between 0 and 2 F / M for the first,
+        however stiff the spring, with a frequency that grows like sqrt(k).
+
+So the pair is one mass in place and velocity after many vibrations, w t much larger than 1, and in
+its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
 """
 
 from jaxdyn import scenes, simulate
-from jaxdyn.course.page import Page, show
+from jaxdyn.course.page import Page, largest, show
 from jaxdyn.drawing.figures import blank, style
 from jaxdyn.scenes import springs
 
@@ -40,11 +68,10 @@ def solve(page: Page) -> None:
         )
         G = (m1 * x1 + m2 * (x2 - 1.0)) / total
         page.equal(f"G moves at F t^2 / (2 M), k = {k:g}", G, rigid, within=1e-13)
-        page.number(f"the first strays from a rigid pair by, k = {k:g}", abs(x1 - rigid).max(), "m")
+        most = largest(motion.scene, lambda t, y: F * t**2 / (2 * total) - y[0]).value
+        page.number(f"largest lag of the first mass behind a rigid pair, k = {k:g} N/m", most, "m")
         bound = 2 * F * m1 * m2 / (k * total**2)
-        page.true(
-            f"That is at most {bound:.3g} m", abs(x1 - rigid).max() <= bound, route="closed form"
-        )
+        page.equal(f"It is 2 F m1 m2 / (k M^2), k = {k:g}", most, bound, within=1e-12)
         ax.plot(ts, x1 - rigid, label=f"k = {k:g} N/m")
     ax.set(xlabel="t [s]", ylabel="place of the first mass, less that of a rigid pair [m]")
     ax.legend(frameon=False)

@@ -8,6 +8,33 @@ of R in the turned basis, and the components in e_i of the tensor R_ij e'_i e'_j
 Answer: R_ij = e_i . e'_j; r*_i = R_ij r_j, and in the turned basis r* has the components r_i,
 whatever R is; r_i = R_ji r*_j, and in the turned basis r_i' = R_ji R_kj r*_k. The matrix of R is
 the same in both bases, so the tensor R_ij e'_i e'_j is R itself and A_ij = R_ij.
+
+(a) to (h): a) r_i = r . e_i. b) R_ij = e_i . R . e_j. c) R_ij = e_i . e'_j. d) r*_i = R_ij r_j. e)
+r*_Bi = r_i, as r* lies in the turned basis as r in the fixed one. f) r_i = R_ji r*_j. g) r_Bi =
+R_ji r_j = R_ji R_kj r*_k. h) R_Bij = e'_i . R . e'_j = R_ij.
+
+(i) The column of r* in the fixed basis, in seven ways; n is the axis of R and theta its angle:
+
+    [r*] = R [r]                                  the matrix times the column of r
+    r*_i = R_ij r_j                               by indices
+    r*_i = r* . e_i                               components of the turned vector
+    [r*] = r_1 [e'_1] + r_2 [e'_2] + r_3 [e'_3]   r* has the components r_i in the turned basis
+    [r*] = R [r*]_B                               change of basis, [r*]_B = [r]
+    [r*] = R R [r]_B                              the same from the components of r, [r]_B = R^T [r]
+    [r*] = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r
+
+(j) A = R_ij e'_i e'_j has the matrix R in the turned basis, so in the fixed one it is R R R^T = R.
+
+(k) Questions that test what is left of confusion:
+
+Does the matrix R turn vectors or change bases? Both: [r*] = R [r] is a new vector in one basis,
+[r] = R [r]_B one vector in two. The same nine numbers; what differs is what is on the other side.
+
+The body now turns by a second rotation, given by the matrix S in its own, turned basis. What is the
+matrix of the whole in the fixed basis? R S, not S R: in the fixed basis the second is R S R^T, and
+(R S R^T) R = R S.
+
+Is omega in the turned basis R^T [omega] or R [omega]? R^T [omega], like any vector's components.
 """
 
 import numpy as np
@@ -47,7 +74,12 @@ def solve(page: Page) -> None:
         "h: the matrix is the same in both bases", in_turned, R, within=1e-14, route="dot products"
     )
     columns = np.sum(np.asarray(r)[:, None] * turned, axis=0)
-    page.equal("i: r* = r_i e'_i", columns, r_star, within=1e-14, route="rotated vector")
+    ways = [columns, R @ r, R @ (turned @ r_star), R @ R @ (turned @ r), [r_star @ x for x in e]]
+    same = "i: r_i e'_i and the other ways are r*"
+    page.equal(same, ways, [r_star] * 5, within=1e-14, route="rotated vector")
+    second = np.array([rotations.rotate(turned[2], 0.9, x) for x in turned])
+    S = rotations.matrix_from_axis_angle(e[2], 0.9)
+    page.equal("k: a second turn about e'_3 makes R S", second.T, R @ S, within=1e-14, route="axes")
     A = frames.tensor_in_world(R, R)
     page.equal("j: A_ij = R_ij", A, R, within=1e-14, route="change of basis")
 

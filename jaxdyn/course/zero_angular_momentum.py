@@ -7,6 +7,15 @@ masses are back?
 
 Answer: By -pi (1 - 7 / sqrt(65)) = -0.41393 rad, 23.7 degrees against the driven masses. The angle
 follows from the path alone, so it is the same at any speed.
+
+With the plate turned by phi and a driven mass at (x, y) on it, the angular momentum of all four
+masses is 2 m (w^2 phi' + r^2 phi' + x y' - y x'), with w = 2 m and r^2 = x^2 + y^2. It is zero, so
+
+    phi' = -(x y' - y x') / (w^2 + r^2),   phi = -integral of (x dy - y dx) / (4 + x^2 + y^2)
+
+round the circle x = 2 + cos(theta), y = sin(theta). The time does not occur in it. With x dy - y dx
+= (1 + 2 cos(theta)) dtheta and r^2 = 5 + 4 cos(theta) the integrand is (1 + 2 cos) / (9 + 4 cos) =
+1/2 - (7/2) / (9 + 4 cos), and the integral over one turn is pi - 7 pi / sqrt(65).
 """
 
 import math

@@ -122,6 +122,7 @@ class Site:
             problem=problem,
             statement=self.text(texts.prose(problem.statement), "../"),
             answer=self.text(texts.prose(problem.answer), "../"),
+            solution=self.text(texts.prose(problem.solution), "../"),
             played=played,
             code=Markup(texts.coloured(problem.code)),
             names=[(name, self._urls.get(name)) for name in problem.names],

@@ -150,7 +150,7 @@ def _claims_on_b() -> tuple[Claim, ...]:
         ),
         Claim(
             name="B iii b",
-            says="steady precession about H",
+            says="steady precession, of the axis about H (printed: about the axis)",
             holds=missed <= _SAME_MOTION,
             figure=missed,
             because="largest difference of the attitude to exp(t H / I_1) R_0 exp(t omega_s e_3)",

@@ -5,6 +5,8 @@ from .content import Drawing as Drawing
 from .content import Number as Number
 from .content import Page as Page
 from .content import Played as Played
+from .extremes import Largest as Largest
+from .extremes import largest as largest
 from .register import TOPICS as TOPICS
 from .register import Problem as Problem
 from .register import problems as problems

@@ -83,6 +83,10 @@ class Page:
         """Whether there are checks and all of them hold."""
         return bool(self.checks) and all(check.holds for check in self.checks)
 
+    def __getitem__(self, name: str) -> Any:
+        """The value of the number of a name."""
+        return {number.name: number.value for number in self.numbers}[name]
+
     def number(self, name: str, value: Any, unit: str = "") -> None:
         """Add a number to the table: () or (n,), or a short text."""
         self.numbers.append(Number(name, value if isinstance(value, str) else _host(value), unit))

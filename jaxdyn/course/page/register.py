@@ -1,7 +1,8 @@
 """The register of the course: what each page's own file says of it, read without running it.
 
 Derived from the files, so that it cannot differ from them: the title is the first line of the
-docstring, the answer its last paragraph, and the names are those that the code uses.
+docstring, the answer the paragraph that begins with "Answer: ", the solution what follows it, and
+the names are those that the code uses.
 """
 
 import ast
@@ -33,7 +34,9 @@ class Problem(NamedTuple):
       topic: one of `TOPICS`.
       title: a few words.
       statement: what is asked.
-      answer: in two sentences.
+      answer: in a few sentences.
+      solution: the answer of each part, with formulas, in paragraphs and indented blocks; empty
+        where the answer says it all.
       names: the public names that the page uses, such as ``jaxdyn.simulate``.
       code: the text of its file.
     """
@@ -44,6 +47,7 @@ class Problem(NamedTuple):
     title: str
     statement: str
     answer: str
+    solution: str
     names: tuple[str, ...]
     code: str
 
@@ -61,7 +65,8 @@ def _read(path: Path) -> Problem:
     text = path.read_text()
     tree = ast.parse(text)
     title, _, rest = (ast.get_docstring(tree) or "").partition("\n")
-    statement, _, answer = rest.partition(_ANSWER)
+    statement, _, answered = rest.partition(_ANSWER)
+    answer, _, solution = answered.partition("\n\n")
     data = {
         target.id: ast.literal_eval(node.value)
         for node in tree.body
@@ -76,6 +81,7 @@ def _read(path: Path) -> Problem:
         title=title.removesuffix("."),
         statement=statement.strip(),
         answer=" ".join(answer.split()),
+        solution=solution.rstrip(),
         names=_names(tree),
         code=text,
     )

@@ -2,9 +2,11 @@
 
 import importlib
 import math
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -18,21 +20,36 @@ _DIGITS = 9
 
 
 class Run(NamedTuple):
-    """A page that has run, and how long it took [s], compiling included."""
+    """A page that has run.
+
+    Attributes:
+      page: what it found.
+      seconds: how long it took [s], compiling included.
+      left: whether it has a function `check`, of checks that take long, which did not run.
+    """
 
     page: Page
     seconds: float
+    left: bool = False
 
 
-def run(name: str) -> Run:
-    """Run the page of a name, such as "figure_eight"."""
-    return _timed(importlib.import_module(f"jaxdyn.course.{name}").solve)
+def run(name: str, *, check: bool = True) -> Run:
+    """Run the page of a name, such as "figure_eight".
+
+    Args:
+      name: of the page.
+      check: whether to run its long checks as well.
+    """
+    return _timed(importlib.import_module(f"jaxdyn.course.{name}"), check)
 
 
-def _timed(solve: Callable[[Page], None]) -> Run:
+def _timed(module: ModuleType, check: bool) -> Run:
     page, begin = Page(), time.perf_counter()
-    solve(page)
-    return Run(page, time.perf_counter() - begin)
+    module.solve(page)
+    longer = getattr(module, "check", None)
+    if longer and check:
+        longer(page)
+    return Run(page, time.perf_counter() - begin, left=bool(longer) and not check)
 
 
 def report(page: Page) -> list[str]:
@@ -85,14 +102,14 @@ def pictures(page: Page, path: Path) -> list[Path]:
 
 
 def show(solve: Callable[[Page], None]) -> None:
-    """Run a page as a script: print what it found, and draw it in the current folder.
+    """Run a page as a script, with all checks: print what it found, draw it in this folder.
 
     Raises:
       SystemExit: 1 where a check fails.
     """
     configure()
     console = Console(highlight=False, soft_wrap=True)
-    page = _timed(solve).page
+    page = _timed(sys.modules[solve.__module__], check=True).page
     for line in report(page):
         console.print(line)
     for path in pictures(page, Path(f"{Path(solve.__code__.co_filename).stem}.png")):

@@ -2,19 +2,23 @@
 
 import importlib
 import inspect
+import re
 
 import jax
+import numpy as np
 import pytest
 from helpers import BEYOND
 from matplotlib.figure import Figure
 
 from jaxdyn.cli import docstrings
-from jaxdyn.course.page import TOPICS, problems, run
+from jaxdyn.course.page import TOPICS, Page, problems, run
 from jaxdyn.player import export
 
 PROBLEMS = problems()
 NAMES = sorted({name for problem in PROBLEMS.values() for name in problem.names})
-LONGEST = 45  # lines of a page's code
+LONGEST = 45  # lines of a function of a page
+FIGURE = re.compile(r"(?<![\w.^/])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.]*\w)")  # in a text
+LITERAL = re.compile(r"\d+(?:\.\d+)?(?:e-?\d+)?")  # in code
 
 
 def look_up(name: str):
@@ -29,6 +33,27 @@ def look_up(name: str):
     return found
 
 
+def unfounded(problem, page):
+    """Figures of a page's text that neither round one of its numbers nor are among its inputs.
+
+    Not those of one digit, nor whole numbers of two, which are counts and rounded tolerances.
+    """
+    numbers = [np.ravel(n.value) for n in page.numbers if not isinstance(n.value, str)]
+    values = np.abs(np.concatenate([np.zeros(1), *numbers]).astype(float))
+    _, _, code = problem.code.split('"""', 2)
+    given = {float(text) for text in LITERAL.findall(code) + FIGURE.findall(problem.statement)}
+
+    def founded(text):
+        mantissa, _, exponent = text.partition("e")
+        digits = mantissa.replace(".", "").lstrip("0")
+        unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+        few = len(digits) < (2 if "." in mantissa else 3)
+        return few or float(text) in given or (abs(values - float(text)) <= 0.500001 * unit).any()
+
+    texts = FIGURE.findall(f"{problem.answer}\n{problem.solution}")
+    return [text for text in texts if not founded(text)]
+
+
 def test_every_problem_has_a_page():
     assert list(PROBLEMS) == list(range(1, 62))
     assert {problem.topic for problem in PROBLEMS.values()} == set(TOPICS)
@@ -41,6 +66,7 @@ def test_a_page_runs_and_its_checks_hold(number):
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
         page = run(PROBLEMS[number].name).page
     assert page.checks
+    assert unfounded(PROBLEMS[number], page) == []
     for check in page.checks:
         assert check.holds, check
     for drawing in page.drawings:
@@ -57,8 +83,37 @@ def test_a_page_says_what_is_asked_and_the_answer(number):
     assert len(problem.title) <= 60
     assert problem.statement.endswith((".", "?"))
     assert problem.answer.endswith(".")
-    solve = importlib.import_module(f"jaxdyn.course.{problem.name}").solve
-    assert len(inspect.getsource(solve).splitlines()) <= LONGEST
+    module = importlib.import_module(f"jaxdyn.course.{problem.name}")
+    for function in (module.solve, getattr(module, "check", None)):
+        assert function is None or len(inspect.getsource(function).splitlines()) <= LONGEST
+
+
+def test_a_figure_that_no_number_backs_is_noticed():
+    page = Page()
+    page.number("height", [2.71828, -31.4])
+    code = '"""Title."""\ng = 9.81'
+    problem = PROBLEMS[1]._replace(statement="From 5.5 m.", code=code, solution="")
+    right = problem._replace(answer="2.72 m, -31.4 m and 9.81 from 5.5 m, 1e-13, 12 times.")
+    assert unfounded(right, page) == []
+    wrong = problem._replace(answer="2.71 m", solution="Then 6701 steps, 3.5e-3 off.")
+    assert unfounded(wrong, page) == ["2.71", "6701", "3.5e-3"]
+
+
+def test_the_answer_of_each_part_is_read_from_the_docstring():
+    parts = re.findall(r"^\((\w)\)", PROBLEMS[31].solution, re.MULTILINE)
+    assert parts == list("abcde")
+    assert "(4/3) theta1''" in PROBLEMS[31].solution
+    assert not PROBLEMS[31].answer.startswith("(a)")
+
+
+@pytest.mark.slow
+def test_checks_that_take_long_run_only_if_asked_for():
+    name = PROBLEMS[37].name
+    short, whole = (run(name, check=check) for check in (False, True))
+    assert short.left
+    assert not whole.left
+    assert len(short.page.checks) < len(whole.page.checks)
+    assert [n.name for n in short.page.numbers] == [n.name for n in whole.page.numbers]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,80 @@
+"""The largest value of a quantity along a motion, to all digits: at an end, or where it turns."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn._floats import as_float
+from jaxdyn.integrate.event_search.all_crossings import crossings
+from jaxdyn.integrate.events import Event
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scene import Scene
+
+_RTOL = 1e-13
+
+
+class Largest(NamedTuple):
+    """The largest value of a quantity, when, and in which state."""
+
+    value: Any
+    t: Any
+    y: Any
+
+
+class _Turns(Event):
+    """Where a weighted sum of the entries of a quantity has the rate zero along a motion."""
+
+    scene: Scene
+    weights: Array = eqx.field(converter=as_float)
+    quantity: Callable[[Array, Array], Array] = eqx.field(static=True)
+
+    def value(self, t, y):
+        f = self.scene.rate(t, y)
+        _, slope = jax.jvp(self.quantity, (t, y), (jnp.ones_like(t), f))
+        return self.weights @ jnp.ravel(slope)
+
+
+def largest(
+    scene: Scene,
+    quantity: Callable[[Array, Array], Array],
+    t1: Any = None,
+    *,
+    rtol: float = _RTOL,
+) -> Largest:
+    """The largest value of a quantity along the motion of a scene, over all its entries.
+
+    Read off samples it would be too small. Here it is looked for at both ends and at every zero of
+    the quantity's rate.
+
+    Args:
+      scene: system, effects, start.
+      quantity: ``quantity(t, y)``, () or (n,), differentiable. Where an absolute value or a
+        distance may vanish take its square.
+      t1: () end of the span; the scene's own by default.
+      rtol: tolerance of the steps.
+
+    Example:
+      >>> from jaxdyn import scenes
+      >>> swing = scenes.oscillator(k=1.0, m=1.0)
+      >>> found = largest(swing, lambda t, y: -y[0], 5.0)
+      >>> round(float(found.value), 12), round(float(found.t), 12)
+      (1.0, 3.14159265359)
+    """
+    end = scene.t1 if t1 is None else t1
+    last = solve(scene, end, rtol=rtol).y1
+    shape = jax.eval_shape(quantity, jnp.zeros(()), scene.y0).shape
+    best = []
+    for weights in np.eye(int(np.prod(shape, dtype=int))):
+        turns = crossings(scene, _Turns(scene, weights, quantity), end, rtol=rtol)
+        ts = np.concatenate([[0.0], turns.ts, [end]])
+        ys = np.concatenate([scene.y0[None], turns.ys, last[None]])
+        values = jax.vmap(quantity)(jnp.asarray(ts), jnp.asarray(ys)).reshape(len(ts), -1)
+        values = np.asarray(values @ weights)
+        k = int(values.argmax())
+        best.append(Largest(values[k], ts[k], ys[k]))
+    return max(best, key=lambda one: one.value)
