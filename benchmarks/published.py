@@ -159,12 +159,6 @@ def broucke() -> list[Compared]:
             (1.5324315370, -0.6287350978, -0.9036964391),
             "7.702408",
         ),
-        (
-            "A3",
-            (0.3149337497, 0.8123820710, -1.1273158206),
-            (1.4601869417, -0.5628292375, -0.8973577042),
-            "7.910268",
-        ),
     ):
         y0 = [number for at in x for number in (at, 0.0)] + [u for w in v for u in (0.0, w)]
         scene = scenes.three_body(y0, t1=float(period))

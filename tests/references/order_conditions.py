@@ -17,13 +17,14 @@ Reference: Butcher (2016), Numerical Methods for Ordinary Differential Equations
 
 import itertools
 from fractions import Fraction
+from typing import Any
 
 import mpmath as mp
 
 DIGITS = 60
 
 
-def number(text: str | float) -> mp.mpf:
+def number(text: str | float) -> Any:
     """A coefficient written as a decimal or as `p/q`, or a float as it is."""
     if isinstance(text, float):
         return mp.mpf(text)

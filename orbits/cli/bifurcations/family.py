@@ -77,11 +77,7 @@ def family_command(
         if parameter is not None:
             make, value = orbits.families.parameters.maker(name, values, parameter)
         orbit = _first(name, values, period, from_orbit, out)
-        if plot:
-            first = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
-            orbits.analysis.quantities.check_quantity(quantity, first)
-        if save_to:
-            jaxdyn.files.records.encode(orbit.scene)  # or refuse now what no file holds
+        _check_outputs(orbit, quantity if plot else None, save_to)
         if not orbit.ok:
             raise not_found(orbit, _REMEDY, {"scene": name}, as_object, out)
         found = orbits.continue_family(
@@ -105,6 +101,17 @@ def family_command(
         if plot:
             with out.writing(plot, "drawn in"):
                 orbits.drawing.family(family, plot, quantity=quantity, title=title)
+
+
+def _check_outputs(
+    orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None, save_to: Path | None
+) -> None:
+    """Refuse what cannot be drawn, and a scene that no file holds, before the family is followed."""
+    scene = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
+    if quantity is not None:
+        orbits.analysis.quantities.check_quantity(quantity, scene)
+    if save_to:
+        jaxdyn.files.records.encode(scene)
 
 
 def _first(

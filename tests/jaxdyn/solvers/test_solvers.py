@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 from importlib import resources
+from typing import Any
 
 import diffrax
 import jax
@@ -45,7 +46,7 @@ def test_verner9_has_order_9_and_an_estimate_of_order_8():
     assert min(method[-1], error[-1]) > 1e-7  # and no more than that
 
 
-def _nystrom_step_of_kepler(table: dict, h: mp.mpf, e: mp.mpf) -> tuple:
+def _nystrom_step_of_kepler(table: dict, h: Any, e: Any) -> tuple:
     """Errors of q and v, and their estimates, after one step of r'' = -r/|r|^3, in mpmath."""
 
     def combine(row, k):

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import json
+from typing import Any
 
 import jax.numpy as jnp
 import mpmath
@@ -36,7 +37,7 @@ def _cycle():
     return orbits.find(_van_der_pol())
 
 
-def _contains(enclosed, exact: mpmath.mpf) -> bool:
+def _contains(enclosed, exact: Any) -> bool:
     return abs(mpmath.mpf(enclosed.mid) - exact) <= mpmath.mpf(enclosed.rad)
 
 
