@@ -63,9 +63,7 @@ def family_command(
     With --save an interrupted run loses nothing: the same command resumes it, from FILE.part.
     """
     check_title(title, plot)
-    whole("--members", members)
-    if not 0 < step < math.inf:
-        raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
+    _check_walk(members, step)
     bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
@@ -103,10 +101,16 @@ def family_command(
                 orbits.drawing.family(family, plot, quantity=quantity, title=title)
 
 
+def _check_walk(members: int, step: float) -> None:
+    whole("--members", members)
+    if not 0 < step < math.inf:
+        raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
+
+
 def _check_outputs(
     orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None, save_to: Path | None
 ) -> None:
-    """Refuse what cannot be drawn, and a scene that no file holds, before the family is followed."""
+    """Refuse what cannot be drawn or saved before the family is followed."""
     scene = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
     if quantity is not None:
         orbits.analysis.quantities.check_quantity(quantity, scene)
