@@ -71,9 +71,7 @@ def family_command(
     part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
-        make, value = None, None
-        if parameter is not None:
-            make, value = orbits.families.parameters.maker(name, values, parameter)
+        make, value = _maker(name, values, parameter)
         orbit = _first(name, values, period, from_orbit, out)
         _check_outputs(orbit, quantity if plot else None, save_to)
         if not orbit.ok:
@@ -99,6 +97,13 @@ def family_command(
         if plot:
             with out.writing(plot, "drawn in"):
                 orbits.drawing.family(family, plot, quantity=quantity, title=title)
+
+
+def _maker(name: str, values: dict, parameter: str | None) -> tuple:
+    """The scene as a function of its parameter, and its value; None for both without one."""
+    if parameter is None:
+        return None, None
+    return orbits.families.parameters.maker(name, values, parameter)
 
 
 def _check_walk(members: int, step: float) -> None:
