@@ -107,6 +107,7 @@ def test_the_neighbour_and_the_eight_are_what_the_guide_says():
     assert "0.0084227247" in eight
 
 
+@pytest.mark.slow
 def test_adam_finds_the_longest_range():
     farthest = aim.farthest(jaxdyn.scenes.cannonball(drag=0.01), [50.0])
     angle, reached = farthest.angle[0], farthest.x[0]

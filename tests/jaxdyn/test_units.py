@@ -142,6 +142,7 @@ def test_an_entry_that_never_moves_is_no_division_by_zero():
     np.testing.assert_allclose(by_start, exact, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_digits():
     plain = jaxdyn.simulate(SHAKEN, digits=9, samples=5)
     new, y, _ = rewritten(SHAKEN, 0)

@@ -38,6 +38,7 @@ def test_the_horizon_of_a_double_pendulum_is_where_its_digits_end(digits):
     assert 0.4 * true < trust.at(RTOL) < 2 * true
 
 
+@pytest.mark.slow
 def test_what_is_not_chaotic_is_trusted_to_its_end():
     trust = horizon.trusted_time(scenes.oscillator(), digits=6, rtol=RTOL, solver=VERNER9)
     assert trust.t == trust.most == float(scenes.oscillator().t1)

@@ -189,6 +189,7 @@ def test_each_of_several_causes_has_its_work():
     assert gap(found.works[0], lost / size) < 1e-8
 
 
+@pytest.mark.slow
 def test_a_work_of_which_samples_say_too_little_is_not_known():
     wiggles = simulate(_ball(Spring(1e4), LinearDrag(1.0)), samples=7)
     found = energy_change(wiggles)

@@ -36,6 +36,7 @@ def test_problem_12_b_work_of_drag_is_the_change_of_energy_as_tolerance_shrinks(
     assert gaps[3] < SOLVED
 
 
+@pytest.mark.slow
 def test_the_motion_is_that_without_a_ledger():
     # By a pair: a series of the work compiles for ten seconds.
     plain = simulate(BALL, samples=5, rtol=1e-13, solver=VERNER9)

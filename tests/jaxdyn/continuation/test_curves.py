@@ -66,6 +66,7 @@ def test_cusp_of_the_imperfect_pitchfork():
     assert "svg" in curve._repr_html_() or "img" in curve._repr_html_()
 
 
+@pytest.mark.slow
 def test_bogdanov_takens_point_joins_folds_and_hopf_points():
     family = jaxdyn.continue_equilibria(
         lambda p: _bogdanov_takens(p, -1.0), -0.3, [-0.25, 0.0], within=(-1, 1)

@@ -545,6 +545,7 @@ def _orbit(y0=scenes.nbody.EIGHT, period=scenes.nbody.EIGHT_PERIOD):
     return SimpleNamespace(scene=scenes.three_body(), y0=np.array(y0), period=period, solver=None)
 
 
+@pytest.mark.slow
 def test_orbits_stand_side_by_side_to_one_scale(tmp_path):
     other = _orbit(np.array(scenes.nbody.EIGHT) * np.repeat([1.1, 1.1**-0.5], 6), 7.3)
     path = tmp_path / "row.png"
@@ -581,6 +582,7 @@ def test_wrong_orbits_are_refused():
     assert len(figure.axes[0].collections) == 1
 
 
+@pytest.mark.slow
 def test_a_title_of_two_lines_is_within_the_picture(tmp_path):
     motion = simulate(scenes.cannonball(drag=0.05, angle=1.0472), 2.0)
     figure = drawing.trajectory(motion, tmp_path / "throw.png")

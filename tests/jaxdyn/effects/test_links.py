@@ -45,6 +45,7 @@ def test_a_network_is_the_sum_of_its_springs():
     assert gap(network.force(T, r, v, m).sum(axis=0), np.zeros(3)) < 10 * EXACT
 
 
+@pytest.mark.slow
 def test_large_networks_of_springs_are_as_many_springs():
     n, rng = 30, np.random.default_rng(5)
     links = [(i, (i + 1 + k) % n) for i in range(n) for k in range(3)]  # more than written out

@@ -162,6 +162,7 @@ def test_a_tangential_start_counts_where_the_motion_goes_through():
         assert not until(free, When(curved_floor, way), 1.0).happened
 
 
+@pytest.mark.slow
 def test_tangents_count_only_if_they_are_crossed():
     swing = scenes.oscillator()
     for way in (1, -1, 0):
@@ -181,6 +182,7 @@ def test_an_event_at_the_end_of_the_span():
     assert abs(stop.y[0]) < EXACT
 
 
+@pytest.mark.slow
 def test_events_of_a_clock_are_counted_from_any_time():
     for t0 in (-3.0, 0.0, 1e6):
         found = jaxdyn.crossings(scenes.oscillator(), Every(1.0), t0 + 5.5, t0=t0)

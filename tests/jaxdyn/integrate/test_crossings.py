@@ -222,6 +222,7 @@ def test_a_bouncing_ball_never_falls_through_the_floor(keeps):
     assert abs(t - 0.3 - 2 * 5.0 / G / (1 - keeps)) < rest
 
 
+@pytest.mark.slow
 def test_the_state_at_a_stop_is_not_beyond_it():
     rng = np.random.default_rng(17)
     for v, level in zip(rng.uniform(1, 9, 20), rng.uniform(-3, 0, 20), strict=True):

@@ -83,6 +83,7 @@ def free_fall(t, y):
     return jnp.stack([y[1], jnp.full_like(y[0], -10.0)])
 
 
+@pytest.mark.slow
 def test_a_value_with_rounding_of_its_own_is_found_within_it():
     stop = until(BALL.starting([0.0, 3.0, 1.0, 0.0]), When(expanded_cube), 9.0)
     assert abs(stop.t - np.sqrt(2 * 2 / G)) < 1e-5

@@ -68,6 +68,7 @@ def test_infinitely_many_bounces_end_at_the_limit_of_phases(bounces):
     assert "add an exit to a phase of rest" in bounces.message
 
 
+@pytest.mark.slow
 def test_the_earliest_exit_ends_the_motion():
     chain = simulate_phases(BOUNCING, "fly", START, 9.0, samples=3)
     # x = t reaches 1.9 between the landings at 1.875 and 1.9375.

@@ -142,6 +142,7 @@ def test_derivatives_of_events_by_a_switching_time():
     assert abs(jax.grad(when)(3.0) - 1) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_fit_of_a_switching_time():
     at = jnp.linspace(4.0, 10.0, 13)
     measured = jaxdyn.solve(pushed(3.217, 20.0), 10.0, ts=at).ys[:, 0]

@@ -319,6 +319,7 @@ def test_a_batch_with_too_long_steps_says_so():
     assert (batch.one(0).warning, batch.one(1).warning) == ("", batch.warning)
 
 
+@pytest.mark.slow
 def test_a_batch_of_scenes_with_points_keeps_their_names():
     def fall(m):
         scene = Scene(FreePoints(m * jnp.ones(3)), (UniformGravity(),), y0=jnp.ones(12))

@@ -103,7 +103,6 @@ def test_what_is_refused():
         rolling_disk(radius=-0.5, I1=0.1).check()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.02, 0.3])
 def test_a_plate_wobbles_twice_while_it_spins_once(tilt):
     spin = 10.0

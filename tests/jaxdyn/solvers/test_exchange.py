@@ -236,6 +236,7 @@ def test_implicit_solvers_of_diffrax_have_derivatives_and_events():
     assert abs(followed(k, float(passed.t)) - 0.8) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_step_of_diffrax_is_its_own():
     solver, y = diffrax.Kvaerno5(root_finder=diffrax.VeryChord(1e-8, 1e-8)), jnp.array([0.3, 1.1])
     term = diffrax.ODETerm(lambda t, y, args: jnp.stack([y[1], jnp.cos(t) - y[0] ** 3]))

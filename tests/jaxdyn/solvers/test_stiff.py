@@ -69,6 +69,7 @@ def test_derivatives_of_a_stiff_motion():
     assert gap(jax.jit(jax.jacfwd(end))(CHASED.y0), wanted) < SOLVED
 
 
+@pytest.mark.slow
 def test_an_event_of_a_stiff_motion():
     # z starts 1 off y = e^-t; that difference is over long before the event.
     halved = until(CHASED, Reaches(2, 0.5, -1), 9.0, rtol=1e-12, solver=solvers.RADAU5)

@@ -170,6 +170,7 @@ def test_derivatives_are_those_of_the_pair():
     assert gap(jax.jacrev(end)(scene.y0, STOERMER14), expected) < 1e-11
 
 
+@pytest.mark.slow
 def test_many_at_once_by_vmap():
     scene = scenes.three_body()
     y0s = scene.y0[None] * jnp.array([1.0, 1.001])[:, None]
@@ -229,6 +230,7 @@ def test_in_an_ensemble_it_goes_the_same_way():
     assert gap(out.y1, expected.y1) < SOLVED
 
 
+@pytest.mark.slow
 def test_events_are_found_with_it():
     # cos t comes down to 0 at pi / 2.
     scene = scenes.oscillator().starting(jnp.array([1.0, 0.0]))

@@ -384,6 +384,7 @@ def test_motions_are_those_of_a_pair(name, back):
     assert np.abs(found.ys - middle.ys).max() <= 2e-12 * size
 
 
+@pytest.mark.slow
 def test_tolerance_is_kept_and_an_order_pays():
     scene = scenes.oscillator(t1=20.0)
     end = solve(scene, 20.0, rtol=1e-14, solver=VERNER9).y1

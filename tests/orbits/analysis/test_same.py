@@ -81,6 +81,7 @@ def test_others_differ():
     assert orbits.same_orbit(swing, orbits.find(later, period=2.2, hold=level))
 
 
+@pytest.mark.slow
 def test_an_orbit_of_one_point_is_compared_as_it_is():
     """It has no centre of mass to be seen from: only shifts in time leave it the same."""
     well = orbits.find(scenes.henon_heiles(), period=6.5, hold=orbits.Energy(1 / 8))

@@ -65,6 +65,7 @@ def _back(t, y):
     return jnp.array([0.0, 5.0, 0.0, 0.0]) + 0.0 * y
 
 
+@pytest.mark.slow
 def test_a_jump_between_legs_is_no_part_of_the_path():
     ball = scenes.cannonball(g=10.0)
     first = orbits.Leg(ball, (events.Reaches(1, 2.0),), _aside)

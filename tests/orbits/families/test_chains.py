@@ -92,6 +92,7 @@ def test_and_the_period_doubling_of_the_closed_form(bounce):
     assert abs(point.parameter - math.hypot(a / TURN**2, speed / TURN)) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_family_ends_where_its_impact_grazes():
     hit = _found(_stopped, 0.0, scenes.impact_oscillator())
     family = orbits.continue_family(hit, _stopped, 0.0, within=(-0.1, 0.5))
@@ -110,6 +111,7 @@ def test_a_family_ends_where_its_impact_grazes():
     assert np.abs(last.stability.nontrivial).max() > 10
 
 
+@pytest.mark.slow
 def test_a_chain_that_touches_a_bound_on_the_way_grazes():
     """A ball on a sine of a ceiling: the bound is that of no leg's end."""
 
@@ -205,7 +207,11 @@ def test_a_closing_that_counts_turns_is_not_that_of_two_periods(bounce):
         ({"hold": ("stance",)}, "hold: expected none for a chain of legs"),
         ({"segments": 4}, "segments: expected none for a chain of legs"),
         ({"energies": (0.0, 1.0)}, "energies: expected none for a chain of legs"),
-        ({"parameter": 3.0}, "orbit: expected a solution of the closing equations"),
+        pytest.param(
+            {"parameter": 3.0},
+            "orbit: expected a solution of the closing equations",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_is_not_for_chains_is_refused(gaits, more, message):

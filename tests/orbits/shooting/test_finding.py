@@ -214,9 +214,17 @@ def test_every_way_a_search_fails(outcome):
     assert np.isfinite(orbit.y0).all()
     if outcome != Outcome.TRIVIAL:
         assert not orbit.residual <= 1e-12
+
+
+@pytest.mark.sample("ITERATION_LIMIT", "BOUND", "TIME_LIMIT")
+@pytest.mark.parametrize("outcome", ENDS, ids=lambda outcome: outcome.name)
+def test_a_search_that_fails_raises_what_it_tried(outcome):
+    scene, options = ENDS[outcome]
+    hint = scene.singular if outcome == Outcome.COLLISION else ""
     with pytest.raises(orbits.SearchError) as caught:
         orbits.find(scene, **options)
-    assert str(caught.value).startswith(f"{orbit.message} Tried: ")
+    said = f"{outcome.message} {hint}".strip()
+    assert str(caught.value).startswith(f"{said} Tried: ")
 
 
 @pytest.mark.parametrize(("growth", "found"), [(3.0, True), (6.0, False)])
@@ -347,6 +355,7 @@ def test_an_equilibrium_is_not_an_orbit():
     assert orbits.find(van_der_pol(), **held, throw=False).outcome == Outcome.TRIVIAL
 
 
+@pytest.mark.slow
 def test_a_forced_motion_may_start_at_rest():
     class Push(Effect):
         velocity_dependent: ClassVar[bool] = False
@@ -462,6 +471,7 @@ def _square_wave_from_its_switch(t, y):
     return [y[1], -0.2 * y[1] - y[0] + jnp.sign(jnp.sin(1.3 * t))]
 
 
+@pytest.mark.sample("wave")
 @pytest.mark.parametrize(
     ("rate", "guess", "period", "start"),
     [
@@ -470,6 +480,7 @@ def _square_wave_from_its_switch(t, y):
         (_square_wave, 4.9, 4.83321946706122, (-1.0913688545028, -1.8124949586433)),
         (_square_wave_from_its_switch, 4.8, 4.83321946706122, (-0.6107846885, -2.338118370)),
     ],
+    ids=["pulses", "wave", "wave from its switch"],
 )
 def test_the_period_of_a_drive_is_read_from_the_rate(rate, guess, period, start):
     found = orbits.find(jaxdyn.ode(rate, [0.0, 0.0], guess))
@@ -492,6 +503,7 @@ def test_a_rough_guess_is_led_to_an_orbit_by_descent():
     assert float(held.y0[0]) == pytest.approx(start[0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_descent_leads_to_where_newtons_method_begins():
     steps = []
     found = orbits.find(
