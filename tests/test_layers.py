@@ -23,7 +23,7 @@ BELOW = {
     "jaxdyn/balls": ("jaxdyn/solvers",),
     "jaxdyn/formulations": ("jaxdyn/geometry",),
     "jaxdyn/mechanisms": ("jaxdyn/formulations",),
-    "jaxdyn/symbolic": ("jaxdyn/solvers", "jaxdyn/mechanisms"),
+    "jaxdyn/symbolic": ("jaxdyn/solvers", "jaxdyn/mechanisms", "jaxdyn/effects"),
     "jaxdyn/plan": ("jaxdyn",),
     "jaxdyn/integrate": ("jaxdyn/solvers", "jaxdyn/plan"),
     "jaxdyn/ensemble": ("jaxdyn/integrate",),
