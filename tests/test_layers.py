@@ -44,7 +44,7 @@ BELOW = {
     "jaxdyn/course": ("jaxdyn/studies", "jaxdyn/hard", "jaxdyn/drawing"),
     "jaxdyn/player": ("jaxdyn/drawing",),
     "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player"),
-    "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing"),
+    "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic"),
     "orbits/closing": (),
     "orbits": ("orbits/closing",),
     "orbits/shooting": ("orbits",),
