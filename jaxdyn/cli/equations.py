@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import typer
-from rich.markup import escape
+from rich.text import Text
 
 import jaxdyn
 from jaxdyn._text import choice, fail
@@ -41,13 +41,13 @@ def equations_command(
     with screen(f"deriving the equations of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         if language is not None:
-            out.print(escape(jaxdyn.symbolic.code(scene, language).rstrip()))
+            out.print(Text(jaxdyn.symbolic.code(scene, language).rstrip()))
             return
         found = jaxdyn.equations(scene)
         if as_object:
             out.result({part.name: _shown(found, part.name) for part in found.sections})
         else:
-            out.print(escape(found.latex() if latex else found.text()))
+            out.print(Text(found.latex() if latex else found.text()))
 
 
 def _shown(found: "jaxdyn.symbolic.Equations", part: str) -> dict:

@@ -37,7 +37,7 @@ from jaxdyn.mechanisms.cylinders import SLIPS, Cylinder
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.skates import LagrangeSkates
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.on_arrays import objects
+from jaxdyn.solvers.formulas.formulas import objects
 from jaxdyn.symbolic.algebra import Expression, Group, Symbol, as_expression, number, total
 from jaxdyn.symbolic.reading import read
 from jaxdyn.symbolic.simplifying import simplified

@@ -9,11 +9,9 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import traced
-from jaxdyn.solvers.formulas.graph import Graph
-from jaxdyn.solvers.formulas.nodes import COMPARISONS, Node, NotElementary, Number
-from jaxdyn.solvers.formulas.on_arrays import objects
-from jaxdyn.solvers.formulas.topological_order import ordered
+from jaxdyn.solvers.formulas.formulas import objects, traced
+from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementary, Number
+from jaxdyn.solvers.formulas.shortest import ordered
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
 from jaxdyn.symbolic.parameters import rebuilt
 from jaxdyn.symbolic.simplifying import simplified

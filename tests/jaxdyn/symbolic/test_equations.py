@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import ZOO as QUICK
 from helpers import refusal
 
 import jaxdyn
@@ -59,6 +60,11 @@ def _on_constraints(scene, t, y):
     return np.asarray(y)
 
 
+@pytest.mark.sample(
+    *QUICK,
+    *("pendulum constrained", "angles from bar to bar", "quadratic drag", "spring on a pendulum"),
+    *("top by Euler angles", "drag on a top", "dashpot"),
+)
 @pytest.mark.parametrize("name", [*ZOO, *BESIDES])
 def test_what_is_printed_is_the_rate(name):
     scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
