@@ -28,6 +28,8 @@ _LARGEST_DENOMINATOR = 10_000
 _OF_PI = 100
 #: Relative difference of a float from that rational number: two roundings.
 _ROUNDED = 2.0**-51
+#: Terms of an expression; six hinged bars have some hundred.
+_MOST_TERMS = 500
 #: Largest power that is multiplied out.
 _WRITTEN_OUT = 4
 
@@ -131,6 +133,14 @@ class Expression:
 
     def __init__(self, terms: Mapping[Monomial, Coefficient]):
         self.terms = {m: c for m, c in terms.items() if c != 0}
+        if len(self.terms) > _MOST_TERMS:
+            raise _checks.fail(
+                "equations",
+                "a scene whose equations fill some pages",
+                f"more than {_MOST_TERMS} terms in one of them",
+                'Take another formulation, such as "constrained"; jaxdyn.symbolic.code(scene, '
+                '"python") has its rate step by step.',
+            )
         self._hash: int | None = None
         self._text: str | None = None
 
@@ -581,7 +591,7 @@ def _derivative(a: Atom, by: Symbol) -> Expression:
             "equations",
             "functions whose derivative is known",
             a.op,
-            "Print its code instead: jaxdyn.equations(scene).code('python').",
+            "jaxdyn.symbolic.code(scene, 'python') has the rate with it.",
         )
     (x,) = a.args
     return _SLOPES[a.op](x) * x.differentiated(by)

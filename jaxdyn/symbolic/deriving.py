@@ -55,6 +55,7 @@ class Derived(NamedTuple):
       forces: the parts of the first equations that are forces without a potential, which stand on
         the right.
       energies: T and V, or L, by name, where there are any.
+      conserved: momenta that are, by the names of their coordinates.
       conditions: what constrains the motion, sums that are zero: of places, and of velocities.
       values: of symbols that stand for functions of the parameters, such as moments of inertia.
       solved: whether they are given as derivatives of each entry.
@@ -68,6 +69,7 @@ class Derived(NamedTuple):
     multipliers: tuple[Symbol, ...] = ()
     forces: tuple[Expression, ...] = ()
     energies: dict[str, Expression] = {}  # noqa: RUF012 never changed
+    conserved: dict[str, Expression] = {}  # noqa: RUF012 never changed
     conditions: tuple[tuple[Expression, ...], tuple[Expression, ...]] = ((), ())
     values: dict[Symbol, float] = {}  # noqa: RUF012 never changed
     solved: bool = False
@@ -161,7 +163,7 @@ def _lagrange(scene: Scene) -> Derived:
         for i, k in enumerate(numbers)
     ]
     forces = _forces(scene, found)
-    equations, others = [], []
+    equations, others, conserved = [], [], {}
     for x, velocity, force in zip(q, v, forces, strict=True):
         momentum = L.differentiated(velocity)
         reaction = total(
@@ -171,6 +173,8 @@ def _lagrange(scene: Scene) -> Derived:
         whole = by_time(momentum) - L.differentiated(x) - _with_lengths(reaction, lengths) - force
         equations.append(simplified(whole))
         others.append(simplified(force))
+        if not conditions and not L.differentiated(x) and not force:
+            conserved[x.name] = simplified(momentum)
     return Derived(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
@@ -178,6 +182,7 @@ def _lagrange(scene: Scene) -> Derived:
         multipliers=tuple(multipliers),
         forces=tuple(others),
         energies=energies,
+        conserved=conserved,
         values=values,
         conditions=(tuple(map(simplified, phi)), tuple(map(simplified, rolling))),
     )
@@ -252,15 +257,15 @@ def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict
 
     def pose(field, t, y):
         found = field.system.mechanism.pose(*jnp.split(y, 2))
-        return found.r, found.v, found.R_wb, found.omega_b, jnp.stack([e.g for e in field.effects])
+        return found.r, found.v, found.R_wb, found.omega_b, [e.g for e in field.effects]
 
-    r, v, R, omega, gravity = read(scene, found, pose)
+    r, v, R, omega, *gravity = read(scene, found, pose)
     momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
     kinetic = total(matter.mass * x * x for x in v) + total(
         a * b for a, b in zip(omega, momentum, strict=True)
     )
     height = r[2] + total(R[2, i] * matter.arm[i] for i in range(3))
-    weight = matter.mass * total(gravity.tolist())
+    weight = matter.mass * total(g.item() for g in gravity)
     return simplified(kinetic * Fraction(1, 2)), simplified(weight * height), matter.values
 
 
@@ -324,6 +329,7 @@ def _polar(scene: Scene) -> Derived:
         equations,
         forces=(along, across),
         energies=_energies(scene, found),
+        conserved={} if across else {"theta": m * radius**2 * as_expression(omega)},
     )
 
 

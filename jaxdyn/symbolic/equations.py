@@ -48,7 +48,7 @@ class Section(NamedTuple):
     """Lines that belong together.
 
     Attributes:
-      name: "motion", "constraints", "lengths", "energies" or "parameters".
+      name: "motion", "constraints", "lengths", "energies", "momenta" or "parameters".
       title: what they are.
       lines: the lines.
     """
@@ -82,7 +82,8 @@ class Equations:
         self.scene = scene
         self._derived = found = derived(scene)
         places, speeds = found.conditions
-        sums = (*found.equations, *found.forces, *found.energies.values(), *places, *speeds)
+        sums = (*found.equations, *found.forces, *places, *speeds)
+        sums += (*found.energies.values(), *found.conserved.values())
         known = found.symbols.values | found.values
         self._lengths = short = Lengths(sums, (*found.symbols.state, *known))
         self._rows: list[_Row] = []
@@ -91,11 +92,15 @@ class Equations:
         energies = [
             Line(_named(name), of_energy(completed(short(x)))) for name, x in found.energies.items()
         ]
+        momenta = [
+            Line(_momentum(name), collected(short(x))) for name, x in found.conserved.items()
+        ]
         sections = [
             self._motion(),
             Section("constraints", "Constraints", tuple(conditions)),
             Section("lengths", "with", tuple(definitions)),
             Section("energies", "Energies", tuple(energies)),
+            Section("momenta", "Conserved momenta", tuple(momenta)),
         ]
         used = {s for part in sections for line in part.lines for x in line for s in x.symbols()}
         in_order = sorted(used & known.keys(), key=lambda s: s.key)
@@ -182,6 +187,23 @@ class Equations:
     def _values(self) -> dict[Symbol, float]:
         return self._derived.symbols.values | self._derived.values
 
+    def at(self, t: float, y: Sequence[float]) -> dict[Symbol, Any]:
+        """The values of all symbols at a state, but for derivatives that it does not contain.
+
+        With them ``line.right.value(values)`` is the value of what is in print.
+
+        Args:
+          t: () time.
+          y: (k,) state.
+        """
+        state = np.asarray(_checks.array("y", y, np.shape(self.scene.y0)))
+        found = self._derived.symbols
+        values: dict[Symbol, Any] = {**self._values, found.time: float(t)}
+        values |= dict(zip(found.state, state.tolist(), strict=True))
+        for s, x in self._lengths.definitions:
+            values[s] = x.value(values)
+        return values
+
     def rate(self, t: float, y: Sequence[float]) -> np.ndarray:
         """(k,) the rate by the equations in print, which are solved for the derivatives.
 
@@ -191,12 +213,8 @@ class Equations:
           t: () time.
           y: (k,) a state, on the constraints if there are any; a quaternion has length 1.
         """
-        state = np.asarray(_checks.array("y", y, np.shape(self.scene.y0)))
         found, unknowns = self._derived.symbols, self._unknowns
-        values: dict[Symbol, Any] = {**self._values, found.time: float(t)}
-        values |= dict(zip(found.state, state.tolist(), strict=True))
-        for s, x in self._lengths.definitions:
-            values[s] = x.value(values)
+        values = self.at(t, y)
         matrix = np.zeros((len(self._rows), len(unknowns)))
         for i, row in enumerate(self._rows):
             for s, x in row.coefficients.items():
@@ -224,7 +242,10 @@ class Equations:
             )
             body = " \\\\\n".join(rows)
             blocks.append(f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}")
-        return "\n\\\\[1ex]\n".join(blocks)
+        if len(blocks) == 1:
+            return blocks[0]
+        together = "\n\\\\[1ex]\n".join(blocks)
+        return f"\\begin{{gathered}}\n{together}\n\\end{{gathered}}"
 
     def mathml(self, part: str | None = None) -> str:
         """Everything as HTML with MathML, or one part: a paragraph and formulas each."""
@@ -300,7 +321,8 @@ def equations(scene: Scene) -> Equations:
 
     Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers where they are
     tied or roll, rigid bodies Euler's equations; the equations of other systems are their rates. In
-    print are also the constraints, the energies, and the values of the symbols.
+    print are also the constraints, the energies, momenta that are conserved since their coordinate
+    is in none of the energies, and the values of the symbols.
 
     A parameter that is 0 in the scene is left out. So are single points where a formula has no
     value, such as the direction of a spring of length 0. Quaternions have length 1, and distances
@@ -361,6 +383,10 @@ def _is_physical(x: Expression) -> bool:
 def _named(stem: str, *places: int) -> Expression:
     index = "".join(str(i + 1) for i in places)
     return as_expression(Symbol(stem + index, "short", stem=stem, index=index))
+
+
+def _momentum(name: str) -> Expression:
+    return as_expression(Symbol(f"p_{name}", "short", stem="p", index=name))
 
 
 def _lines(section: Section, style: Style) -> list[str]:

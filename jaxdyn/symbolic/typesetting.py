@@ -20,7 +20,7 @@ from jaxdyn.symbolic.algebra import (
     Symbol,
     symbols_of,
 )
-from jaxdyn.symbolic.symbols import GREEK
+from jaxdyn.symbolic.symbols import GREEK, spelled
 
 _PLACES = {
     **{"parameter": 0, "multiplier": 1, "time": 3, "coordinate": 3, "short": 3},
@@ -295,8 +295,14 @@ class Latex(Style):
         dotted = f"\\{'d' * s.dots}ot{{{stem}}}" if s.dots else stem
         if not s.index:
             return dotted
-        plain = s.index if not s.index.isalpha() or len(s.index) == 1 else f"\\mathrm{{{s.index}}}"
+        plain = self._index(s.index)
         return f"{dotted}_{{{plain}}}" if len(plain) > 1 else f"{dotted}_{plain}"
+
+    def _index(self, index: str) -> str:
+        stem, number = spelled(index)
+        if stem in GREEK or (number and len(stem) == 1 and stem.isalpha()):
+            return self.symbol(Symbol(index, "short", stem=stem, index=number))
+        return f"\\mathrm{{{index}}}" if index.isalpha() and len(index) > 1 else index
 
     def number(self, x):
         text = Text().number(x)
@@ -361,6 +367,10 @@ class MathML(Style):
             stem = stem.replace("<mo>..<", "<mo>&#xA8;<").replace("<mo>.<", "<mo>&#x2D9;<")
         if not s.index:
             return stem
+        inner, number = spelled(s.index)
+        if inner in GREEK:
+            index = self.symbol(Symbol(s.index, "short", stem=inner, index=number))
+            return f"<msub>{stem}<mrow>{index}</mrow></msub>"
         tag = "mn" if s.index.isdigit() else "mi"
         return f"<msub>{stem}<{tag}>{html.escape(s.index)}</{tag}></msub>"
 

@@ -46,6 +46,9 @@ BESIDES = {
         scenes.cart_pendulum() + effects.SinusoidalForce([1.0, 0.0], 2.0, 0.5, on=(0,))
     ),
     "test particle": lambda: scenes.n_body(m=(1.0, 0.0, 1.0)),
+    "box by Euler angles": lambda: scenes.box(representation="euler"),
+    "smooth ground": lambda: scenes.rolling_disk(rough=False),
+    "stabilised": lambda: scenes.double_pendulum(formulation="constrained", drift="baumgarte"),
     "top by Euler angles": lambda: scenes.top(representation="euler"),
     "drag on a top": lambda: scenes.top() + effects.LinearDrag(0.01),
     "top by a matrix": lambda: scenes.top(representation="matrix"),
@@ -266,6 +269,12 @@ class Winding(Effect):
         return jax.lax.while_loop(lambda x: jnp.sum(x * x) > 1.0, lambda x: 0.5 * x, r)
 
 
+@pytest.mark.slow
+def test_equations_that_fill_books_are_refused():
+    said = refusal(lambda: jaxdyn.equations(scenes.four_bar(formulation="newton_euler")))
+    assert "equations: expected a scene whose equations fill some pages, got more than 500" in said
+
+
 def test_own_equations():
     def hunt(t, y, p):
         prey, predators = y
@@ -321,3 +330,28 @@ def test_sympy_is_optional(monkeypatch):
     monkeypatch.setitem(sys.modules, "sympy", None)
     said = refusal(jaxdyn.equations(scenes.pendulum()).sympy)
     assert said.endswith("Install it: pip install 'jaxdyn[equations]'.")
+
+
+#: Scenes with coordinates that no energy depends on, and the names of these.
+CYCLIC = {
+    "cart_pendulum": (lambda: scenes.cart_pendulum(), ["x"]),
+    "turntable": (lambda: scenes.turntable(), ["theta"]),
+    "dumbbell": (lambda: scenes.dumbbell(formulation="lagrange"), ["x", "y", "theta"]),
+    "top": (lambda: scenes.top(representation="euler"), ["phi", "psi"]),
+    "bars": (lambda: scenes.double_pendulum(g=0.0, relative=True), ["phi1"]),
+    "polar": (lambda: scenes.polar_particle() + effects.PowerLaw(2.0, -2.0), ["theta"]),
+    "none": (lambda: scenes.pendulum(), []),
+    "dragged": (lambda: scenes.cart_pendulum() + effects.LinearDrag(0.1), []),
+}
+
+
+@pytest.mark.parametrize("name", CYCLIC)
+def test_momenta_in_print_are_conserved(name):
+    scene, coordinates = CYCLIC[name][0](), CYCLIC[name][1]
+    found = jaxdyn.equations(scene)
+    lines = [line for part in found.sections if part.name == "momenta" for line in part.lines]
+    assert [TEXT.expression(line.left) for line in lines] == [f"p_{q}" for q in coordinates]
+    motion = jaxdyn.simulate(scene, 1.0, samples=5, rtol=1e-13)
+    for line in lines:
+        values = [line.right.value(found.at(0.0, y)) for y in motion.ys]
+        assert np.ptp(values) < 1e-12 * (1.0 + np.abs(values).max())
