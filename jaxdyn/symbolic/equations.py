@@ -29,7 +29,8 @@ from jaxdyn.symbolic.arranging import (
 )
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.deriving import derived
-from jaxdyn.symbolic.linear import Linear
+from jaxdyn.symbolic.linear import Linear, jacobian
+from jaxdyn.symbolic.matrices import Matrices
 from jaxdyn.symbolic.to_sympy import ToSympy
 from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
 
@@ -298,6 +299,15 @@ class Equations:
         at = np.asarray(_checks.array("y", zeros if y is None else y, zeros.shape))
         return Linear(self._derived, at, self._values)
 
+    def jacobian(self) -> Matrices:
+        """The derivatives J of the rate by the state, with symbols as entries.
+
+        Raises:
+          ValueError: derivatives do not stand alone in their equations: then the Jacobian is too
+            long to be read.
+        """
+        return jacobian(self._derived)
+
     def _chosen(self, part: str | None) -> tuple[Section, ...]:
         if part is None:
             return self.sections
@@ -331,7 +341,8 @@ def equations(scene: Scene) -> Equations:
     Args:
       scene: any that has formulas.
     Returns:
-      `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, and `linearised()`.
+      `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `linearised()`,
+      `jacobian()`.
     Raises:
       ValueError: the scene is invalid, or its rate contains what has no formulas: a loop whose
         length is not known, a callback, a function without a known derivative in an energy.

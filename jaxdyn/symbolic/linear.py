@@ -1,25 +1,26 @@
-"""The equations of motion near an equilibrium: M x'' + C x' + K x = 0 with symbols as entries."""
+"""Derivatives of the equations of motion, with symbols as entries.
+
+Near an equilibrium they are M x'' + C x' + K x = 0; the Jacobian is that of the rate anywhere.
+"""
 
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, number
+from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, as_expression, number
 from jaxdyn.symbolic.arranging import bracketed
 from jaxdyn.symbolic.deriving import Derived
+from jaxdyn.symbolic.matrices import Matrices, Rows
 from jaxdyn.symbolic.simplifying import simplified
-from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
 
 #: Largest force at an equilibrium, as a displacement relative to the coordinates.
 _AT_REST = 1e-9
 
 
-class Linear:
+class Linear(Matrices):
     """The linearised equations of motion, M x'' + C x' + K x = 0 of x = q - q0.
 
     Attributes:
-      M: (n, n) expressions: the mass matrix.
-      C: (n, n) of the velocities: damping and gyroscopic terms.
-      K: (n, n) of the displacements.
+      rows: of M, of C (damping and gyroscopic terms) and of K, (n, n) expressions each.
       coordinates: (n) symbols of q.
       at: (n) their values q0.
     """
@@ -41,63 +42,51 @@ class Linear:
         at |= {s: number(float(x)) for s, x in zip(q, y[:n], strict=True)}
         _check_rest(found, y, at, values)
         self.coordinates, self.at = q, tuple(float(x) for x in y[:n])
-        self.M, self.C, self.K = (
-            [[_there(x.differentiated(s), at) for s in of] for x in found.equations]
-            for of in (a, v, q)
-        )
         self._values = values
+        slopes = {
+            name: [[x.differentiated(s).replaced(at.get) for s in of] for x in found.equations]
+            for name, of in (("M", a), ("C", v), ("K", q))
+        }
+        super().__init__({name: _in_print(rows) for name, rows in slopes.items()})
 
     def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """M, C and K (n, n) with the numbers of the scene."""
-        m, c, k = (
-            np.array([[x.value(self._values) for x in row] for row in part])
-            for part in (self.M, self.C, self.K)
-        )
+        m, c, k = self.values(self._values)
         return m, c, k
-
-    def text(self) -> str:
-        """The matrices as plain text, one entry a line; those that are not there are 0."""
-        lines = []
-        for name, part in self._parts().items():
-            for i, row in enumerate(part):
-                for j, x in enumerate(row):
-                    if x:
-                        index = f"{i + 1}{j + 1}" if len(row) > 1 else ""
-                        lines.append(f"{name}{index} = {TEXT.expression(x)}")
-        return "\n".join(lines)
-
-    def latex(self) -> str:
-        """The matrices in LaTeX."""
-        return " \\qquad ".join(self._in(LATEX))
-
-    def mathml(self) -> str:
-        """The matrices as MathML, a formula for each."""
-        return "\n".join(f'<math display="block">{x}</math>' for x in self._in(MATHML))
-
-    def _parts(self) -> dict[str, list[list[Expression]]]:
-        parts = {"M": self.M, "C": self.C, "K": self.K}
-        return {name: part for name, part in parts.items() if any(x for row in part for x in row)}
-
-    def _in(self, style: Style) -> list[str]:
-        return [
-            style.relation(
-                style.symbol(Symbol(name, "short")),
-                "=",
-                style.matrix([[style.expression(x) for x in row] for row in part]),
-            )
-            for name, part in self._parts().items()
-        ]
-
-    def _repr_latex_(self) -> str:
-        return f"$$\n{self.latex()}\n$$"
 
     def __repr__(self) -> str:
         where = (f"{s} = {x:.12g}" for s, x in zip(self.coordinates, self.at, strict=True))
         return f"Linear: M x'' + C x' + K x = 0 at {', '.join(where)}\n{self.text()}"
 
 
-def _there(x: Expression, at: dict[Atom, Expression]) -> Expression:
-    return bracketed(simplified(x.replaced(at.get)))
+def jacobian(found: Derived) -> Matrices:
+    """The derivatives of the rate by the state.
+
+    Raises:
+      ValueError: a derivative does not stand alone in its equation.
+    """
+    symbols = found.symbols
+    solved: dict[Symbol, Expression] = {}
+    for whole in found.equations:
+        own = {s: whole.differentiated(s) for s in (*symbols.unknowns, *found.multipliers)}
+        own = {s: x for s, x in own.items() if x}
+        if len(own) == 1:
+            ((s, x),) = own.items()
+            if len(x.terms) == 1 and not found.multipliers:
+                solved[s] = as_expression(s) - whole / x
+    if set(solved) != set(symbols.unknowns):
+        raise _checks.fail(
+            "jacobian",
+            "equations each with one derivative",
+            found.law,
+            "jaxdyn.linearize has the Jacobian of every scene in numbers.",
+        )
+    rates = [solved.get(s, as_expression(s)) for s in symbols.rates]
+    return Matrices({"J": _in_print([[x.differentiated(s) for s in symbols.state] for x in rates])})
+
+
+def _in_print(rows: Rows) -> Rows:
+    return [[bracketed(simplified(x)) for x in row] for row in rows]
 
 
 def _check_rest(

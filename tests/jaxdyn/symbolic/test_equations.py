@@ -355,3 +355,35 @@ def test_momenta_in_print_are_conserved(name):
     for line in lines:
         values = [line.right.value(found.at(0.0, y)) for y in motion.ys]
         assert np.ptp(values) < 1e-12 * (1.0 + np.abs(values).max())
+
+
+@pytest.mark.parametrize("name", ["lorenz", "pendulum", "two_body", "free_body", "polar_particle"])
+def test_the_jacobian_is_the_derivative_of_the_rate(name):
+    scene = ZOO[name].make()
+    y = np.asarray(scene.y0) + 0.1
+    found = jaxdyn.equations(scene)
+    (values,) = found.jacobian().values(found.at(0.3, y))
+    wanted = np.asarray(jax.jacfwd(lambda y: scene.rate(0.3, y))(jnp.asarray(y)))
+    assert np.abs(values - wanted).max() <= 1e-13 * np.abs(wanted).max()
+
+
+def test_the_jacobian_of_coupled_equations_is_refused():
+    said = refusal(jaxdyn.equations(scenes.double_pendulum()).jacobian)
+    assert "equations each with one derivative" in said
+    tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
+    assert "jacobian" in refusal(tied.jacobian)
+
+
+def test_a_jacobian_in_print():
+    found = jaxdyn.equations(scenes.lorenz()).jacobian()
+    assert found.text().splitlines() == [
+        "J11 = -sigma",
+        "J12 = sigma",
+        "J21 = rho - z",
+        "J22 = -1",
+        "J23 = -x",
+        "J31 = y",
+        "J32 = x",
+        "J33 = -beta",
+    ]
+    assert found._repr_latex_().startswith("$$\nJ = \\begin{pmatrix} -\\sigma & \\sigma & 0")
