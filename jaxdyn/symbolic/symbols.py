@@ -140,7 +140,9 @@ def _entry(name: str, rank: float) -> tuple[Symbol, Symbol]:
 
 
 def spelled(name: str) -> tuple[str, str]:
-    """The stem and the index of a name: theta1, m_table, x_Earth, omega3."""
+    """The stem and the index of a name: theta1, m_table, x_Earth, omega3, qx."""
+    if len(name) == 2 and name[0] in "qv" and name[1] in "wxyz":
+        return name[0], name[1]
     stem, _, index = name.partition("_")
     if stem and index:
         return stem, index.replace("_", " ")

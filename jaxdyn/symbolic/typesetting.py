@@ -148,9 +148,8 @@ class Style(abc.ABC):
             plain = _is_symbol(a.args[0]) or a.args[0].terms.keys() <= _sizes(a.args[0])
             base = args[0] if plain else self.brackets(args[0])
             return self.power(base, args[1])
-        return self.call(
-            a.op, args, "" if e == 1 else str(e), len(args) == 1 and _is_symbol(a.args[0])
-        )
+        plain = a.op in _PLAIN and _is_symbol(a.args[0])
+        return self.call(a.op, args, "" if e == 1 else str(e), plain)
 
 
 def _is_symbol(x: Expression) -> bool:
@@ -352,6 +351,8 @@ class Latex(Style):
         return f"\\begin{{pmatrix}} {body} \\end{{pmatrix}}"
 
 
+#: Functions whose argument needs no brackets if it is a single symbol.
+_PLAIN = frozenset({"sin", "cos", "tan", "sinh", "cosh", "tanh", "log"})
 _OF_LATEX = frozenset({"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "max", "min"})
 
 
@@ -406,7 +407,7 @@ class MathML(Style):
         return f"<mrow><mo>{{</mo><mtable>{rows[0]}{other}</mtable></mrow>"
 
     def product(self, factors):
-        return "<mo>&#x2062;</mo>".join(factors)
+        return '<mo lspace="0.1em" rspace="0.1em">&#x2062;</mo>'.join(factors)
 
     def sum(self, terms):
         if not terms:
