@@ -43,7 +43,7 @@ BELOW = {
     "jaxdyn/hard": ("jaxdyn/studies", "jaxdyn/ensemble"),
     "jaxdyn/course": ("jaxdyn/studies", "jaxdyn/hard", "jaxdyn/drawing"),
     "jaxdyn/player": ("jaxdyn/drawing",),
-    "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player"),
+    "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player", "jaxdyn/symbolic"),
     "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic"),
     "orbits/closing": (),
     "orbits": ("orbits/closing",),
