@@ -356,6 +356,9 @@ _PLAIN = frozenset({"sin", "cos", "tan", "sinh", "cosh", "tanh", "log"})
 _OF_LATEX = frozenset({"sin", "cos", "tan", "exp", "log", "sinh", "cosh", "tanh", "max", "min"})
 
 
+_MINUS = "&#x2212;"
+
+
 class MathML(Style):
     """MathML Core, for the inside of a <math> element."""
 
@@ -364,8 +367,8 @@ class MathML(Style):
         name = f"&{s.stem};" if greek else html.escape(s.stem)
         stem = f"<mi>{name}</mi>"
         if s.dots:
-            stem = f'<mover accent="true">{stem}<mo>{"." if s.dots == 1 else ".."}</mo></mover>'
-            stem = stem.replace("<mo>..<", "<mo>&#xA8;<").replace("<mo>.<", "<mo>&#x2D9;<")
+            # Not as accents, which lie on the letter where no font for mathematics is installed.
+            stem = f'<mover>{stem}<mo stretchy="false">{"." * s.dots}</mo></mover>'
         if not s.index:
             return stem
         inner, number = spelled(s.index)
@@ -383,6 +386,8 @@ class MathML(Style):
 
     def power(self, base, exponent):
         inner = exponent if exponent.startswith("<") else f"<mn>{exponent}</mn>"
+        if base.startswith("<msub>") and base.count("<msub>") == 1 and base.endswith("</msub>"):
+            return f"<msubsup>{base[6:-7]}<mrow>{inner}</mrow></msubsup>"
         return f"<msup><mrow>{base}</mrow><mrow>{inner}</mrow></msup>"
 
     def root(self, x):
@@ -413,8 +418,8 @@ class MathML(Style):
         if not terms:
             return "<mn>0</mn>"
         (negative, first), *others = terms
-        start = "<mo>-</mo>" if negative else ""
-        return start + first + "".join(f"<mo>{'-' if m else '+'}</mo>{x}" for m, x in others)
+        start = f"<mo>{_MINUS}</mo>" if negative else ""
+        return start + first + "".join(f"<mo>{_MINUS if m else '+'}</mo>{x}" for m, x in others)
 
     def relation(self, left, sign, right):
         sign = {"<=": "&#x2264;", ">=": "&#x2265;", "!=": "&#x2260;", "<": "&lt;"}.get(sign, sign)
