@@ -477,7 +477,7 @@ def _product(m: Monomial, n: Monomial) -> Expression:
             factor = factor * function("pow", base, exponent + more)
     for a in [a for a in powers if isinstance(a, Call) and a.op == "sign"]:
         powers[a] = powers[a] % 2
-    plain = tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
+    plain = in_order(powers)
     brackets = [
         (a, e)
         for a, e in plain
@@ -500,12 +500,9 @@ def _divided(above: Expression, below: Expression) -> Expression | None:
     found, left = number(0), above
     while left:
         top = _highest(left)
-        powers = dict(top)
-        for a, e in lead:
-            powers[a] = powers.get(a, Fraction(0)) - e
-            if powers[a] < 0:
-                return None
-        m = tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
+        m = times(top, inverse(lead))
+        if any(e < 0 for _, e in m):
+            return None
         part = {m: left.terms[top] / below.terms[lead]}
         found = found + Expression(part)
         left = left - Expression(_multiplied(part, below.terms))
@@ -525,11 +522,7 @@ def _multiplied(
     found: dict[Monomial, Coefficient] = {}
     for m, c in a.items():
         for n, d in b.items():
-            powers = dict(m)
-            for x, e in n:
-                powers[x] = powers.get(x, Fraction(0)) + e
-            left = ((x, e) for x, e in powers.items() if e)
-            key = tuple(sorted(left, key=lambda x: x[0].key))
+            key = times(m, n)
             found[key] = found.get(key, 0) + c * d
     return found
 
@@ -656,6 +649,24 @@ _FUNCTIONS: dict[str, Callable] = {
     "or": lambda a, b: a or b,
     "not": lambda a: not a,
 }
+
+
+def in_order(powers: Mapping[Atom, Fraction]) -> Monomial:
+    """The monomial of some powers."""
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
+
+
+def times(m: Monomial, n: Monomial) -> Monomial:
+    """The product of two monomials, whose brackets stay as they are."""
+    powers = dict(m)
+    for a, e in n:
+        powers[a] = powers.get(a, Fraction(0)) + e
+    return in_order(powers)
+
+
+def inverse(m: Monomial) -> Monomial:
+    """One over a monomial."""
+    return tuple((a, -e) for a, e in m)
 
 
 def total(parts: Iterable[Expression]) -> Expression:

@@ -18,8 +18,11 @@ from jaxdyn.symbolic.algebra import (
     Monomial,
     Symbol,
     as_expression,
+    in_order,
+    inverse,
     number,
     symbols_of,
+    times,
 )
 from jaxdyn.symbolic.simplifying import with_sum
 
@@ -67,7 +70,7 @@ def bracketed(x: Expression) -> Expression:
     content, common, inner = factored(x)
     if not common:
         return collected(x)
-    return Expression({_joined(common, ((Group(inner), ONE),)): content})
+    return Expression({times(common, ((Group(inner), ONE),)): content})
 
 
 def _velocities(m: Monomial) -> Monomial | None:
@@ -97,11 +100,11 @@ def _alike(x: Expression) -> Expression:
     for (rest, c), terms in parts.items():
         if len(terms) == 1:
             ((places, c),) = terms.items()
-            found[_joined(rest, places)] = c
+            found[times(rest, places)] = c
             continue
         inner = Expression({places: d / c for places, d in terms.items()})
         sign = -1 if all(d < 0 for d in inner.terms.values()) else 1
-        found[_joined(rest, ((Group(inner * sign), ONE),))] = c * sign
+        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
     return Expression(found)
 
 
@@ -146,13 +149,13 @@ def _united(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expres
     for part, terms in parts.items():
         if len(terms) == 1:
             ((rest, c),) = terms.items()
-            found[_joined(rest, part)] = c
+            found[times(rest, part)] = c
             continue
         for together in _parted(terms):
             content, common, inner = factored(Expression(together))
             inner = _united(inner, key) if any(key(m) for m in inner.terms) else inner
             brackets = () if inner == number(1) else ((Group(inner), ONE),)
-            found[_joined(_joined(common, part), brackets)] = content
+            found[times(times(common, part), brackets)] = content
     return Expression(found)
 
 
@@ -178,22 +181,20 @@ def factored(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
     powers = [dict(m) for m in x.terms]
     shared = {a for m in powers for a in m}
     least = {a: min(m.get(a, Fraction(0)) for m in powers) for a in shared}
-    common = tuple(sorted(((a, e) for a, e in least.items() if e), key=lambda f: f[0].key))
+    common = in_order(least)
     content = shared_number(x)
-    shorts = [c for m, c in x.terms.items() if any(_is_short(a, e) for a, e in _over(m, common))]
+    shorts = [
+        c for m, c in x.terms.items() if any(_is_short(a, e) for a, e in times(m, inverse(common)))
+    ]
     first = shorts or [c for m, c in x.terms.items() if m == common] or list(x.terms.values())
     if all(c < 0 for c in first):
         content = -content
     rest: dict[Monomial, Coefficient] = {}
     for m, (_, c) in zip(powers, x.terms.items(), strict=True):
         left = {a: m.get(a, Fraction(0)) - least.get(a, 0) for a in {*m, *least}}
-        key = tuple(sorted(((a, e) for a, e in left.items() if e), key=lambda f: f[0].key))
+        key = in_order(left)
         rest[key] = c / content
     return content, common, Expression(rest)
-
-
-def _over(m: Monomial, n: Monomial) -> Monomial:
-    return _joined(m, tuple((a, -e) for a, e in n))
 
 
 def shared_number(x: Expression) -> Coefficient:
@@ -205,13 +206,6 @@ def shared_number(x: Expression) -> Coefficient:
     if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in x.terms.values()):
         return Fraction(1, 2)
     return content if content >= 1 else ONE
-
-
-def _joined(a: Monomial, b: Monomial) -> Monomial:
-    powers = dict(a)
-    for f, e in b:
-        powers[f] = powers.get(f, Fraction(0)) + e
-    return tuple(sorted(((f, e) for f, e in powers.items() if e), key=lambda f: f[0].key))
 
 
 def gathered(x: Expression) -> Expression:
@@ -228,9 +222,9 @@ def gathered(x: Expression) -> Expression:
             found[m] = c
     for (rest, c), terms in squares.items():
         if len(terms) == 1:
-            found[_joined(rest, next(iter(terms)))] = c
+            found[times(rest, next(iter(terms)))] = c
         else:
-            found[_joined(rest, ((Group(Expression(terms)), ONE),))] = c
+            found[times(rest, ((Group(Expression(terms)), ONE),))] = c
     return Expression(found)
 
 
@@ -242,7 +236,7 @@ def shared_factor(sums: Sequence[Expression]) -> Expression:
         return number(1)
     steady = {a for m in powers for a in m if not symbols_of(a) or _is_steady(a)}
     least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
-    common = tuple(sorted(((a, e) for a, e in least.items() if e), key=lambda f: f[0].key))
+    common = in_order(least)
     # Terms of any monomials that differ: only the numbers matter.
     row = Expression({((Symbol(f"{i}", "time"), ONE),): c for i, c in enumerate(numbers)})
     return Expression({common: shared_number(row)})
@@ -274,16 +268,16 @@ def completed(x: Expression) -> Expression:
                 continue
             rest = tuple(f for f in m if f[0] is not square)
             for n, d in x.terms.items():
-                other = dict(_joined(n, tuple((b, -f) for b, f in (*rest, (a, ONE)))))
+                other = dict(times(n, inverse((*rest, (a, ONE)))))
                 if a in other or n == m or min(other.values(), default=Fraction(-1)) < 0:
                     continue
-                b = tuple(sorted(other.items(), key=lambda f: f[0].key))
-                last = _joined(_joined(rest, b), b)
+                b = in_order(other)
+                last = times(times(rest, b), b)
                 ratio = d / (2 * c)
                 if x.terms.get(last) == c * ratio * ratio:
                     left = {k: v for k, v in x.terms.items() if k not in (m, n, last)}
                     inner = Expression({((a, ONE),): ONE, b: ratio})
-                    square = _joined(rest, ((Group(inner), Fraction(2)),))
+                    square = times(rest, ((Group(inner), Fraction(2)),))
                     return completed(Expression(left)) + Expression({square: c})
     return x
 

@@ -1,6 +1,6 @@
 """The shortest of several forms of an expression."""
 
-from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial
+from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial, inverse, times
 from jaxdyn.symbolic.trigonometry import deeply_shortened
 
 
@@ -35,7 +35,7 @@ def with_sum(x: Expression, part: Expression) -> tuple[Monomial, Expression, obj
         if cofactor is None:
             continue
         scale = c / first[1]
-        wanted = {m: c} | {_product(cofactor, n): scale * d for n, d in others}
+        wanted = {m: c} | {times(cofactor, n): scale * d for n, d in others}
         if all(x.terms.get(n) == d for n, d in wanted.items()):
             rest = Expression({n: d for n, d in x.terms.items() if n not in wanted})
             return cofactor, rest, scale
@@ -59,15 +59,5 @@ def _differences(x: Expression) -> set[Group]:
 def _quotient(m: Monomial, n: Monomial) -> Monomial | None:
     """m / n, if n divides it."""
     powers = dict(m)
-    for a, e in n:
-        if powers.get(a, 0) < e:
-            return None
-        powers[a] -= e
-    return tuple((a, e) for a, e in powers.items() if e)
-
-
-def _product(m: Monomial, n: Monomial) -> Monomial:
-    powers = dict(m)
-    for a, e in n:
-        powers[a] = powers.get(a, 0) + e
-    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
+    divides = all(powers.get(a, 0) >= e for a, e in n)
+    return times(m, inverse(n)) if divides else None

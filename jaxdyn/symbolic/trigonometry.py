@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from jaxdyn.symbolic.algebra import (
-    ONE,
     Atom,
     Call,
     Coefficient,
@@ -12,6 +11,7 @@ from jaxdyn.symbolic.algebra import (
     Group,
     Monomial,
     function,
+    times,
 )
 
 
@@ -101,6 +101,4 @@ def _without(m: Monomial, op: str, power: int) -> Iterator[tuple[Call, Monomial]
 
 def _with(m: Monomial, a: Call, power: int) -> Monomial:
     """A monomial with one more factor."""
-    powers = dict(m)
-    powers[a] = powers.get(a, Fraction(0)) + ONE * power
-    return tuple(sorted(((x, e) for x, e in powers.items() if e), key=lambda x: x[0].key))
+    return times(m, ((a, Fraction(power)),))
