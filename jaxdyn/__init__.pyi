@@ -14,6 +14,7 @@ from . import integrate as integrate
 from . import mechanisms as mechanisms
 from . import scenes as scenes
 from . import solvers as solvers
+from . import symbolic as symbolic
 from ._config import configure as configure
 from ._info import info as info
 from .accuracy.end_error import end_error as end_error
@@ -38,5 +39,6 @@ from .scene import Scene as Scene
 from .scene import System as System
 from .status import IntegrationError as IntegrationError
 from .status import Status as Status
+from .symbolic.equations import equations as equations
 
 __version__: str

@@ -3,6 +3,7 @@
 from jaxdyn.cli.accuracy import accuracy_command
 from jaxdyn.cli.chaos import chaos_command
 from jaxdyn.cli.course import course_command
+from jaxdyn.cli.equations import equations_command
 from jaxdyn.cli.gallery import gallery_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.info import info_command
@@ -31,6 +32,11 @@ add(
     *(app, "chaos", chaos_command),
     "jaxdyn chaos lorenz --t1 5000",
     "jaxdyn chaos double_pendulum --map theta1=0:pi --map theta2=0:pi --plot chaos.png",
+)
+add(
+    *(app, "equations", equations_command),
+    *("jaxdyn equations double_pendulum", "jaxdyn equations pendulum --latex"),
+    "jaxdyn equations lorenz --code javascript",
 )
 add(
     *(app, "hard", hard_command),

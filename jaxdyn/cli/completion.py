@@ -12,6 +12,9 @@ from rich.markup import escape
 import jaxdyn
 from jaxdyn.cli import docstrings
 
+#: Those of `jaxdyn.symbolic.code`, which completion does not load.
+LANGUAGES = ("python", "numpy", "javascript", "c", "julia")
+
 #: Words, each with a line about it.
 Words = list[tuple[str, str]]
 
@@ -43,6 +46,11 @@ def case(incomplete: str) -> Words:
 def solver(incomplete: str) -> Words:
     """What --solver takes."""
     return _beginning(incomplete, ("auto", *docstrings.solver_names()))
+
+
+def language(incomplete: str) -> Words:
+    """What --code takes."""
+    return _beginning(incomplete, LANGUAGES)
 
 
 def _beginning(incomplete: str, known: Mapping[str, str] | Iterable[str]) -> Words:

@@ -10,7 +10,7 @@ and `pictures`, made again only where sources changed (`records`), and with prog
 Markdown and code, `writing` fills the templates. The folders `guides` and `templates` have the
 texts and the frames of pages.
 
-May import: `course`, `player`; and `orbits`.
+May import: `course`, `player`, `symbolic`; and `orbits`.
 
 One more exhibit is a function in `exhibits` that returns a record, and an entry of its `PARTS`;
 one more guide is a Markdown file in `guides`.

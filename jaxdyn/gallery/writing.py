@@ -125,6 +125,7 @@ class Site:
             solution=self.text(texts.prose(problem.solution), "../"),
             played=played,
             code=Markup(texts.coloured(problem.code)),
+            equations=[Markup(one) for one in record["equations"]],
             names=[(name, self._urls.get(name)) for name in problem.names],
             before=before,
             after=after,

@@ -37,11 +37,13 @@ class Leaf(NamedTuple):
       path: names of attributes, keys and places, from the field on.
       value: the array.
       start: number of parameters before it.
+      is_fixed: whether it is a default of a class that no scene sets, such as the side of a line.
     """
 
     path: tuple[str, ...]
     value: np.ndarray
     start: int
+    is_fixed: bool
 
 
 def parameters(scene: Scene) -> Parameters:
@@ -95,7 +97,8 @@ def leaves(field: Field) -> list[Leaf]:
         if _checks.is_traced(x):
             remedy = "Call it outside jit, grad and vmap."
             raise _checks.fail("scene", "one whose numbers are known", "traced ones", remedy)
-        found.append(Leaf(tuple(map(_part, path)), np.asarray(x, float), start))
+        value = np.asarray(x, float)
+        found.append(Leaf(tuple(map(_part, path)), value, start, isinstance(x, float)))
         start += found[-1].value.size
     return found
 

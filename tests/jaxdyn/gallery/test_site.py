@@ -317,3 +317,10 @@ def test_every_hard_case_is_in_one_part_of_its_page():
 
 def _cases(part):
     return exhibits.PARTS[part].make.args[0]
+
+
+@pytest.mark.slow
+def test_the_page_of_a_problem_prints_its_equations(site):
+    page = (site.folder / "course/simple_pendulum.html").read_text()
+    assert "<h2>The equations</h2>" in page
+    assert page.count('<math display="block">') == 3  # of motion, T and V

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import ZOO as QUICK
 from helpers import refusal
 
 import jaxdyn
@@ -31,6 +32,9 @@ def _cases(scene):
     ts = rng.uniform(0.1, 1.0, STATES)
     ys = y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal((STATES, len(y0)))
     return ts, ys, p0 * rng.uniform(0.9, 1.1, (STATES, len(p0)))
+
+
+sampled = pytest.mark.sample(*QUICK, "cylinder_on_ramp", "power_law", "two_masses")
 
 
 @pytest.fixture(scope="module", params=ZOO)
@@ -60,17 +64,20 @@ def _loaded(source):
     return made["rate"]
 
 
+@sampled
 def test_python(case):
     scene, ts, ys, ps, rates = case
     rate = _loaded(code(scene, "python"))
     _check(np.array([rate(*at) for at in zip(ts, ys.tolist(), ps.tolist(), strict=True)]), rates)
 
 
+@sampled
 def test_numpy_for_many_states_at_once(case):
     scene, ts, ys, ps, rates = case
     _check(_loaded(code(scene, "numpy"))(ts, ys.T, ps.T).T, rates)
 
 
+@sampled
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 def test_javascript(case):
     scene, ts, ys, ps, rates = case
@@ -82,6 +89,7 @@ def test_javascript(case):
     _check(np.array(json.loads(done.stdout)), rates)
 
 
+@sampled
 @pytest.mark.skipif(shutil.which("cc") is None, reason="a compiler for C is not installed")
 def test_c(case, tmp_path):
     scene, ts, ys, ps, rates = case
@@ -100,6 +108,7 @@ def _compiled(source, path):
     subprocess.run(["cc", *flags, str(path.parent / "rate.c"), "-o", str(path)], check=True)
 
 
+@sampled
 @pytest.mark.skipif(shutil.which("julia") is None, reason="julia is not installed")
 def test_julia(case):
     scene, ts, ys, ps, rates = case

@@ -1,0 +1,674 @@
+"""Sums of products of powers: expressions as printed equations have them.
+
+An `Expression` is a sum of terms, each a rational coefficient and powers of atoms: a `Symbol`, a
+`Call` of a function, or a `Group`, a sum in brackets. Products of sums are multiplied out, so that
+equal terms meet and cancel, except for differences such as x - a or x2 - x1: these stay in brackets
+and are what a reader looks for.
+
+Exponents are rational: a root is the power 1/2, a quotient the power -1. Points at which an
+expression is not defined, such as r = 0 in x / r, are left out of consideration, as on paper.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Mapping
+from fractions import Fraction
+from typing import Any
+
+from jaxdyn import _checks
+
+#: A rational number; a float where none with a small denominator is meant.
+Coefficient = Fraction | float
+#: Atoms and their exponents, sorted.
+Monomial = tuple[tuple["Atom", Fraction], ...]
+
+#: Denominators up to which a float is taken for a rational number.
+_LARGEST_DENOMINATOR = 10_000
+#: The same for multiples of pi.
+_OF_PI = 100
+#: Relative difference of a float from that rational number: two roundings.
+_ROUNDED = 2.0**-51
+#: Terms of an expression; six hinged bars have some hundred.
+_MOST_TERMS = 500
+#: Largest power that is multiplied out.
+_WRITTEN_OUT = 4
+
+ONE = Fraction(1)
+
+
+class Symbol:
+    """A quantity with a name.
+
+    Attributes:
+      name: told from all others by it.
+      kind: "parameter", "time", "coordinate", "velocity", "acceleration", "rate" (the derivative of
+        an entry that has no second one), "multiplier" or "short" (an abbreviation).
+      rank: its place among those of its kind.
+      stem: of its name in print, such as "theta".
+      index: its subscript, such as "1" or "12".
+      dots: number of derivatives by time.
+      positive: whether it is known to be.
+    """
+
+    __slots__ = ("dots", "index", "key", "kind", "name", "positive", "rank", "stem")
+
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        *,
+        stem: str = "",
+        index: str = "",
+        rank: float = 0,
+        dots: int = 0,
+        positive: bool = False,
+    ):
+        self.name, self.kind, self.rank, self.dots = name, kind, rank, dots
+        self.stem, self.index, self.positive = stem or name, index, positive
+        self.key = (0, KINDS.index(kind), rank, name)
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Symbol) and self.name == other.name
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+#: Kinds of symbols, in the order in which a product has them.
+KINDS = (
+    *("time", "parameter", "multiplier", "short", "coordinate"),
+    *("velocity", "rate", "acceleration"),
+)
+
+
+class Call:
+    """A function of expressions: "sin", "abs", "select" of a condition and two values."""
+
+    __slots__ = ("_hash", "args", "key", "op")
+
+    def __init__(self, op: str, *args: "Expression"):
+        self.op, self.args = op, args
+        self._hash = hash((op, args))
+        self.key = (2, 0, 0, f"{op}({', '.join(map(repr, args))})")
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Call) and self.op == other.op and self.args == other.args
+
+    def __repr__(self) -> str:
+        return self.key[-1]
+
+
+class Group:
+    """A sum in brackets, of which the first term is positive."""
+
+    __slots__ = ("key", "sum")
+
+    def __init__(self, inner: "Expression"):
+        self.sum = inner
+        self.key = (1, 0, 0, f"({inner!r})")
+
+    def __hash__(self) -> int:
+        return hash(self.sum)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Group) and self.sum == other.sum
+
+    def __repr__(self) -> str:
+        return self.key[-1]
+
+
+Atom = Symbol | Call | Group
+
+
+class Expression:
+    """A sum of terms: coefficients by monomial, none of them 0."""
+
+    __slots__ = ("_hash", "_text", "terms")
+
+    def __init__(self, terms: Mapping[Monomial, Coefficient]):
+        self.terms = {m: c for m, c in terms.items() if c != 0}
+        if len(self.terms) > _MOST_TERMS:
+            raise _checks.fail(
+                "equations",
+                "a scene whose equations fill some pages",
+                f"more than {_MOST_TERMS} terms in one of them",
+                'Take another formulation, such as "constrained"; jaxdyn.symbolic.code(scene, '
+                '"python") has its rate step by step.',
+            )
+        self._hash: int | None = None
+        self._text: str | None = None
+
+    def __hash__(self) -> int:
+        if self._hash is None:
+            self._hash = hash(frozenset(self.terms.items()))
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Expression) and self.terms == other.terms
+
+    def __repr__(self) -> str:
+        if self._text is None:
+            parts = (f"{c}*{list(m)!r}" for m, c in sorted(self.terms.items(), key=_place))
+            self._text = " + ".join(parts) or "0"
+        return self._text
+
+    def __bool__(self) -> bool:
+        return bool(self.terms)
+
+    def __add__(self, other: "Expression | Coefficient | int") -> "Expression":
+        terms = dict(self.terms)
+        for m, c in as_expression(other).terms.items():
+            terms[m] = terms.get(m, 0) + c
+        return Expression(terms)
+
+    def __neg__(self) -> "Expression":
+        return Expression({m: -c for m, c in self.terms.items()})
+
+    def __sub__(self, other: "Expression | Coefficient | int") -> "Expression":
+        return self + (-as_expression(other))
+
+    def __mul__(self, other: "Expression | Atom | Coefficient | int") -> "Expression":
+        other = as_expression(other)
+        if self.is_number or other.is_number:
+            number, rest = (self, other) if self.is_number else (other, self)
+            return Expression({m: c * number.number for m, c in rest.terms.items()})
+        a, b = (x.in_brackets() if x.is_difference else x for x in (self, other))
+        found: dict[Monomial, Coefficient] = {}
+        for m, c in a.terms.items():
+            for n, d in b.terms.items():
+                for product, e in _product(m, n).terms.items():
+                    found[product] = found.get(product, 0) + c * d * e
+        return Expression(found)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other: "Coefficient | int") -> "Expression":
+        return as_expression(other) - self
+
+    def __truediv__(self, other: "Expression | Coefficient | int") -> "Expression":
+        return self * as_expression(other) ** -1
+
+    def __rtruediv__(self, other: "Coefficient | int") -> "Expression":
+        return as_expression(other) / self
+
+    def __pow__(self, n: Fraction | int) -> "Expression":
+        n = Fraction(n)
+        if n == 1:
+            return self
+        if n == 0:
+            return number(1)
+        if len(self.terms) == 1:
+            return self._term_to(n)
+        if n.denominator == 1 and 0 < n <= _WRITTEN_OUT and not self.is_difference:
+            return functools.reduce(Expression.__mul__, [self] * int(n))
+        if not self.terms:
+            return number(0) if n > 0 else number(math.inf)
+        content = self.content
+        inner = self / content
+        if n.denominator == 1:
+            sign = -1 if inner.leading < 0 else 1
+            return number(content) ** n * _atom(Group(inner * sign), n) * sign ** int(n)
+        root = _exact_power(content, n)
+        if root is None:
+            return _atom(Group(self), n)
+        return number(root) * _atom(Group(inner), n)
+
+    def _term_to(self, n: Fraction) -> "Expression":
+        """A power of a single term."""
+        ((monomial, c),) = self.terms.items()
+        if n.denominator == 1:
+            scale = c ** int(n) if c else c
+            if 0 < n <= _WRITTEN_OUT and any(isinstance(a, Call) for a, _ in monomial):
+                return functools.reduce(Expression.__mul__, [self] * int(n))
+            return Expression({tuple((a, e * n) for a, e in monomial): scale})
+        found, left = number(1), Expression({(): c})
+        root = _exact_power(c, n) if c > 0 else None
+        if root is not None:
+            found, left = number(root), number(1)
+        for a, e in monomial:
+            if isinstance(a, Symbol) and a.positive:
+                found = found * _atom(a, e * n)
+            elif e.denominator == 1 and e % 2 == 0:
+                size = _atom(a, ONE) if (e * n) % 2 == 0 else function("abs", _atom(a, ONE))
+                found = found * size ** (e * n)
+            else:
+                left = left * _atom(a, e)
+        if left == number(1):
+            return found
+        ((monomial, c),) = left.terms.items()
+        if c == 1 and len(monomial) == 1:
+            ((a, e),) = monomial
+            return found * _atom(a, e * n)
+        return found * _atom(Group(left), n)
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is without atoms."""
+        return not self.terms or set(self.terms) == {()}
+
+    @property
+    def number(self) -> Coefficient:
+        """Of one without atoms, its value."""
+        return self.terms.get((), Fraction(0))
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether it stays in brackets: symbols of one size, some of the state, and a number."""
+        if len(self.terms) < 2:
+            return False
+        plain = [(m, c) for m, c in self.terms.items() if m]
+        sizes = {abs(c) for _, c in plain}
+        single = all(len(m) == 1 and m[0][1] == 1 for m, _ in plain)
+        return single and len(sizes) == 1 and any(_is_of_state(m[0][0]) for m, _ in plain)
+
+    @property
+    def leading(self) -> Coefficient:
+        """The coefficient of the first term: of a difference, of its symbol of the state."""
+        if self.is_difference:
+            state = {m: c for m, c in self.terms.items() if m and _is_of_state(m[0][0])}
+            return min(state.items(), key=_place)[1]
+        return min(self.terms.items(), key=_place)[1]
+
+    @property
+    def content(self) -> Coefficient:
+        """The largest positive rational number by which all coefficients are whole multiples."""
+        found = [Fraction(c) for c in self.terms.values() if isinstance(c, Fraction)]
+        if len(found) < len(self.terms):
+            return ONE
+        whole = math.gcd(*(c.numerator for c in found))
+        return Fraction(whole, math.lcm(*(c.denominator for c in found)))
+
+    def in_brackets(self) -> "Expression":
+        """Of a difference, a number times a `Group`."""
+        c = self.leading
+        return Expression({((Group(self / c), ONE),): c})
+
+    def symbols(self) -> set[Symbol]:
+        """All symbols in it."""
+        return {s for m in self.terms for a, _ in m for s in symbols_of(a)}
+
+    def replaced(self, what: Callable[[Atom], "Expression | None"]) -> "Expression":
+        """With other expressions for atoms, where `what` has one; inside of others too."""
+        found = number(0)
+        for m, c in self.terms.items():
+            term = number(c)
+            for a, e in m:
+                term = term * _replaced(a, what) ** e
+            found = found + term
+        return found
+
+    def differentiated(self, by: Symbol) -> "Expression":
+        """The derivative with respect to a symbol."""
+        found = number(0)
+        for m, c in self.terms.items():
+            for i, (a, e) in enumerate(m):
+                inner = _derivative(a, by)
+                if inner:
+                    rest = Expression({(*m[:i], *m[i + 1 :]): c * e})
+                    found = found + rest * _atom(a, ONE) ** (e - 1) * inner
+        return found
+
+    def expanded(self) -> "Expression":
+        """With all brackets multiplied out, of whole positive powers."""
+        found: dict[Monomial, Coefficient] = {}
+        for m, c in self.terms.items():
+            term = {(): c}
+            for a, e in m:
+                factors = [{((a, e),): ONE}]
+                if isinstance(a, Group) and e.denominator == 1 and e > 0:
+                    factors = [a.sum.expanded().terms] * int(e)
+                for factor in factors:
+                    term = _multiplied(term, factor)
+            for n, d in term.items():
+                found[n] = found.get(n, 0) + d
+        return Expression(found)
+
+    def over_one_line(self) -> "Expression":
+        """With all terms over common denominators that are sums, divided by these if possible."""
+        found = self
+        lines = {a for m in found.terms for a, e in m if _is_line(a, e)}
+        for line in sorted(lines, key=lambda a: a.key):
+            most = max((-e for m in found.terms for a, e in m if a == line and e < 0), default=0)
+            whole = _multiplied(found.terms, {((line, Fraction(most)),): ONE})
+            above = Expression(whole).expanded()
+            while most and (quotient := _divided(above, line.sum.expanded())) is not None:
+                above, most = quotient, most - 1
+            found = Expression(_multiplied(above.terms, {((line, -most),) if most else (): ONE}))
+        return found
+
+    def value(self, values: Mapping[Symbol, Any]) -> Any:
+        """Its value for numbers, or arrays of them, in place of the symbols."""
+        found = 0.0
+        for m, c in self.terms.items():
+            term = float(c)
+            for a, e in m:
+                term = term * _power(_value(a, values), e)
+            found = found + term
+        return found
+
+
+_OF_STATE = frozenset({"coordinate", "velocity", "rate", "acceleration", "short"})
+
+
+#: The number pi, kept as a symbol.
+PI = Symbol("pi", "parameter", rank=-1, positive=True)
+
+
+def as_expression(x: "Expression | Atom | Coefficient | int") -> Expression:
+    """An atom, or a number, as an expression."""
+    if isinstance(x, Expression):
+        return x
+    return _atom(x, ONE) if isinstance(x, Symbol | Call | Group) else number(x)
+
+
+def number(x: Coefficient | int) -> Expression:
+    """A number: the rational one that a float stands for, if it is one with few digits."""
+    found = rational(x)
+    if isinstance(found, float):
+        for power in (1, 2, -1):
+            of_pi = rational(found / math.pi**power)
+            if isinstance(of_pi, Fraction) and of_pi.denominator <= _OF_PI:
+                return Expression({((PI, Fraction(power)),): of_pi})
+    return Expression({(): found} if found else {})
+
+
+def rational(x: Coefficient | int) -> Coefficient:
+    """The rational number with a small denominator that a float rounds, or the float."""
+    if isinstance(x, Fraction | int):
+        return Fraction(x)
+    if not math.isfinite(x):
+        return x
+    near = Fraction(x).limit_denominator(_LARGEST_DENOMINATOR)
+    return near if abs(float(near) - x) <= _ROUNDED * abs(x) else float(x)
+
+
+def function(op: str, *args: Expression) -> Expression:
+    """A call of a function, with what is known of its values."""
+    (a, *others) = args
+    if op in ("sin", "cos", "tan", "sinh", "tanh", "atan", "asin") and not others:
+        if not a:
+            return number(1 if op == "cos" else 0)
+        if a.leading < 0:
+            return function(op, -a) if op == "cos" else -function(op, -a)
+    if op in ("sin", "cos") and (turns := _quarters(a)) is not None:
+        return number((0, 1, 0, -1)[(turns + (op == "cos")) % 4])
+    if op in ("exp", "cosh") and not a:
+        return number(1)
+    if op == "abs" and not others:
+        if a.is_number:
+            return number(abs(a.number))
+        a = a * (-1 if a.leading < 0 else 1)
+        return _sizes(a)
+    if op == "sign" and not others and not a.is_number and a.leading < 0:
+        return -function(op, -a)
+    if op == "select" and others[0] == others[1]:
+        return others[0]
+    return _atom(Call(op, *args), ONE)
+
+
+def _quarters(a: Expression) -> int | None:
+    """How often an angle is a quarter turn, if that is whole."""
+    halves = a.terms.get(((PI, ONE),), None) if len(a.terms) == 1 else None
+    if isinstance(halves, Fraction) and (2 * halves).denominator == 1:
+        return int(2 * halves)
+    return None
+
+
+def _sizes(a: Expression) -> Expression:
+    """The absolute value of an expression whose first term is positive."""
+    if len(a.terms) > 1:
+        return _atom(Call("abs", a), ONE)
+    ((monomial, c),) = a.terms.items()
+    found = number(abs(c))
+    for atom, e in monomial:
+        known = isinstance(atom, Symbol) and atom.positive
+        even = e.denominator == 1 and e % 2 == 0
+        whole = atom if known or even else Call("abs", _atom(atom, ONE))
+        found = found * _atom(whole, e)
+    return found
+
+
+def symbols_of(a: Atom) -> set[Symbol]:
+    """All symbols in an atom."""
+    if isinstance(a, Symbol):
+        return {a}
+    inner = (a.sum,) if isinstance(a, Group) else a.args
+    return {s for x in inner for s in x.symbols()}
+
+
+def _atom(a: Atom, e: Fraction) -> Expression:
+    if isinstance(a, Call) and a.op == "abs" and e.denominator == 1 and e % 2 == 0:
+        return a.args[0] ** e
+    return Expression({((a, Fraction(e)),): ONE})
+
+
+def _product(m: Monomial, n: Monomial) -> Expression:
+    """The product of two monomials."""
+    if not m or not n:
+        return Expression({m or n: ONE})
+    powers = dict(m)
+    for a, e in n:
+        powers[a] = powers.get(a, Fraction(0)) + e
+    factor = number(1)
+    for a in [a for a in powers if isinstance(a, Call) and a.op == "abs"]:
+        e = powers[a]
+        inner = a.args[0]
+        if e.denominator == 1 and e % 2 == 0 and e:
+            del powers[a]
+            factor = factor * inner**e
+        elif e == -1 and len(inner.terms) == 1:
+            # x / |x| is the sign of x.
+            ((base, c),) = inner.terms.items()
+            if c == 1 and len(base) == 1 and base[0][1] == 1 and powers.get(base[0][0], 0) == 1:
+                del powers[a], powers[base[0][0]]
+                factor = factor * function("sign", inner)
+    for a in [a for a in powers if isinstance(a, Call) and a.op == "pow" and powers[a] == 1]:
+        base, exponent = a.args
+        (m, *several) = base.terms or [()]
+        if not several and len(m) == 1 and base.terms[m] == 1 and m[0][0] in powers:
+            del powers[a]
+            more = powers.pop(m[0][0]) / m[0][1]
+            factor = factor * function("pow", base, exponent + more)
+    for a in [a for a in powers if isinstance(a, Call) and a.op == "sign"]:
+        powers[a] = powers[a] % 2
+    plain = in_order(powers)
+    brackets = [
+        (a, e)
+        for a, e in plain
+        if isinstance(a, Group) and e.denominator == 1 and e > 0 and not a.sum.is_difference
+    ]
+    if brackets:  # as where a root is squared
+        plain = tuple(x for x in plain if x not in brackets)
+        for a, e in brackets:
+            factor = factor * a.sum**e
+    return Expression({plain: ONE}) if factor == number(1) else factor * Expression({plain: ONE})
+
+
+def _is_line(a: Atom, e: Fraction) -> bool:
+    return isinstance(a, Group) and e.denominator == 1 and e < 0
+
+
+def _divided(above: Expression, below: Expression) -> Expression | None:
+    """The quotient of two sums of whole powers, if it has no remainder."""
+    lead = _highest(below)
+    found, left = number(0), above
+    while left:
+        top = _highest(left)
+        m = times(top, inverse(lead))
+        if any(e < 0 for _, e in m):
+            return None
+        part = {m: left.terms[top] / below.terms[lead]}
+        found = found + Expression(part)
+        left = left - Expression(_multiplied(part, below.terms))
+    return found
+
+
+def _highest(x: Expression) -> Monomial:
+    """The first monomial in an order that products keep: by powers of one atom after another."""
+    atoms = sorted({a for m in x.terms for a, _ in m}, key=lambda a: a.key)
+    return max(x.terms, key=lambda m: [dict(m).get(a, Fraction(0)) for a in atoms])
+
+
+def _multiplied(
+    a: Mapping[Monomial, Coefficient], b: Mapping[Monomial, Coefficient]
+) -> dict[Monomial, Coefficient]:
+    """A product without any brackets."""
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in a.items():
+        for n, d in b.items():
+            key = times(m, n)
+            found[key] = found.get(key, 0) + c * d
+    return found
+
+
+def _place(term: tuple[Monomial, Coefficient]) -> tuple:
+    """Of a term in a sum whose first term has to be the same in every process."""
+    return tuple((a.key, -e) for a, e in term[0])
+
+
+def _is_of_state(a: Atom) -> bool:
+    return isinstance(a, Symbol) and a.kind in _OF_STATE
+
+
+def _replaced(a: Atom, what: Callable[[Atom], Expression | None]) -> Expression:
+    found = what(a)
+    if found is not None:
+        return found
+    if isinstance(a, Group):
+        return a.sum.replaced(what)
+    if isinstance(a, Call):
+        return function(a.op, *(x.replaced(what) for x in a.args))
+    return _atom(a, ONE)
+
+
+def _exact_power(c: Coefficient, n: Fraction) -> Fraction | None:
+    """A power of a positive number, if it is rational."""
+    if not isinstance(c, Fraction):
+        return None
+    above, below = (_root(x, n.denominator) for x in (c.numerator, c.denominator))
+    if above is None or below is None:
+        return None
+    return Fraction(above, below) ** n.numerator
+
+
+def _root(x: int, n: int) -> int | None:
+    found = round(x ** (1 / n))
+    return found if found**n == x else None
+
+
+def _derivative(a: Atom, by: Symbol) -> Expression:
+    """The derivative of an atom."""
+    if isinstance(a, Symbol):
+        return number(1 if a == by else 0)
+    if by not in symbols_of(a):
+        return number(0)
+    if isinstance(a, Group):
+        return a.sum.differentiated(by)
+    if a.op == "select":
+        which, yes, no = a.args
+        return function("select", which, yes.differentiated(by), no.differentiated(by))
+    if a.op == "pow":
+        base, exponent = a.args
+        slope = exponent.differentiated(by) * function("log", base)
+        return as_expression(a) * (slope + exponent * base.differentiated(by) / base)
+    if a.op in _STEPS:
+        return number(0)
+    if a.op not in _SLOPES:
+        raise _checks.fail(
+            "equations",
+            "functions whose derivative is known",
+            a.op,
+            "jaxdyn.symbolic.code(scene, 'python') has the rate with it.",
+        )
+    (x,) = a.args
+    return _SLOPES[a.op](x) * x.differentiated(by)
+
+
+_STEPS = frozenset({"sign", "floor", "ceil", "step"})
+_SLOPES: dict[str, Callable[[Expression], Expression]] = {
+    "sin": lambda x: function("cos", x),
+    "cos": lambda x: -function("sin", x),
+    "tan": lambda x: function("cos", x) ** -2,
+    "exp": lambda x: function("exp", x),
+    "log": lambda x: x**-1,
+    "sinh": lambda x: function("cosh", x),
+    "cosh": lambda x: function("sinh", x),
+    "tanh": lambda x: function("cosh", x) ** -2,
+    "asin": lambda x: (1 - x * x) ** Fraction(-1, 2),
+    "acos": lambda x: -((1 - x * x) ** Fraction(-1, 2)),
+    "atan": lambda x: (1 + x * x) ** -1,
+    "abs": lambda x: function("sign", x),
+}
+
+
+def _value(a: Atom, values: Mapping[Symbol, Any]) -> Any:
+    if isinstance(a, Symbol):
+        return math.pi if a is PI else values[a]
+    if isinstance(a, Group):
+        return a.sum.value(values)
+    args = [x.value(values) for x in a.args]
+    if a.op == "select":
+        return args[1] if args[0] else args[2]
+    return _FUNCTIONS[a.op](*args)
+
+
+def _power(x: float, e: Fraction) -> float:
+    if e.denominator == 1:
+        return x ** int(e)
+    if e.denominator == 2:
+        return math.sqrt(x) ** e.numerator
+    return math.pow(x, e)
+
+
+_FUNCTIONS: dict[str, Callable] = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "floor", "ceil")},
+    **{name: getattr(math, name) for name in ("sinh", "cosh", "tanh", "asin", "acos", "atan")},
+    **{name: getattr(math, name) for name in ("asinh", "acosh", "atanh", "atan2", "cbrt", "exp2")},
+    **{name: getattr(math, name) for name in ("expm1", "log1p", "erf", "pow")},
+    "abs": abs,
+    "sign": lambda x: float((x > 0) - (x < 0)),
+    "step": lambda x: float(x >= 0),
+    "max": max,
+    "min": min,
+    "rem": math.fmod,
+    "logistic": lambda x: 1 / (1 + math.exp(-x)),
+    "is_finite": math.isfinite,
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "gt": lambda a, b: a > b,
+    "ge": lambda a, b: a >= b,
+    "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b,
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": lambda a: not a,
+}
+
+
+def in_order(powers: Mapping[Atom, Fraction]) -> Monomial:
+    """The monomial of some powers."""
+    return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
+
+
+def times(m: Monomial, n: Monomial) -> Monomial:
+    """The product of two monomials, whose brackets stay as they are."""
+    powers = dict(m)
+    for a, e in n:
+        powers[a] = powers.get(a, Fraction(0)) + e
+    return in_order(powers)
+
+
+def inverse(m: Monomial) -> Monomial:
+    """One over a monomial."""
+    return tuple((a, -e) for a, e in m)
+
+
+def total(parts: Iterable[Expression]) -> Expression:
+    """A sum."""
+    return sum(parts, number(0))

@@ -1,0 +1,362 @@
+"""Sums as a reader wants them: equal factors in front of brackets, lengths with names of their own.
+
+Results of these functions are for print and for evaluation. Further arithmetic would multiply
+their brackets out again.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+
+from jaxdyn.symbolic.algebra import (
+    ONE,
+    Atom,
+    Call,
+    Coefficient,
+    Expression,
+    Group,
+    Monomial,
+    Symbol,
+    as_expression,
+    in_order,
+    inverse,
+    number,
+    symbols_of,
+    times,
+)
+from jaxdyn.symbolic.simplifying import with_sum
+
+_OF_STATE = frozenset({"coordinate", "velocity", "rate", "acceleration"})
+_OUTER = ("acceleration", "rate", "multiplier")
+
+
+def depends_on_state(a: Atom) -> bool:
+    """Whether an atom moves with the state."""
+    return any(s.kind in _OF_STATE for s in symbols_of(a))
+
+
+def collected(x: Expression) -> Expression:
+    """Terms with the same motion united, their coefficients in brackets: (m1 + m2) x''."""
+    for key in (_outer, _motion, _lengths, _beside_velocities):
+        x = _united(_alike(x), key)
+    return x
+
+
+def of_energy(x: Expression) -> Expression:
+    """An energy: squares of velocities with their coefficients, and squares with one together."""
+    for key in (_velocities, _motion, _lengths):
+        x = _united(x, key)
+    return gathered(_with_halves(x))
+
+
+def _with_halves(x: Expression) -> Expression:
+    """Of brackets before the square of a velocity, a half in front: m (1 + a) x'^2 / 2."""
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in x.terms.items():
+        brackets = [a for a, e in m if isinstance(a, Group) and e == 1]
+        if _velocities(m) and len(brackets) == 1:
+            inner = brackets[0].sum
+            if c == 1 and any(Fraction(d).denominator % 2 == 0 for d in inner.terms.values()):
+                m = tuple((Group(inner * 2), e) if a is brackets[0] else (a, e) for a, e in m)
+                c = Fraction(1, 2)
+        found[m] = c
+    return Expression(found)
+
+
+def bracketed(x: Expression) -> Expression:
+    """What all terms share in front of brackets with the rest."""
+    if len(x.terms) < 2:
+        return collected(x)
+    content, common, inner = factored(x)
+    if not common:
+        return collected(x)
+    return Expression({times(common, ((Group(inner), ONE),)): content})
+
+
+def _velocities(m: Monomial) -> Monomial | None:
+    """The square of a velocity in a term."""
+    found = tuple((a, e) for a, e in m if _is_velocity(a))
+    return found if len(found) == 1 and found[0][1] == 2 else None
+
+
+def _lengths(m: Monomial) -> Monomial | None:
+    """The lengths in a term without motion."""
+    if any(depends_on_state(a) and not _is_length(a, e) for a, e in m):
+        return None
+    return tuple((a, e) for a, e in m if _is_short(a, e)) or None
+
+
+def _alike(x: Expression) -> Expression:
+    """Places with one coefficient in brackets: k (x2 - x1)."""
+    parts: dict[tuple, dict[Monomial, Coefficient]] = {}
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in x.terms.items():
+        places = tuple((a, e) for a, e in m if isinstance(a, Symbol) and a.kind == "coordinate")
+        rest = tuple(f for f in m if f not in places)
+        if places and rest and not any(depends_on_state(a) or _is_short(a, e) for a, e in rest):
+            parts.setdefault((rest, abs(c)), {})[places] = c
+        else:
+            found[m] = c
+    for (rest, c), terms in parts.items():
+        if len(terms) == 1:
+            ((places, c),) = terms.items()
+            found[times(rest, places)] = c
+            continue
+        inner = Expression({places: d / c for places, d in terms.items()})
+        sign = -1 if all(d < 0 for d in inner.terms.values()) else 1
+        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
+    return Expression(found)
+
+
+def _outer(m: Monomial) -> Monomial | None:
+    """The second derivative, or the multiplier, in a term."""
+    found = tuple((a, e) for a, e in m if isinstance(a, Symbol) and a.kind in _OUTER)
+    return found or None
+
+
+def _motion(m: Monomial) -> Monomial | None:
+    """What moves in a term, without lengths and their powers."""
+    found = tuple((a, e) for a, e in m if depends_on_state(a) and not _is_length(a, e))
+    return found or None
+
+
+def _beside_velocities(m: Monomial) -> Monomial | None:
+    """What is beside velocities in a term, of several factors."""
+    left = tuple((a, e) for a, e in m if not _is_velocity(a))
+    return left if len(left) > 1 and len(left) < len(m) and _outer(m) is None else None
+
+
+def _is_velocity(a: Atom) -> bool:
+    return isinstance(a, Symbol) and a.kind == "velocity"
+
+
+def _is_length(a: Atom, e: Fraction) -> bool:
+    """Whether a factor is a root, or below the line."""
+    return isinstance(a, Group) and (e.denominator > 1 or e < 0)
+
+
+def _united(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expression:
+    """Terms with an equal part in front of brackets with the rest."""
+    parts: dict[Monomial, dict[Monomial, Coefficient]] = {}
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in x.terms.items():
+        part = key(m)
+        if part is None:
+            found[m] = c
+        else:
+            rest = tuple(f for f in m if f not in part)
+            parts.setdefault(part, {})[rest] = c
+    for part, terms in parts.items():
+        if len(terms) == 1:
+            ((rest, c),) = terms.items()
+            found[times(rest, part)] = c
+            continue
+        for together in _parted(terms):
+            content, common, inner = factored(Expression(together))
+            inner = _united(inner, key) if any(key(m) for m in inner.terms) else inner
+            brackets = () if inner == number(1) else ((Group(inner), ONE),)
+            found[times(times(common, part), brackets)] = content
+    return Expression(found)
+
+
+def _parted(terms: dict[Monomial, Coefficient]) -> list[dict[Monomial, Coefficient]]:
+    """Coefficients as they belong together: k with -k l0 / r, and other powers of lengths apart."""
+    lengths = {m: tuple((a, e) for a, e in m if _is_short(a, e)) for m in terms}
+    if not any(lengths.values()):
+        return [terms]
+    found: dict[tuple, dict[Monomial, Coefficient]] = {}
+    plain = [m for m in terms if not lengths[m]]
+    for m, c in terms.items():
+        beside = [n for n in plain if n and lengths[m] and set(n) <= set(m)]
+        found.setdefault(beside[0] if beside else lengths[m] or m, {})[m] = c
+    return list(found.values())
+
+
+def _is_short(a: Atom, e: Fraction) -> bool:
+    return (isinstance(a, Symbol) and a.kind == "short") or _is_length(a, e)
+
+
+def factored(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
+    """A number and powers that all terms share, and the rest."""
+    powers = [dict(m) for m in x.terms]
+    shared = {a for m in powers for a in m}
+    least = {a: min(m.get(a, Fraction(0)) for m in powers) for a in shared}
+    common = in_order(least)
+    content = shared_number(x)
+    shorts = [
+        c for m, c in x.terms.items() if any(_is_short(a, e) for a, e in times(m, inverse(common)))
+    ]
+    first = shorts or [c for m, c in x.terms.items() if m == common] or list(x.terms.values())
+    if all(c < 0 for c in first):
+        content = -content
+    rest: dict[Monomial, Coefficient] = {}
+    for m, (_, c) in zip(powers, x.terms.items(), strict=True):
+        left = {a: m.get(a, Fraction(0)) - least.get(a, 0) for a in {*m, *least}}
+        key = in_order(left)
+        rest[key] = c / content
+    return content, common, Expression(rest)
+
+
+def shared_number(x: Expression) -> Coefficient:
+    """A number that a reader takes out of a sum: the same in all terms, a whole one, a half."""
+    sizes = {abs(c) for c in x.terms.values()}
+    if len(sizes) == 1:
+        return sizes.pop()
+    content = x.content
+    if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in x.terms.values()):
+        return Fraction(1, 2)
+    return content if content >= 1 else ONE
+
+
+def gathered(x: Expression) -> Expression:
+    """Squares with one factor together: m (x'^2 + y'^2) / 2."""
+    squares: dict[tuple, dict[Monomial, Coefficient]] = {}
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in x.terms.items():
+        moving = tuple((a, e) for a, e in m if depends_on_state(a))
+        even = all(isinstance(a, Symbol) and e.denominator == 1 and e % 2 == 0 for a, e in moving)
+        rest = tuple(f for f in m if f not in moving)
+        if moving and even:
+            squares.setdefault((rest, c), {})[moving] = ONE
+        else:
+            found[m] = c
+    for (rest, c), terms in squares.items():
+        if len(terms) == 1:
+            found[times(rest, next(iter(terms)))] = c
+        else:
+            found[times(rest, ((Group(Expression(terms)), ONE),))] = c
+    return Expression(found)
+
+
+def shared_factor(sums: Sequence[Expression]) -> Expression:
+    """A number and powers of parameters that all terms of some sums share."""
+    powers = [dict(m) for x in sums for m in x.terms]
+    numbers = [c for x in sums for c in x.terms.values()]
+    if not powers:
+        return number(1)
+    steady = {a for m in powers for a in m if not symbols_of(a) or _is_steady(a)}
+    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
+    common = in_order(least)
+    # Terms of any monomials that differ: only the numbers matter.
+    row = Expression({((Symbol(f"{i}", "time"), ONE),): c for i, c in enumerate(numbers)})
+    return Expression({common: shared_number(row)})
+
+
+def _shared_power(powers: list[Fraction]) -> Fraction:
+    """The power that is a factor of all, above or below the line."""
+    return max(min(powers), Fraction(0)) + min(max(powers), Fraction(0))
+
+
+def _is_steady(a: Atom) -> bool:
+    """Whether an equation may be divided by an atom: a parameter, a length, a sign."""
+    return (isinstance(a, Symbol) and a.kind in ("parameter", "short")) or (
+        isinstance(a, Call) and a.op == "sign"
+    )
+
+
+def completed(x: Expression) -> Expression:
+    """Sums with r^2 - 2 l r + l^2 as (r - l)^2, for lengths r."""
+    for m, c in x.terms.items():
+        for square, e in m:
+            if isinstance(square, Group) and square.sum.is_difference:
+                a: Atom = Call("abs", square.sum)
+            elif isinstance(square, Symbol) and square.kind == "short":
+                a = square
+            else:
+                continue
+            if e != 2:
+                continue
+            rest = tuple(f for f in m if f[0] is not square)
+            for n, d in x.terms.items():
+                other = dict(times(n, inverse((*rest, (a, ONE)))))
+                if a in other or n == m or min(other.values(), default=Fraction(-1)) < 0:
+                    continue
+                b = in_order(other)
+                last = times(times(rest, b), b)
+                ratio = d / (2 * c)
+                if x.terms.get(last) == c * ratio * ratio:
+                    left = {k: v for k, v in x.terms.items() if k not in (m, n, last)}
+                    inner = Expression({((a, ONE),): ONE, b: ratio})
+                    square = times(rest, ((Group(inner), Fraction(2)),))
+                    return completed(Expression(left)) + Expression({square: c})
+    return x
+
+
+class Lengths:
+    """Names for roots of sums that occur more than once: r for sqrt(x^2 + y^2).
+
+    Attributes:
+      definitions: their symbols and what they stand for.
+    """
+
+    def __init__(self, sums: Sequence[Expression], taken: Iterable[Symbol]):
+        self._names: dict[Expression, Symbol] = {}
+        self.definitions: list[tuple[Symbol, Expression]] = []
+        counts: Counter[Expression] = Counter()
+        for x in sums:
+            _count(x, counts)
+        for root in counts:
+            counts[root] += sum(with_sum(x, root) is not None for x in sums)
+        roots = [x for x, n in counts.items() if n > 1]
+        used = {s.name for s in taken}
+        stems = Counter(_stem(x) for x in roots)
+        for i, x in enumerate(roots):
+            stem, index = _stem(x)
+            if not index and stems[stem, index] > 1:
+                index = str(1 + sum(_stem(y) == (stem, index) for y in roots[:i]))
+            while stem + index in used:
+                stem = {"r": "d", "v": "u", "d": "s"}.get(stem, f"{stem}_")
+            used.add(stem + index)
+            symbol = Symbol(stem + index, "short", stem=stem, index=index, rank=i, positive=True)
+            self._names[x] = symbol
+            self.definitions.append((symbol, x ** Fraction(1, 2)))
+
+    def __call__(self, x: Expression) -> Expression:
+        """An expression with the names in place of the roots."""
+
+        def inside(a: Atom) -> Expression | None:
+            return (
+                None
+                if not isinstance(a, Call)
+                else as_expression(Call(a.op, *(self(y) for y in a.args)))
+            )
+
+        found = number(0)
+        for root, symbol in self._names.items():
+            while match := with_sum(x, root):
+                cofactor, x, c = match
+                found = found + Expression({cofactor: c}) * as_expression(symbol) ** 2
+        for m, c in x.terms.items():
+            term = number(c)
+            for a, e in m:
+                if isinstance(a, Group) and a.sum in self._names:
+                    term = term * as_expression(self._names[a.sum]) ** (2 * e)
+                else:
+                    term = term * as_expression(a).replaced(inside) ** e
+            found = found + term
+        return found
+
+
+def _count(x: Expression, counts: Counter) -> None:
+    for m in x.terms:
+        for a, e in m:
+            if isinstance(a, Group):
+                if e.denominator == 2 and len(a.sum.terms) > 1:
+                    counts[a.sum] += 1
+                _count(a.sum, counts)
+            elif isinstance(a, Call):
+                for y in a.args:
+                    _count(y, counts)
+
+
+def _stem(x: Expression) -> tuple[str, str]:
+    """The letter of a length, and its index: the numbers of the points at its ends."""
+    moving = sorted((s for s in x.symbols() if s.kind in _OF_STATE), key=lambda s: s.key)
+    if any(s.kind == "velocity" for s in moving):
+        letter = "v"
+    elif all(s.kind == "coordinate" for s in moving):
+        letter = "r"
+    else:
+        letter = "d"
+    indices = sorted({s.index for s in moving})
+    return letter, "".join(indices) if all(i.isdigit() for i in indices) else ""

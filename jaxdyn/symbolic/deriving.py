@@ -1,0 +1,536 @@
+"""The equations of motion of each kind of system, as a person derives them.
+
+Free points obey Newton's law, a mechanism Lagrange's equations of its energies, with multipliers
+where it is tied, a rigid body Newton's law and Euler's equations. Other systems are given by their
+rates, which are read as they stand.
+
+An equation is a sum that is zero. It is linear in the derivatives and in the multipliers, so that
+`equations` can solve what is printed and compare.
+"""
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import _shapes
+from jaxdyn.effects import UniformGravity
+from jaxdyn.formulations.attitude import Quaternion
+from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.formulations.lagrange import Lagrange, Lagrangian
+from jaxdyn.formulations.mechanism import (
+    MechanismSystem,
+    on_coordinates,
+    positions_and_velocities,
+    pulled_back,
+)
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.formulations.polar import PolarParticle, polar_basis
+from jaxdyn.formulations.prescribed import Prescribed
+from jaxdyn.formulations.rigid import RigidBody, inertia_matrix, turned
+from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.geometry.vectors import cross
+from jaxdyn.mechanisms.cylinders import SLIPS, Cylinder
+from jaxdyn.mechanisms.euler_body import EulerBody
+from jaxdyn.mechanisms.skates import LagrangeSkates
+from jaxdyn.scene import Scene
+from jaxdyn.solvers.formulas.formulas import objects
+from jaxdyn.symbolic.algebra import Expression, Group, Symbol, as_expression, number, total
+from jaxdyn.symbolic.reading import read
+from jaxdyn.symbolic.simplifying import simplified
+from jaxdyn.symbolic.symbols import Symbols, halves, symbols
+
+
+class Derived(NamedTuple):
+    """The equations of motion of a scene, before they are arranged.
+
+    Attributes:
+      symbols: of the scene.
+      law: what they are called.
+      equations: sums that are zero, linear in the unknown derivatives and multipliers.
+      multipliers: their symbols.
+      forces: the parts of the first equations that are forces without a potential, which stand on
+        the right.
+      energies: T and V, or L, by name, where there are any.
+      conserved: momenta that are, by the names of their coordinates.
+      conditions: what constrains the motion, sums that are zero: of places, and of velocities.
+      values: of symbols that stand for functions of the parameters, such as moments of inertia.
+      solved: whether they are given as derivatives of each entry.
+      alone: whether the derivatives stand alone on the left.
+      kinematic: number of equations at the end that are those of the attitude.
+    """
+
+    symbols: Symbols
+    law: str
+    equations: tuple[Expression, ...]
+    multipliers: tuple[Symbol, ...] = ()
+    forces: tuple[Expression, ...] = ()
+    energies: dict[str, Expression] = {}  # noqa: RUF012 never changed
+    conserved: dict[str, Expression] = {}  # noqa: RUF012 never changed
+    conditions: tuple[tuple[Expression, ...], tuple[Expression, ...]] = ((), ())
+    values: dict[Symbol, float] = {}  # noqa: RUF012 never changed
+    solved: bool = False
+    alone: bool = False
+    kinematic: int = 0
+
+
+def derived(scene: Scene) -> Derived:
+    """The equations of motion of a scene, by the law that fits its system."""
+    system = scene.system
+    if isinstance(system, FreePoints):
+        return _newton(scene)
+    if isinstance(system, NewtonEuler | Lagrange | Lagrangian | Constrained | LagrangeSkates):
+        return _lagrange(scene)
+    if isinstance(system, RigidBody):
+        return _rigid(scene)
+    if isinstance(system, PolarParticle):
+        return _polar(scene)
+    if isinstance(system, Cylinder):
+        return _cylinder(scene)
+    return _as_given(scene)
+
+
+def _row(arrays: Sequence[np.ndarray]) -> list[Expression]:
+    return [x for array in arrays for x in np.ravel(array).tolist()]
+
+
+def _parts(found: Symbols) -> tuple[list[Symbol], list[Symbol], list[Expression]]:
+    n = len(found.state) // 2
+    q, v = list(found.state[:n]), list(found.state[n:])
+    return q, v, [as_expression(a) for a in found.rates[n:]]
+
+
+def _newton(scene: Scene) -> Derived:
+    """m_i a_i = sum of the forces on point i."""
+    found = symbols(scene, halves(scene))
+    _, _, a = _parts(found)
+
+    def quantities(field, t, y):
+        r, v, m = field.system.points(t, y)
+        per_mass = [e for e in field.effects if e.accelerates]
+        gravity = sum((e.acceleration(t, r, v, m) for e in per_mass), jnp.zeros_like(r))
+        others = [e for e in field.effects if not e.accelerates]
+        return gravity, _shapes.total_force(others, t, r, v, m), m
+
+    gravity, force, masses = read(scene, found, quantities)
+    m = np.repeat(masses, scene.system.d)
+    equations = []
+    for mass, acceleration, g, f in zip(m, a, gravity.ravel(), force.ravel(), strict=True):
+        whole = mass if mass else number(1)  # nothing but gravity moves a test particle
+        equations.append(whole * acceleration - whole * g - f)
+    energies = _energies(scene, found)
+    return Derived(found, "Newton's law", tuple(equations), energies=energies, alone=True)
+
+
+def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
+    """Kinetic and potential energy."""
+    (kinetic,) = read(scene, found, lambda field, t, y: field.system.kinetic(t, y))
+
+    def potential(field, t, y):
+        r, _, m = field.system.points(t, y)
+        return _shapes.potential_energy(field.effects, t, r, m)
+
+    (potential_,) = read(scene, found, potential)
+    return {"T": kinetic.item(), "V": potential_.item()}
+
+
+def _lagrange(scene: Scene) -> Derived:
+    """d/dt dL/dv - dL/dq = Q + G^T lambda."""
+    found = symbols(scene, halves(scene))
+    q, v, a = _parts(found)
+    L, energies, values = _lagrangian(scene, found)
+    rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
+
+    def by_time(x: Expression) -> Expression:
+        return total(x.differentiated(s) * as_expression(rate) for s, rate in rates.items())
+
+    phi, rolling = _conditions(scene, found)
+    conditions = [by_time(x) for x in phi] + rolling
+    # Differentiated twice, the square of a distance is shorter; and the distance is a known one.
+    distances = [_distance(x) for x in phi]
+    squares = [
+        as_expression(d[0]) * Fraction(1, 2) if d else x
+        for x, d in zip(phi, distances, strict=True)
+    ]
+    second = [by_time(by_time(x)) for x in squares] + [by_time(x) for x in rolling]
+    lengths = {d[0]: d[1] for d in distances if d}
+    numbers = [str(k + 1) if len(second) > 1 else "" for k in range(len(second))]
+    multipliers = [
+        Symbol(f"lambda{k}", "multiplier", stem="lambda", index=k, rank=i)
+        for i, k in enumerate(numbers)
+    ]
+    forces = _forces(scene, found)
+    equations, others, conserved = [], [], {}
+    for x, velocity, force in zip(q, v, forces, strict=True):
+        momentum = L.differentiated(velocity)
+        reaction = total(
+            c.differentiated(velocity) * multiplier
+            for c, multiplier in zip(conditions, multipliers, strict=True)
+        )
+        whole = by_time(momentum) - L.differentiated(x) - _with_lengths(reaction, lengths) - force
+        equations.append(simplified(whole))
+        others.append(simplified(force))
+        if not conditions and not L.differentiated(x) and not force:
+            conserved[x.name] = simplified(momentum)
+    return Derived(
+        found,
+        "Lagrange's equations" + (" with multipliers" if second else ""),
+        (*equations, *map(simplified, second)),
+        multipliers=tuple(multipliers),
+        forces=tuple(others),
+        energies=energies,
+        conserved=conserved,
+        values=values,
+        conditions=(tuple(map(simplified, phi)), tuple(map(simplified, rolling))),
+    )
+
+
+def _distance(x: Expression) -> tuple[Expression, Expression] | None:
+    """Of a tie sqrt(s) - l: s and l."""
+    for m, c in x.terms.items():
+        if c == 1 and len(m) == 1 and isinstance(m[0][0], Group) and m[0][1] == Fraction(1, 2):
+            length = Expression({m: c}) - x
+            if all(s.kind == "parameter" for s in length.symbols()):
+                return m[0][0].sum, length
+    return None
+
+
+def _with_lengths(x: Expression, lengths: Mapping[Expression, Expression]) -> Expression:
+    """With the length of a rod in place of the distance of its ends."""
+    found = number(0)
+    for m, c in x.terms.items():
+        term = number(c)
+        for a, e in m:
+            known = lengths.get(a.sum) if isinstance(a, Group) else None
+            term = term * (as_expression(a) ** e if known is None else known ** (2 * e))
+        found = found + term
+    return found
+
+
+def _lagrangian(
+    scene: Scene, found: Symbols
+) -> tuple[Expression, dict[str, Expression], dict[Symbol, float]]:
+    """L, the energies that it is made of, and the values of further symbols in them."""
+    system: Any = scene.system
+    values: dict[Symbol, float] = {}
+    if isinstance(getattr(system, "mechanism", None), EulerBody) and all(
+        isinstance(e, UniformGravity) for e in scene.effects
+    ):
+        kinetic, potential, values = _of_body(scene, found)
+    elif isinstance(system, Lagrangian) and len(system.functions) == 2:
+        kinetic, potential = _row(
+            read(scene, found, lambda field, t, y: field.system.energies(t, y, ()))
+        )
+    elif isinstance(system, Lagrangian) or (
+        isinstance(system, Lagrange) and type(system).lagrangian is not Lagrange.lagrangian
+    ):
+
+        def whole(field, t, y):
+            q, v = jnp.split(y, 2)
+            if isinstance(field.system, Lagrangian):
+                return field.system.lagrangian(t, q, v)
+            return field.system.lagrangian(t, q, v, _with_potential(scene, field)[0])
+
+        (L,) = read(scene, found, whole)
+        return L.item(), {"L": L.item()}, values
+    else:
+
+        def both(field, t, y):
+            q, v = jnp.split(y, 2)
+            mechanism = field.system.mechanism
+            r, velocity = positions_and_velocities(mechanism, t, q, v)
+            m = mechanism.masses()
+            kinetic = 0.5 * jnp.sum(m[:, None] * velocity * velocity)
+            return kinetic, _shapes.potential_energy(field.effects, t, r, m)
+
+        kinetic, potential = _row(read(scene, found, both))
+    return kinetic - potential, {"T": kinetic, "V": potential}, values
+
+
+def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict[Symbol, float]]:
+    """The energies of a body by Euler angles, in its moments of inertia, and their values."""
+    system: Any = scene.system
+    matter = _Matter(system.mechanism.matter)
+
+    def pose(field, t, y):
+        found = field.system.mechanism.pose(*jnp.split(y, 2))
+        return found.r, found.v, found.R_wb, found.omega_b, [e.g for e in field.effects]
+
+    r, v, R, omega, *gravity = read(scene, found, pose)
+    momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
+    kinetic = total(matter.mass * x * x for x in v) + total(
+        a * b for a, b in zip(omega, momentum, strict=True)
+    )
+    height = r[2] + total(R[2, i] * matter.arm[i] for i in range(3))
+    weight = matter.mass * total(g.item() for g in gravity)
+    return simplified(kinetic * Fraction(1, 2)), simplified(weight * height), matter.values
+
+
+def _with_potential(scene: Scene, field) -> tuple[tuple, tuple]:
+    """The effects of a field with a potential, and those without."""
+    t, (r, _, m) = jnp.zeros(()), scene.system.points(jnp.zeros(()), scene.y0)
+    has = [e.potential(t, r, m) is not None for e in scene.effects]
+    pairs = list(zip(field.effects, has, strict=True))
+    return tuple(e for e, yes in pairs if yes), tuple(e for e, yes in pairs if not yes)
+
+
+def _forces(scene: Scene, found: Symbols) -> list[Expression]:
+    """Generalised forces of what has no potential."""
+
+    def forces(field, t, y):
+        q, v = jnp.split(y, 2)
+        direct = on_coordinates(t, q, v, field.effects)
+        if not isinstance(field.system, MechanismSystem):
+            return direct
+        others = _with_potential(scene, field)[1]
+        return direct + pulled_back(field.system.mechanism, t, q, v, others)
+
+    return _row(read(scene, found, forces))
+
+
+def _conditions(scene: Scene, found: Symbols) -> tuple[list[Expression], list[Expression]]:
+    """Ties, and rolling conditions on the velocities."""
+    system: Any = scene.system
+    if not isinstance(system, Constrained | LagrangeSkates):
+        return [], []
+
+    def both(field, t, y):
+        q, v = jnp.split(y, 2)
+        ties, rows = field.system.mechanism.tied(t, q), field.system.mechanism.rolling(t, q)
+        none = jnp.zeros(0)
+        speeds = none if rows is None else jnp.sum(rows * v[None, :], axis=-1)
+        return (none if ties is None else ties), speeds
+
+    ties, speeds = read(scene, found, both)
+    return ties.tolist(), speeds.tolist()
+
+
+def _polar(scene: Scene) -> Derived:
+    """m (r'' - r theta'^2) = F_r, m (r theta'' + 2 r' theta') = F_theta."""
+    found = symbols(scene, halves(scene))
+    (r, _), (vr, omega), (ar, alpha) = _parts(found)
+    radius, speed = as_expression(r), as_expression(vr)
+
+    def forces(field, t, y):
+        (force,) = _shapes.total_force(field.effects, t, *field.system.points(t, y))
+        return [jnp.sum(force * e) for e in polar_basis(y[1])], field.system.m
+
+    along, across, m = _row(read(scene, found, forces))
+    equations = (
+        m * ar - m * radius * as_expression(omega) ** 2 - along,
+        m * radius * alpha + 2 * m * speed * omega - across,
+    )
+    return Derived(
+        found,
+        "Newton's law in polar coordinates",
+        equations,
+        forces=(along, across),
+        energies=_energies(scene, found),
+        conserved={} if across else {"theta": m * radius**2 * as_expression(omega)},
+    )
+
+
+def _rigid(scene: Scene) -> Derived:
+    """m dv/dt = F, I domega/dt + omega x I omega = M, and the rate of the attitude."""
+    system: Any = scene.system
+    n = len(scene.labels())
+    free = 0 if system.pivoted else 3
+    found = symbols(scene, {n - 6 + i: i for i in range(free)})
+    velocity = found.state[n - 6 : n - 6 + free]
+    omega = [as_expression(s) for s in found.state[-3:]]
+    turn = [as_expression(s) for s in found.rates[-3:]]
+    matter = _Matter(system.matter)
+    force, torque, potential = _loads(scene, found, matter)
+    momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
+    equations = [
+        matter.mass * as_expression(found.rates[n - 6 + i]) - force[i] for i in range(free)
+    ]
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        gyroscopic = omega[j] * momentum[k] - omega[k] * momentum[j]
+        turning = total(matter.inertia[i][p] * turn[p] for p in range(3))
+        equations.append(turning + gyroscopic - torque[i])
+    attitude = _row(
+        read(
+            scene,
+            found,
+            lambda field, t, y: field.system.attitude.rate(_attitude(field, y), y[-3:]),
+        )
+    )
+    rates = found.rates[free : n - 3 - free]
+    kinematic = [as_expression(rate) - x for rate, x in zip(rates, attitude, strict=True)]
+    energies = {
+        "T": total(matter.mass * as_expression(v) ** 2 for v in velocity) * Fraction(1, 2)
+        + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
+    } | ({} if potential is None else {"V": potential})
+    law = "Newton's law and Euler's equations" if free else "Euler's equations"
+    return Derived(
+        found,
+        law,
+        (*equations, *kinematic),
+        forces=(*force[:free], *torque),
+        energies=energies,
+        values=matter.values,
+        kinematic=len(kinematic),
+        alone=True,
+    )
+
+
+class _Matter:
+    """The mass, the centre and the inertia of a body as symbols: 0 where they are, equal likewise.
+
+    Attributes:
+      mass: m.
+      arm: (3) of the centre, from the origin of the body's axes.
+      inertia: (3, 3) about that origin.
+      values: of the symbols.
+    """
+
+    def __init__(self, matter: MaterialPoints):
+        r, m = (np.asarray(x) for x in matter)
+        centre, inertia = m @ r / m.sum(), np.asarray(inertia_matrix(matter))
+        self.values: dict[Symbol, float] = {}
+        self.mass = self._symbol("m", "", m.sum(), 2, 0.0)
+        least = _ROUNDED * np.abs(r).max()
+        on_axis = (np.abs(centre) > least).sum() == 1
+        self.arm = [
+            self._symbol("l" if on_axis else "c", "" if on_axis else str(i + 1), x, 6, least)
+            for i, x in enumerate(centre)
+        ]
+        least = _ROUNDED * np.abs(inertia).max()
+        principal = np.abs(inertia - np.diag(np.diag(inertia))).max() <= least
+        self.inertia = [[number(0)] * 3 for _ in range(3)]
+        for i in range(3):
+            for j in range(i, 3):
+                index = str(i + 1) if principal else f"{i + 1}{j + 1}"
+                same = [k for k in range(i) if abs(inertia[k, k] - inertia[i, i]) <= least]
+                if principal and i == j and same:
+                    self.inertia[i][i] = self.inertia[same[0]][same[0]]
+                    continue
+                x = self._symbol("I", index, inertia[i, j], 3 + 0.1 * i, least)
+                self.inertia[i][j] = self.inertia[j][i] = x
+
+    def _symbol(self, stem: str, index: str, value: float, rank: float, least: float) -> Expression:
+        if abs(value) <= least:
+            return number(0)
+        found = Symbol(
+            stem + index, "parameter", stem=stem, index=index, rank=rank, positive=value > 0
+        )
+        self.values[found] = float(value)
+        return as_expression(found)
+
+
+#: Largest centre, and product of inertia, that is 0 but for rounding.
+_ROUNDED = 1e-14
+
+
+def _attitude(field, y):
+    """The numbers of the attitude in a state."""
+    return y[:-3] if field.system.pivoted else y[3:-6]
+
+
+def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, Expression | None]:
+    """Force on a body, torque in its axes, and potential energy where all of them have one."""
+    free = not scene.system.pivoted
+    force, torque, potential = [number(0)] * 3, [number(0)] * 3, number(0)
+    heavy = [isinstance(e, UniformGravity) for e in scene.effects]
+
+    def attitude(field, t, y):
+        return field.system.attitude.matrix(_attitude(field, y)), [
+            e.g for e, yes in zip(field.effects, heavy, strict=True) if yes
+        ]
+
+    R, *gravity = read(scene, found, attitude)
+    if isinstance(scene.system.attitude, Quaternion):
+        # Its length is 1, which the program of the matrix leaves open.
+        square = total(as_expression(s) ** 2 for s in found.state[3 * free : 3 * free + 4])
+        one = {Group(square): number(1)}
+        R = objects([simplified(x.replaced(one.get)) for x in R.ravel()], (3, 3))
+    for g in gravity:
+        weight = matter.mass * g.item()
+        force[2] = force[2] - weight
+        down = [-weight * R[2, i] for i in range(3)]
+        for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+            torque[i] = torque[i] + matter.arm[j] * down[k] - matter.arm[k] * down[j]
+        height = total(R[2, i] * matter.arm[i] for i in range(3))
+        potential = potential + weight * ((as_expression(found.state[2]) if free else 0) + height)
+
+    def others(field, t, y):
+        """Of all other effects, by the points on which they act."""
+        system = field.system
+        effects = tuple(e for e, yes in zip(field.effects, heavy, strict=True) if not yes)
+        r, v, m = system.points(t, y)
+        forces = _shapes.total_force(effects, t, r, v, m)
+        inside = turned(system.attitude.matrix(_attitude(field, y)).T, forces)
+        s = system.matter.r
+        moments = cross(s.T, inside.T).T
+        whole = jnp.concatenate([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
+        for f in _shapes.generalized_forces(effects, t, *system.coordinates(y)):
+            whole = whole + jnp.concatenate([jnp.zeros(6 - len(f)), f])
+        return whole
+
+    if all(heavy):
+        return force, torque, potential
+    (more,) = read(scene, found, others)
+    force = [a + b for a, b in zip(force, more[:3], strict=True)]
+    torque = [a + b for a, b in zip(torque, more[3:], strict=True)]
+    return force, torque, None
+
+
+def _cylinder(scene: Scene) -> Derived:
+    """m a = W + N n + F t, and the moments of both about the centre of mass."""
+    system: Any = scene.system
+    found = symbols(scene, halves(scene))
+    _, _, a = _parts(found)
+
+    def quantities(field, t, y):
+        system = field.system
+        contact = system._conditions(y)
+        weights = jnp.stack([system.m, system.m, system.inertia])
+        slip = -SLIPS.get(system.contact, 0.0) * system.mu
+        return weights, system._load(t, y, field.effects), contact.rows, contact.bends, slip
+
+    weights, load, rows, bends, ratio = read(scene, found, quantities)
+    touching = {"fly": 0, "roll": 2}.get(system.contact, 1)
+    N, F = (Symbol(name, "multiplier", rank=i) for i, name in enumerate("NF"))
+    forces = (as_expression(N), as_expression(F))[:touching]
+    if touching == 1:
+        forces = (forces[0], ratio.item() * forces[0])
+    reactions = [total(f * row[i] for f, row in zip(forces, rows, strict=False)) for i in range(3)]
+    laws = [weights[i] * a[i] - load[i] - reactions[i] for i in range(3)]
+    conditions = [total(rows[k, i] * a[i] for i in range(3)) - bends[k] for k in range(touching)]
+    return Derived(
+        found,
+        "Newton's law with the forces of contact",
+        tuple(map(simplified, (*laws, *conditions))),
+        multipliers=(N, F)[:touching],
+        energies=_energies(scene, found),
+        alone=True,
+    )
+
+
+def _as_given(scene: Scene) -> Derived:
+    """The rate as it is written."""
+    plain = symbols(scene, {})
+    (rates,) = read(scene, plain, lambda field, t, y: field.rate(t, y))
+    entries = [as_expression(s) for s in plain.state]
+    of_others = {entries.index(rate): i for i, rate in enumerate(rates.tolist()) if rate in entries}
+    # An entry that is the derivative of one whose own derivative is another's is none.
+    pairs = {v: q for v, q in of_others.items() if v not in of_others.values() and v != q}
+    found = symbols(scene, pairs)
+    names = {a: as_expression(b) for a, b in zip(plain.state, found.state, strict=True)}
+    equations = tuple(
+        as_expression(rate) - x.replaced(names.get)
+        for rate, x in zip(found.rates, rates.tolist(), strict=True)
+        if rate in found.unknowns
+    )
+    energies = {}
+    prescribed = isinstance(scene.system, Prescribed)
+    if scene.has_energy and not prescribed:
+        terms = read(scene, found, lambda field, t, y: field.system.energies(t, y, field.effects))
+        both = [x.item() for x in terms]
+        energies = {"T": both[0], "V": both[1]} if len(both) == 2 else {"E": total(both)}
+    law = "Prescribed motion" if prescribed else "Equations of motion"
+    return Derived(found, law, equations, energies=energies, solved=True, alone=True)

@@ -1,0 +1,407 @@
+"""`jaxdyn.equations`: the equations of motion of a scene as a textbook prints them."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.symbolic.algebra import (
+    ONE,
+    Atom,
+    Expression,
+    Group,
+    Symbol,
+    as_expression,
+    number,
+    symbols_of,
+    total,
+)
+from jaxdyn.symbolic.arranging import (
+    Lengths,
+    bracketed,
+    collected,
+    completed,
+    factored,
+    of_energy,
+    shared_factor,
+)
+from jaxdyn.symbolic.code import code
+from jaxdyn.symbolic.deriving import derived
+from jaxdyn.symbolic.linear import Linear, jacobian
+from jaxdyn.symbolic.matrices import Matrices
+from jaxdyn.symbolic.to_sympy import ToSympy
+from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
+
+#: Coordinates from which on a mass matrix that is not diagonal is shown by its entries.
+_MATRIX_FROM = 3
+
+
+class Line(NamedTuple):
+    """A line of print: left = right."""
+
+    left: Expression
+    right: Expression
+
+
+class Section(NamedTuple):
+    """Lines that belong together.
+
+    Attributes:
+      name: "motion", "constraints", "lengths", "energies", "momenta" or "parameters".
+      title: what they are.
+      lines: the lines.
+    """
+
+    name: str
+    title: str
+    lines: tuple[Line, ...]
+
+
+class _Row(NamedTuple):
+    """What a printed equation says: the sum of coefficients times unknowns is `rest`."""
+
+    coefficients: dict[Symbol, Expression]
+    rest: Expression
+
+
+class Equations:
+    """The equations of motion of a scene, with its parameters as symbols; see `equations`.
+
+    Attributes:
+      scene: whose they are.
+      sections: everything in print.
+      parameters: the symbols of parameters in print, and their values in the scene.
+    """
+
+    scene: Scene
+    sections: tuple[Section, ...]
+    parameters: dict[Symbol, float]
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self._derived = found = derived(scene)
+        places, speeds = found.conditions
+        sums = (*found.equations, *found.forces, *places, *speeds)
+        sums += (*found.energies.values(), *found.conserved.values())
+        known = found.symbols.values | found.values
+        self._lengths = short = Lengths(sums, (*found.symbols.state, *known))
+        self._rows: list[_Row] = []
+        conditions = [_condition(short(x)) for x in (*places, *speeds)]
+        definitions = [Line(as_expression(s), x) for s, x in short.definitions]
+        energies = [
+            Line(_named(name), of_energy(completed(short(x)))) for name, x in found.energies.items()
+        ]
+        momenta = [
+            Line(_momentum(name), collected(short(x))) for name, x in found.conserved.items()
+        ]
+        sections = [
+            self._motion(),
+            Section("constraints", "Constraints", tuple(conditions)),
+            Section("lengths", "with", tuple(definitions)),
+            Section("energies", "Energies", tuple(energies)),
+            Section("momenta", "Conserved momenta", tuple(momenta)),
+        ]
+        used = {s for part in sections for line in part.lines for x in line for s in x.symbols()}
+        in_order = sorted(used & known.keys(), key=lambda s: s.key)
+        self.parameters = {s: known[s] for s in in_order}
+        values = [Line(as_expression(s), Expression({(): known[s]})) for s in in_order]
+        sections.append(Section("parameters", "Parameters", tuple(values)))
+        self.sections = tuple(section for section in sections if section.lines)
+
+    def _motion(self) -> Section:
+        found = self._derived
+        n = len(found.symbols.unknowns)
+        laws, conditions = found.equations[:n], found.equations[n:]
+        mass = [[x.differentiated(s) for s in found.symbols.unknowns] for x in laws]
+        coupled = any(mass[i][j] for i in range(n) for j in range(n) if i != j)
+        law = found.law
+        if coupled and n >= _MATRIX_FROM and not found.alone:
+            reactions = " + G^T lambda" if found.multipliers else ""
+            law = f"{law}: M q'' = h{reactions}, M symmetric; entries that are not here are 0"
+            lines = self._entries(laws, mass)
+        else:
+            forces = (*found.forces, *(number(0),) * (n - len(found.forces)))
+            lines = [self._line(x, force) for x, force in zip(laws, forces, strict=True)]
+        lines += [self._line(x, number(0)) for x in conditions]
+        return Section("motion", law, tuple(lines))
+
+    def _line(self, whole: Expression, force: Expression) -> Line:
+        """One equation: what moves on the left, forces without a potential on the right."""
+        found = self._derived
+        whole, force = self._lengths(whole), self._lengths(force)
+        parts = {s: whole.differentiated(s) for s in self._unknowns}
+        rates = [s for s in found.symbols.unknowns if parts[s]]
+        inertial = total(parts[s] * as_expression(s) for s in rates)
+        reactions = total(parts[s] * as_expression(s) for s in found.multipliers)
+        shared = _divisor(whole, whole - inertial if rates else whole)
+        single = len(found.symbols.unknowns) == 1 and not found.multipliers and not found.solved
+        if single and len(parts[rates[0]].terms) == 1:
+            shared = parts[rates[0]]
+        whole, force, inertial, reactions = (
+            x / shared for x in (whole, force, inertial, reactions)
+        )
+        alone = found.alone or (single and len(inertial.terms) == 1)
+        if rates:
+            left = inertial if alone else whole - reactions + force
+            right = left - whole
+        else:
+            left, right = whole, number(0)
+        line = _positive(collected(left), collected(right))
+        if found.kinematic and len(line.right.terms) > 1 and not _is_physical(line.right):
+            content, _, inner = factored(line.right)
+            line = Line(line.left, Expression({((Group(inner), ONE),): content}))
+        self._rows.append(self._read(line))
+        return line
+
+    def _read(self, line: Line) -> _Row:
+        """The equation of a line, solved for the part with unknowns."""
+        unknowns: dict[Atom, Expression] = dict.fromkeys(self._unknowns, number(0))
+        slopes = {
+            s: line.left.differentiated(s) - line.right.differentiated(s) for s in self._unknowns
+        }
+        rest = (line.right - line.left).replaced(unknowns.get)
+        return _Row({s: x for s, x in slopes.items() if x}, rest)
+
+    def _entries(self, laws: Sequence[Expression], mass: list) -> list[Line]:
+        """The entries of M, h and G in M q'' = h + G^T lambda."""
+        found, short = self._derived, self._lengths
+        unknowns, n = found.symbols.unknowns, len(laws)
+        nothing: dict[Atom, Expression] = dict.fromkeys(self._unknowns, number(0))
+        m = [[bracketed(short(x)) for x in row] for row in mass]
+        h = [collected(short(-x.replaced(nothing.get))) for x in laws]
+        g = [[bracketed(short(-x.differentiated(s))) for x in laws] for s in found.multipliers]
+        lines = [Line(_named("M", i, j), m[i][j]) for i in range(n) for j in range(i, n)]
+        lines += [Line(_named("h", i), h[i]) for i in range(n)]
+        lines += [Line(_named("G", k, i), x) for k, row in enumerate(g) for i, x in enumerate(row)]
+        for i in range(n):
+            reactions = {s: -row[i] for s, row in zip(found.multipliers, g, strict=True)}
+            self._rows.append(_Row(dict(zip(unknowns, m[i], strict=True)) | reactions, h[i]))
+        return [line for line in lines if line.right]
+
+    @property
+    def _unknowns(self) -> tuple[Symbol, ...]:
+        return (*self._derived.symbols.unknowns, *self._derived.multipliers)
+
+    @property
+    def _values(self) -> dict[Symbol, float]:
+        return self._derived.symbols.values | self._derived.values
+
+    def at(self, t: float, y: Sequence[float]) -> dict[Symbol, Any]:
+        """The values of all symbols at a state, but for derivatives that it does not contain.
+
+        With them ``line.right.value(values)`` is the value of what is in print.
+
+        Args:
+          t: () time.
+          y: (k,) state.
+        """
+        state = np.asarray(_checks.array("y", y, np.shape(self.scene.y0)))
+        found = self._derived.symbols
+        values: dict[Symbol, Any] = {**self._values, found.time: float(t)}
+        values |= dict(zip(found.state, state.tolist(), strict=True))
+        for s, x in self._lengths.definitions:
+            values[s] = x.value(values)
+        return values
+
+    def rate(self, t: float, y: Sequence[float]) -> np.ndarray:
+        """(k,) the rate by the equations in print, which are solved for the derivatives.
+
+        It is the same as that of the scene to rounding, and slow: to check what is printed.
+
+        Args:
+          t: () time.
+          y: (k,) a state, on the constraints if there are any; a quaternion has length 1.
+        """
+        found, unknowns = self._derived.symbols, self._unknowns
+        values = self.at(t, y)
+        matrix = np.zeros((len(self._rows), len(unknowns)))
+        for i, row in enumerate(self._rows):
+            for s, x in row.coefficients.items():
+                matrix[i, unknowns.index(s)] = x.value(values)
+        rest = np.array([row.rest.value(values) for row in self._rows])
+        scale = np.abs(matrix).max(axis=1, keepdims=True)
+        # Of multipliers that are not determined, the smallest.
+        solution = np.linalg.lstsq(matrix / scale, rest / scale[:, 0], rcond=_RANK)[0]
+        values |= dict(zip(unknowns, solution.tolist(), strict=True))
+        return np.array([values[s] for s in found.rates])
+
+    def text(self, part: str | None = None) -> str:
+        """Everything as plain text, or one part: the name of a section, such as "motion"."""
+        return "\n".join(
+            "\n  ".join([section.title, *_lines(section, TEXT)]) for section in self._chosen(part)
+        )
+
+    def latex(self, part: str | None = None) -> str:
+        """Everything in LaTeX, for the inside of a displayed formula, or one part."""
+        blocks = []
+        for section in self._chosen(part):
+            rows = (
+                f"{LATEX.expression(line.left)} &= {LATEX.expression(line.right)}"
+                for line in section.lines
+            )
+            body = " \\\\\n".join(rows)
+            blocks.append(f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}")
+        if len(blocks) == 1:
+            return blocks[0]
+        together = "\n\\\\[1ex]\n".join(blocks)
+        return f"\\begin{{gathered}}\n{together}\n\\end{{gathered}}"
+
+    def mathml(self, part: str | None = None) -> str:
+        """Everything as HTML with MathML, or one part: a paragraph and formulas each."""
+        return "\n".join(
+            "\n".join(
+                [
+                    f"<p>{section.title.replace('<', '&lt;')}</p>",
+                    *(f'<math display="block">{x}</math>' for x in _lines(section, MATHML)),
+                ]
+            )
+            for section in self._chosen(part)
+        )
+
+    def sympy(self) -> list[Any]:
+        """The equations of motion as equations of SymPy: coordinates are functions of its t.
+
+        Where they are shown by the entries of matrices, M q'' = h row by row.
+
+        Raises:
+          ValueError: SymPy is not installed, or has no such function.
+        """
+        found = self._derived
+        made = ToSympy(found.symbols, dict(self._lengths.definitions))
+        return [
+            made.equation(
+                total(x * as_expression(s) for s, x in row.coefficients.items()), row.rest
+            )
+            for row in self._rows
+        ]
+
+    def code(self, language: str) -> str:
+        """The source of the rate as a function (t, y, p) in a language.
+
+        Args:
+          language: "python", "numpy", "javascript", "c" or "julia".
+        Raises:
+          ValueError: there is no such language, or it does not have a function of the rate.
+        """
+        return code(self.scene, language)
+
+    def linearised(self, y: Sequence[float] | None = None) -> Linear:
+        """The equations near an equilibrium: M x'' + C x' + K x = 0 with symbols as entries.
+
+        Args:
+          y: (k,) an equilibrium; by default the state of zeros.
+        Raises:
+          ValueError: `y` is no equilibrium, or the scene has constraints or depends on time.
+        """
+        zeros = np.zeros(np.shape(self.scene.y0))
+        at = np.asarray(_checks.array("y", zeros if y is None else y, zeros.shape))
+        return Linear(self._derived, at, self._values)
+
+    def jacobian(self) -> Matrices:
+        """The derivatives J of the rate by the state, with symbols as entries.
+
+        Raises:
+          ValueError: derivatives do not stand alone in their equations: then the Jacobian is too
+            long to be read.
+        """
+        return jacobian(self._derived)
+
+    def _chosen(self, part: str | None) -> tuple[Section, ...]:
+        if part is None:
+            return self.sections
+        _checks.choice("part", part, [section.name for section in self.sections])
+        return tuple(section for section in self.sections if section.name == part)
+
+    def _repr_latex_(self) -> str:
+        return "\n\n".join(f"{x.title}\n\n$$\n{self.latex(x.name)}\n$$" for x in self.sections)
+
+    def __repr__(self) -> str:
+        name = f" of {self.scene.name}" if self.scene.name else ""
+        return f"Equations{name}\n{self.text()}"
+
+
+#: Smallest singular value of conditions that do not depend on each other.
+_RANK = 1e-12
+
+
+def equations(scene: Scene) -> Equations:
+    """The equations of motion of a scene as a person writes them, with its numbers as symbols.
+
+    Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers where they are
+    tied or roll, rigid bodies Euler's equations; the equations of other systems are their rates. In
+    print are also the constraints, the energies, momenta that are conserved since their coordinate
+    is in none of the energies, and the values of the symbols.
+
+    A parameter that is 0 in the scene is left out. So are single points where a formula has no
+    value, such as the direction of a spring of length 0. Quaternions have length 1, and distances
+    that a rod keeps are its length. What stabilises constraints numerically is not shown.
+
+    Args:
+      scene: any that has formulas.
+    Returns:
+      `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `linearised()`,
+      `jacobian()`.
+    Raises:
+      ValueError: the scene is invalid, or its rate contains what has no formulas: a loop whose
+        length is not known, a callback, a function without a known derivative in an energy.
+    Limits: the equations of many hinged bars fill pages.
+    Example:
+      >>> import jaxdyn
+      >>> from jaxdyn import scenes
+      >>> found = jaxdyn.equations(scenes.cart_pendulum())
+      >>> print(found.text("motion"))
+      Lagrange's equations
+        (m1 + m2) x'' + m2 l theta'' cos(theta) - m2 l theta'^2 sin(theta) = 0
+        x'' cos(theta) + l theta'' + g sin(theta) = 0
+    """
+    return Equations(checked_scene(scene))
+
+
+def _divisor(whole: Expression, others: Expression) -> Expression:
+    """What all terms of an equation share, and what all terms without accelerations are over."""
+    shared = shared_factor([whole])
+    if len(others.terms) > 1:
+        for m in shared_factor([others]).terms:
+            for a, e in m:
+                if e < 0 and isinstance(a, Symbol) and a.kind == "parameter":
+                    shared = shared * as_expression(a) ** e
+    return shared
+
+
+def _condition(x: Expression) -> Line:
+    """A constraint: what moves on the left, lengths on the right."""
+    fixed = {m: -c for m, c in x.terms.items() if _is_parameter(Expression({m: c}))}
+    right = Expression(fixed)
+    return _positive(collected(x + right), collected(right))
+
+
+def _positive(left: Expression, right: Expression) -> Line:
+    negative = left and all(c < 0 for c in left.terms.values())
+    return Line(-left, -right) if negative else Line(left, right)
+
+
+def _is_parameter(x: Expression) -> bool:
+    return all(s.kind == "parameter" for s in x.symbols())
+
+
+def _is_physical(x: Expression) -> bool:
+    """Whether parameters are in it."""
+    return any(s.kind == "parameter" for m in x.terms for a, _ in m for s in symbols_of(a))
+
+
+def _named(stem: str, *places: int) -> Expression:
+    index = "".join(str(i + 1) for i in places)
+    return as_expression(Symbol(stem + index, "short", stem=stem, index=index))
+
+
+def _momentum(name: str) -> Expression:
+    return as_expression(Symbol(f"p_{name}", "short", stem="p", index=name))
+
+
+def _lines(section: Section, style: Style) -> list[str]:
+    return [
+        style.relation(style.expression(line.left), "=", style.expression(line.right))
+        for line in section.lines
+    ]

@@ -1,0 +1,111 @@
+"""Derivatives of the equations of motion, with symbols as entries.
+
+Near an equilibrium they are M x'' + C x' + K x = 0; the Jacobian is that of the rate anywhere.
+"""
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, as_expression, number
+from jaxdyn.symbolic.arranging import bracketed
+from jaxdyn.symbolic.deriving import Derived
+from jaxdyn.symbolic.matrices import Matrices, Rows
+from jaxdyn.symbolic.simplifying import simplified
+
+#: Largest force at an equilibrium, as a displacement relative to the coordinates.
+_AT_REST = 1e-9
+
+
+class Linear(Matrices):
+    """The linearised equations of motion, M x'' + C x' + K x = 0 of x = q - q0.
+
+    Attributes:
+      rows: of M, of C (damping and gyroscopic terms) and of K, (n, n) expressions each.
+      coordinates: (n) symbols of q.
+      at: (n) their values q0.
+    """
+
+    def __init__(self, found: Derived, y: np.ndarray, values: dict[Symbol, float]):
+        q = found.symbols.coordinates
+        n = len(q)
+        a = found.symbols.unknowns
+        if found.multipliers or 2 * n != len(found.symbols.state):
+            raise _checks.fail(
+                "linearised",
+                "a scene of free coordinates with accelerations",
+                found.law,
+                "jaxdyn.linearize has the Jacobian of every scene; a mechanism with constraints "
+                'has free coordinates with formulation="newton_euler".',
+            )
+        v = found.symbols.state[n:]
+        at: dict[Atom, Expression] = dict.fromkeys((*v, *a), number(0))
+        at |= {s: number(float(x)) for s, x in zip(q, y[:n], strict=True)}
+        _check_rest(found, y, at, values)
+        self.coordinates, self.at = q, tuple(float(x) for x in y[:n])
+        self._values = values
+        slopes = {
+            name: [[x.differentiated(s).replaced(at.get) for s in of] for x in found.equations]
+            for name, of in (("M", a), ("C", v), ("K", q))
+        }
+        super().__init__({name: _in_print(rows) for name, rows in slopes.items()})
+
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """M, C and K (n, n) with the numbers of the scene."""
+        m, c, k = self.values(self._values)
+        return m, c, k
+
+    def __repr__(self) -> str:
+        where = (f"{s} = {x:.12g}" for s, x in zip(self.coordinates, self.at, strict=True))
+        return f"Linear: M x'' + C x' + K x = 0 at {', '.join(where)}\n{self.text()}"
+
+
+def jacobian(found: Derived) -> Matrices:
+    """The derivatives of the rate by the state.
+
+    Raises:
+      ValueError: a derivative does not stand alone in its equation.
+    """
+    symbols = found.symbols
+    solved: dict[Symbol, Expression] = {}
+    for whole in found.equations:
+        own = {s: whole.differentiated(s) for s in (*symbols.unknowns, *found.multipliers)}
+        own = {s: x for s, x in own.items() if x}
+        if len(own) == 1:
+            ((s, x),) = own.items()
+            if len(x.terms) == 1 and not found.multipliers:
+                solved[s] = as_expression(s) - whole / x
+    if set(solved) != set(symbols.unknowns):
+        raise _checks.fail(
+            "jacobian",
+            "equations each with one derivative",
+            found.law,
+            "jaxdyn.linearize has the Jacobian of every scene in numbers.",
+        )
+    rates = [solved.get(s, as_expression(s)) for s in symbols.rates]
+    return Matrices({"J": _in_print([[x.differentiated(s) for s in symbols.state] for x in rates])})
+
+
+def _in_print(rows: Rows) -> Rows:
+    return [[bracketed(simplified(x)) for x in row] for row in rows]
+
+
+def _check_rest(
+    found: Derived, y: np.ndarray, at: dict[Atom, Expression], values: dict[Symbol, float]
+) -> None:
+    """Raise ValueError unless nothing moves, and nothing begins to."""
+    q = found.symbols.coordinates
+    timed = any(found.symbols.time in x.symbols() for x in found.equations)
+    moving = bool(np.any(y[len(q) :] != 0))
+    if not timed and not moving:
+        for x in found.equations:
+            left = x.replaced(at.get).value(values)
+            stiffness = (x.differentiated(s).replaced(at.get).value(values) for s in q)
+            sizes = 1 + np.abs(y[: len(q)])
+            moving |= abs(left) > _AT_REST * sum(np.abs(list(stiffness)) * sizes)
+    if timed or moving:
+        raise _checks.fail(
+            "linearised",
+            "an equilibrium: a state at rest without accelerations",
+            "equations that depend on time" if timed else f"{y.tolist()}",
+            "jaxdyn.equilibria(scene) finds them.",
+        )

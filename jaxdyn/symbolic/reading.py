@@ -1,0 +1,128 @@
+"""Quantities of a scene as expressions, read from the programs that compute them."""
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn.scene import Scene
+from jaxdyn.solvers.formulas.formulas import objects, traced
+from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementary, Number
+from jaxdyn.solvers.formulas.shortest import ordered
+from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
+from jaxdyn.symbolic.parameters import rebuilt
+from jaxdyn.symbolic.simplifying import simplified
+from jaxdyn.symbolic.symbols import Symbols
+from jaxdyn.symbolic.trigonometry import deeply_shortened
+
+#: Numbers of a program above which it is not read: nobody reads its equations either.
+_MOST_NODES = 20_000
+
+
+def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -> list[np.ndarray]:
+    """A quantity of a scene as expressions.
+
+    Points at which a formula has another case, such as the direction of a spring of length 0, are
+    left out.
+
+    Args:
+      scene: its structure.
+      of: its symbols.
+      quantity: a function of (field, t, y), and of arrays of further symbols; returns arrays.
+      more: lists of these.
+    Returns:
+      Its leaves, arrays of expressions.
+    Raises:
+      ValueError: it contains what has no formulas.
+    """
+    graph = Graph(expanding=False, smooth=False, most=_MOST_NODES)
+    meant: dict[Node, Expression] = {}
+
+    def given(x: Symbol | Expression, moving: bool) -> Number:
+        x = as_expression(x)
+        if x.is_number:
+            return float(x.number)
+        node = graph.given(None, moving=moving)
+        meant[node] = x
+        return node
+
+    def row(symbols, moving: bool) -> np.ndarray:
+        return objects([given(s, moving) for s in symbols], (len(symbols),))
+
+    def function_of(t, y, values, *rest):
+        return quantity(rebuilt(scene.field, values), t, y, *rest)
+
+    inputs = [row([of.time], True).reshape(()), row(of.state, True), row(of.parameters, False)]
+    inputs += [row(symbols, True) for symbols in more]
+    try:
+        found = traced(graph, function_of, *inputs)
+    except NotElementary as error:
+        raise _checks.fail(
+            "equations",
+            "a scene whose rate has formulas",
+            str(error),
+            "Loops whose length is not known, callbacks and solvers of the user have none.",
+        ) from error
+    nodes = ordered(graph, [x for array in found for x in np.ravel(array).tolist()])
+    for node in nodes:
+        if node not in meant:
+            meant[node] = _expression(node, meant)
+    results = []
+    for array in found:
+        flat = [_meant(x, meant) for x in np.ravel(array).tolist()]
+        results.append(objects([simplified(x) for x in flat], np.shape(array)))
+    return results
+
+
+def _meant(a: Number, meant: dict[Node, Expression]) -> Expression:
+    return meant[a] if isinstance(a, Node) else number(float(a))
+
+
+def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
+    op = node.op
+    if op == "sum":
+        found = number(0)
+        for factor, term in zip(node.args[::2], node.args[1::2], strict=True):
+            part = _meant(factor, meant)
+            found = found + (part if term is None else part * _meant(term, meant))
+        return found
+    args = [_meant(a, meant) for a in node.args]
+    if op in ("scale", "mul", "product"):
+        return math.prod(args[1:], start=args[0])
+    if op == "add":
+        return args[0] + args[1]
+    if op == "div":
+        return args[0] / args[1]
+    if op == "sqrt":
+        return deeply_shortened(args[0]) ** Fraction(1, 2)
+    if op == "pow":
+        exponent = args[1]
+        if exponent.is_number and isinstance(exponent.number, Fraction):
+            return deeply_shortened(args[0]) ** exponent.number
+        return function("pow", *args)
+    if op == "select":
+        return _select(node, *args)
+    if op == "real":
+        return _select(node, args[0], number(0), number(1))
+    return function(op, *args)
+
+
+def _select(node: Node, which: Expression, no: Expression, yes: Expression) -> Expression:
+    condition = node.args[0]
+    op = condition.op if isinstance(condition, Node) else ""
+    if op == "eq" or _is_nan(yes):  # at single points only, or nowhere
+        return no
+    if op == "ne" or _is_nan(no):
+        return yes
+    if op in COMPARISONS and no == number(0) and yes.is_number and yes:
+        ((call, _),) = next(iter(which.terms))
+        a, b = call.args
+        return yes * function("step", a - b if op in ("gt", "ge") else b - a)
+    return function("select", which, yes, no)
+
+
+def _is_nan(x: Expression) -> bool:
+    return x.is_number and isinstance(x.number, float) and math.isnan(x.number)

@@ -1,0 +1,63 @@
+"""The shortest of several forms of an expression."""
+
+from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial, inverse, times
+from jaxdyn.symbolic.trigonometry import deeply_shortened
+
+
+def simplified(x: Expression) -> Expression:
+    """An expression with the fewest terms.
+
+    Of the forms with differences in brackets, multiplied out, and over common denominators; in
+    each, sums that stand in brackets elsewhere are put into brackets.
+    """
+    plain = deeply_shortened(x)
+    forms = [plain, deeply_shortened(plain.expanded())]
+    forms.append(deeply_shortened(forms[-1].over_one_line()))
+    return min((recognised(form) for form in forms), key=lambda form: len(form.terms))
+
+
+def recognised(x: Expression) -> Expression:
+    """k x1 - k x2 as k (x1 - x2), where x1 - x2 stands in brackets elsewhere."""
+    for bracket in sorted(_differences(x), key=lambda x: x.key):
+        while found := with_sum(x, bracket.sum):
+            cofactor, rest, c = found
+            if not cofactor:
+                break
+            x = rest + Expression({cofactor: c}) * Expression({((bracket, ONE),): ONE})
+    return x
+
+
+def with_sum(x: Expression, part: Expression) -> tuple[Monomial, Expression, object] | None:
+    """A factor and a number that all terms of a sum have in another, and the rest of this."""
+    first, *others = part.terms.items()
+    for m, c in x.terms.items():
+        cofactor = _quotient(m, first[0])
+        if cofactor is None:
+            continue
+        scale = c / first[1]
+        wanted = {m: c} | {times(cofactor, n): scale * d for n, d in others}
+        if all(x.terms.get(n) == d for n, d in wanted.items()):
+            rest = Expression({n: d for n, d in x.terms.items() if n not in wanted})
+            return cofactor, rest, scale
+    return None
+
+
+def _differences(x: Expression) -> set[Group]:
+    found = set()
+    for m in x.terms:
+        for a, _ in m:
+            if isinstance(a, Group):
+                found |= _differences(a.sum) | ({a} if a.sum.is_difference else set())
+            elif isinstance(a, Call):
+                for y in a.args:
+                    found |= _differences(y)
+                    if a.op in ("abs", "sign") and y.is_difference:
+                        found.add(Group(y * (1 if y.leading > 0 else -1)))
+    return found
+
+
+def _quotient(m: Monomial, n: Monomial) -> Monomial | None:
+    """m / n, if n divides it."""
+    powers = dict(m)
+    divides = all(powers.get(a, 0) >= e for a, e in n)
+    return times(m, inverse(n)) if divides else None

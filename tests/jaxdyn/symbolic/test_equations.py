@@ -1,0 +1,389 @@
+"""Printed equations of motion: against the rates that they are read from, and against textbooks."""
+
+import sys
+from xml.etree import ElementTree
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import ZOO as QUICK
+from helpers import refusal
+
+import jaxdyn
+from jaxdyn import Effect, effects, scenes
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scenes import catalogue
+from jaxdyn.symbolic.symbols import GREEK
+from jaxdyn.symbolic.typesetting import TEXT
+
+ZOO = catalogue.entries()
+#: Of the size of a rate.
+ROUNDING = 1e-13
+STATES = 4
+
+#: Scenes beyond the defaults of the catalogue: other formulations, and effects of all kinds.
+BESIDES = {
+    **{
+        f"{name} {formulation}": lambda name=name, formulation=formulation: ZOO[name].make(
+            formulation=formulation
+        )
+        for name in ("pendulum", "cart_pendulum", "double_pendulum", "bead_on_parabola")
+        for formulation in ("lagrange", "constrained")
+    },
+    "two point masses": lambda: scenes.double_pendulum(uniform=False),
+    "angles from bar to bar": lambda: scenes.double_pendulum(uniform=False, relative=True),
+    "point masses on rods": lambda: scenes.double_pendulum(
+        uniform=False, formulation="constrained"
+    ),
+    "quadratic drag": lambda: scenes.cannonball(m=2.0) + effects.QuadraticDrag(0.1),
+    "drag in wind": lambda: scenes.cannonball() + effects.LinearDrag(0.1, wind=[1.0, 2.0]),
+    "dry friction": lambda: scenes.oscillator() + effects.DryFriction(0.3, 9.81, creep=0.01),
+    "dashpot": lambda: scenes.two_masses() + effects.Dashpot(0.5, i=0, j=1),
+    "spring on a pendulum": lambda: scenes.pendulum() + effects.Spring(3.0, 0.5, anchor=[1.0, 0.2]),
+    "drag on a pendulum": lambda: scenes.double_pendulum() + effects.LinearDrag(0.2),
+    "force on a pendulum": lambda: (
+        scenes.cart_pendulum() + effects.SinusoidalForce([1.0, 0.0], 2.0, 0.5, on=(0,))
+    ),
+    "test particle": lambda: scenes.n_body(m=(1.0, 0.0, 1.0)),
+    "box by Euler angles": lambda: scenes.box(representation="euler"),
+    "smooth ground": lambda: scenes.rolling_disk(rough=False),
+    "stabilised": lambda: scenes.double_pendulum(formulation="constrained", drift="baumgarte"),
+    "top by Euler angles": lambda: scenes.top(representation="euler"),
+    "drag on a top": lambda: scenes.top() + effects.LinearDrag(0.01),
+    "top by a matrix": lambda: scenes.top(representation="matrix"),
+    "polar with a force": lambda: scenes.polar_particle() + effects.PowerLaw(2.0, -2.0),
+}
+
+
+def _on_constraints(scene, t, y):
+    near = getattr(scene.system, "nearest", scene.system.project)
+    for _ in range(3):
+        y = near(jnp.asarray(t), jnp.asarray(y))
+    return np.asarray(y)
+
+
+@pytest.mark.sample(
+    *QUICK,
+    *("pendulum constrained", "angles from bar to bar", "quadratic drag", "spring on a pendulum"),
+    *("top by Euler angles", "drag on a top", "dashpot"),
+)
+@pytest.mark.parametrize("name", [*ZOO, *BESIDES])
+def test_what_is_printed_is_the_rate(name):
+    scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
+    found = jaxdyn.equations(scene)
+    rng, y0 = np.random.default_rng(0), np.asarray(scene.y0)
+    rate = jax.jit(lambda scene, t, y: scene.rate(t, y))
+    for t in rng.uniform(0.1, 1.0, STATES):
+        y = y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal(len(y0))
+        y = _on_constraints(scene, t, y)
+        wanted = np.asarray(rate(scene, t, y))
+        assert np.abs(found.rate(t, y) - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+def _motion(scene):
+    return jaxdyn.equations(scene).text("motion").splitlines()[1:]
+
+
+#: What a textbook prints, term by term.
+TEXTBOOK = {
+    "pendulum": ["theta'' = -(g/l) sin(theta)"],
+    "cart_pendulum": [
+        "(m1 + m2) x'' + m2 l theta'' cos(theta) - m2 l theta'^2 sin(theta) = 0",
+        "x'' cos(theta) + l theta'' + g sin(theta) = 0",
+    ],
+    "two point masses": [
+        "(m1 + m2) l1 theta1'' + m2 l2 theta2'' cos(theta1 - theta2)"
+        " + m2 l2 theta2'^2 sin(theta1 - theta2) + (m1 + m2) g sin(theta1) = 0",
+        "l1 theta1'' cos(theta1 - theta2) + l2 theta2''"
+        " - l1 theta1'^2 sin(theta1 - theta2) + g sin(theta2) = 0",
+    ],
+    "shaken_pendulum": ["theta'' = 3 (g + a Omega^2 cos(Omega t)) sin(theta)/(2 l)"],
+    "cannonball": ["x'' = 0", "y'' = -g"],
+    "quadratic drag": ["m x'' = -c v x'", "m y'' = -c v y' - m g"],
+    "oscillator": ["x'' = -(k/m) x"],
+    "spring_mass": ["m x'' = -k (r - l0) x/r", "m y'' = -k (r - l0) y/r - m g"],
+    "bead_on_parabola": ["(1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 c g x = 0"],
+    "bead_on_cycloid": ["s'' = -2 c g s"],
+    "two_body": [
+        "x1'' = G m2 (x2 - x1)/r12^3",
+        "y1'' = G m2 (y2 - y1)/r12^3",
+        "x2'' = G m1 (x1 - x2)/r12^3",
+        "y2'' = G m1 (y1 - y2)/r12^3",
+    ],
+    "polar_particle": ["r'' - r theta'^2 = 0", "r theta'' + 2 r' theta' = 0"],
+    "lorenz": ["x' = sigma (y - x)", "y' = x (rho - z) - y", "z' = x y - beta z"],
+    "pendulum constrained": [
+        "m x'' = lambda x/l",
+        "m y'' + m g = lambda y/l",
+        "x x'' + y y'' + x'^2 + y'^2 = 0",
+    ],
+    "one_skate": [
+        "m x'' = -lambda sin(theta)",
+        "m y'' = lambda cos(theta)",
+        "theta'' = 0",
+        "y'' cos(theta) - x'' sin(theta) - x' theta' cos(theta) - y' theta' sin(theta) = 0",
+    ],
+    "top by Euler angles": [
+        "M11 = I3 cos^2(theta) + I1 sin^2(theta)",
+        "M13 = I3 cos(theta)",
+        "M22 = I1",
+        "M33 = I3",
+        "h1 = 2 (I3 - I1) phi' theta' cos(theta) sin(theta) + I3 theta' psi' sin(theta)",
+        "h2 = (I1 - I3) phi'^2 cos(theta) sin(theta) - I3 phi' psi' sin(theta) + m g l sin(theta)",
+        "h3 = I3 phi' theta' sin(theta)",
+    ],
+}
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_they_read_as_in_a_textbook(name):
+    scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
+    assert [line.strip() for line in _motion(scene)] == TEXTBOOK[name]
+
+
+def test_eulers_equations_of_a_body():
+    lines = [line.strip() for line in _motion(scenes.free_body())]
+    assert lines[:6] == [
+        "x'' = 0",
+        "y'' = 0",
+        "z'' = 0",
+        "I1 omega1' = (I2 - I3) omega2 omega3",
+        "I2 omega2' = (I3 - I1) omega1 omega3",
+        "I3 omega3' = (I1 - I2) omega1 omega2",
+    ]
+
+
+def test_a_chain_of_springs():
+    system = FreePoints(m=[1.0, 2.0, 3.0], d=1)
+    springs = (effects.Spring(10.0, i=0), effects.Spring(20.0, i=0, j=1))
+    network = effects.SpringNetwork(((1, 2),), 30.0)
+    scene = jaxdyn.Scene(system, (*springs, network), y0=[1.0, 0.0, 2.0, 0.0, 0.0, 0.0])
+    assert [line.strip() for line in _motion(scene)] == [
+        "m1 x1'' = k2 (x2 - x1) - k1 x1",
+        "m2 x2'' = k2 (x1 - x2) + k3 (x3 - x2)",
+        "m3 x3'' = k3 (x2 - x3)",
+    ]
+
+
+def test_energies_and_constraints():
+    found = jaxdyn.equations(BESIDES["point masses on rods"]())
+    assert found.text("constraints").splitlines()[1:] == [
+        "  sqrt(x1^2 + y1^2) = l1",
+        "  sqrt((x1 - x2)^2 + (y1 - y2)^2) = l2",
+    ]
+    found = jaxdyn.equations(scenes.two_springs())
+    assert found.text("energies").splitlines()[1:] == [
+        "  T = 1/2 m (x'^2 + y'^2)",
+        "  V = 1/2 k1 (r1 - l1)^2 + 1/2 k2 (r2 - l2)^2 + m g y",
+    ]
+    assert found.text("lengths").splitlines()[1] == "  r1 = sqrt((x - a_1x)^2 + y^2)"
+    found = jaxdyn.equations(scenes.bead_on_cycloid())
+    assert found.text("energies").splitlines()[1:] == ["  T = 1/2 m s'^2", "  V = c m g s^2"]
+
+
+def test_latex_and_mathml():
+    found = jaxdyn.equations(scenes.cart_pendulum())
+    assert found.latex("motion").splitlines() == [
+        r"\begin{aligned}",
+        r"\left(m_1 + m_2\right) \ddot{x} + m_2 l \ddot{\theta} \cos \theta"
+        r" - m_2 l \dot{\theta}^2 \sin \theta &= 0 \\",
+        r"\ddot{x} \cos \theta + l \ddot{\theta} + g \sin \theta &= 0",
+        r"\end{aligned}",
+    ]
+    assert found._repr_latex_().count("$$") == 2 * len(found.sections)
+    for name in ZOO:
+        text = jaxdyn.equations(ZOO[name].make()).latex() if name in _SHORT else ""
+        assert text.count("{") == text.count("}")
+
+
+_SHORT = ("two_masses", "two_springs", "top", "plate", "one_skate", "power_law", "hill")
+
+
+@pytest.mark.parametrize("name", _SHORT)
+def test_mathml_is_well_formed(name):
+    found = jaxdyn.equations(ZOO[name].make()).mathml()
+    entities = {f"&{x};": "x" for x in GREEK}
+    for entity, letter in entities.items():
+        found = found.replace(entity, letter)
+    root = ElementTree.fromstring(f"<div>{found}</div>")
+    assert len(root.findall("math")) == sum(
+        len(section.lines) for section in jaxdyn.equations(ZOO[name].make()).sections
+    )
+
+
+def test_linearised_about_equilibria_against_derivatives():
+    hanging = scenes.double_pendulum(m=(1.0, 2.0), l=(1.0, 0.5), g=9.81)
+    upright = [np.pi, 0.0, 0.0, 0.0]
+    for scene, y in ((hanging, np.zeros(4)), (hanging, upright), (scenes.cart_pendulum(), None)):
+        found = jaxdyn.equations(scene).linearised(y)
+        m, c, k = found.matrices()
+        n = len(m)
+        y = np.zeros(2 * n) if y is None else np.asarray(y)
+        slopes = jax.jacfwd(lambda y, scene=scene: scene.rate(0.0, y))(jnp.asarray(y))
+        below = np.hstack([-np.linalg.solve(m, k), -np.linalg.solve(m, c)])
+        assert np.allclose(slopes[n:], below, rtol=1e-13, atol=1e-13)
+    assert jaxdyn.equations(scenes.pendulum()).linearised().text() == "M = m l^2\nK = m g l"
+    damped = jaxdyn.equations(scenes.oscillator() + effects.LinearDrag(0.1)).linearised()
+    assert damped.text() == "M = m\nC = c\nK = k"
+    assert "pmatrix" in damped.latex()
+    assert damped.mathml().count("<math") == 3
+    assert "at x = 0" in repr(damped)
+
+
+def test_linearised_refuses_what_is_no_equilibrium():
+    found = jaxdyn.equations(scenes.pendulum())
+    assert "a state at rest without accelerations" in refusal(lambda: found.linearised([1.0, 0.0]))
+    assert "a state at rest" in refusal(lambda: found.linearised([0.0, 1.0]))
+    shaken = jaxdyn.equations(scenes.shaken_pendulum())
+    assert "equations that depend on time" in refusal(shaken.linearised)
+    tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
+    assert "a scene of free coordinates" in refusal(tied.linearised)
+
+
+def test_code_is_that_of_the_rate():
+    found = jaxdyn.equations(scenes.lorenz())
+    assert found.code("julia").startswith("function rate(t, y, p)")
+    said = refusal(lambda: found.code("fortran"))
+    assert "language" in said
+
+
+def test_what_cannot_be_printed_is_refused():
+    loop = scenes.cannonball() + Winding()
+    said = refusal(lambda: jaxdyn.equations(loop))
+    assert "equations: expected a scene whose rate has formulas, got" in said
+    assert "part" in refusal(lambda: jaxdyn.equations(scenes.pendulum()).text("forces"))
+
+    def L(t, q, v):
+        return 0.5 * v[0] ** 2 - jax.scipy.special.erf(q[0])
+
+    odd = jaxdyn.lagrangian(L, [1.0], [0.0])
+    said = refusal(lambda: jaxdyn.equations(odd))
+    assert "functions whose derivative is known, got erf" in said
+
+
+class Winding(Effect):
+    """A force found by a loop of unknown length."""
+
+    def force(self, t, r, v, m):
+        return jax.lax.while_loop(lambda x: jnp.sum(x * x) > 1.0, lambda x: 0.5 * x, r)
+
+
+@pytest.mark.slow
+def test_equations_that_fill_books_are_refused():
+    said = refusal(lambda: jaxdyn.equations(scenes.four_bar(formulation="newton_euler")))
+    assert "equations: expected a scene whose equations fill some pages, got more than 500" in said
+
+
+def test_own_equations():
+    def hunt(t, y, p):
+        prey, predators = y
+        return [prey * (p["birth"] - predators), predators * (prey - 1.0)]
+
+    scene = jaxdyn.ode(hunt, [2.0, 1.0], names=["prey", "predators"], params={"birth": 1.5})
+    assert [line.strip() for line in _motion(scene)] == [
+        "prey' = prey (birth - predators)",
+        "predators' = predators (prey - 1)",
+    ]
+    assert r"\mathrm{prey}" in jaxdyn.equations(scene).latex()
+
+    def L(t, q, v, p):
+        return 0.5 * p["m"] * v[0] ** 2 - 0.25 * p["k"] * q[0] ** 4
+
+    scene = jaxdyn.lagrangian(L, [2.0], [0.0], names=["x"], params={"m": 2.0, "k": 3.0})
+    assert [line.strip() for line in _motion(scene)] == ["x'' = -(k/m) x^3"]
+
+
+def test_zeros_are_left_out_and_values_are_shown():
+    found = jaxdyn.equations(scenes.oscillator(k=2.5))
+    assert found.text("parameters") == "Parameters\n  k = 2.5\n  m = 1"
+    assert {TEXT.symbol(s): x for s, x in found.parameters.items()} == {"k": 2.5, "m": 1.0}
+    assert repr(found).startswith("Equations of oscillator\nNewton's law\n")
+
+
+def test_lagranges_method_of_sympy_gives_the_same():
+    sympy = pytest.importorskip("sympy")
+    mechanics = pytest.importorskip("sympy.physics.mechanics")
+    t = sympy.Symbol("t")
+    m, l, g = sympy.symbols("m1:3"), sympy.symbols("l1:3"), sympy.Symbol("g")  # noqa: E741
+    q = [sympy.Function(f"theta{i}")(t) for i in (1, 2)]
+    x = l[0] * sympy.sin(q[0]), l[0] * sympy.sin(q[0]) + l[1] * sympy.sin(q[1])
+    y = -l[0] * sympy.cos(q[0]), -l[0] * sympy.cos(q[0]) - l[1] * sympy.cos(q[1])
+    T = sum(m[i] * (x[i].diff(t) ** 2 + y[i].diff(t) ** 2) / 2 for i in (0, 1))
+    V = sum(m[i] * g * y[i] for i in (0, 1))
+    wanted = mechanics.LagrangesMethod(T - V, q).form_lagranges_equations()
+    printed = jaxdyn.equations(scenes.double_pendulum(uniform=False)).sympy()
+    for ours, theirs, factor in zip(printed, wanted, (l[0], m[1] * l[1]), strict=True):
+        plain = {s: sympy.Symbol(s.name) for s in ours.free_symbols if s != t}
+        gap = (factor * (ours.lhs - ours.rhs)).subs(plain) - theirs
+        assert sympy.simplify(sympy.expand_trig(sympy.expand(gap))) == 0
+
+
+def test_sympy_has_the_functions_of_all_scenes():
+    sympy = pytest.importorskip("sympy")
+    for name in ("two_masses", "top", "power_law", "plate", "restricted_three_body"):
+        for equation in jaxdyn.equations(ZOO[name].make()).sympy():
+            assert isinstance(equation, sympy.Eq)
+
+
+def test_sympy_is_optional(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    said = refusal(jaxdyn.equations(scenes.pendulum()).sympy)
+    assert said.endswith("Install it: pip install 'jaxdyn[equations]'.")
+
+
+#: Scenes with coordinates that no energy depends on, and the names of these.
+CYCLIC = {
+    "cart_pendulum": (lambda: scenes.cart_pendulum(), ["x"]),
+    "turntable": (lambda: scenes.turntable(), ["theta"]),
+    "dumbbell": (lambda: scenes.dumbbell(formulation="lagrange"), ["x", "y", "theta"]),
+    "top": (lambda: scenes.top(representation="euler"), ["phi", "psi"]),
+    "bars": (lambda: scenes.double_pendulum(g=0.0, relative=True), ["phi1"]),
+    "polar": (lambda: scenes.polar_particle() + effects.PowerLaw(2.0, -2.0), ["theta"]),
+    "none": (lambda: scenes.pendulum(), []),
+    "dragged": (lambda: scenes.cart_pendulum() + effects.LinearDrag(0.1), []),
+}
+
+
+@pytest.mark.parametrize("name", CYCLIC)
+def test_momenta_in_print_are_conserved(name):
+    scene, coordinates = CYCLIC[name][0](), CYCLIC[name][1]
+    found = jaxdyn.equations(scene)
+    lines = [line for part in found.sections if part.name == "momenta" for line in part.lines]
+    assert [TEXT.expression(line.left) for line in lines] == [f"p_{q}" for q in coordinates]
+    motion = jaxdyn.simulate(scene, 1.0, samples=5, rtol=1e-13)
+    for line in lines:
+        values = [line.right.value(found.at(0.0, y)) for y in motion.ys]
+        assert np.ptp(values) < 1e-12 * (1.0 + np.abs(values).max())
+
+
+@pytest.mark.parametrize("name", ["lorenz", "pendulum", "two_body", "free_body", "polar_particle"])
+def test_the_jacobian_is_the_derivative_of_the_rate(name):
+    scene = ZOO[name].make()
+    y = np.asarray(scene.y0) + 0.1
+    found = jaxdyn.equations(scene)
+    (values,) = found.jacobian().values(found.at(0.3, y))
+    wanted = np.asarray(jax.jacfwd(lambda y: scene.rate(0.3, y))(jnp.asarray(y)))
+    assert np.abs(values - wanted).max() <= 1e-13 * np.abs(wanted).max()
+
+
+def test_the_jacobian_of_coupled_equations_is_refused():
+    said = refusal(jaxdyn.equations(scenes.double_pendulum()).jacobian)
+    assert "equations each with one derivative" in said
+    tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
+    assert "jacobian" in refusal(tied.jacobian)
+
+
+def test_a_jacobian_in_print():
+    found = jaxdyn.equations(scenes.lorenz()).jacobian()
+    assert found.text().splitlines() == [
+        "J11 = -sigma",
+        "J12 = sigma",
+        "J21 = rho - z",
+        "J22 = -1",
+        "J23 = -x",
+        "J31 = y",
+        "J32 = x",
+        "J33 = -beta",
+    ]
+    assert found._repr_latex_().startswith("$$\nJ = \\begin{pmatrix} -\\sigma & \\sigma & 0")
