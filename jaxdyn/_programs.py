@@ -35,6 +35,20 @@ def bound(eqn, args: list) -> Sequence[Any]:
     return found if eqn.primitive.multiple_results else [found]
 
 
+def used(jaxpr: Any) -> list[Any]:
+    """The operations of a program on which its results depend, and those with effects, in order.
+
+    JAX traces what is computed and thrown away as well; only the compiler leaves it out.
+    """
+    wanted = {id(x) for x in jaxpr.outvars}
+    found = []
+    for eqn in reversed(jaxpr.eqns):
+        if eqn.effects or any(id(x) in wanted for x in eqn.outvars):
+            wanted |= {id(x) for x in eqn.invars}
+            found.append(eqn)
+    return found[::-1]
+
+
 class Loop(NamedTuple):
     """A loop of known length, `scan`.
 

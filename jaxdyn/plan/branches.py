@@ -36,7 +36,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import SMOOTH
-from jaxdyn._programs import CALLS, Loop, bound, called, loop
+from jaxdyn._programs import CALLS, Loop, bound, called, loop, used
 
 #: What a value depends on: time and state, along a motion (it moves), or through outcomes of
 #: conditions only (it jumps, and is constant in a branch).
@@ -151,7 +151,9 @@ class Walk:
                 return Value(atom.val)
             return values[atom]
 
-        for eqn in jaxpr.eqns:
+        # A condition whose outcome is thrown away would end steps and take long to compile: the
+        # work of an effect, whose error is measured by the magnitudes of its terms, took 26 s.
+        for eqn in used(jaxpr):
             found = self._applied(eqn, [read(a) for a in eqn.invars])
             values |= dict(zip(eqn.outvars, found, strict=True))
         return [read(a) for a in jaxpr.outvars]

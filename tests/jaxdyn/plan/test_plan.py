@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn import scenes
+from jaxdyn import effects, scenes
+from jaxdyn.analysis import work_by_effect
 from jaxdyn.plan import plan_of
 from jaxdyn.plan.bounds import Bounds, as_bounds, enclosed
 from jaxdyn.plan.times import furthest_seen, next_change, sizes
@@ -69,6 +70,18 @@ def test_smooth_scenes_have_no_conditions():
         assert not found.size, make.__name__
         assert not found.depends_on_time, make.__name__
     assert not plan(unguarded)[0].size
+
+
+def test_conditions_whose_outcomes_are_thrown_away_are_none():
+    def rate(t, y):
+        size = jnp.abs(y[0]) + jnp.where(t > 1, y[1], 0.0)
+        jax.jit(jnp.sign)(size)
+        return -y
+
+    assert plan(rate)[0].size == 0
+    drag = scenes.cannonball(drag=0.1)
+    field = work_by_effect.with_work(drag, effects.QuadraticDrag).field
+    assert plan_of(field, 5).size == 0  # which also has the magnitudes of its terms
 
 
 def test_conditions_of_all_kinds_and_those_on_time_alone():
