@@ -8,11 +8,11 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import checkpoint
+from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.units import units_of
-from jaxdyn.continuation.walk import read
 
 _HOLDS = 1e-8  # in units of the family: rates of equilibria of these scenes are smaller
 

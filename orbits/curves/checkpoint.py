@@ -7,8 +7,8 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
+from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Stored, stored
-from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.closing.closings import Return

@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units
+from jaxdyn.continuation.branch import Chart, Correction, Place
 from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import rate
 from orbits.curves.curve import CodimensionTwo, CurvePoint
 from orbits.curves.extended import Extended, Frame
-from orbits.curves.units import of_equations, of_place, of_unknowns
+from orbits.curves.units import as_member, of_equations, of_place, of_unknowns, units_of
 from orbits.families.family import Kind
 from orbits.orbit import Orbit, Outcome
 
@@ -74,6 +75,35 @@ def solve(
         x = x - step * own
         settled = np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x / own).max())
     return None
+
+
+class CurveChart(Chart[CurvePoint]):
+    """A curve near a member, in units.
+
+    Attributes:
+      extended: the equations.
+      units: those of the member.
+    """
+
+    def __init__(self, extended: Extended, member: CurvePoint):
+        self.extended, self.units = extended, units_of(extended, member)
+        self.measured = extended.place
+
+    def place(self, member: CurvePoint) -> Place:
+        own = of_unknowns(self.extended, self.units)
+        return Place(member.unknowns / own, member.tangent / own)
+
+    def correct(self, last: CurvePoint, start, plane) -> Correction | str:
+        own = of_unknowns(self.extended, self.units)
+        along, point = last.tangent[self.measured], (plane * own)[self.measured]
+        found = solve(self.extended, start * own, point, along, self.units)
+        if found is None:
+            return "Newton's method does not converge"
+        new = point_at(self.extended, found, along, self.units)
+        return Correction(found.x / own, found.iterations, new)
+
+    def outward(self, member: CurvePoint) -> CurvePoint:
+        return member if member.kind else as_member(self.extended, member)
 
 
 def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Units) -> CurvePoint:

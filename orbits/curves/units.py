@@ -38,7 +38,7 @@ def units_of(extended: Extended, point: CurvePoint) -> Units:
     return Units.of(point.units, extended.k)
 
 
-def member(extended: Extended, point: CurvePoint, sense: float = 1.0) -> CurvePoint:
+def as_member(extended: Extended, point: CurvePoint, sense: float = 1.0) -> CurvePoint:
     """A point as a member, with units that are no smaller than its entries; or -1 times its way."""
     units, unknowns = units_of(extended, point), extended.unpack(point.unknowns)
     scene = point.orbit.scene
