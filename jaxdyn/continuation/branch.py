@@ -24,6 +24,7 @@ import numpy as np
 from jaxdyn.continuation.checkpoint import Advance, Begin, Codec, Kept, Log, Stored, kept_in
 
 _INTERRUPTED = "an interruption"
+_CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
 _TRIALS = 60  # points along the branch, to locate a special one
@@ -228,6 +229,10 @@ class BranchProblem(abc.ABC, Generic[Member]):
         del chart, a, b, first
         return []
 
+    def again(self, chart: Any, first: Member, a: Member, b: Member) -> Member | None:
+        """The first member of all, as it is met again between two neighbours; None if it is not."""
+        del chart, first, a, b
+
     def end_before(self, new: Member, special: list[Member]) -> str:
         """Why the branch ends without a new member; "" if it does not."""
         del new, special
@@ -323,19 +328,19 @@ def read(walk: Stored, codec: Codec) -> Branch:
 
 def _advances(problem: BranchProblem, first, step: float, kept: Kept | None) -> Iterator[Advance]:
     """The steps from the first member on: those of the file, then new ones."""
-    last, length, fresh = first, step, True
+    last, length = first, step
     for advance in () if kept is None else kept.advances:
         yield advance
-        last, length, fresh = advance.member, advance.step, False
+        last, length = advance.member, advance.step
     while True:
-        advance = _advance(problem, last, length, step, fresh)
+        advance = _advance(problem, first, last, length, step)
         if kept is not None:
             kept.add(advance)
         yield advance
-        last, length, fresh = advance.member, advance.step, False
+        last, length = advance.member, advance.step
 
 
-def _advance(problem: BranchProblem, last, length: float, step: float, fresh: bool) -> Advance:
+def _advance(problem: BranchProblem, first, last, length: float, step: float) -> Advance:
     """The next step, which is shorter where no member is found at its length."""
     chart = problem.chart(last)
     here = chart.inward(last)
@@ -343,9 +348,12 @@ def _advance(problem: BranchProblem, last, length: float, step: float, fresh: bo
         length *= _SHRINK
         if length < problem.shortest * step:
             return Advance(None, [], length, problem.lost(new))
-    special = [chart.outward(x) for x in problem.special(chart, here, new.member, fresh)]
+    again = problem.again(chart, first, here, new.member)
+    until = new.member if again is None else again
+    special = problem.special(chart, here, until, last is first)
+    special = [chart.outward(x) for x in special]
     member = chart.outward(new.member)
-    end = problem.end_before(member, special)
+    end = problem.end_before(member, special) or ("" if again is None else _CLOSED)
     length = min(new.factor * length, problem.longest * step)
     return Advance(None if end else problem.ready(member), special, length, end)
 

@@ -20,11 +20,13 @@ import numpy as np
 
 from jaxdyn.analysis.eigenvalues import rate_eigenvalues
 from jaxdyn.continuation import augmented, normal_forms
-from jaxdyn.continuation.branch import Chart, Correction, Place
+from jaxdyn.continuation.branch import Correction, Place
 from jaxdyn.continuation.curve import CodimensionTwo, CurvePoint, MakeOfTwo, WithSecond
 from jaxdyn.continuation.defining import Solution
 from jaxdyn.continuation.family import Kind
 from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
+from jaxdyn.continuation.units import ChartInUnits, Units
+from jaxdyn.scales import Groups
 
 #: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
 #: test changes sign as well, it is large.
@@ -127,15 +129,12 @@ def _least_sum(values: np.ndarray) -> float:
     return _least(values[i] + values[j])
 
 
-class CurveChart(Chart[CurvePoint]):
-    """A curve of folds or Hopf points, all in units.
+class CurveChart(ChartInUnits[CurvePoint]):
+    """A curve of folds or Hopf points near a member."""
 
-    Attributes:
-      make: the scenes.
-    """
-
-    def __init__(self, make: MakeOfTwo, entries: int):
-        self.make, self.measured = make, slice(entries + 2)
+    def __init__(self, make: MakeOfTwo, units: Units, known: Groups | None = None):
+        super().__init__(make, units, known)
+        self.measured = slice(len(units.x))  # state and parameters
 
     def place(self, member: CurvePoint) -> Place:
         return Place(member.unknowns, member.tangent)

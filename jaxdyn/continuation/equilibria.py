@@ -195,20 +195,6 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
     return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER) * time))))
 
 
-class _Chart(EquilibriumChart):
-    """Near a member, whose units it has; `known` are the groups of the state's entries."""
-
-    def __init__(self, make: Make, member: Equilibrium, known: Groups):
-        self.units, self.known = units_of(make, member), known
-        super().__init__(self.units.scene(make))
-
-    def inward(self, member: Equilibrium) -> Equilibrium:
-        return self.units.inward(member)
-
-    def outward(self, member: Equilibrium) -> Equilibrium:
-        return self.units.outward(member, None if member.kind else self.known)
-
-
 class _Problem(BranchProblem[Equilibrium]):
     """A family of equilibria within bounds on the parameter."""
 
@@ -217,13 +203,13 @@ class _Problem(BranchProblem[Equilibrium]):
     def __init__(self, make: Make, within: tuple[float, float], known: Groups):
         self.make, self.within, self.known = make, within, known
 
-    def chart(self, member: Equilibrium) -> _Chart:
-        return _Chart(self.make, member, self.known)
+    def chart(self, member: Equilibrium) -> EquilibriumChart:
+        return EquilibriumChart(self.make, units_of(self.make, member), self.known)
 
     def codec(self) -> Codec:
         return of_fields(Equilibrium)
 
-    def special(self, chart: _Chart, a, b, first: bool) -> list[Equilibrium]:
+    def special(self, chart: EquilibriumChart, a, b, first: bool) -> list[Equilibrium]:
         return special_points(chart, a, b, first)
 
     def end_after(self, new: Equilibrium) -> str:

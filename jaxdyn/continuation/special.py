@@ -15,11 +15,11 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.branch import Chart, Correction, Place, changes_sign
+from jaxdyn.continuation.branch import Correction, Place, changes_sign
 from jaxdyn.continuation.defining import Solution
 from jaxdyn.continuation.family import Equilibrium, Kind, equilibrium_at
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
-from jaxdyn.continuation.units import InUnits
+from jaxdyn.continuation.units import ChartInUnits, InUnits
 
 _HALVINGS = 25  # of the interval between two members
 _SHARE = 0.47  # of it to the next test: a symmetric branch point is often exactly half-way
@@ -27,15 +27,8 @@ _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
 
-class EquilibriumChart(Chart[Equilibrium]):
-    """A family of equilibria, all in units.
-
-    Attributes:
-      make: the scenes.
-    """
-
-    def __init__(self, make: InUnits):
-        self.make = make
+class EquilibriumChart(ChartInUnits[Equilibrium]):
+    """A family of equilibria near a member."""
 
     def place(self, member: Equilibrium) -> Place:
         return Place(member.x, member.tangent)

@@ -20,7 +20,7 @@ from jaxdyn.continuation.codimension_two import CurveChart, point_at, special_po
 from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.family import Equilibrium, Kind
 from jaxdyn.continuation.units import Units, units_at, units_of
-from jaxdyn.scales import Groups, groups
+from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene
 
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
@@ -171,20 +171,6 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
     return None
 
 
-class _Chart(CurveChart):
-    """Near a member, whose units it has; `known` are the groups of the state's entries."""
-
-    def __init__(self, make: MakeOfTwo, member: CurvePoint, known: Groups):
-        self.units, self.known = units_of(make, member), known
-        super().__init__(self.units.scene(make), len(member.state))
-
-    def inward(self, member: CurvePoint) -> CurvePoint:
-        return self.units.inward(member)
-
-    def outward(self, member: CurvePoint) -> CurvePoint:
-        return self.units.outward(member, None if member.kind else self.known)
-
-
 class _Problem(BranchProblem[CurvePoint]):
     """A curve within bounds on the parameters, which may begin at a special point `start`."""
 
@@ -194,8 +180,8 @@ class _Problem(BranchProblem[CurvePoint]):
         self.make, self.start, self.within = make, start, within
         self.kind, self.known = first.curve, groups(make(*first.parameters).system)
 
-    def chart(self, member: CurvePoint) -> _Chart:
-        return _Chart(self.make, member, self.known)
+    def chart(self, member: CurvePoint) -> CurveChart:
+        return CurveChart(self.make, units_of(self.make, member), self.known)
 
     def codec(self) -> Codec:
         return of_fields(CurvePoint)
@@ -203,7 +189,7 @@ class _Problem(BranchProblem[CurvePoint]):
     def about(self) -> dict[str, str]:
         return {"kind": str(self.kind)}
 
-    def special(self, chart: _Chart, a, b, first: bool) -> list[CurvePoint]:
+    def special(self, chart: CurveChart, a, b, first: bool) -> list[CurvePoint]:
         start = self.start
         begun = None if start is None or start.kind is None else chart.inward(start)
         return _not_at(begun, special_points(chart, a, b, first))

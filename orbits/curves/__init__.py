@@ -1,9 +1,9 @@
 """Curves of special orbits in two parameters.
 
-`following` follows folds, branch points, period doublings and torus points by the equations of
-`extended` in the units of `units`, `steps` makes a point with its multipliers and tests, `special`
-finds the points of codimension two between two, and `curve` holds both; `checkpoint` keeps them in
-a file, and reads it.
+`following` poses folds, branch points, period doublings and torus points to the branch engine, by
+the equations of `extended` in the units of `units`; `steps` makes a point with its multipliers and
+tests, `special` finds the points of codimension two between two, and `curve` holds both;
+`checkpoint` keeps them in a file, and reads it.
 
 May import: `families`.
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
+from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Stored
-from jaxdyn.continuation.walk import read
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.closing.closings import Closing
