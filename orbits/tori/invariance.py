@@ -85,9 +85,21 @@ class Metric(NamedTuple):
         along = points / self.each**2 / len(points)
         return np.append(along.ravel(), [rotation, time / self.time**2])
 
-    def size(self, difference: Unknowns) -> float:
-        """The norm of a difference; for circles about one centre it is that of their harmonics."""
-        return float(np.sqrt(2 * self.row(difference) @ difference.packed()))
+    def coordinates(self, found: Unknowns) -> np.ndarray:
+        """(N k + 2,) of unknowns, or of a tangent, as numbers without units.
+
+        Distances of circles about one centre are those of their harmonics.
+        """
+        points, rotation, time = found
+        each = points / self.each * math.sqrt(2 / len(points))
+        return np.append(each.ravel(), [math.sqrt(2) * rotation, math.sqrt(2) * time / self.time])
+
+    def unknowns(self, x: np.ndarray) -> Unknowns:
+        """The unknowns with coordinates x (N k + 2,)."""
+        points = x[:-2].reshape(-1, len(self.each))
+        each = self.each / math.sqrt(2 / len(points))
+        rotation, time = (float(z) / math.sqrt(2) for z in x[-2:])
+        return Unknowns(points * each, rotation, time * self.time)
 
     def norm(self, w: np.ndarray) -> float:
         """The norm of a direction (k,)."""
