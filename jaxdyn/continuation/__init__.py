@@ -1,7 +1,8 @@
 """The branch engine, and families of equilibria in a parameter.
 
-`branch` follows whatever is posed to it as a problem: a predictor and a corrector, a locator of
-special points, step control, and the loop, which `checkpoint` keeps in a file that `loading` reads.
+`branch` follows whatever is posed to it as a problem: the predictor, the locator of special points,
+step control, and the loop, which `checkpoint` keeps in a file that `loading` reads. `newton` is the
+corrector.
 Families of orbits, their curves in two parameters and tori are problems of it too (`orbits`).
 
 `equilibria` poses families of equilibria, followed by pseudo-arclength, and steps onto branches;

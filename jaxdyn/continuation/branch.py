@@ -1,4 +1,4 @@
-"""The branch engine: a problem, the predictor and the corrector, a locator, step control, the loop.
+"""The branch engine: what a problem is, the predictor, the locator, step control, and the loop.
 
 A branch is a curve of solutions: equilibria or orbits in a parameter, folds in two parameters,
 tori. Whoever follows one poses it as a `BranchProblem`, which has a `Chart` near each member: the
