@@ -21,8 +21,8 @@ import numpy as np
 from jaxdyn.analysis.eigenvalues import rate_eigenvalues
 from jaxdyn.continuation import augmented, normal_forms
 from jaxdyn.continuation.branch import Correction, Place
-from jaxdyn.continuation.curve import CodimensionTwo, CurvePoint, MakeOfTwo, WithSecond
-from jaxdyn.continuation.family import Kind
+from jaxdyn.continuation.curve import CurvePoint, MakeOfTwo, WithSecond
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
 from jaxdyn.continuation.units import ChartInUnits, Units

@@ -21,7 +21,8 @@ from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
-from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.normal_forms import second
 from jaxdyn.continuation.special import EquilibriumChart, special_points
 from jaxdyn.continuation.units import InUnits, units_at, units_of

@@ -16,7 +16,8 @@ import numpy as np
 
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import Correction, Place, changes_sign
-from jaxdyn.continuation.family import Equilibrium, Kind, equilibrium_at
+from jaxdyn.continuation.family import Equilibrium, equilibrium_at
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
 from jaxdyn.continuation.units import ChartInUnits, InUnits

@@ -17,8 +17,9 @@ from jaxdyn.continuation import augmented
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields
 from jaxdyn.continuation.codimension_two import CurveChart, point_at, special_points
-from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
-from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
+from jaxdyn.continuation.family import Equilibrium
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene

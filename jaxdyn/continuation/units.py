@@ -25,7 +25,8 @@ from jaxdyn import scales
 from jaxdyn.analysis.eigenvalues import Eigenvalues
 from jaxdyn.continuation.branch import Chart
 from jaxdyn.continuation.curve import CurvePoint
-from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.continuation.family import Equilibrium
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scales import Groups
 from jaxdyn.scene import Scene
 

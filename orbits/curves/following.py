@@ -19,6 +19,7 @@ from jaxdyn._records.captured import remembered
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import Codec, Log
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import Units
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
@@ -26,12 +27,12 @@ from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import driven
 from orbits.closing.sizes import rate, sizes
 from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
-from orbits.curves.curve import Curve, CurvePoint
+from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
 from orbits.curves.special import special_points
 from orbits.curves.steps import CurveChart, point_at, returned, solve
 from orbits.curves.units import as_member, of_place, units_at
-from orbits.families.family import Kind, Member, smooth_orbit
+from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
 
@@ -44,7 +45,7 @@ _LOST = "no orbit of the curve was found beyond: a collision, or an equilibrium"
 
 def continue_curve(
     make: MakeOfTwo,
-    point: Member | CurvePoint | Orbit,
+    point: Member | OrbitCurvePoint | Orbit,
     parameters: tuple[float, float] | None = None,
     *,
     kind: Kind | None = None,
@@ -54,9 +55,9 @@ def continue_curve(
     within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
     segments: int | None = None,
     rtol: float = RTOL,
-    report: Callable[[CurvePoint], None] = lambda point: None,
+    report: Callable[[OrbitCurvePoint], None] = lambda point: None,
     path: str | Path | Log | None = None,
-) -> Curve:
+) -> OrbitCurve:
     """The curve of special orbits in two parameters, with its points of codimension two.
 
     Cusps, resonances 1:1 to 1:4, and points where two of fold, period doubling and torus point
@@ -109,7 +110,7 @@ def continue_curve(
 
 def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarray]:
     """The orbit, the kind of the curve, and (2,) the parameters."""
-    if isinstance(point, CurvePoint):
+    if isinstance(point, OrbitCurvePoint):
         orbit, curve = point.orbit, point.curve if kind is None else Kind(kind)
         parameters = point.parameters if parameters is None else parameters
     elif isinstance(point, Member):
@@ -118,7 +119,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarra
     elif isinstance(point, Orbit):
         orbit, curve = point, None if kind is None else Kind(kind)
     else:
-        expected = "a Member, a CurvePoint or an Orbit"
+        expected = "a Member, an OrbitCurvePoint or an Orbit"
         raise fail("point", expected, type(point).__name__)
     if curve is None or curve not in VECTORS:
         expected = "a fold, branch point, period doubling or torus point"
@@ -230,7 +231,7 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
 
 def _first(
     extended: Extended, start: np.ndarray, units: Units, step: float, sign: float
-) -> CurvePoint:
+) -> OrbitCurvePoint:
     """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
     size = len(extended.place)
     place = start[extended.place]
@@ -252,7 +253,7 @@ def _first(
     )
 
 
-class _Problem(BranchProblem[CurvePoint]):
+class _Problem(BranchProblem[OrbitCurvePoint]):
     """A curve within bounds on the parameters."""
 
     what = ORBIT_CURVE
@@ -260,7 +261,7 @@ class _Problem(BranchProblem[CurvePoint]):
     def __init__(self, extended: Extended, within):
         self.extended, self.within = extended, within
 
-    def chart(self, member: CurvePoint) -> CurveChart:
+    def chart(self, member: OrbitCurvePoint) -> CurveChart:
         return CurveChart(self.extended, member)
 
     def codec(self) -> Codec:
@@ -269,21 +270,21 @@ class _Problem(BranchProblem[CurvePoint]):
     def about(self) -> dict[str, Any]:
         return about(self.extended)
 
-    def special(self, chart: CurveChart, a, b, first: bool) -> list[CurvePoint]:
+    def special(self, chart: CurveChart, a, b, first: bool) -> list[OrbitCurvePoint]:
         return special_points(chart, a, b)
 
-    def end_before(self, new: CurvePoint, special: list[CurvePoint]) -> str:
+    def end_before(self, new: OrbitCurvePoint, special: list[OrbitCurvePoint]) -> str:
         real = new.curve == Kind.TORUS and abs(self.extended.unpack(new.unknowns).extra) >= 1
         return "a strong resonance, beyond which the multipliers are real" if real else ""
 
-    def end_after(self, new: CurvePoint) -> str:
+    def end_after(self, new: OrbitCurvePoint) -> str:
         return outside(new.parameters, self.within)
 
     def lost(self, reason: str) -> str:
         return _LOST
 
 
-def _follow(extended: Extended, first: CurvePoint, limits, report, path) -> Curve:
+def _follow(extended: Extended, first: OrbitCurvePoint, limits, report, path) -> OrbitCurve:
     step, most, within = limits
     found = follow(_Problem(extended, within), first, step, most, report, path)
-    return Curve(kind=first.curve, equations=extended, **found._asdict())
+    return OrbitCurve(kind=first.curve, equations=extended, **found._asdict())

@@ -12,9 +12,9 @@ import dataclasses
 
 import numpy as np
 
-from orbits.curves.curve import CodimensionTwo, CurvePoint
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
+from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.steps import CurveChart
-from orbits.families.family import Kind
 
 #: Largest test at a special point.
 GOAL = 1e-9
@@ -22,7 +22,9 @@ GOAL = 1e-9
 _TURNED = 1e-6
 
 
-def special_points(chart: CurveChart, a: CurvePoint, b: CurvePoint) -> list[CurvePoint]:
+def special_points(
+    chart: CurveChart, a: OrbitCurvePoint, b: OrbitCurvePoint
+) -> list[OrbitCurvePoint]:
     """The points of codimension two between two neighbours, in order."""
     found = [_zero(chart, a, b, kind) for kind in a.tests]
     if chart.extended.kind == Kind.FOLD:
@@ -31,14 +33,16 @@ def special_points(chart: CurveChart, a: CurvePoint, b: CurvePoint) -> list[Curv
     return sorted(kept, key=lambda point: chart.along(a, point))
 
 
-def _zero(chart: CurveChart, a: CurvePoint, b: CurvePoint, kind) -> CurvePoint | None:
+def _zero(
+    chart: CurveChart, a: OrbitCurvePoint, b: OrbitCurvePoint, kind
+) -> OrbitCurvePoint | None:
     best = chart.locate(lambda point: point.tests[kind], a, b)
     if best is None or abs(best.tests[kind]) > GOAL:
         return None
     return dataclasses.replace(best, kind=kind, residual=max(best.residual, abs(best.tests[kind])))
 
 
-def _cusp(chart: CurveChart, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:
+def _cusp(chart: CurveChart, a: OrbitCurvePoint, b: OrbitCurvePoint) -> OrbitCurvePoint | None:
     before = _turning(chart, a)
     best = chart.locate(lambda point: float(_turning(chart, point) @ before), a, b)
     if best is None:
@@ -49,6 +53,6 @@ def _cusp(chart: CurveChart, a: CurvePoint, b: CurvePoint) -> CurvePoint | None:
     return dataclasses.replace(best, kind=CodimensionTwo.CUSP)
 
 
-def _turning(chart: CurveChart, point: CurvePoint) -> np.ndarray:
+def _turning(chart: CurveChart, point: OrbitCurvePoint) -> np.ndarray:
     """(2,) the change of the parameters along the curve, in units."""
     return point.tangent[chart.measured[-2:]] / chart.units.parameters

@@ -9,13 +9,13 @@ import numpy as np
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units
 from jaxdyn.continuation import newton
 from jaxdyn.continuation.branch import Chart, Correction, Place
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import rate
-from orbits.curves.curve import CodimensionTwo, CurvePoint
+from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, Frame
 from orbits.curves.units import as_member, of_equations, of_place, of_unknowns, units_of
-from orbits.families.family import Kind
 from orbits.orbit import Orbit, Outcome
 
 #: Largest residual of a point, relative to 1 + the largest entry of its unknowns, in units.
@@ -53,7 +53,7 @@ def solve(
     return found._replace(x=found.x * own) if good else None
 
 
-class CurveChart(Chart[CurvePoint]):
+class CurveChart(Chart[OrbitCurvePoint]):
     """A curve near a member, in units.
 
     Attributes:
@@ -61,15 +61,15 @@ class CurveChart(Chart[CurvePoint]):
       units: those of the member.
     """
 
-    def __init__(self, extended: Extended, member: CurvePoint):
+    def __init__(self, extended: Extended, member: OrbitCurvePoint):
         self.extended, self.units = extended, units_of(extended, member)
         self.measured = extended.place
 
-    def place(self, member: CurvePoint) -> Place:
+    def place(self, member: OrbitCurvePoint) -> Place:
         own = of_unknowns(self.extended, self.units)
         return Place(member.unknowns / own, member.tangent / own)
 
-    def correct(self, last: CurvePoint, start, plane) -> Correction | str:
+    def correct(self, last: OrbitCurvePoint, start, plane) -> Correction | str:
         own = of_unknowns(self.extended, self.units)
         along, point = last.tangent[self.measured], (plane * own)[self.measured]
         found = solve(self.extended, start * own, point, along, self.units)
@@ -78,11 +78,13 @@ class CurveChart(Chart[CurvePoint]):
         new = point_at(self.extended, found, along, self.units)
         return Correction(found.x / own, found.iterations, new)
 
-    def outward(self, member: CurvePoint) -> CurvePoint:
+    def outward(self, member: OrbitCurvePoint) -> OrbitCurvePoint:
         return member if member.kind else as_member(self.extended, member)
 
 
-def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Units) -> CurvePoint:
+def point_at(
+    extended: Extended, found: Solution, along: np.ndarray, units: Units
+) -> OrbitCurvePoint:
     """The record of a point whose tangent points the same way as `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
@@ -93,7 +95,7 @@ def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Unit
     values = reduced(extended, orbit, found.more[0], units.each)
     cosine = float(unknowns.extra)
     torus = extended.kind == Kind.TORUS
-    return CurvePoint(
+    return OrbitCurvePoint(
         curve=extended.kind,
         orbit=orbit,
         parameters=np.asarray(unknowns.parameters),

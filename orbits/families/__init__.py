@@ -14,8 +14,8 @@ May import: `analysis`.
 
 One more kind of motion is a class of `surface.Surface`.
 
-One more kind of special point is a `Kind` in `family` and a function in `bifurcations` that changes
-sign there.
+One more kind of special point is a `Kind` in `jaxdyn.continuation.kinds`, and a function in
+`bifurcations` that changes sign there.
 """
 
 import lazy_loader

@@ -26,7 +26,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.analysis import energy
-from orbits.families.family import Kind, Member
+from jaxdyn.continuation.kinds import Kind
+from orbits.families.family import Member
 from orbits.families.shrinking import rest_between
 from orbits.families.steps import OrbitChart
 from orbits.families.surface import Surface

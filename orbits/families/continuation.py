@@ -23,11 +23,12 @@ from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
+from jaxdyn.continuation.kinds import Kind
 from orbits.closing.conditions import Hold, conditions
 from orbits.families import checkpoint
 from orbits.families.bifurcations import special_points
 from orbits.families.chains import ChainSurface
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Member
 from orbits.families.isolas import met_again
 from orbits.families.steps import OrbitChart, first_member, in_segments, parameter_at
 from orbits.families.surface import OrbitSurface, Point, Surface

@@ -17,11 +17,11 @@ from jaxdyn.continuation.checkpoint import Log, alone, opened
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
-from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Member
 from orbits.families.hopf import from_hopf, in_sizes
 from orbits.orbit import SearchError
 from orbits.shooting.segment import Make
@@ -175,7 +175,7 @@ def _followed(found: "_Orbits", parameter: float, start, depth: int, options: di
     found.failures += failures
     for family in rests:
         for point in family.special:
-            if point.kind == RestKind.HOPF:
+            if point.kind == Kind.HOPF:
                 found.from_hopf(family, point, depth)
     if log is not None:
         for failure in found.failures:
@@ -193,7 +193,7 @@ def _branches(rests: list, failures: list, options: dict, report) -> None:
     seen: list[Equilibrium] = []
     for family in rests:  # grows on the way
         for point in family.special:
-            if point.kind != RestKind.BRANCH or any(_near(point, x) for x in seen):
+            if point.kind != Kind.BRANCH or any(_near(point, x) for x in seen):
                 continue
             seen.append(point)
             for down in (False, True):

@@ -17,7 +17,8 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation import newton
-from orbits.families.family import Kind, Member
+from jaxdyn.continuation.kinds import Kind
+from orbits.families.family import Member
 from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
 
