@@ -14,6 +14,7 @@ Jarratt (1971), BIT 11, 168, for the Illinois method.
 """
 
 import abc
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from jaxdyn.continuation.checkpoint import Advance, Begin, Codec, Kept, Log, Stored, kept_in
+from jaxdyn.continuation.checkpoint import Advance, Begin, Checkpoint, Codec, Log, Walk, resume
 
 _INTERRUPTED = "an interruption"
 _CLOSED = "the first one again: it is closed"
@@ -291,51 +292,49 @@ def follow(
     """
     about = {} if path is None else problem.about()
     begin = Begin(problem.what, step, problem.identity(first), first, about)
-    with kept_in(path, begin, problem.codec()) as (first, kept):
-        members, special, before = [first], [], []
+    with resume(path, begin, problem.codec()) as (first, checkpoint):
         report(first)
-        end = f"the number of members requested, {most}"
-        advances = _advances(problem, first, step, kept)
-        while len(members) < most:
-            advance = next(advances)
-            special += advance.special
-            before += [len(members)] * len(advance.special)
+        found, end = [], f"the number of members requested, {most}"
+        for advance in itertools.islice(_advances(problem, first, step, checkpoint), most - 1):
+            found.append(advance)
             if advance.member is None:
                 end = advance.end
                 break
-            members.append(advance.member)
             report(advance.member)
-            after = problem.end_after(advance.member)
-            if after:
+            if after := problem.end_after(advance.member):
                 end = after
                 break
-        if kept is not None:
-            kept.ended(end)
-    return Branch(tuple(members), tuple(special), tuple(before), end)
+        if checkpoint is not None:
+            checkpoint.finish(end)
+    return _branch(first, found, end)
 
 
-def read(walk: Stored, codec: Codec) -> Branch:
+def read(walk: Walk, codec: Codec) -> Branch:
     """A branch as its file has it."""
-    first, advances = walk.read(codec)
-    members, special, before = [first], [], []
-    for advance in advances:
+    return _branch(*walk.read(codec), walk.end or _INTERRUPTED)
+
+
+def _branch(first: Any, advances: list[Advance], end: str) -> Branch:
+    special, before = [], []
+    for n, advance in enumerate(advances, 1):
         special += advance.special
-        before += [len(members)] * len(advance.special)
-        members += [] if advance.member is None else [advance.member]
-    end = walk.end or _INTERRUPTED
-    return Branch(tuple(members), tuple(special), tuple(before), end)
+        before += [n] * len(advance.special)
+    members = [advance.member for advance in advances if advance.member is not None]
+    return Branch((first, *members), tuple(special), tuple(before), end)
 
 
-def _advances(problem: BranchProblem, first, step: float, kept: Kept | None) -> Iterator[Advance]:
+def _advances(
+    problem: BranchProblem, first, step: float, checkpoint: Checkpoint | None
+) -> Iterator[Advance]:
     """The steps from the first member on: those of the file, then new ones."""
     last, length = first, step
-    for advance in () if kept is None else kept.advances:
+    for advance in () if checkpoint is None else checkpoint.advances:
         yield advance
         last, length = advance.member, advance.step
     while True:
         advance = _advance(problem, first, last, length, step)
-        if kept is not None:
-            kept.add(advance)
+        if checkpoint is not None:
+            checkpoint.add(advance)
         yield advance
         last, length = advance.member, advance.step
 

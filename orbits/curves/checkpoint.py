@@ -8,7 +8,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation.branch import read
-from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Stored, stored
+from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Walk, walks_in
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
@@ -37,7 +37,7 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
         scenes.
     """
     make = remembered("make", make)
-    walks, _ = stored(path, (ORBIT_CURVE,))
+    walks, _ = walks_in(path, (ORBIT_CURVE,))
     return tuple(_curve(walk, make) for walk in walks)
 
 
@@ -93,7 +93,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def _curve(walk: Stored, make: MakeOfTwo) -> OrbitCurve:
+def _curve(walk: Walk, make: MakeOfTwo) -> OrbitCurve:
     known = typed(walk.begin.about, _About, "file", OTHER)
     closing = records.decode(known.closing, "closing", (Return, Symmetry))
     if not isinstance(closing, Return) or known.kind not in VECTORS or known.segments < 1:

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import whole
-from jaxdyn.continuation.checkpoint import Log, alone, opened
+from jaxdyn.continuation.checkpoint import Log, lock, open_log
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
@@ -155,11 +155,11 @@ def diagram(
       (2, [5])
     """
     depth = whole("depth", depth, least=0)
-    log = opened(path)
+    log = open_log(path)
     options = {"step": step, "members": members, "within": within, "path": log}
     orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
     found = _Orbits(make, orbit_options, amplitude, report, log)
-    with alone(log):
+    with lock(log):
         return _followed(found, parameter, start, depth, options)
 
 
@@ -262,7 +262,7 @@ class _Orbits:
             orbit, value = begin()
             # Away from the point: on the side to which the first orbit lies.
             down = value < point.parameter
-            log = None if self.log is None else self.log.noting(**{DOUBLINGS: doublings})
+            log = None if self.log is None else self.log.with_note(**{DOUBLINGS: doublings})
             options = self.options | {"down": down, "path": log}
             family = continue_family(orbit, self.make, value, **options)
         except _FAILURES as error:
