@@ -169,7 +169,7 @@ class Chart(abc.ABC, Generic[Member]):
         new = tangent if isinstance(tangent, str) else self.member(a, found, tangent)
         return None if isinstance(new, str) else new
 
-    def closed(self, a: Member, b: Member, share: float) -> bool:
+    def at_end(self, a: Member, b: Member, share: float) -> bool:
         """Whether the place after a share of the way from one to another is one of them."""
         size = 1.0 + np.linalg.norm(self.place(a).x[self.measured])
         return not min(share, 1 - share) * abs(self.along(a, b)) > self.resolution * size
@@ -188,7 +188,7 @@ class Chart(abc.ABC, Generic[Member]):
         best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
         for _ in range(_TRIALS):
             share = left / (left - right)
-            if least == 0 or self.closed(a, b, share):
+            if least == 0 or self.at_end(a, b, share):
                 break
             point = self.between(a, b, share)
             if point is None or math.isnan(value := test(point)):

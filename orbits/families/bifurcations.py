@@ -117,7 +117,7 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
     """
     chart, start = OrbitChart(surface, a), a
     for _ in range(_STEPS):
-        member = None if chart.closed(a, b, 0.5) else chart.between(a, b, 0.5)
+        member = None if chart.at_end(a, b, 0.5) else chart.between(a, b, 0.5)
         if member is None:
             break
         a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)

@@ -22,7 +22,7 @@ from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
 from orbits.tori.record import Torus
-from orbits.tori.refinement import refined
+from orbits.tori.refinement import refine
 from orbits.tori.torus import GOAL, MOST_MODES
 
 _ASTRAY = 0.5  # correction, as a share of the step, of a torus that is not of this family
@@ -166,7 +166,7 @@ class _Chart(Chart[_Place]):
         w = w / np.linalg.norm(w)
         target = ("along", last.tangent, begin, self.metric)
         goal, max_modes = self.problem.goal, self.problem.max_modes
-        found = refined(torus, begin, w, target, goal=goal, max_modes=max_modes)
+        found = refine(torus, begin, w, target, goal=goal, max_modes=max_modes)
         if not found.ok:
             return f"{found.outcome.name}: {found.message}"
         same = found.unknowns.resampled(len(torus.points))

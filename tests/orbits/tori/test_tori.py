@@ -156,12 +156,12 @@ def test_an_interrupted_family_of_tori_goes_on_from_its_file(swing, tmp_path, mo
     orbits.continue_tori(first, members=3, path=path)
     made = []
 
-    def refined(*args, **options):
+    def counted(*args, **options):
         made.append(args)
         return refine(*args, **options)
 
-    refine = orbits.tori.continuation.refined
-    monkeypatch.setattr(orbits.tori.continuation, "refined", refined)
+    refine = orbits.tori.continuation.refine
+    monkeypatch.setattr(orbits.tori.continuation, "refine", counted)
     again = orbits.continue_tori(first, members=4, path=path)
     assert len(made) == 1  # what the file has is not computed again
     assert again.end == whole.end
