@@ -1,6 +1,7 @@
-"""The front door of a package: names that have moved, and folders that it does not list.
+"""The front door of a package: names that have moved or changed, and folders it does not list.
 
-A name that has moved keeps its old place for one minor version, where it warns. Folders that few
+A name that has moved keeps its old place for one minor version, where it warns; so does an old name
+of what has another now. Folders that few
 need, such as the gallery, are reached as attributes, but are not among the public names.
 """
 
@@ -10,11 +11,16 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 
+def _nothing(name: str) -> Any:
+    raise AttributeError(f"nothing is called {name!r} there")
+
+
 def opened(
     package: str,
-    listed: Callable[[str], Any],
+    listed: Callable[[str], Any] = _nothing,
     *,
-    moved: Mapping[str, str],
+    moved: Mapping[str, str] | None = None,
+    renamed: Mapping[str, str] | None = None,
     folders: Collection[str] = (),
 ) -> Callable[[str], Any]:
     """The ``__getattr__`` of a package.
@@ -23,17 +29,20 @@ def opened(
       package: its name.
       listed: finds the public names.
       moved: the module, below the package, of each name that has moved.
+      renamed: the new name of each that has another one.
       folders: those that are no public names.
     """
+    new = {old: (package, name) for old, name in (renamed or {}).items()}
+    new |= {name: (f"{package}.{place}", name) for name, place in (moved or {}).items()}
 
     def __getattr__(name: str) -> Any:
         if name in folders:
             return importlib.import_module(f"{package}.{name}")
-        if name not in moved:
+        if name not in new:
             return listed(name)
-        place = f"{package}.{moved[name]}"
-        told = f"{package}.{name} is now {place}.{name}; the old name goes with the next version."
+        place, now = new[name]
+        told = f"{package}.{name} is now {place}.{now}; the old name goes with the next version."
         warnings.warn(told, DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(place), name)
+        return getattr(importlib.import_module(place), now)
 
     return __getattr__

@@ -103,7 +103,6 @@ UPWARDS = {
     ("orbits/tori/record.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
     ("orbits/families/graph.py", "orbits.drawing.graphs"),
-    ("orbits/curves/curve.py", "jaxdyn.drawing.bifurcations"),
 }
 
 FILES = sorted(

@@ -126,6 +126,15 @@ def test_names_that_moved_are_found_at_their_old_places_with_a_warning():
             assert name not in package.__all__
 
 
+def test_names_that_changed_are_found_with_a_warning():
+    assert orbits.curves._RENAMED
+    for old, new in orbits.curves._RENAMED.items():
+        with pytest.warns(DeprecationWarning, match=f"{old} is now orbits.curves.{new}; the old"):
+            assert getattr(orbits.curves, old) is getattr(orbits.curves, new)
+    with pytest.raises(AttributeError, match="Curv'"):
+        _ = orbits.curves.Curv
+
+
 def test_folders_that_few_need_are_reached_but_not_listed():
     assert "gallery" not in dir(jaxdyn)
     code = "import jaxdyn, orbits; print(jaxdyn.gallery.__name__, orbits.shooting.__name__)"

@@ -1,25 +1,31 @@
-"""Families of equilibria in a parameter.
+"""The branch engine, and families of equilibria in a parameter.
 
-`equilibria` follows a family by pseudo-arclength and steps onto branches; `family` holds its
-points. `special` finds folds, branch points and Hopf points between two points of a family, by
-their defining equations in `defining`; `normal_forms` has their coefficients.
+`branch` follows whatever is posed to it as a problem: the predictor, the locator of special points,
+step control, and the loop, which `checkpoint` keeps in a file that `loading` reads. `newton` is the
+corrector.
+Families of orbits, their curves in two parameters and tori are problems of it too (`orbits`).
 
-`two_parameters` follows curves of folds and Hopf points in two parameters by the equations of
+`equilibria` poses families of equilibria, followed by pseudo-arclength, and steps onto branches;
+`family` holds their points. `special` finds folds, branch points and Hopf points between two points
+of a family, by their defining equations in `defining`; `normal_forms` has their coefficients, and
+`kinds` the names of all special points.
+
+`two_parameters` poses curves of folds and Hopf points in two parameters by the equations of
 `augmented`, `codimension_two` finds the special points on them, and `curve` holds both;
-`second_lyapunov` is the coefficient of Bautin points.
-
-`walk` takes the steps along what is followed, in the `units` of its points; `checkpoint` keeps them
-in a file, which `loading` reads.
+`second_lyapunov` is the coefficient of Bautin points. All are followed in the `units` of their
+points.
 
 May import: `analysis`, `files`.
 
-One more kind of special point is a `Kind` in `family`, its equations in `defining`, and a test in
+One more thing to follow is a `BranchProblem` with its `Chart`, beside what it is a branch of. One
+more kind of special point is a `Kind` in `kinds`, its equations in `defining`, and a test in
 `special`.
 """
 
-from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint
+from jaxdyn.continuation.curve import Curve, CurvePoint
 from jaxdyn.continuation.equilibria import continue_equilibria, switch_branch
-from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.loading import load
 from jaxdyn.continuation.two_parameters import continue_curve
 

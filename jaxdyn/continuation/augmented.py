@@ -23,8 +23,8 @@ from jaxtyping import Array
 
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.curve import MakeOfTwo, WithSecond
-from jaxdyn.continuation.defining import Solution
-from jaxdyn.continuation.family import Kind
+from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.newton import Solution
 
 #: Relative to the norm of the Jacobian: a sum of two eigenvalues of a Hopf point.
 _PAIRED = 1e-4

@@ -1,4 +1,4 @@
-"""Families and curves in a file, member by member, so that an interrupted run goes on from it.
+"""Branches in a file, member by member, so that an interrupted run goes on from it.
 
 A file holds the walks of a run, each with its first member and what tells it from others. A walk
 is found again by these, whatever else the file has, and goes on where it was left; it may then be
@@ -46,9 +46,14 @@ class Advance(NamedTuple):
     """
 
     member: Any
-    special: list
+    special: list[Any]
     step: float
     end: str
+
+    def map(self, convert: Callable[[Any], Any]) -> "Advance":
+        """The same step, with its member and special points converted."""
+        member = None if self.member is None else convert(self.member)
+        return self._replace(member=member, special=[convert(point) for point in self.special])
 
 
 class Codec(NamedTuple):
@@ -98,17 +103,8 @@ class Begin:
         return alike and bool(near)
 
 
-class Step(NamedTuple):
-    """An `Advance` as its file has it."""
-
-    member: Any
-    special: list[Any]
-    step: float
-    end: str
-
-
 @dataclasses.dataclass
-class Stored:
+class Walk:
     """A walk as its file has it.
 
     Attributes:
@@ -118,7 +114,7 @@ class Stored:
     """
 
     begin: Begin
-    steps: list[Step] = dataclasses.field(default_factory=list)
+    steps: list[Advance] = dataclasses.field(default_factory=list)
     end: str = ""
 
     def read(self, codec: Codec) -> tuple[Any, list[Advance]]:
@@ -127,12 +123,7 @@ class Stored:
         Raises:
           ValueError: a record is not of a member.
         """
-
-        def advance(step: Step) -> Advance:
-            member = None if step.member is None else codec.decode(step.member)
-            return Advance(member, [*map(codec.decode, step.special)], step.step, step.end)
-
-        return codec.decode(self.begin.first), [advance(step) for step in self.steps]
+        return codec.decode(self.begin.first), [step.map(codec.decode) for step in self.steps]
 
 
 class Log:
@@ -153,38 +144,38 @@ class Log:
         self._note: dict = {}
         self.walks, self.notes = _read(path, self._file.records)
 
-    def noting(self, **note: Any) -> "Log":
+    def with_note(self, **note: Any) -> "Log":
         """The same file, in which walks begin with a note."""
         other = copy.copy(self)
         other._note = note
         return other
 
-    def kept(self, begin: Begin, codec: Codec) -> "tuple[Any, Kept]":
+    def resume(self, begin: Begin, codec: Codec) -> "tuple[Any, Checkpoint]":
         """The first member of a walk and the rest of it: as the file has it, or begun there."""
         for walk in self.walks:
             if walk.begin.same(begin):
                 first, advances = walk.read(codec)
-                return first, Kept(self._file, walk.begin.walk, codec, advances, walk.end)
+                return first, Checkpoint(self._file, walk.begin.walk, codec, advances, walk.end)
         first = begin.first
         number, record = len(self.walks), codec.encode(first)
         begin = dataclasses.replace(begin, walk=number, first=record, note=self._note)
         self._file.add({"begin": plain(begin)})
-        self.walks.append(Stored(begin))
-        return first, Kept(self._file, begin.walk, codec, [], "")
+        self.walks.append(Walk(begin))
+        return first, Checkpoint(self._file, begin.walk, codec, [], "")
 
     def note(self, note: dict) -> None:
         """Add a note, unless it is there already."""
         if note not in self.notes:
-            with self.alone():
+            with self.lock():
                 self.notes.append(note)
                 self._file.add({"note": note})
 
-    def alone(self) -> contextlib.AbstractContextManager[None]:
+    def lock(self) -> contextlib.AbstractContextManager[None]:
         """Let no other program write the file; see `Journal.alone`."""
         return self._file.alone()
 
 
-class Kept:
+class Checkpoint:
     """The steps of a walk in a file.
 
     Attributes:
@@ -198,48 +189,42 @@ class Kept:
 
     def add(self, advance: Advance) -> None:
         """Add a step; it is on the disk when this returns."""
-        encode = self._codec.encode
-        step = Step(
-            member=None if advance.member is None else encode(advance.member),
-            special=[encode(point) for point in advance.special],
-            step=advance.step,
-            end=advance.end,
-        )
+        step = advance.map(self._codec.encode)
         self._file.add({"walk": self._walk, "number": self._number, "step": plain(step)})
         self._number += 1
 
-    def ended(self, end: str) -> None:
+    def finish(self, end: str) -> None:
         """Say why the walk ends."""
         if end != self._end:
             self._file.add({"walk": self._walk, "ended": end})
 
 
 @contextlib.contextmanager
-def kept_in(
+def resume(
     path: str | Path | Log | None, begin: Begin, codec: Codec
-) -> Iterator[tuple[Any, Kept | None]]:
+) -> Iterator[tuple[Any, Checkpoint | None]]:
     """The first member of a walk, and the rest of it in a file, if there is one.
 
     No other program writes the file meanwhile.
     """
-    log = opened(path)
-    with alone(log):
-        yield (begin.first, None) if log is None else log.kept(begin, codec)
+    log = open_log(path)
+    with lock(log):
+        yield (begin.first, None) if log is None else log.resume(begin, codec)
 
 
-def alone(log: Log | None) -> contextlib.AbstractContextManager[None]:
+def lock(log: Log | None) -> contextlib.AbstractContextManager[None]:
     """Let no other program write a file, if there is one; see `Journal.alone`."""
-    return contextlib.nullcontext() if log is None else log.alone()
+    return contextlib.nullcontext() if log is None else log.lock()
 
 
-def opened(path: str | Path | Log | None) -> Log | None:
+def open_log(path: str | Path | Log | None) -> Log | None:
     """The file of a path; None for none."""
     if not isinstance(path, str | Path | Log | None):
         raise fail("path", "the path of a file, or None", repr(path)[:40])
     return Log(path) if isinstance(path, str | Path) else path
 
 
-def stored(path: str | Path, whats: Iterable[str]) -> tuple[list[Stored], list[dict]]:
+def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[dict]]:
     """The walks of some kinds in a file, and its notes; also while it is written.
 
     Raises:
@@ -257,8 +242,8 @@ def stored(path: str | Path, whats: Iterable[str]) -> tuple[list[Stored], list[d
     return found, notes
 
 
-def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dict]]:
-    walks: list[Stored] = []
+def _read(path: str | Path, records: list[dict]) -> tuple[list[Walk], list[dict]]:
+    walks: list[Walk] = []
     notes: list[dict] = []
     header, *rest = records or [{}]
     version = header.get("version")
@@ -268,7 +253,7 @@ def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dic
         if "begin" in record:
             begin = typed(record["begin"], Begin, "file", OTHER)
             _check_number("walks", begin.walk, len(walks))
-            walks.append(Stored(begin))
+            walks.append(Walk(begin))
         elif "note" in record:
             notes.append(typed(record["note"], dict, "file", OTHER))
         else:
@@ -280,7 +265,7 @@ def _read(path: str | Path, records: list[dict]) -> tuple[list[Stored], list[dic
                 if version != _UNNUMBERED:
                     number = typed(record.get("number"), int, "file", OTHER)
                     _check_number("steps", number, len(steps))
-                steps.append(typed(record["step"], Step, "file", OTHER))
+                steps.append(typed(record["step"], Advance, "file", OTHER))
             else:
                 walks[number].end = typed(record.get("ended"), str, "file", OTHER)
     return walks, notes

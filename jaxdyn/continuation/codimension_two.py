@@ -20,17 +20,18 @@ import numpy as np
 
 from jaxdyn.analysis.eigenvalues import rate_eigenvalues
 from jaxdyn.continuation import augmented, normal_forms
-from jaxdyn.continuation.curve import CodimensionTwo, CurvePoint, MakeOfTwo, WithSecond
-from jaxdyn.continuation.defining import Solution
-from jaxdyn.continuation.family import Kind
+from jaxdyn.continuation.branch import Correction, Place
+from jaxdyn.continuation.curve import CurvePoint, MakeOfTwo, WithSecond
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
+from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
+from jaxdyn.continuation.units import ChartInUnits, Units
+from jaxdyn.scales import Groups
 
 #: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
 #: test changes sign as well, it is large.
 GOAL = 1e-10
 _NOTHING = 1e-13  # relative likewise: a test that vanishes all along, as in conservative scenes
-_STEPS = 60  # along the curve, to locate a point
-_CLOSE = 1e-15  # of the interval: not divided further
 _SHORT = 0.98  # of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
 
 Tests = dict[CodimensionTwo, float]
@@ -128,45 +129,48 @@ def _least_sum(values: np.ndarray) -> float:
     return _least(values[i] + values[j])
 
 
-def special_points(make: MakeOfTwo, a: CurvePoint, b: CurvePoint, first=False) -> list[CurvePoint]:
+class CurveChart(ChartInUnits[CurvePoint]):
+    """A curve of folds or Hopf points near a member."""
+
+    def __init__(self, make: MakeOfTwo, units: Units, known: Groups | None = None):
+        super().__init__(make, units, known)
+        self.measured = slice(len(units.x))  # state and parameters
+
+    def place(self, member: CurvePoint) -> Place:
+        return Place(member.unknowns, member.tangent)
+
+    def correct(self, last: CurvePoint, start, plane) -> Correction | str:
+        along = last.tangent[self.measured]
+        found = augmented.solve(last.curve, self.make, start, plane[self.measured], along)
+        if found is None:
+            return "Newton's method does not converge"
+        point = point_at(last.curve, self.make, found, along, last.left)
+        if point is None:
+            return "the curve has no tangent"
+        return Correction(found.x, found.iterations, point)
+
+    def zero(self, a, b, kind: CodimensionTwo, first: bool) -> CurvePoint | None:
+        """The point between two neighbours where the test of a kind is zero; None for none."""
+        best = self.locate(lambda point: point.tests[kind], a, b, first=first)
+        return None if best is None or not _holds(best, kind) else best
+
+
+def special_points(
+    chart: CurveChart, a: CurvePoint, b: CurvePoint, first: bool = False
+) -> list[CurvePoint]:
     """The points of codimension two between two neighbours, in order; `first`: also at `a`."""
-    kinds, found = list(a.tests), []
+    make, kinds, found = chart.make, list(a.tests), []
     if a.curve == Kind.HOPF:
         kinds.remove(CodimensionTwo.BOGDANOV_TAKENS)
-        end = _zero(make, a, b, CodimensionTwo.BOGDANOV_TAKENS, first)
+        end = chart.zero(a, b, CodimensionTwo.BOGDANOV_TAKENS, first)
         if end is not None:
             found.append(_named(make, end, CodimensionTwo.BOGDANOV_TAKENS))
-            before = _between(make, a, end, _SHORT)
+            before = chart.between(a, end, _SHORT)
             b = a if before is None else before
-    zeros = [(kind, _zero(make, a, b, kind, first)) for kind in kinds if b is not a]
+    zeros = [(kind, chart.zero(a, b, kind, first)) for kind in kinds if b is not a]
     found += [_named(make, point, kind) for kind, point in zeros if point is not None]
-    return sorted(found, key=lambda point: float(_along(a) @ point.x))
-
-
-def _zero(make, a: CurvePoint, b: CurvePoint, kind: CodimensionTwo, first) -> CurvePoint | None:
-    """The point between two others where a test is zero, by the Illinois method; None for none."""
-    left, right, side = a.tests[kind], b.tests[kind], 0
-    # A zero at an end counts once, for the step that leads there.
-    if not (left * right < 0 or right == 0 != left or (first and left == 0 != right)):
-        return None
-    best = min((a, b), key=lambda point: abs(point.tests[kind]))
-    start, end, low, high = a, b, 0.0, 1.0
-    for _ in range(_STEPS):
-        if best.tests[kind] == 0 or high - low <= _CLOSE:
-            break
-        share = low + (high - low) * left / (left - right)
-        point = _between(make, start, end, share)
-        if point is None or math.isnan(value := point.tests[kind]):
-            break
-        if abs(value) < abs(best.tests[kind]):
-            best = point
-        if value * left > 0:
-            low, left, right = share, value, right * (0.5 if side < 0 else 1.0)
-            side = -1
-        else:
-            high, right, left = share, value, left * (0.5 if side > 0 else 1.0)
-            side = 1
-    return best if _holds(best, kind) else None
+    along = a.tangent[chart.measured]
+    return sorted(found, key=lambda point: float(along @ point.x))
 
 
 def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
@@ -182,20 +186,6 @@ def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
         imaginary = (np.abs(values.real) <= math.sqrt(GOAL) * size) & (np.abs(values.imag) > bars)
         return int(imaginary.sum()) >= wanted
     return True
-
-
-def _between(make: MakeOfTwo, a: CurvePoint, b: CurvePoint, share: float) -> CurvePoint | None:
-    """The point of the curve after a share of the way from one to another."""
-    along = _along(a)
-    length = along @ (b.x - a.x)
-    guess = a.unknowns + share * (b.unknowns - a.unknowns)
-    found = augmented.solve(a.curve, make, guess, a.x + share * length * along, along)
-    return None if found is None else point_at(a.curve, make, found, along, a.left)
-
-
-def _along(point: CurvePoint) -> np.ndarray:
-    """(k + 2,) the direction of the curve in state and parameters."""
-    return point.tangent[: len(point.x)]
 
 
 def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:

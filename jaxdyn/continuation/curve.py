@@ -1,10 +1,11 @@
 """The points of a curve of folds or Hopf points in two parameters, and the curve itself."""
 
+import abc
 import dataclasses
-import enum
 import inspect
 import math
 from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -12,21 +13,24 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn.analysis.eigenvalues import Eigenvalues
-from jaxdyn.continuation.family import Kind
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.scene import Scene
 
 #: (p, q) -> scene.
 MakeOfTwo = Callable[[Array, Array], Scene]
 
 
-class CodimensionTwo(enum.StrEnum):
-    """A kind of special point of a curve, at which two conditions hold."""
+class Special(Protocol):
+    """What the points of all curves have."""
 
-    CUSP = "cusp"
-    BOGDANOV_TAKENS = "Bogdanov-Takens point"
-    BAUTIN = "Bautin point"
-    ZERO_HOPF = "zero-Hopf point"
-    DOUBLE_HOPF = "double Hopf point"
+    @property
+    def kind(self) -> CodimensionTwo | None: ...
+
+    @property
+    def parameters(self) -> np.ndarray: ...
+
+
+Point = TypeVar("Point", bound=Special)
 
 
 class WithSecond(eqx.Module):
@@ -107,24 +111,22 @@ class CurvePoint:
 
 
 @dataclasses.dataclass(frozen=True)
-class Curve:
-    """A curve of folds or of Hopf points in two parameters.
+class ParameterCurve(abc.ABC, Generic[Point]):
+    """A curve in two parameters, of equilibria or of orbits.
 
     Attributes:
-      kind: of its points, fold or Hopf point.
+      kind: of its points.
       members: the points, one per step.
       special: its points of codimension two, between them.
       before: the number of members before each special point.
       end: why it ends.
-      make: (p, q) -> scene.
     """
 
     kind: Kind
-    members: tuple[CurvePoint, ...]
-    special: tuple[CurvePoint, ...]
+    members: tuple[Point, ...]
+    special: tuple[Point, ...]
     before: tuple[int, ...]
     end: str
-    make: MakeOfTwo
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -132,10 +134,11 @@ class Curve:
         ranges = zip(self.names, self.parameters.T, strict=True)
         rows = [
             *((name, _text.extent(values)) for name, values in ranges),
+            *self._more(),
             ("special", ", ".join(special)),
             ("end", self.end),
         ]
-        return _text.table(f"Curve of {_text.counted(len(self.members), self.kind)}", rows)
+        return _text.table(f"Curve of {self._called()}", rows)
 
     @_text.pictured
     def _repr_html_(self):
@@ -143,17 +146,21 @@ class Curve:
 
         return bifurcations.bifurcation_curves([self], title="")
 
-    @property
-    def names(self) -> tuple[str, str]:
-        """The names of the parameters, those of the arguments of `make`."""
-        try:
-            first, second, *_ = inspect.signature(self.make).parameters
-        except (TypeError, ValueError):
-            return "first parameter", "second parameter"
-        return first, second
+    def _called(self) -> str:
+        """How many points of which kind, in words."""
+        return _text.counted(len(self.members), self.kind)
+
+    def _more(self) -> list[tuple[str, str]]:
+        """What else is printed."""
+        return []
 
     @property
-    def points(self) -> tuple[CurvePoint, ...]:
+    @abc.abstractmethod
+    def names(self) -> tuple[str, str]:
+        """The names of the parameters, those of the arguments of `make`."""
+
+    @property
+    def points(self) -> tuple[Point, ...]:
         """Members and special points in order."""
         found = []
         for i, member in enumerate(self.members):
@@ -166,7 +173,37 @@ class Curve:
         """(n, 2) parameters of the members."""
         return np.array([member.parameters for member in self.members])
 
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Curve(ParameterCurve[CurvePoint]):
+    """A curve of folds or of Hopf points in two parameters.
+
+    Attributes:
+      kind: of its points, fold or Hopf point.
+      members: the points, one per step.
+      special: its points of codimension two, between them.
+      before: the number of members before each special point.
+      end: why it ends.
+      make: (p, q) -> scene.
+    """
+
+    make: MakeOfTwo
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The names of the parameters, those of the arguments of `make`."""
+        return parameter_names(self.make)
+
     @property
     def states(self) -> np.ndarray:
         """(n, k) states of the members."""
         return np.array([member.state for member in self.members])
+
+
+def parameter_names(make: MakeOfTwo) -> tuple[str, str]:
+    """The names of the arguments of a function of two parameters."""
+    try:
+        first, second, *_ = inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return "first parameter", "second parameter"
+    return first, second

@@ -16,7 +16,7 @@ and 4; Moore (1980), Numer. Funct. Anal. Optim. 2, 441, for branch points.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -24,30 +24,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn.continuation import newton
+from jaxdyn.continuation.newton import Solution
 from jaxdyn.scene import Scene
 
 Make = Callable[[Array], Scene]
 #: (make, unknowns, normalisation) -> residual.
 System = Callable[..., Array]
 
-_CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
-_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
 #: Largest residual of a solution, relative to 1 + the largest entry of the Jacobian.
 GOAL = 1e-10
-
-
-class Solution(NamedTuple):
-    """A solution of one of the systems.
-
-    Attributes:
-      x: (m,) unknowns.
-      residual: largest entry of the residual.
-      iterations: number of Newton steps.
-    """
-
-    x: np.ndarray
-    residual: float
-    iterations: int
 
 
 def rate(make: Make, x: Array) -> Array:
@@ -98,32 +84,10 @@ def arc(make: Make, unknowns: Array, normal: Array) -> Array:
 
 
 def solve(system: System, make: Callable, start: np.ndarray, normal: Any) -> Solution | None:
-    """The solution of a system near a start by Newton's method; None if it does not converge."""
-    x = np.asarray(start, float)
-    for iteration in range(_CORRECTIONS):
-        value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
-        if not (np.isfinite(value).all() and np.isfinite(jacobian).all()):
-            return None
-        try:
-            step = np.linalg.solve(jacobian, value)
-        except np.linalg.LinAlgError:
-            return None
-        x = x - step
-        if np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x).max()):
-            return _polished(system, make, x, normal, iteration + 1)
-    return None
-
-
-def _polished(system, make, x, normal, iterations: int) -> Solution | None:
-    value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
-    try:
-        x = x - np.linalg.solve(jacobian, value)
-    except np.linalg.LinAlgError:
-        return None
-    value, jacobian = map(np.asarray, _linearised(system, make, x, normal))
-    residual = float(np.abs(value).max())
-    good = residual <= GOAL * (1.0 + np.abs(jacobian).max())
-    return Solution(x, residual, iterations) if good else None
+    """The solution of a system near a start; None for none."""
+    found = newton.solve(lambda x: _linearised(system, make, x, normal), start, polish=1)
+    goal = GOAL * (1.0 + np.abs(found.jacobian).max())
+    return found if found.settled and found.residual <= goal else None
 
 
 def jacobian(system: System, make: Callable, x: np.ndarray, normal: Any) -> np.ndarray:

@@ -18,19 +18,19 @@ from jaxdyn import _checks
 from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.checkpoint import EQUILIBRIA, Begin, Log, kept_in, of_fields
+from jaxdyn.continuation.branch import BranchProblem, follow
+from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
-from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind, equilibrium_at
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.normal_forms import second
-from jaxdyn.continuation.special import special_points
+from jaxdyn.continuation.special import EquilibriumChart, special_points
 from jaxdyn.continuation.units import InUnits, units_at, units_of
-from jaxdyn.continuation.walk import Rules, growth, walked
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.scales import Groups, at_rest, groups
 from jaxdyn.scene import Scene, checked_scene
 
-_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
@@ -101,7 +101,7 @@ def continue_equilibria(
         raise _checks.fail("within", "two bounds, the lower one first", within)
     make = remembered("make", make)
     first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
-    return _walked(make, first, (step, members, within), report, path)
+    return _follow(make, first, (step, members, within), report, path)
 
 
 @check_first
@@ -150,7 +150,7 @@ def switch_branch(
     if solution is None:
         raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
     first = units.outward(equilibrium_at(make, solution.x, tangent, solution.residual))
-    return _walked(family.make, first, (step, members, within), lambda point: None, path)
+    return _follow(family.make, first, (step, members, within), lambda point: None, path)
 
 
 def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
@@ -196,43 +196,36 @@ def _driven(scene: Scene, y: np.ndarray) -> bool:
     return bool(np.any(np.asarray(jax.jit(jax.vmap(by_time))(jnp.asarray(_LATER) * time))))
 
 
-def _walked(make: Make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
+class _Problem(BranchProblem[Equilibrium]):
+    """A family of equilibria within bounds on the parameter."""
+
+    what = EQUILIBRIA
+
+    def __init__(self, make: Make, within: tuple[float, float], known: Groups):
+        self.make, self.within, self.known = make, within, known
+
+    def chart(self, member: Equilibrium) -> EquilibriumChart:
+        return EquilibriumChart(self.make, units_of(self.make, member), self.known)
+
+    def codec(self) -> Codec:
+        return of_fields(Equilibrium)
+
+    def special(self, chart: EquilibriumChart, a, b, first: bool) -> list[Equilibrium]:
+        return special_points(chart, a, b, first)
+
+    def end_after(self, new: Equilibrium) -> str:
+        low, high = self.within
+        return "" if low <= new.parameter <= high else f"the bounds {self.within}"
+
+    def lost(self, reason: str) -> str:
+        return _LOST
+
+
+def _follow(make: Make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
     step, most, within = limits
-    known = groups(make(first.parameter).system)
-    here = units_of(make, first).inward(first)
-
-    def following(last: Equilibrium, length: float) -> tuple[Equilibrium | None, float]:
-        units = units_of(make, last)
-        new, factor = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), factor
-
-    def between(a: Equilibrium, b: Equilibrium, fresh: bool) -> list[Equilibrium]:
-        units = units_of(make, a)
-        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
-        found = special_points(scene, before, after, first=fresh)
-        return [units.outward(point) for point in found]
-
-    begin = Begin(EQUILIBRIA, step, np.append(here.x, here.tangent), first)
-    rules = Rules(
-        following=following,
-        between=between,
-        before=lambda new, special: "",
-        after=lambda new: "" if within[0] <= new.parameter <= within[1] else f"the bounds {within}",
-        lost=lambda last, length: _LOST,
-    )
-    with kept_in(path, begin, of_fields(Equilibrium)) as (first, kept):
-        found = walked(rules, first, step, most, report, kept)
+    problem = _Problem(make, within, groups(make(first.parameter).system))
+    found = follow(problem, first, step, most, report, path)
     return EquilibriumFamily(found.members, found.special, found.end, make)
-
-
-def _next(make: InUnits, last: Equilibrium, step: float) -> tuple[Equilibrium | None, float]:
-    """The member a step further along the family, and by what the next step may be longer."""
-    predicted = last.x + step * last.tangent
-    solution = defining.solve(defining.arc, make, predicted, np.stack([predicted, last.tangent]))
-    if solution is None or np.linalg.norm(solution.x - predicted) > step:
-        return None, 1.0
-    new = equilibrium_at(make, solution.x, last.tangent, solution.residual)
-    return (new if new.tangent @ last.tangent >= _TURN else None), growth(solution.iterations)
 
 
 def _other_tangent(make: InUnits, special: Equilibrium) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 import collections
 import dataclasses
-import enum
 import math
 
 import numpy as np
@@ -12,14 +11,7 @@ from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
 from jaxdyn.continuation.defining import Make, slope_at
-
-
-class Kind(enum.StrEnum):
-    """A kind of special point."""
-
-    FOLD = "fold"
-    BRANCH = "branch point"
-    HOPF = "Hopf point"
+from jaxdyn.continuation.kinds import Kind
 
 
 @dataclasses.dataclass(frozen=True)

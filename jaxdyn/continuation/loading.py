@@ -8,11 +8,11 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import checkpoint
+from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.units import units_of
-from jaxdyn.continuation.walk import read
 
 _HOLDS = 1e-8  # in units of the family: rates of equilibria of these scenes are smaller
 
@@ -39,11 +39,11 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
       True
     """
     make = remembered("make", make)
-    walks, _ = checkpoint.stored(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
+    walks, _ = checkpoint.walks_in(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 
 
-def equilibria(walk: checkpoint.Stored, make: Make) -> EquilibriumFamily:
+def equilibria(walk: checkpoint.Walk, make: Make) -> EquilibriumFamily:
     """The family of equilibria of a walk."""
     found = read(walk, checkpoint.of_fields(Equilibrium))
     for point in (found.members[0], found.members[-1]):
@@ -51,11 +51,11 @@ def equilibria(walk: checkpoint.Stored, make: Make) -> EquilibriumFamily:
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _of_one(walk: checkpoint.Stored) -> bool:
+def _of_one(walk: checkpoint.Walk) -> bool:
     return walk.begin.what == checkpoint.EQUILIBRIA
 
 
-def _curve(walk: checkpoint.Stored, make: MakeOfTwo) -> Curve:
+def _curve(walk: checkpoint.Walk, make: MakeOfTwo) -> Curve:
     found = read(walk, checkpoint.of_fields(CurvePoint))
     for point in (found.members[0], found.members[-1]):
         _check(make, point)

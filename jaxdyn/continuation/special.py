@@ -15,10 +15,12 @@ import dataclasses
 import numpy as np
 
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.defining import Solution
-from jaxdyn.continuation.family import Equilibrium, Kind, equilibrium_at
+from jaxdyn.continuation.branch import Correction, Place, changes_sign
+from jaxdyn.continuation.family import Equilibrium, equilibrium_at
+from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
-from jaxdyn.continuation.units import InUnits
+from jaxdyn.continuation.units import ChartInUnits, InUnits
 
 _HALVINGS = 25  # of the interval between two members
 _SHARE = 0.47  # of it to the next test: a symmetric branch point is often exactly half-way
@@ -26,10 +28,27 @@ _OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
 
 
-def special_points(make: InUnits, a: Equilibrium, b: Equilibrium, first=False) -> list[Equilibrium]:
+class EquilibriumChart(ChartInUnits[Equilibrium]):
+    """A family of equilibria near a member."""
+
+    def place(self, member: Equilibrium) -> Place:
+        return Place(member.x, member.tangent)
+
+    def correct(self, last: Equilibrium, start, plane) -> Correction | str:
+        normal = np.stack([plane, last.tangent])
+        found = defining.solve(defining.arc, self.make, start, normal)
+        if found is None:
+            return "Newton's method does not converge"
+        point = equilibrium_at(self.make, found.x, last.tangent, found.residual)
+        return Correction(found.x, found.iterations, point)
+
+
+def special_points(
+    chart: EquilibriumChart, a: Equilibrium, b: Equilibrium, first: bool = False
+) -> list[Equilibrium]:
     """The special points between two neighbours, in order; with `first` also one at `a`."""
-    passed = [kind for kind, test in _TESTS.items() if _passed(test(a), test(b), first)]
-    found = [_located(make, kind, a, b) for kind in passed]
+    passed = [kind for kind, test in _TESTS.items() if changes_sign(test(a), test(b), first)]
+    found = [_located(chart, kind, a, b) for kind in passed]
     known = [point for point in found if point is not None]
     branches = [point for point in known if point.kind == Kind.BRANCH]
     # A family that turns at a branch point has no fold there: the other branch passes it.
@@ -37,25 +56,11 @@ def special_points(make: InUnits, a: Equilibrium, b: Equilibrium, first=False) -
     return sorted(kept, key=lambda point: float(a.tangent @ point.x))
 
 
-def _passed(left: float, right: float, first: bool) -> bool:
-    """Whether a test has a zero; one at a member counts for the step that leads there."""
-    return left * right < 0 or right == 0 != left or (first and left == 0 != right)
-
-
-def _between(make: InUnits, a: Equilibrium, share: float, b: Equilibrium) -> Equilibrium | None:
-    """The member after a share of the way from one to another; None if there is none."""
-    length = float(a.tangent @ (b.x - a.x))
-    normal = np.stack([a.x + share * length * a.tangent, a.tangent])
-    chord = a.x + share * (b.x - a.x)
-    solution = defining.solve(defining.arc, make, chord, normal)
-    if solution is None:
-        return None
-    return equilibrium_at(make, solution.x, a.tangent, solution.residual)
-
-
-def _located(make: InUnits, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equilibrium | None:
+def _located(
+    chart: EquilibriumChart, kind: Kind, a: Equilibrium, b: Equilibrium
+) -> Equilibrium | None:
     """The special point of a kind between two members whose tests differ in sign."""
-    test = _TESTS[kind]
+    test, make = _TESTS[kind], chart.make
     for _ in range(_HALVINGS):
         left, right = test(a), test(b)
         # On the chord: the equations of an equilibrium are singular at a branch point itself.
@@ -63,7 +68,7 @@ def _located(make: InUnits, kind: Kind, a: Equilibrium, b: Equilibrium) -> Equil
         solution = _solved(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
         if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
             return _named(make, kind, a, solution)
-        middle = _between(make, a, _SHARE, b)
+        middle = chart.between(a, b, _SHARE)
         if middle is None:
             return None
         a, b = (a, middle) if test(middle) * left < 0 else (middle, b)

@@ -14,16 +14,16 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._records.captured import remembered
 from jaxdyn.continuation import augmented
-from jaxdyn.continuation.checkpoint import CURVE, Begin, Log, kept_in, of_fields
-from jaxdyn.continuation.codimension_two import point_at, special_points
-from jaxdyn.continuation.curve import CodimensionTwo, Curve, CurvePoint, MakeOfTwo
-from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.continuation.branch import BranchProblem, follow, outside
+from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields
+from jaxdyn.continuation.codimension_two import CurveChart, point_at, special_points
+from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
+from jaxdyn.continuation.family import Equilibrium
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.units import Units, units_at, units_of
-from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.scales import groups
 from jaxdyn.scene import checked_scene
 
-_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
 _BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
 _SAME_PLACE = 1e-6  # relative distance below which two points are one
@@ -107,7 +107,7 @@ def continue_curve(
     units = _units(make, point, x)
     first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)
     known = point if isinstance(point, CurvePoint) else None
-    return _walked(make, units.outward(first), known, (step, members, within), report, path)
+    return _follow(make, units.outward(first), known, (step, members, within), report, path)
 
 
 def _units(make: MakeOfTwo, point: Equilibrium | CurvePoint, x: np.ndarray) -> Units:
@@ -172,40 +172,44 @@ def _nearest(curve: Kind, make, start: np.ndarray, size: int, sign: float) -> Cu
     return None
 
 
-def _walked(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
+class _Problem(BranchProblem[CurvePoint]):
+    """A curve within bounds on the parameters, which may begin at a special point `start`."""
+
+    what = CURVE
+
+    def __init__(self, make: MakeOfTwo, start: CurvePoint | None, within, first: CurvePoint):
+        self.make, self.start, self.within = make, start, within
+        self.kind, self.known = first.curve, groups(make(*first.parameters).system)
+
+    def chart(self, member: CurvePoint) -> CurveChart:
+        return CurveChart(self.make, units_of(self.make, member), self.known)
+
+    def codec(self) -> Codec:
+        return of_fields(CurvePoint)
+
+    def about(self) -> dict[str, str]:
+        return {"kind": str(self.kind)}
+
+    def special(self, chart: CurveChart, a, b, first: bool) -> list[CurvePoint]:
+        start = self.start
+        begun = None if start is None or start.kind is None else chart.inward(start)
+        return _not_at(begun, special_points(chart, a, b, first))
+
+    def end_before(self, new: CurvePoint, special: list[CurvePoint]) -> str:
+        real = new.curve == Kind.HOPF and new.unknowns[-1] <= 0
+        return _BEYOND if real else ""
+
+    def end_after(self, new: CurvePoint) -> str:
+        return outside(new.parameters, self.within)
+
+    def lost(self, reason: str) -> str:
+        return "no point of the curve was found beyond"
+
+
+def _follow(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
     step, most, within = limits
-    known = groups(make(*first.parameters).system)
-    here = units_of(make, first).inward(first)
-
-    def following(last: CurvePoint, length: float) -> tuple[CurvePoint | None, float]:
-        units = units_of(make, last)
-        new, factor = _next(units.scene(make), units.inward(last), length)
-        return None if new is None else units.outward(new, known), factor
-
-    def between(a: CurvePoint, b: CurvePoint, fresh: bool) -> list[CurvePoint]:
-        units = units_of(make, a)
-        scene, (before, after) = units.scene(make), (units.inward(x) for x in (a, b))
-        begun = None if start is None or start.kind is None else units.inward(start)
-        found = _not_at(begun, special_points(scene, before, after, first=fresh))
-        return [units.outward(point) for point in found]
-
-    place = np.append(here.unknowns, here.tangent)
-    begin = Begin(CURVE, step, place, first, {"kind": str(first.curve)})
-    rules = Rules(
-        following=following,
-        between=between,
-        before=lambda new, special: _BEYOND if _real(new) else "",
-        after=lambda new: outside(new.parameters, within),
-        lost=lambda last, length: "no point of the curve was found beyond",
-    )
-    with kept_in(path, begin, of_fields(CurvePoint)) as (first, kept):
-        found = walked(rules, first, step, most, report, kept)
+    found = follow(_Problem(make, start, within, first), first, step, most, report, path)
     return Curve(kind=first.curve, make=make, **found._asdict())
-
-
-def _real(point: CurvePoint) -> bool:
-    """Whether the eigenvalues of a point of a curve of Hopf points are real."""
-    return point.curve == Kind.HOPF and point.unknowns[-1] <= 0
 
 
 def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:
@@ -214,17 +218,3 @@ def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoin
         return found
     reach = _SAME_PLACE * (1.0 + np.linalg.norm(start.x))
     return [x for x in found if np.linalg.norm(x.x - start.x) > reach]
-
-
-def _next(make: MakeOfTwo, last: CurvePoint, step: float) -> tuple[CurvePoint | None, float]:
-    """The member a step further along the curve, and by what the next step may be longer."""
-    size = len(last.x)
-    along = last.tangent[:size]
-    start = last.unknowns + step * last.tangent
-    found = augmented.solve(last.curve, make, start, start[:size], along)
-    if found is None or np.linalg.norm(found.x[:size] - start[:size]) > step:
-        return None, 1.0
-    new = point_at(last.curve, make, found, along, last.left)
-    if new is None or new.tangent[:size] @ along < _TURN:
-        return None, 1.0
-    return new, growth(found.iterations)

@@ -23,8 +23,10 @@ from jaxtyping import Array
 
 from jaxdyn import scales
 from jaxdyn.analysis.eigenvalues import Eigenvalues
+from jaxdyn.continuation.branch import Chart
 from jaxdyn.continuation.curve import CurvePoint
-from jaxdyn.continuation.family import Equilibrium, Kind
+from jaxdyn.continuation.family import Equilibrium
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scales import Groups
 from jaxdyn.scene import Scene
 
@@ -147,6 +149,25 @@ class Units(NamedTuple):
             left=left / np.linalg.norm(left),
             normal_form={key: x / forms.get(key, time) for key, x in point.normal_form.items()},
         )
+
+
+class ChartInUnits(Chart[Point]):
+    """A branch of equilibria near a member, in units.
+
+    Attributes:
+      units: the units.
+      make: the scenes in them.
+      known: groups of the state's entries, by which later members have larger units.
+    """
+
+    def __init__(self, make: Callable, units: Units, known: Groups | None = None):
+        self.units, self.make, self.known = units, units.scene(make), known
+
+    def inward(self, member: Point) -> Point:
+        return self.units.inward(member)
+
+    def outward(self, member: Point) -> Point:
+        return self.units.outward(member, None if member.kind else self.known)
 
 
 def units_of(make: Callable, point: Equilibrium | CurvePoint) -> Units:

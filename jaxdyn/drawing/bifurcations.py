@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
-from jaxdyn.continuation.family import EquilibriumFamily, Kind
+from jaxdyn.continuation.family import EquilibriumFamily
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path

@@ -1,17 +1,23 @@
 """Curves of special orbits in two parameters.
 
-`following` follows folds, branch points, period doublings and torus points by the equations of
-`extended` in the units of `units`, `steps` makes a point with its multipliers and tests, `special`
-finds the points of codimension two between two, and `curve` holds both; `checkpoint` keeps them in
-a file, and reads it.
+`following` poses folds, branch points, period doublings and torus points to the branch engine, by
+the equations of `extended` in the units of `units`; `steps` makes a point with its multipliers and
+tests, `special` finds the points of codimension two between two, and `curve` holds both;
+`checkpoint` keeps them in a file, and reads it.
 
 May import: `families`.
 
 One more kind of curve is its closing equations in `extended` and its first vectors in `following`;
-one more kind of special point is a `CodimensionTwo` in `curve` and a test in `steps`.
+one more kind of special point is a `CodimensionTwo` and a test in `steps`.
 """
 
+import jaxdyn._doors
+from jaxdyn.continuation.kinds import CodimensionTwo
 from orbits.curves.checkpoint import load
-from orbits.curves.curve import CodimensionTwo, Curve, CurvePoint
+from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 
-__all__ = ["CodimensionTwo", "Curve", "CurvePoint", "load"]
+__all__ = ["CodimensionTwo", "OrbitCurve", "OrbitCurvePoint", "load"]
+
+#: Renamed in version 0.3.
+_RENAMED = {"Curve": "OrbitCurve", "CurvePoint": "OrbitCurvePoint"}
+__getattr__ = jaxdyn._doors.opened(__name__, renamed=_RENAMED)

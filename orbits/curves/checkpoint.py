@@ -7,24 +7,24 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Stored, stored
-from jaxdyn.continuation.walk import read
+from jaxdyn.continuation.branch import read
+from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Walk, walks_in
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.closing.closings import Return
 from orbits.closing.symmetry import Symmetry
-from orbits.curves.curve import Curve, CurvePoint
+from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
 from orbits.curves.steps import frame_at, orbit_of
 from orbits.curves.units import of_equations, of_unknowns, units_of
-from orbits.families.family import Kind
 
 #: What such a walk is.
 ORBIT_CURVE = "curve of orbits"
 _HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
 
 
-def load(path: str | Path, make: MakeOfTwo) -> tuple[Curve, ...]:
+def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
     """The curves of special orbits that a file keeps; also while it is written.
 
     Args:
@@ -37,28 +37,28 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[Curve, ...]:
         scenes.
     """
     make = remembered("make", make)
-    walks, _ = stored(path, (ORBIT_CURVE,))
+    walks, _ = walks_in(path, (ORBIT_CURVE,))
     return tuple(_curve(walk, make) for walk in walks)
 
 
 def codec(extended: Extended) -> Codec:
     """The codec of points, whose orbits are those at the unknowns of the equations."""
 
-    def encode(point: CurvePoint) -> dict[str, Any]:
+    def encode(point: OrbitCurvePoint) -> dict[str, Any]:
         orbit = point.orbit
         known = {"residual": float(orbit.residual), "iterations": int(orbit.iterations)}
         return plain(point, ("orbit",)) | {"orbit": known}
 
-    def decode(record: Any) -> CurvePoint:
+    def decode(record: Any) -> OrbitCurvePoint:
         if not isinstance(record, dict) or "orbit" not in record:
             raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "orbit"}
-        fields = typed_fields(EARLIER | rest, CurvePoint, "file", OTHER, ("orbit",))
+        fields = typed_fields(EARLIER | rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)
         known = typed(record["orbit"], Closed, "file", OTHER)
-        return CurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
+        return OrbitCurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
 
     return Codec(encode, decode)
 
@@ -93,7 +93,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def _curve(walk: Stored, make: MakeOfTwo) -> Curve:
+def _curve(walk: Walk, make: MakeOfTwo) -> OrbitCurve:
     known = typed(walk.begin.about, _About, "file", OTHER)
     closing = records.decode(known.closing, "closing", (Return, Symmetry))
     if not isinstance(closing, Return) or known.kind not in VECTORS or known.segments < 1:
@@ -102,10 +102,10 @@ def _curve(walk: Stored, make: MakeOfTwo) -> Curve:
     found = read(walk, codec(extended))
     for point in (found.members[0], found.members[-1]):
         _check(extended, point)
-    return Curve(kind=known.kind, equations=extended, **found._asdict())
+    return OrbitCurve(kind=known.kind, equations=extended, **found._asdict())
 
 
-def _check(extended: Extended, point: CurvePoint) -> None:
+def _check(extended: Extended, point: OrbitCurvePoint) -> None:
     """Refuse scenes in which an orbit does not close."""
     along, x, units = np.zeros(len(extended.place)), point.unknowns, units_of(extended, point)
     try:

@@ -1,35 +1,20 @@
 """The orbits of a curve in two parameters, and the curve itself."""
 
 import dataclasses
-import enum
-import inspect
 import math
 
 import numpy as np
 
 from jaxdyn import _text
 from jaxdyn.analysis.eigenvalues import Eigenvalues, with_bars
+from jaxdyn.continuation.curve import ParameterCurve, parameter_names
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from orbits.curves.extended import Extended, MakeOfTwo
-from orbits.families.family import Kind
 from orbits.orbit import Orbit
 
 
-class CodimensionTwo(enum.StrEnum):
-    """A kind of special point of a curve, at which two conditions hold."""
-
-    CUSP = "cusp"
-    RESONANCE_1_1 = "1:1 resonance"
-    RESONANCE_1_2 = "1:2 resonance"
-    RESONANCE_1_3 = "1:3 resonance"
-    RESONANCE_1_4 = "1:4 resonance"
-    FOLD_FLIP = "fold-flip"
-    FOLD_TORUS = "fold-torus point"
-    FLIP_TORUS = "flip-torus point"
-    DOUBLE_TORUS = "double torus point"
-
-
 @dataclasses.dataclass(frozen=True)
-class CurvePoint:
+class OrbitCurvePoint:
     """A special orbit of a curve in two parameters.
 
     Attributes:
@@ -78,8 +63,8 @@ class CurvePoint:
     _repr_html_ = _text.html
 
 
-@dataclasses.dataclass(frozen=True)
-class Curve:
+@dataclasses.dataclass(frozen=True, repr=False)
+class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
     """A curve of folds, branch points, period doublings or torus points in two parameters.
 
     Attributes:
@@ -91,32 +76,13 @@ class Curve:
       equations: the equations they solve.
     """
 
-    kind: Kind
-    members: tuple[CurvePoint, ...]
-    special: tuple[CurvePoint, ...]
-    before: tuple[int, ...]
-    end: str
     equations: Extended
 
-    @_text.never_raising
-    def __repr__(self) -> str:
-        scene = self.members[0].orbit.scene
-        special = [f"{x.kind} at {_text.brief(x.parameters)}" for x in self.special]
-        ranges = zip(self.names, self.parameters.T, strict=True)
-        rows = [
-            *((name, _text.extent(values)) for name, values in ranges),
-            ("period", _text.extent(self.periods)),
-            ("special", ", ".join(special)),
-            ("end", self.end),
-        ]
-        what = f"{_text.counted(len(self.members), self.kind)} of {_text.called(scene)}"
-        return _text.table(f"Curve of {what}", rows)
+    def _called(self) -> str:
+        return f"{super()._called()} of {_text.called(self.members[0].orbit.scene)}"
 
-    @_text.pictured
-    def _repr_html_(self):
-        from jaxdyn.drawing import bifurcations
-
-        return bifurcations.bifurcation_curves([self], title="")
+    def _more(self) -> list[tuple[str, str]]:
+        return [("period", _text.extent(self.periods))]
 
     @property
     def make(self) -> MakeOfTwo:
@@ -126,25 +92,7 @@ class Curve:
     @property
     def names(self) -> tuple[str, str]:
         """The names of the parameters, those of the arguments of `make`."""
-        try:
-            first, second, *_ = inspect.signature(self.make).parameters
-        except (TypeError, ValueError):
-            return "first parameter", "second parameter"
-        return first, second
-
-    @property
-    def points(self) -> tuple[CurvePoint, ...]:
-        """Members and special points in order."""
-        found = []
-        for i, member in enumerate(self.members):
-            here = zip(self.special, self.before, strict=True)
-            found += [member, *(point for point, before in here if before == i + 1)]
-        return tuple(found)
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """(n, 2) parameters of the members."""
-        return np.array([member.parameters for member in self.members])
+        return parameter_names(self.make)
 
     @property
     def periods(self) -> np.ndarray:

@@ -31,9 +31,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
+from jaxdyn.continuation.kinds import Kind
 from orbits.closing.closings import Return
 from orbits.closing.given import drive
-from orbits.families.family import Kind
 from orbits.shooting.segment import Piece, linearised_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,26 +17,26 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.continuation.checkpoint import Begin, Log, kept_in
+from jaxdyn.continuation.branch import BranchProblem, follow, outside
+from jaxdyn.continuation.checkpoint import Codec, Log
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import Units
-from jaxdyn.continuation.walk import Rules, growth, outside, walked
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import driven
 from orbits.closing.sizes import rate, sizes
 from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
-from orbits.curves.curve import Curve, CurvePoint
+from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
 from orbits.curves.special import special_points
-from orbits.curves.steps import point_at, returned, solve
-from orbits.curves.units import member, of_place, of_unknowns, units_at, units_of
-from orbits.families.family import Kind, Member, smooth_orbit
+from orbits.curves.steps import CurveChart, point_at, returned, solve
+from orbits.curves.units import as_member, of_place, units_at
+from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearised_end
 
 RTOL = 1e-13
-_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
 _GROWTH = 1e3  # largest growth of errors in a segment
 _MOST_SEGMENTS = 32
 _ANYWHERE = (-np.inf, np.inf)
@@ -44,7 +45,7 @@ _LOST = "no orbit of the curve was found beyond: a collision, or an equilibrium"
 
 def continue_curve(
     make: MakeOfTwo,
-    point: Member | CurvePoint | Orbit,
+    point: Member | OrbitCurvePoint | Orbit,
     parameters: tuple[float, float] | None = None,
     *,
     kind: Kind | None = None,
@@ -54,9 +55,9 @@ def continue_curve(
     within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
     segments: int | None = None,
     rtol: float = RTOL,
-    report: Callable[[CurvePoint], None] = lambda point: None,
+    report: Callable[[OrbitCurvePoint], None] = lambda point: None,
     path: str | Path | Log | None = None,
-) -> Curve:
+) -> OrbitCurve:
     """The curve of special orbits in two parameters, with its points of codimension two.
 
     Cusps, resonances 1:1 to 1:4, and points where two of fold, period doubling and torus point
@@ -104,12 +105,12 @@ def continue_curve(
     make = remembered("make", make)
     extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, units, step, -1.0 if down else 1.0)
-    return _walked(extended, first, (step, members, within), report, path)
+    return _follow(extended, first, (step, members, within), report, path)
 
 
 def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarray]:
     """The orbit, the kind of the curve, and (2,) the parameters."""
-    if isinstance(point, CurvePoint):
+    if isinstance(point, OrbitCurvePoint):
         orbit, curve = point.orbit, point.curve if kind is None else Kind(kind)
         parameters = point.parameters if parameters is None else parameters
     elif isinstance(point, Member):
@@ -118,7 +119,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarra
     elif isinstance(point, Orbit):
         orbit, curve = point, None if kind is None else Kind(kind)
     else:
-        expected = "a Member, a CurvePoint or an Orbit"
+        expected = "a Member, an OrbitCurvePoint or an Orbit"
         raise fail("point", expected, type(point).__name__)
     if curve is None or curve not in VECTORS:
         expected = "a fold, branch point, period doubling or torus point"
@@ -230,7 +231,7 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
 
 def _first(
     extended: Extended, start: np.ndarray, units: Units, step: float, sign: float
-) -> CurvePoint:
+) -> OrbitCurvePoint:
     """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
     size = len(extended.place)
     place = start[extended.place]
@@ -243,7 +244,7 @@ def _first(
         if np.linalg.norm(moved) <= step:
             point = point_at(extended, found, fixed, units)
             backwards = point.tangent[extended.place[-1]] * sign < 0
-            return member(extended, point, -1.0 if backwards else 1.0)
+            return as_member(extended, point, -1.0 if backwards else 1.0)
     raise fail(
         "point",
         f"a {extended.kind} of make(p, q) less than a step away",
@@ -252,37 +253,38 @@ def _first(
     )
 
 
-def _walked(extended: Extended, first: CurvePoint, limits, report, path) -> Curve:
-    step, most, within = limits
-    own = of_unknowns(extended, units_of(extended, first))
-    place = np.append(first.unknowns / own, first.tangent / own)
-    begin = Begin(ORBIT_CURVE, step, place, first, about(extended))
+class _Problem(BranchProblem[OrbitCurvePoint]):
+    """A curve within bounds on the parameters."""
 
-    def before(new: CurvePoint, special: list[CurvePoint]) -> str:
-        real = new.curve == Kind.TORUS and abs(extended.unpack(new.unknowns).extra) >= 1
+    what = ORBIT_CURVE
+
+    def __init__(self, extended: Extended, within):
+        self.extended, self.within = extended, within
+
+    def chart(self, member: OrbitCurvePoint) -> CurveChart:
+        return CurveChart(self.extended, member)
+
+    def codec(self) -> Codec:
+        return codec(self.extended)
+
+    def about(self) -> dict[str, Any]:
+        return about(self.extended)
+
+    def special(self, chart: CurveChart, a, b, first: bool) -> list[OrbitCurvePoint]:
+        return special_points(chart, a, b)
+
+    def end_before(self, new: OrbitCurvePoint, special: list[OrbitCurvePoint]) -> str:
+        real = new.curve == Kind.TORUS and abs(self.extended.unpack(new.unknowns).extra) >= 1
         return "a strong resonance, beyond which the multipliers are real" if real else ""
 
-    rules = Rules(
-        following=lambda last, length: _next(extended, last, length),
-        between=lambda a, b, fresh: special_points(extended, a, b),
-        before=before,
-        after=lambda new: outside(new.parameters, within),
-        lost=lambda last, length: _LOST,
-    )
-    with kept_in(path, begin, codec(extended)) as (first, kept):
-        found = walked(rules, first, step, most, report, kept)
-    return Curve(kind=first.curve, equations=extended, **found._asdict())
+    def end_after(self, new: OrbitCurvePoint) -> str:
+        return outside(new.parameters, self.within)
+
+    def lost(self, reason: str) -> str:
+        return _LOST
 
 
-def _next(extended: Extended, last: CurvePoint, step: float) -> tuple[CurvePoint | None, float]:
-    """The member a step further along the curve, and by what the next step may be longer."""
-    units, place = units_of(extended, last), extended.place
-    along, own = last.tangent[place], of_place(units)
-    start = last.unknowns + step * last.tangent
-    found = solve(extended, start, start[place], along, units)
-    if found is None or np.linalg.norm((found.x[place] - start[place]) / own) > step:
-        return None, 1.0
-    new = point_at(extended, found, along, units)
-    if (new.tangent[place] / own) @ (along / own) < _TURN:
-        return None, 1.0
-    return member(extended, new), growth(found.iterations)
+def _follow(extended: Extended, first: OrbitCurvePoint, limits, report, path) -> OrbitCurve:
+    step, most, within = limits
+    found = follow(_Problem(extended, within), first, step, most, report, path)
+    return OrbitCurve(kind=first.curve, equations=extended, **found._asdict())

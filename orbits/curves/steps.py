@@ -1,51 +1,35 @@
 """Points of a curve: the one in a plane near a start, with its multipliers and tests."""
 
 import math
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units
+from jaxdyn.continuation import newton
+from jaxdyn.continuation.branch import Chart, Correction, Place
+from jaxdyn.continuation.kinds import CodimensionTwo, Kind
+from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import rate
-from orbits.curves.curve import CodimensionTwo, CurvePoint
+from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, Frame
-from orbits.curves.units import of_equations, of_place, of_unknowns
-from orbits.families.family import Kind
+from orbits.curves.units import as_member, of_equations, of_place, of_unknowns, units_of
 from orbits.orbit import Orbit, Outcome
 
-_CORRECTIONS = 10  # Newton steps; more mean that the start was too far away
-_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
 #: Largest residual of a point, relative to 1 + the largest entry of its unknowns, in units.
 GOAL = 1e-10
 _NOISE = 100.0  # of the tolerance: a test that vanishes all along, where determinants are 1
 _DEPENDENT = 1e-13  # relative: smaller singular values are those of dependent equations
 
 
-class Solution(NamedTuple):
-    """A solution of the equations.
-
-    Attributes:
-      x: (n,) unknowns.
-      residual: largest entry of the residual, in units.
-      jacobian: (r, n) in units, the plane last.
-      monodromy: (k, k) M.
-      iterations: number of Newton steps.
-    """
-
-    x: np.ndarray
-    residual: float
-    jacobian: np.ndarray
-    monodromy: np.ndarray
-    iterations: int
-
-
 def solve(
     extended: Extended, start: np.ndarray, point: np.ndarray, along: np.ndarray, units: Units
 ) -> Solution | None:
     """The point of a curve in a plane, near a start; None if Newton's method finds none.
+
+    Its unknowns are as they are, its Jacobian in units; `more` is (k, k) M.
 
     Args:
       extended: the equations.
@@ -56,27 +40,51 @@ def solve(
     """
     frame = frame_at(extended, start, point, along, units)
     own = of_unknowns(extended, units)
-    x = start
-    settled = False
-    for iteration in range(_CORRECTIONS):
+
+    def equations(x: np.ndarray) -> tuple:
         if not extended.unpack(x).period > 0:
-            return None
-        value, jacobian, monodromy = extended(x, frame)
-        if not (np.isfinite(value).all() and np.isfinite(jacobian).all()):
-            return None
+            return np.full(1, np.nan), np.zeros((1, len(x)))  # no orbit
+        value, jacobian, monodromy = extended(x * own, frame)
         rows = of_equations(extended, units, len(value))
-        value, jacobian = value / rows, jacobian * own / rows[:, None]
-        if settled:
-            residual = float(np.abs(value).max())
-            good = residual <= GOAL * (1.0 + np.abs(x / own).max())
-            return Solution(x, residual, jacobian, monodromy, iteration) if good else None
-        step = np.linalg.lstsq(jacobian, value, rcond=_DEPENDENT)[0]
-        x = x - step * own
-        settled = np.abs(step).max() <= _SETTLED * (1.0 + np.abs(x / own).max())
-    return None
+        return value / rows, jacobian * own / rows[:, None], monodromy
+
+    found = newton.solve(equations, start / own, rank=_DEPENDENT)
+    good = found.settled and found.residual <= GOAL * (1.0 + np.abs(found.x).max())
+    return found._replace(x=found.x * own) if good else None
 
 
-def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Units) -> CurvePoint:
+class CurveChart(Chart[OrbitCurvePoint]):
+    """A curve near a member, in units.
+
+    Attributes:
+      extended: the equations.
+      units: those of the member.
+    """
+
+    def __init__(self, extended: Extended, member: OrbitCurvePoint):
+        self.extended, self.units = extended, units_of(extended, member)
+        self.measured = extended.place
+
+    def place(self, member: OrbitCurvePoint) -> Place:
+        own = of_unknowns(self.extended, self.units)
+        return Place(member.unknowns / own, member.tangent / own)
+
+    def correct(self, last: OrbitCurvePoint, start, plane) -> Correction | str:
+        own = of_unknowns(self.extended, self.units)
+        along, point = last.tangent[self.measured], (plane * own)[self.measured]
+        found = solve(self.extended, start * own, point, along, self.units)
+        if found is None:
+            return "Newton's method does not converge"
+        new = point_at(self.extended, found, along, self.units)
+        return Correction(found.x / own, found.iterations, new)
+
+    def outward(self, member: OrbitCurvePoint) -> OrbitCurvePoint:
+        return member if member.kind else as_member(self.extended, member)
+
+
+def point_at(
+    extended: Extended, found: Solution, along: np.ndarray, units: Units
+) -> OrbitCurvePoint:
     """The record of a point whose tangent points the same way as `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
@@ -84,10 +92,10 @@ def point_at(extended: Extended, found: Solution, along: np.ndarray, units: Unit
     tangent = sign * tangent / np.linalg.norm(place)
     unknowns = extended.unpack(found.x)
     orbit = orbit_of(extended, found.x, found.residual, found.iterations)
-    values = reduced(extended, orbit, found.monodromy, units.each)
+    values = reduced(extended, orbit, found.more[0], units.each)
     cosine = float(unknowns.extra)
     torus = extended.kind == Kind.TORUS
-    return CurvePoint(
+    return OrbitCurvePoint(
         curve=extended.kind,
         orbit=orbit,
         parameters=np.asarray(unknowns.parameters),

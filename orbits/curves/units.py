@@ -11,11 +11,11 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import sizes, sizes_along
-from orbits.curves.curve import CurvePoint
+from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, varied
-from orbits.families.family import Kind
 from orbits.families.lengths import parameter_units
 from orbits.motion import sampled
 
@@ -31,14 +31,14 @@ def units_at(
     return Units(each, parameter_units(scene, make, both, ts, ys, each), _radian(period))
 
 
-def units_of(extended: Extended, point: CurvePoint) -> Units:
+def units_of(extended: Extended, point: OrbitCurvePoint) -> Units:
     """Those of a point; 1 in files of earlier versions, which had none."""
     if point.units is None:
         return Units(np.ones(extended.k), np.ones(2), 1.0)
     return Units.of(point.units, extended.k)
 
 
-def member(extended: Extended, point: CurvePoint, sense: float = 1.0) -> CurvePoint:
+def as_member(extended: Extended, point: OrbitCurvePoint, sense: float = 1.0) -> OrbitCurvePoint:
     """A point as a member, with units that are no smaller than its entries; or -1 times its way."""
     units, unknowns = units_of(extended, point), extended.unpack(point.unknowns)
     scene = point.orbit.scene

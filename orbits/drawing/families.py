@@ -9,12 +9,13 @@ from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.analysis.quantities import Quantity, unit
 from orbits.analysis.quantities import quantity as named_quantity
-from orbits.families.family import Family, Kind, first_scene
+from orbits.families.family import Family, first_scene
 from orbits.files.family_files import Entry, Listing, listing
 
 _WIDTH = 6.8  # inches

@@ -26,16 +26,16 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.analysis import energy
-from orbits.families.family import Kind, Member
+from jaxdyn.continuation.kinds import Kind
+from orbits.families.family import Member
 from orbits.families.shrinking import rest_between
-from orbits.families.steps import next_member
+from orbits.families.steps import OrbitChart
 from orbits.families.surface import Surface
 from orbits.shooting.equations import Equations
 
 #: Of its gradient: an integral that changes less along the family is constant.
 _CONSTANT = 1e-11
-_STEPS = 40  # along the family, to locate a special point between two members
-_CLOSE = 1e-12  # relative to the size of the unknowns: a bracket that is not divided further
+_STEPS = 40  # of a bisection
 #: Of the larger value of a test at two neighbours: what counts as zero.
 _ZERO = 1e-3
 #: Relative distance below which two special points are one.
@@ -60,7 +60,7 @@ def special_points(
         return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
     if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
-        middle = _between(surface, a, b, 0.5)
+        middle = OrbitChart(surface, a).between(a, b, 0.5)
         if middle is not None:
             halves = ((a, middle), (middle, b))
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
@@ -78,19 +78,6 @@ def special_points(
     # Beyond a grazed event there is no motion to have special points.
     grazed = [x.kind for x in found].index(Kind.GRAZING) + 1 if grazings else None
     return found[:grazed]
-
-
-def drift(a: Member, b: Member) -> float:
-    """How far multipliers move between two members, at most; infinite if that is unknown.
-
-    On the sphere of complex numbers, as those near zero and infinity may change without effect.
-    Where multipliers exchange their order of size it is too large.
-    """
-    one, two = (member.stability.nontrivial for member in (a, b))
-    if len(one) != len(two):
-        return np.inf
-    away = np.hypot(1.0, np.abs(one)) * np.hypot(1.0, np.abs(two))
-    return float((2 * np.abs(two - one) / away).max(initial=0.0))
 
 
 def _grazings(surface: Surface, a: Member, b: Member) -> list[Member]:
@@ -113,35 +100,14 @@ def _margin(i: int) -> Test:
 def zero_between(
     surface: Surface, a: Member, b: Member, test: Test, *, known: bool = True
 ) -> Member | None:
-    """The member between two others where a test is zero, by the Illinois method; None for none."""
-    left, right, side = test(surface, a), test(surface, b), 0
-    small = _ZERO * max(abs(left), abs(right))
-    # A zero at an end counts once, for the step that leads there.
-    if not (left * right < 0 or right == 0 != left):
-        return None
-    best, least = (a, abs(left)) if abs(left) < abs(right) else (b, abs(right))
-    for _ in range(_STEPS):
-        share = left / (left - right)
-        if _closed(a, b, share):
-            break
-        # Where Newton's method fails, a shorter step may succeed, or one from the other end.
-        member = (
-            _between(surface, a, b, share, known)
-            or _between(surface, a, b, 0.5 * share, known)
-            or _between(surface, b, a, 1 - share, known)
-        )
-        if member is None:
-            break
-        value = test(surface, member)
-        if abs(value) < least:
-            best, least = member, abs(value)
-        if value * left > 0:
-            a, left, right = member, value, right * (0.5 if side < 0 else 1.0)
-            side = -1
-        else:
-            b, right, left = member, value, left * (0.5 if side > 0 else 1.0)
-            side = 1
-    return best if least <= small else None
+    """The member between two others where a test is zero; None for none."""
+
+    def value(member: Member) -> float:
+        return test(surface, member)
+
+    small = _ZERO * max(abs(value(a)), abs(value(b)))
+    best = OrbitChart(surface, a, known=known).locate(value, a, b)
+    return best if best is not None and abs(value(best)) <= small else None
 
 
 def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
@@ -149,26 +115,13 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
 
     None if it is not found.
     """
-    start = a
+    chart, start = OrbitChart(surface, a), a
     for _ in range(_STEPS):
-        member = None if _closed(a, b, 0.5) else _between(surface, a, b, 0.5)
+        member = None if chart.at_end(a, b, 0.5) else chart.between(a, b, 0.5)
         if member is None:
             break
         a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)
     return [dataclasses.replace(b, kind=_pair_kind(a, b))] if _same(a, b) else []
-
-
-def _closed(a: Member, b: Member, share: float) -> bool:
-    """Whether the place after a share of the way from one to another is one of them."""
-    length = abs(a.point.along(a.tangent, b.point.x))
-    return not min(share, 1 - share) * length > _CLOSE * (1.0 + a.point.size)
-
-
-def _between(
-    surface: Surface, a: Member, b: Member, share: float, known: bool = True
-) -> Member | None:
-    """The member after a share of the way from one to another; None if it is not found."""
-    return next_member(surface, a, share * a.point.along(a.tangent, b.point.x), known=known)
 
 
 def _same(a: Member, b: Member) -> bool:

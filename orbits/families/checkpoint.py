@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn.continuation.checkpoint import OTHER, Codec, Stored
-from jaxdyn.continuation.walk import read
+from jaxdyn.continuation.branch import read
+from jaxdyn.continuation.checkpoint import OTHER, Codec, Walk
 from jaxdyn.files import records
 from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.closing.closings import Closing
@@ -127,7 +127,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def family(walk: Stored, make: Make) -> Family:
+def family(walk: Walk, make: Make) -> Family:
     """The family of a walk.
 
     Raises:

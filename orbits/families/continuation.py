@@ -14,21 +14,23 @@ for conservative scenes.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from jaxdyn._checks import fail, positive, untraced, whole
 from jaxdyn._records.captured import remembered
 from jaxdyn._records.kinds import check_first
-from jaxdyn.continuation.checkpoint import Begin, Log, kept_in
-from jaxdyn.continuation.walk import Rules, walked
+from jaxdyn.continuation.branch import BranchProblem, follow
+from jaxdyn.continuation.checkpoint import Codec, Log
+from jaxdyn.continuation.kinds import Kind
 from orbits.closing.conditions import Hold, conditions
-from orbits.families.bifurcations import drift, special_points
+from orbits.families import checkpoint
+from orbits.families.bifurcations import special_points
 from orbits.families.chains import ChainSurface
-from orbits.families.checkpoint import about, codec, what
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Member
 from orbits.families.isolas import met_again
-from orbits.families.steps import first_member, in_segments, next_member, parameter_at, why_lost
+from orbits.families.steps import OrbitChart, first_member, in_segments, parameter_at
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain, MakeChain
 from orbits.hybrid.legs import HybridOrbit
@@ -41,11 +43,6 @@ from orbits.shooting.segmentation import cut
 #: At least, so that lengths and directions along a family are those of a whole motion: at a single
 #: start a family turns, and may be stiff, for no other reason than where on the orbits that is.
 _SEGMENTS = 4
-#: A step is at most so many times as long as the one before, and longer only if the family will
-#: bend by no more than this part of it, and multipliers will move no further than this: of two
-#: special points in one step each may hide the other.
-_GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
-_SMALLEST = 1e-4  # of the first step: smallest step
 #: Distances from a special point at which another branch is looked for, in turn.
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 #: Of the amplitude: an orbit that is further from a special point is on another branch.
@@ -160,7 +157,8 @@ def continue_family(
         report(first)
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"
         return Family(members=(first,), special=(), end=end, equations=surface.equations)
-    return _walked(surface, first, (step, members, within, energies), report, path)
+    found = follow(_Problem(surface, within, energies), first, step, members, report, path)
+    return Family(found.members, found.special, found.end, surface.equations)
 
 
 @check_first
@@ -241,48 +239,48 @@ def _check_bounds(name: str, bounds) -> None:
         raise fail(name, "two bounds, the lower one first", bounds)
 
 
-def _walked(surface: Surface, first: Member, limits, report, path) -> Family:
-    step, most, within, energies = limits
-    place = np.append(first.point.x, first.tangent)
-    begin = Begin(what(surface), step, place, first, {} if path is None else about(surface))
+class _Problem(BranchProblem[Member]):
+    """A family of orbits within bounds on its parameter or period, and on the energy."""
 
-    def after(member: Member) -> str:
-        if not within[0] <= _measure(surface, member.point) <= within[1]:
-            return f"the bounds {within}"
-        if member.energy < energies[0] or member.energy > energies[1]:
-            return f"the bounds on the energy, {energies}"
+    def __init__(self, surface: Surface, within, energies):
+        self.surface, self.within, self.energies = surface, within, energies
+        self.what = checkpoint.what(surface)
+
+    def chart(self, member: Member) -> OrbitChart:
+        return OrbitChart(self.surface.at(member.point), member)
+
+    def codec(self) -> Codec:
+        return checkpoint.codec(self.surface)
+
+    def about(self) -> dict[str, Any]:
+        return checkpoint.about(self.surface)
+
+    def identity(self, first: Member) -> np.ndarray:
+        return np.append(first.point.x, first.tangent)
+
+    def special(self, chart: OrbitChart, a, b, first: bool) -> list[Member]:
+        return special_points(chart.surface, a, b)
+
+    def again(self, chart: OrbitChart, first, a, b) -> Member | None:
+        return met_again(chart.surface, first, a, b)
+
+    def end_before(self, new: Member, special: list[Member]) -> str:
+        ends = [_ENDS[x.kind] for x in special if x.kind in _ENDS]
+        passed = new.orbit.outcome == Outcome.BOUND_PASSED
+        return ends[0] if ends else _PASSED if passed else ""
+
+    def end_after(self, new: Member) -> str:
+        if not self.within[0] <= _measure(self.surface, new.point) <= self.within[1]:
+            return f"the bounds {self.within}"
+        if new.energy < self.energies[0] or new.energy > self.energies[1]:
+            return f"the bounds on the energy, {self.energies}"
         return ""
 
-    rules = Rules(
-        following=lambda last, length: _next(surface.at(last.point), last, length),
-        between=lambda a, b, fresh: special_points(surface.at(a.point), a, b),
-        again=lambda a, b: met_again(surface.at(a.point), first, a, b),
-        ready=lambda new: in_segments(surface, new),
-        before=_last,
-        after=after,
-        lost=lambda last, length: why_lost(surface.at(last.point), last, length),
-        shortest=_SMALLEST,
-    )
-    with kept_in(path, begin, codec(surface)) as (first, kept):
-        found = walked(rules, first, step, most, report, kept)
-    return Family(found.members, found.special, found.end, surface.equations)
+    def lost(self, reason: str) -> str:
+        return f"no orbit was found beyond: {reason}"
 
-
-def _last(new: Member, special: list[Member]) -> str:
-    """Why a family ends before a member; empty if it does not."""
-    ends = [_ENDS[x.kind] for x in special if x.kind in _ENDS]
-    passed = new.orbit.outcome == Outcome.BOUND_PASSED
-    return ends[0] if ends else _PASSED if passed else ""
-
-
-def _next(surface: Surface, last: Member, step: float) -> tuple[Member | None, float]:
-    """The member a step further along the family, and by what the next step may be longer."""
-    member = next_member(surface, last, step)
-    if member is None:
-        return None, 1.0
-    bent = last.point.distance(member.point.x - step * last.tangent) / step
-    least = max(1 / _GROW, bent / _BENT, drift(last, member) / _DRIFT)
-    return member, max(1.0, 1 / least)
+    def ready(self, member: Member) -> Member:
+        return in_segments(self.surface, member)
 
 
 def _measure(surface: Surface, point: Point) -> float:

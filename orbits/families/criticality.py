@@ -27,11 +27,12 @@ from jaxdyn import System, _text
 from jaxdyn._checks import fail, untraced
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import coarser
+from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
-from orbits.families.family import Kind, Member, smooth_orbit
+from orbits.families.family import Member, smooth_orbit
 from orbits.families.jets import basis, returned
 from orbits.orbit import Orbit
 

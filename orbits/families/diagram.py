@@ -13,15 +13,15 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import whole
-from jaxdyn.continuation.checkpoint import Log, alone, opened
+from jaxdyn.continuation.checkpoint import Log, lock, open_log
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
-from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
 from orbits.families.continuation import continue_family, switch_branch
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Member
 from orbits.families.hopf import from_hopf, in_sizes
 from orbits.orbit import SearchError
 from orbits.shooting.segment import Make
@@ -155,11 +155,11 @@ def diagram(
       (2, [5])
     """
     depth = whole("depth", depth, least=0)
-    log = opened(path)
+    log = open_log(path)
     options = {"step": step, "members": members, "within": within, "path": log}
     orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
     found = _Orbits(make, orbit_options, amplitude, report, log)
-    with alone(log):
+    with lock(log):
         return _followed(found, parameter, start, depth, options)
 
 
@@ -175,7 +175,7 @@ def _followed(found: "_Orbits", parameter: float, start, depth: int, options: di
     found.failures += failures
     for family in rests:
         for point in family.special:
-            if point.kind == RestKind.HOPF:
+            if point.kind == Kind.HOPF:
                 found.from_hopf(family, point, depth)
     if log is not None:
         for failure in found.failures:
@@ -193,7 +193,7 @@ def _branches(rests: list, failures: list, options: dict, report) -> None:
     seen: list[Equilibrium] = []
     for family in rests:  # grows on the way
         for point in family.special:
-            if point.kind != RestKind.BRANCH or any(_near(point, x) for x in seen):
+            if point.kind != Kind.BRANCH or any(_near(point, x) for x in seen):
                 continue
             seen.append(point)
             for down in (False, True):
@@ -262,7 +262,7 @@ class _Orbits:
             orbit, value = begin()
             # Away from the point: on the side to which the first orbit lies.
             down = value < point.parameter
-            log = None if self.log is None else self.log.noting(**{DOUBLINGS: doublings})
+            log = None if self.log is None else self.log.with_note(**{DOUBLINGS: doublings})
             options = self.options | {"down": down, "path": log}
             family = continue_family(orbit, self.make, value, **options)
         except _FAILURES as error:

@@ -2,7 +2,6 @@
 
 import collections
 import dataclasses
-import enum
 import math
 
 import numpy as np
@@ -12,30 +11,13 @@ from jaxdyn._checks import fail
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn._text import counted, second
+from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 from orbits.shooting.equations import Equations
-
-
-class Kind(enum.StrEnum):
-    """The kinds of special points of a family."""
-
-    # At a torus point a pair of multipliers crosses the unit circle; at a Krein collision, which
-    # only conservative scenes have, two pairs on it meet and leave it on both sides. An
-    # equilibrium, to which orbits shrink, is a Hopf point or a centre; there a family ends. So does
-    # one of chains of legs where they graze an event; multipliers there are those of the chain
-    # that does not touch it, if that has any.
-
-    FOLD = "fold"
-    BRANCH = "branch point"
-    DOUBLING = "period doubling"
-    TORUS = "torus point"
-    KREIN = "Krein collision"
-    REST = "equilibrium"
-    GRAZING = "grazing"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -22,11 +22,11 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn._text import counted
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
-from jaxdyn.continuation.family import Kind as RestKind
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
-from orbits.families.family import Family, Kind, Member, smooth_orbit
+from orbits.families.family import Family, Member, smooth_orbit
 from orbits.families.lengths import lengths
 from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import solved
@@ -45,7 +45,7 @@ _AHEAD = 0.7  # cosine, at least, of the angle between a family and the way to s
 _HALVINGS = 4
 #: Of half of the distance, between the orbit expected there and the one found: a family has bent.
 _BENT = 0.5
-_RESTS = (str(Kind.REST), str(RestKind.HOPF))
+_RESTS = (str(Kind.REST), str(Kind.HOPF))
 _SAMPLES = 256  # of an orbit, for the phase at which it is nearest to another
 
 
@@ -170,7 +170,7 @@ def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> l
     found = []
     for i, family in enumerate(rests):
         for point in family.special:
-            if point.kind == RestKind.HOPF:
+            if point.kind == Kind.HOPF:
                 scene = family.make(point.parameter)
                 scene = scene.starting(point.state, 2 * math.pi / point.frequency)
                 like = families[0].members[0].orbit

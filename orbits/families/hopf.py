@@ -5,7 +5,8 @@ import numpy as np
 from jaxdyn._checks import fail, finite
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, Kind
+from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import largest_entry

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import remembered
-from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, stored
+from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, walks_in
 from jaxdyn.continuation.loading import equilibria
 from jaxdyn.files.typed import typed
 from orbits.families.checkpoint import ORBITS, family
@@ -27,7 +27,7 @@ def load(path: str | Path, make: Make) -> Diagram:
         with conditions, or what it holds are no equilibria and orbits of these scenes.
     """
     make = remembered("make", make)
-    walks, notes = stored(path, (EQUILIBRIA, ORBITS))
+    walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
     rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]
     depths = [typed(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]

@@ -16,12 +16,13 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.analysis.eigenvalues import map_in_units
-from orbits.families.family import Kind, Member
+from jaxdyn.continuation import newton
+from jaxdyn.continuation.kinds import Kind
+from orbits.families.family import Member
 from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
 
 _NEWTON_STEPS = 20
-_SOLVED = 1e-12  # relative: the last of these steps
 _RANK = 1e-9  # relative: smaller singular values of the Jacobian leave the state where it is
 #: In steps of the family: distance of an equilibrium that is looked for before it is passed, since
 #: shorter and shorter steps may end there.
@@ -134,16 +135,13 @@ def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | 
     `jaxdyn.analysis.equilibria.equilibrium` refuses those that are not isolated, as of bodies that
     may be anywhere.
     """
-    for _ in range(_NEWTON_STEPS):
-        flow, slope = map(np.asarray, _linearised(scene, y))
-        if not np.isfinite(slope).all():
-            return None
-        slope = map_in_units(slope, each)
-        step = np.linalg.lstsq(slope, -flow / each, rcond=_RANK)[0]
-        y = y + step * each
-        if np.linalg.norm(step) <= _SOLVED * (1 + np.linalg.norm(y / each)):
-            return y
-    return None
+
+    def equations(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        flow, slope = map(np.asarray, _linearised(scene, z * each))
+        return flow / each, map_in_units(slope, each)
+
+    found = newton.solve(equations, y / each, steps=_NEWTON_STEPS, rank=_RANK, polish=1)
+    return found.x * each if found.settled else None
 
 
 @jax.jit

@@ -8,10 +8,14 @@ import numpy as np
 from jaxdyn import Status
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy
+from jaxdyn.continuation.branch import Chart, Correction, Place
 from orbits.families.family import Member
 from orbits.families.surface import Point, Surface
 
-_TURN = 0.9  # smallest cosine between tangents of neighbours: 26 degrees
+#: A step is at most so many times as long as the one before, and longer only if the family will
+#: bend by no more than this part of it, and multipliers will move no further than this: of two
+#: special points in one step each may hide the other.
+_GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
 #: Growth of errors over an orbit with which doubles hold few digits of it, or none.
 _UNHOLDABLE = 1e12
 _NUDGE = 1e-6  # along a tangent, for a difference
@@ -42,69 +46,98 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
 
 
-def next_member(
-    surface: Surface, last: Member, step: float, *, known: bool = True
-) -> Member | None:
-    """The member a step further along the family, or back; None if it is not found.
+class OrbitChart(Chart[Member]):
+    """A family near a member, in units of that.
 
-    Its multipliers must be `known`: without them no special point would be detected.
+    Each step ends at the nearest solution, which is moved neither along the family nor along what
+    keeps an orbit.
+
+    Attributes:
+      surface: the surface of solutions, in the segments of the member.
+      units: (n,) of the unknowns.
+      known: whether the multipliers of members must be known: without them no special point would
+        be detected.
     """
-    point = _point_beyond(surface, last, step)
-    if point is None or surface.rests(point):
-        return None
-    ways = surface.directions(point)
-    tangent = _further(ways, last, point)
-    if tangent is None:
-        return None
-    old = _orthonormal(last.alike / point.units[:, None])
-    alike = _nearest(_same_scene(surface, ways), old)
-    if alike.shape[1] < last.alike.shape[1]:
-        return None
-    member = member_at(surface, point, tangent, alike)
-    return member if member.stability.ok or not known else None
+
+    resolution = 1e-12  # integrations are not better
+
+    def __init__(self, surface: Surface, member: Member, *, known: bool = True):
+        self.surface, self.units, self.known = surface, member.point.units, known
+
+    def place(self, member: Member) -> Place:
+        return Place(member.point.x / self.units, member.tangent / self.units)
+
+    def correct(self, last: Member, start, plane) -> Correction | str:
+        predicted = start * self.units
+        point = self.surface.nearest(predicted, near=last.point)
+        if point is None:
+            # Where families meet, Newton's shortest steps may alternate between them.
+            point = self.surface.nearest(predicted, last.tangent, near=last.point)
+        if point is None:
+            return self._why_lost(last, predicted)
+        return Correction(point.x / self.units, point.iterations, point)
+
+    def tangent(self, last: Member, found: Correction) -> np.ndarray | str:
+        point = found.solution
+        if self.surface.rests(point):
+            return "an equilibrium"
+        before = last.tangent / point.units
+        tangent = _nearest(self.surface.directions(point), before[:, None] / np.linalg.norm(before))
+        if not tangent.shape[1]:
+            return "the family turns within the shortest step, or meets another one"
+        return point.units * tangent[:, 0] / self.units
+
+    def cosine(self, last: Member, found: Correction, tangent: np.ndarray) -> float:
+        # In units of the new point: after a close passage sizes are others.
+        units = found.solution.units
+        a, b = last.tangent / units, tangent * self.units / units
+        return float(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+
+    def member(self, last: Member, found: Correction, tangent: np.ndarray) -> Member | str:
+        point = found.solution
+        old = _orthonormal(last.alike / point.units[:, None])
+        alike = old
+        if alike.shape[1]:
+            alike = _nearest(_same_scene(self.surface, self.surface.directions(point)), old)
+        if alike.shape[1] < last.alike.shape[1]:
+            return "an integral of the family is lost"
+        new = member_at(self.surface, point, tangent * self.units / point.units, alike)
+        return new if new.stability.ok or not self.known else "multipliers are unknown"
+
+    def growth(self, last: Member, new: Member, iterations: int, bent: float) -> float:
+        least = max(1 / _GROW, bent / _BENT, drift(last, new) / _DRIFT)
+        return max(1.0, 1 / least)
+
+    def between(self, a: Member, b: Member, share: float) -> Member | None:
+        # Where Newton's method fails, a shorter step may succeed, or one from the other end.
+        tried = ((a, b, share), (a, b, 0.5 * share), (b, a, 1 - share))
+        return next((found for way in tried if (found := self._towards(*way))), None)
+
+    def _towards(self, a: Member, b: Member, share: float) -> Member | None:
+        length = share * a.point.along(a.tangent, b.point.x)
+        found = OrbitChart(self.surface, a, known=self.known).step(a, length)
+        return None if isinstance(found, str) else found.member
+
+    def _why_lost(self, last: Member, predicted: np.ndarray) -> str:
+        status = self.surface.status(predicted)
+        if status != Status.OK:
+            return f"the motion does not last a period ({status.name.lower().replace('_', ' ')})"
+        reason, growth = "Newton's method does not converge", last.stability.growth
+        lost = growth > _UNHOLDABLE
+        return f"{reason}, since errors grow by {growth:.0e} over an orbit" if lost else reason
 
 
-def why_lost(surface: Surface, last: Member, step: float) -> str:
-    """Why there is no `next_member` after a step, even a short one, in words."""
-    ahead = last.point.x + step * last.tangent
-    status = surface.status(ahead)
-    if status != Status.OK:
-        reason = f"the motion does not last a period ({status.name.lower().replace('_', ' ')})"
-    elif not (point := _point_beyond(surface, last, step)):
-        reason = "Newton's method does not converge"
-        if last.stability.growth > _UNHOLDABLE:
-            reason += f", since errors grow by {last.stability.growth:.0e} over an orbit"
-    elif surface.rests(point):
-        reason = "an equilibrium"
-    elif _further(surface.directions(point), last, point) is None:
-        reason = "the family turns within the shortest step, or meets another one"
-    else:
-        reason = "multipliers are unknown"
-    return f"no orbit was found beyond: {reason}"
+def drift(a: Member, b: Member) -> float:
+    """How far multipliers move between two members, at most; infinite if that is unknown.
 
-
-def _further(ways: np.ndarray, last: Member, point: Point) -> np.ndarray | None:
-    """(n,) the tangent at a point, of its directions (n, d); None if the family turns too much."""
-    before = last.tangent / point.units
-    before = before / np.linalg.norm(before)
-    tangent = _nearest(ways, before[:, None])
-    if not tangent.shape[1] or tangent[:, 0] @ before < _TURN:
-        return None
-    return tangent[:, 0]
-
-
-def _point_beyond(surface: Surface, last: Member, step: float) -> Point | None:
-    """The solution near the place a step along the tangent; None if there is none as near."""
-    predicted = last.point.x + step * last.tangent
-    point = surface.nearest(predicted, near=last.point)
-    if point is None:
-        # Where families meet, Newton's shortest steps may alternate between them.
-        point = surface.nearest(predicted, last.tangent, near=last.point)
-    # Orbits that grow from an equilibrium take longer steps; those that shrink do not take shorter
-    # ones, with which they would never arrive.
-    if point is None or np.linalg.norm((point.x - predicted) / last.point.units) > abs(step):
-        return None
-    return point
+    On the sphere of complex numbers, as those near zero and infinity may change without effect.
+    Where multipliers exchange their order of size it is too large.
+    """
+    one, two = (member.stability.nontrivial for member in (a, b))
+    if len(one) != len(two):
+        return np.inf
+    away = np.hypot(1.0, np.abs(one)) * np.hypot(1.0, np.abs(two))
+    return float((2 * np.abs(two - one) / away).max(initial=0.0))
 
 
 def in_segments(surface: Surface, member: Member) -> Member:

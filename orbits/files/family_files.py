@@ -8,9 +8,10 @@ from typing import Any
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files import records
 from jaxdyn.files.digests import DAMAGED
-from orbits.families.family import Family, Kind, Member
+from orbits.families.family import Family, Member
 from orbits.files import encoding
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit

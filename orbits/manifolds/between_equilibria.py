@@ -18,7 +18,7 @@ from orbits.closing.given import driven
 from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds import chain
 from orbits.manifolds.chain import Chain, Make
-from orbits.manifolds.connection import Connection, ConnectionOutcome
+from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.directions import of_rest
 from orbits.manifolds.links import Solution, sampled, solve
 from orbits.manifolds.splitting import split
@@ -56,7 +56,7 @@ def connect_rests(
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))
     guess = _approach(posed, p, longest)
     if isinstance(guess, ConnectionOutcome):
-        return _failed(posed, guess, np.nan, 0)
+        return no_connection(posed, posed.near, guess, np.nan, 0)
     return _shortened(posed, guess, error, rates)
 
 
@@ -143,9 +143,9 @@ def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
         if not found.converged:
             late = last is not None
             outcome = ConnectionOutcome.ERROR_LIMIT if late else ConnectionOutcome.NO_CONVERGENCE
-            return _failed(posed, outcome, miss, total)
+            return no_connection(posed, posed.near, outcome, miss, total)
         if not found.independent:
-            return _failed(posed, ConnectionOutcome.DEPENDENT, miss, total)
+            return no_connection(posed, posed.near, ConnectionOutcome.DEPENDENT, miss, total)
         if last is not None:
             error = _ends_error(posed, last, (found, steps), rates)
             if error <= wanted:
@@ -153,7 +153,7 @@ def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
         last = found, steps
         new = np.minimum(steps, steps.min()) / _SHORTER
         x, steps = _longer(posed, found, steps, new, rates), new
-    return _failed(posed, ConnectionOutcome.ERROR_LIMIT, miss, total)
+    return no_connection(posed, posed.near, ConnectionOutcome.ERROR_LIMIT, miss, total)
 
 
 def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
@@ -209,26 +209,6 @@ def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connect
         ts=ts,
         states=ys,
         outcome=ConnectionOutcome.FOUND,
-        iterations=iterations,
-        rtol=float(posed.rtol),
-    )
-
-
-def _failed(posed: Chain, outcome: ConnectionOutcome, miss: float, iterations: int) -> Connection:
-    """No connection: NaN for what was sought."""
-    nan = float("nan")
-    return Connection(
-        scene=posed.base,
-        parameter=nan,
-        parameter_error=nan,
-        rests=np.asarray(posed.near),
-        time=nan,
-        step_off=(nan, nan),
-        error=nan,
-        miss=miss,
-        ts=np.zeros(0),
-        states=np.full((0, posed.near.shape[1]), nan),
-        outcome=outcome,
         iterations=iterations,
         rtol=float(posed.rtol),
     )

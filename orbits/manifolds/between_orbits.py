@@ -12,7 +12,7 @@ from jaxdyn.system import System
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
-from orbits.manifolds.connection import Connection, ConnectionOutcome
+from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.links import Solution, sampled, solve
 from orbits.manifolds.manifold import manifold
 from orbits.manifolds.orbit_chain import OrbitChain
@@ -147,7 +147,7 @@ def _polished(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Con
     outcome = ConnectionOutcome.NO_CONVERGENCE if guesses else ConnectionOutcome.NO_CROSSING
     if known:
         outcome = ConnectionOutcome.FEWER
-    return _failed(posed, ends, outcome, miss, total)
+    return no_connection(posed, posed.starts, outcome, miss, total, ends)
 
 
 def _alike(place: np.ndarray, other: np.ndarray) -> bool:
@@ -253,24 +253,4 @@ def _result(
         rtol=float(posed.rtol),
         orbits=ends,
         phases=(phases[0], phases[1]),
-    )
-
-
-def _failed(posed: OrbitChain, ends, outcome, miss: float, total: int) -> Connection:
-    nan = float("nan")
-    return Connection(
-        scene=posed.base,
-        parameter=nan,
-        parameter_error=nan,
-        rests=np.asarray(posed.starts),
-        time=nan,
-        step_off=(nan, nan),
-        error=nan,
-        miss=miss,
-        ts=np.zeros(0),
-        states=np.full((0, posed.starts.shape[1]), nan),
-        outcome=outcome,
-        iterations=total,
-        rtol=float(posed.rtol),
-        orbits=ends,
     )

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -126,3 +127,40 @@ class Connection:
     def message(self) -> str:
         """How the search ended and what to try."""
         return self.outcome.message
+
+
+def no_connection(
+    posed: Any,
+    near: Any,
+    outcome: ConnectionOutcome,
+    miss: float,
+    iterations: int,
+    orbits: tuple[Orbit, Orbit] | None = None,
+) -> Connection:
+    """What is known where a chain of links was not closed: NaN for what was sought.
+
+    Args:
+      posed: the chain.
+      near: (2, k) the states that it was to connect.
+      outcome: why there is none.
+      miss: see `Connection`, as the others.
+      iterations: likewise.
+      orbits: likewise.
+    """
+    near = np.asarray(near)
+    return Connection(
+        scene=posed.base,
+        parameter=math.nan,
+        parameter_error=math.nan,
+        rests=near,
+        time=math.nan,
+        step_off=(math.nan, math.nan),
+        error=math.nan,
+        miss=miss,
+        ts=np.zeros(0),
+        states=np.full((0, near.shape[1]), math.nan),
+        outcome=outcome,
+        iterations=iterations,
+        rtol=float(posed.rtol),
+        orbits=orbits,
+    )

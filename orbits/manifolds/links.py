@@ -15,9 +15,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn.continuation import newton
 from orbits.motion import solved
 
-_NEWTON_STEPS, _HALVINGS = 30, 10
+_NEWTON_STEPS, _HALVINGS = 30, 9
 _GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
 _DEPENDENT = 1e-11  # smallest over largest singular value of equations that are dependent
 
@@ -82,42 +83,46 @@ def _gaps_and_slopes(chain: Links, x, steps) -> tuple[Array, Array]:
 
 
 def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
-    """Newton's method with exact derivatives; a step that does not reduce the gaps is halved.
+    """The chain without gaps near unknowns x (n,), by damped steps of Newton's method.
 
     With an integral of motion there are more equations than unknowns, consistent with each other:
     hence least squares.
     """
-    gaps, slopes = (np.asarray(z) for z in _gaps_and_slopes(chain, x, steps))
-    iterations, enough = 0, False
-    while np.isfinite(gaps).all() and np.isfinite(slopes).all():
-        if enough or iterations == _NEWTON_STEPS:
-            break
-        enough = np.abs(gaps).max() <= _goal(chain, x)  # one step more, to rounding
-        scaled, units = _scaled(slopes)
-        change = units * np.linalg.lstsq(scaled, -gaps, rcond=_DEPENDENT)[0]
-        for i in range(_HALVINGS):
-            tried = x + 0.5**i * change
-            # The slopes too, though only the gaps are compared: one program compiles, not two.
-            new = tuple(np.asarray(z) for z in _gaps_and_slopes(chain, tried, steps))
-            if np.linalg.norm(new[0]) < np.linalg.norm(gaps) and tried[0] > 0:
-                break
-        else:
-            break
-        x, iterations, (gaps, slopes) = tried, iterations + 1, new
-    miss, goal = float(np.abs(gaps).max()), _goal(chain, x)
-    if not (miss <= goal and np.isfinite(slopes).all()):
+    first = tuple(np.asarray(z) for z in _gaps_and_slopes(chain, x, steps))
+    units = _units(first[1])
+
+    def equations(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        tried = x + units * z
+        if not tried[0] > 0:  # a chain takes some time
+            return np.full(first[0].shape, np.nan), first[1]
+        # The slopes too, though often only gaps are compared: one program compiles, not two.
+        gaps, slopes = _gaps_and_slopes(chain, tried, steps) if z.any() else first
+        return np.asarray(gaps), np.asarray(slopes) * units
+
+    found = newton.solve(
+        equations,
+        np.zeros(len(x)),
+        steps=_NEWTON_STEPS,
+        rank=_DEPENDENT,
+        polish=1,
+        halvings=_HALVINGS,
+    )
+    x, miss, iterations = x + units * found.x, found.residual, found.iterations
+    goal = _goal(chain, x)
+    if not (found.finite and miss <= goal):
         return Solution(x, miss, False, False, np.full(len(x), np.nan), iterations)
-    scaled, units = _scaled(slopes)
-    values = np.linalg.svd(scaled, compute_uv=False)
-    doubt = goal * units * np.linalg.norm(np.linalg.pinv(scaled, rcond=_DEPENDENT), axis=1)
+    slopes = found.jacobian / units
+    units = _units(slopes)
+    values = np.linalg.svd(slopes * units, compute_uv=False)
+    inverse = np.linalg.pinv(slopes * units, rcond=_DEPENDENT)
+    doubt = goal * units * np.linalg.norm(inverse, axis=1)
     return Solution(x, miss, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
 
 
-def _scaled(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives by unknowns in the units (n,) that follow."""
+def _units(slopes: np.ndarray) -> np.ndarray:
+    """(n,) of unknowns in which derivatives by them (m, n) have the length 1."""
     lengths = np.linalg.norm(slopes, axis=0)
-    units = 1 / np.where(lengths > 0, lengths, 1.0)
-    return slopes * units, units
+    return 1 / np.where(lengths > 0, lengths, 1.0)
 
 
 def _goal(chain: Links, x: np.ndarray) -> float:

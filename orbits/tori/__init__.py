@@ -2,7 +2,7 @@
 
 `torus` begins one with the Floquet vector of an orbit, `refinement` solves it with as many modes as
 it needs, by the equations of `invariance` on an invariant circle, a Fourier series of `circle`;
-`record` is the result, `continuation` follows them in their amplitude.
+`record` is the result, `continuation` poses their family to the branch engine.
 
 May import: `analysis`.
 

@@ -1,26 +1,34 @@
 """Families of tori about an orbit: continuation in the amplitude by pseudo-arclength.
 
-Each step predicts along the secant of the last two circles and solves the invariance equation
-together with a condition that keeps the component along the secant. So the rotation may pass an
-extremum, and the amplitude a fold. Lengths are in the units of the first torus (`Metric`).
+A problem of the branch engine: each step predicts along the secant of the last two circles and
+solves the invariance equation together with a condition that keeps the component along the secant.
+So the rotation may pass an extremum, and the amplitude a fold. Lengths are in the units of the
+first torus (`Metric`).
 """
 
 import collections
 import dataclasses
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
+from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
+from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
+from jaxdyn.files.typed import plain, typed, typed_fields
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
-from orbits.tori.record import Torus, TorusOutcome
-from orbits.tori.refinement import refined
+from orbits.tori.record import Torus
+from orbits.tori.refinement import refine
 from orbits.tori.torus import GOAL, MOST_MODES
 
-_GROW, _SHRINK = 1.5, 0.5  # of the step after a torus, and after none
 _ASTRAY = 0.5  # correction, as a share of the step, of a torus that is not of this family
-_SHORTEST = 1e-3  # of the first step: shorter ones lead nowhere
+#: What such a walk is.
+TORI = "tori"
+_SAME = ("scene", "outcome", "held", "rtol")  # what the tori of a family have in common
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +82,7 @@ def continue_tori(
     step: float | None = None,
     goal: float = GOAL,
     max_modes: int = MOST_MODES,
+    path: str | Path | Log | None = None,
 ) -> TorusFamily:
     """The family of tori through a torus, in the direction of growing amplitude.
 
@@ -84,6 +93,8 @@ def continue_tori(
         default. A negative one follows the family towards the orbit.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
+      path: file (.jsonl) that keeps each torus as it is found; the same call goes on from it where
+        it was interrupted.
     Returns:
       The tori found, and why there are no more.
     Raises:
@@ -104,46 +115,103 @@ def continue_tori(
     step = 0.5 * torus.amplitude if step is None else float(_checks.array("step", step, ()))
     if step == 0:
         raise _checks.fail("step", "a number other than 0", step)
-    metric = Metric.of(torus.scene, torus.unknowns)
+    problem = _Problem(torus, goal, max_modes)
+    metric = problem.metric
     # In units: of the harmonic of this torus.
-    longest = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
-    found, tangent, length = [torus], _outwards(torus, step, metric), longest
-    end = TorusOutcome.FOUND
-    while len(found) < members:
-        new = _next(found[-1], tangent, length, metric, goal, max_modes)
-        # The first tangent is a guess: without the changes of the rotation and of the centre.
-        if new.ok and len(found) > 1 and _strays(found[-1], new, tangent, length, metric):
-            new = dataclasses.replace(new, outcome=TorusOutcome.NO_CONVERGENCE)
-        if new.ok:
-            tangent = _secant(found[-1], new, metric)
-            found.append(new)
-            length = min(_GROW * length, longest)
-            continue
-        end = new.outcome
-        length *= _SHRINK
-        if length < _SHORTEST * longest:
-            break
-    reached = len(found) == members
-    said = f"{members} tori were asked for." if reached else f"{end.name}: {end.message}"
-    return TorusFamily(tuple(found), said)
+    length = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
+    first = _Place(torus, _outwards(torus, step, metric), guessed=True)
+    found = follow(problem, first, length, members, lambda place: None, path)
+    return TorusFamily(tuple(place.torus for place in found.members), found.end)
 
 
-def _next(
-    torus: Torus, tangent: Unknowns, length: float, metric: Metric, goal: float, max_modes: int
-) -> Torus:
-    """The torus a step further; not found if there is none."""
-    now = torus.unknowns
-    start = now.moved(length * tangent.packed())
-    w = circle.harmonic(torus.points)
-    w = w / np.linalg.norm(w)
-    target = ("along", tangent, start, metric)
-    return refined(torus, start, w, target, goal=goal, max_modes=max_modes)
+class _Place(NamedTuple):
+    """A torus on its family.
+
+    Attributes:
+      torus: the torus.
+      tangent: the secant from the torus before, of unit length.
+      guessed: whether it is that of the first torus: without the changes of the rotation and of the
+        centre.
+    """
+
+    torus: Torus
+    tangent: Unknowns
+    guessed: bool
 
 
-def _strays(old: Torus, new: Torus, tangent: Unknowns, length: float, metric: Metric) -> bool:
-    """Whether a step ended far from where its tangent led, on another solution."""
-    expected = old.unknowns.moved(length * tangent.packed())
-    return metric.size(_between(expected, new.unknowns)) > _ASTRAY * length
+class _Record(NamedTuple):
+    """A `_Place` as its file has it."""
+
+    torus: dict
+    tangent: Unknowns
+    guessed: bool
+
+
+class _Chart(Chart[_Place]):
+    """A family of tori near one of them, in the units of the first one."""
+
+    turn = -math.inf  # a secant turns as far as a step is corrected
+
+    def __init__(self, problem: "_Problem", guessed: bool):
+        self.problem, self.metric = problem, problem.metric
+        self.reach = math.inf if guessed else _ASTRAY
+
+    def place(self, member: _Place) -> Place:
+        torus, tangent, _ = member
+        return Place(self.metric.coordinates(torus.unknowns), self.metric.coordinates(tangent))
+
+    def correct(self, last: _Place, start, plane) -> Correction | str:
+        torus, begin = last.torus, self.metric.unknowns(start)
+        w = circle.harmonic(torus.points)
+        w = w / np.linalg.norm(w)
+        target = ("along", last.tangent, begin, self.metric)
+        goal, max_modes = self.problem.goal, self.problem.max_modes
+        found = refine(torus, begin, w, target, goal=goal, max_modes=max_modes)
+        if not found.ok:
+            return f"{found.outcome.name}: {found.message}"
+        same = found.unknowns.resampled(len(torus.points))
+        return Correction(self.metric.coordinates(same), 0, found)
+
+    def tangent(self, last: _Place, found: Correction) -> np.ndarray:
+        secant = found.x - self.place(last).x
+        return secant / np.linalg.norm(secant)
+
+    def member(self, last: _Place, found: Correction, tangent: np.ndarray) -> _Place:
+        before = last.torus.unknowns.resampled(len(found.solution.points))
+        pairs = zip(before, found.solution.unknowns, strict=True)
+        secant = Unknowns(*(new - old for old, new in pairs))
+        return _Place(found.solution, _unit(secant, self.metric), guessed=False)
+
+
+class _Problem(BranchProblem[_Place]):
+    """The family of a torus."""
+
+    what = TORI
+    shortest, longest = 1e-3, 1.0  # shorter steps lead nowhere; longer ones need more modes
+
+    def __init__(self, torus: Torus, goal: float, max_modes: int):
+        self.first, self.goal, self.max_modes = torus, goal, max_modes
+        self.metric = Metric.of(torus.scene, torus.unknowns)
+
+    def chart(self, member: _Place) -> _Chart:
+        return _Chart(self, member.guessed)
+
+    def codec(self) -> Codec:
+        def encode(member: _Place) -> dict[str, Any]:
+            return plain(member._replace(torus=plain(member.torus, _SAME)))
+
+        def decode(record: Any) -> _Place:
+            torus, *rest = typed(record, _Record, "file", OTHER)
+            known = typed_fields(torus, Torus, "file", OTHER, _SAME)
+            return _Place(dataclasses.replace(self.first, **known), *rest)
+
+        return Codec(encode, decode)
+
+    def about(self) -> dict[str, Any]:
+        return {"goal": float(self.goal), "max_modes": self.max_modes, "held": self.first.held}
+
+    def lost(self, reason: str) -> str:
+        return reason
 
 
 def _outwards(torus: Torus, step: float, metric: Metric) -> Unknowns:
@@ -152,16 +220,6 @@ def _outwards(torus: Torus, step: float, metric: Metric) -> Unknowns:
     return _unit(Unknowns(np.sign(step) * out, 0.0, 0.0), metric)
 
 
-def _secant(old: Torus, new: Torus, metric: Metric) -> Unknowns:
-    """The unit tangent from one torus to the next, with the points of the latter."""
-    return _unit(_between(old.unknowns, new.unknowns), metric)
-
-
-def _between(before: Unknowns, after: Unknowns) -> Unknowns:
-    """The difference of two, with the points of the latter."""
-    before = before.resampled(len(after.points))
-    return Unknowns(*(b - a for a, b in zip(before, after, strict=True)))
-
-
 def _unit(tangent: Unknowns, metric: Metric) -> Unknowns:
-    return Unknowns(*(x / metric.size(tangent) for x in tangent))
+    size = float(np.linalg.norm(metric.coordinates(tangent)))
+    return Unknowns(*(x / size for x in tangent))

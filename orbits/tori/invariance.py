@@ -21,13 +21,12 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
+from jaxdyn.continuation import newton
 from orbits.closing.sizes import alike, sizes
 from orbits.shooting.segment import Piece, linearised_end
 from orbits.tori import circle
 
-_MAX_ITERATIONS = 15
-_SLOW = 0.3  # a step that leaves more of the residual than this, near rounding, is the last
-_NEAR = 1e-9  # relative residual below which slow progress is rounding
+_STEPS = 15
 _DIVERGED = 100.0  # growth of the residual in one step after which there is no solution nearby
 
 
@@ -85,9 +84,21 @@ class Metric(NamedTuple):
         along = points / self.each**2 / len(points)
         return np.append(along.ravel(), [rotation, time / self.time**2])
 
-    def size(self, difference: Unknowns) -> float:
-        """The norm of a difference; for circles about one centre it is that of their harmonics."""
-        return float(np.sqrt(2 * self.row(difference) @ difference.packed()))
+    def coordinates(self, found: Unknowns) -> np.ndarray:
+        """(N k + 2,) of unknowns, or of a tangent, as numbers without units.
+
+        Distances of circles about one centre are those of their harmonics.
+        """
+        points, rotation, time = found
+        each = points / self.each * math.sqrt(2 / len(points))
+        return np.append(each.ravel(), [math.sqrt(2) * rotation, math.sqrt(2) * time / self.time])
+
+    def unknowns(self, x: np.ndarray) -> Unknowns:
+        """The unknowns with coordinates x (N k + 2,)."""
+        points = x[:-2].reshape(-1, len(self.each))
+        each = self.each / math.sqrt(2 / len(points))
+        rotation, time = (float(z) / math.sqrt(2) for z in x[-2:])
+        return Unknowns(points * each, rotation, time * self.time)
 
     def norm(self, w: np.ndarray) -> float:
         """The norm of a direction (k,)."""
@@ -112,38 +123,29 @@ class Solved(NamedTuple):
     """Where Newton's method ended.
 
     Attributes:
-      unknowns: the best iterate.
+      unknowns: the circle, or the best iterate.
       residual: largest entry of the invariance equation there, in units; NaN if a motion could not
         be integrated.
-      iterations: number of steps.
     """
 
     unknowns: Unknowns
     residual: float
-    iterations: int
 
 
 def solve(
     scene: Scene, start: Unknowns, conditions: Conditions, rtol: float, metric: Metric
 ) -> Solved:
     """The invariant circle near a start, by Newton's method with the exact Jacobian."""
-    now, best = start, Solved(start, math.inf, 0)
     units = metric.packed(len(start.points))
-    for i in range(_MAX_ITERATIONS):
-        residual, jacobian = _equations(scene, now, conditions, rtol, metric)
-        size = float(np.abs(residual).max())
-        if not np.isfinite(size):
-            return best if np.isfinite(best.residual) else Solved(now, math.nan, i)
-        if size > _DIVERGED * best.residual:
-            break
-        slow = size > _SLOW * best.residual and best.residual < _NEAR
-        if size < best.residual:
-            best = Solved(now, size, i)
-        if slow or size == 0.0:
-            break
-        # Equations that integrals make dependent are consistent: the shortest step solves all.
-        now = now.moved(units * np.linalg.lstsq(jacobian, -residual, rcond=None)[0])
-    return best
+
+    def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _equations(scene, start.moved(units * x), conditions, rtol, metric)
+
+    # Equations that integrals make dependent are consistent: the shortest step solves all.
+    rank = np.finfo(float).eps * units.size
+    nowhere = np.zeros(units.size)
+    found = newton.solve(equations, nowhere, steps=_STEPS, rank=rank, diverged=_DIVERGED)
+    return Solved(start.moved(units * found.x), found.residual)
 
 
 def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:

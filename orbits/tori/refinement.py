@@ -15,7 +15,7 @@ _MORE = 1.5  # factor of the modes from attempt to attempt
 _COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
 
-def refined(
+def refine(
     like: Torus,
     start: Unknowns,
     w: np.ndarray,

@@ -14,7 +14,7 @@ from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
 from orbits.tori.invariance import Unknowns, mean_energy
 from orbits.tori.record import Torus, TorusOutcome
-from orbits.tori.refinement import refined
+from orbits.tori.refinement import refine
 
 #: Default largest error of invariance, in the sizes of the entries.
 GOAL = 1e-11
@@ -99,7 +99,7 @@ def torus(
         held=held,
         rtol=orbit.rtol,
     )
-    found = refined(blank, start, w, target, goal=goal, max_modes=max_modes)
+    found = refine(blank, start, w, target, goal=goal, max_modes=max_modes)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found

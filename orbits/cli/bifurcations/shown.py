@@ -26,7 +26,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     """Print the curves or the diagram of a file, and draw them if requested."""
     kinds = (*jaxdyn.continuation.checkpoint.WHATS, orbits.families.checkpoint.ORBITS)
     kinds = (*kinds, orbits.curves.checkpoint.ORBIT_CURVE)
-    walks, notes = jaxdyn.continuation.checkpoint.stored(file, kinds)
+    walks, notes = jaxdyn.continuation.checkpoint.walks_in(file, kinds)
     found = next((note for note in notes if note.keys() == {*Noted._fields}), None)
     if found is None:
         got = "one that a program wrote, which does not name its scene"

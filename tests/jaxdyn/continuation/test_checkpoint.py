@@ -81,7 +81,7 @@ def test_an_interrupted_run_goes_on_to_the_same_result(follow, after, tmp_path):
 def test_what_is_in_the_file_is_not_computed_again(tmp_path, monkeypatch):
     path = tmp_path / "run.jsonl"
     whole, size = family(path), path.stat().st_size
-    monkeypatch.setattr(jaxdyn.continuation.equilibria, "_next", None)
+    monkeypatch.setattr(jaxdyn.continuation.special.EquilibriumChart, "correct", None)
     assert_same(family(path), whole)
     assert path.stat().st_size == size
 

@@ -10,7 +10,7 @@ import jaxdyn
 from jaxdyn import scenes
 from jaxdyn.continuation import Kind, switch_branch
 from jaxdyn.continuation.family import equilibrium_at
-from jaxdyn.continuation.special import special_points
+from jaxdyn.continuation.special import EquilibriumChart, special_points
 from jaxdyn.continuation.units import Units
 
 
@@ -220,9 +220,10 @@ def test_a_member_that_is_special_itself_is_found_once():
     (hopf,) = family.special
     assert (hopf.kind, hopf.parameter) == (Kind.HOPF, 0.0)
     # and one on the way.
-    make = Units(np.ones(2), np.ones(1), 1.0).scene(_of(rate, 2))
+    chart = EquilibriumChart(_of(rate, 2), Units(np.ones(2), np.ones(1), 1.0))
+    make = chart.make
     up = np.array([0.0, 0.0, 1.0])
     before, here, after = (equilibrium_at(make, p * up, up, 0.0) for p in (-1.0, 0.0, 1.0))
-    (hopf,) = special_points(make, before, here)
+    (hopf,) = special_points(chart, before, here)
     assert (hopf.kind, hopf.parameter) == (Kind.HOPF, 0.0)
-    assert special_points(make, here, after) == []
+    assert special_points(chart, here, after) == []

@@ -204,15 +204,15 @@ def test_an_interrupted_family_goes_on_from_its_part(orbits, tmp_path, monkeypat
     words = ("family", "pendulum", "--set", "angle=2", "--period", "2.7", "--members", "4")
     assert orbits(*words, "--save", whole)[0] == 0
     assert list(tmp_path.iterdir()) == [whole]
-    follow, found = continuation.next_member, []
+    between, found = continuation.special_points, []
 
-    def next_member(*args):
+    def interrupted(*args):  # called at each step
         found.append(args)
         if len(found) == 3:
             raise KeyboardInterrupt
-        return follow(*args)
+        return between(*args)
 
-    monkeypatch.setattr(continuation, "next_member", next_member)
+    monkeypatch.setattr(continuation, "special_points", interrupted)
     assert orbits(*words, "--save", path)[0] == 130
     assert not path.exists()
     other = orbits("family", "pendulum", "--set", "angle=1", "--save", path)[2]

@@ -8,9 +8,9 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
+from jaxdyn.continuation.kinds import Kind
 from jaxdyn.integrate import events
 from orbits.families import graph
-from orbits.families.family import Kind
 from orbits.files import family_files
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.margins import margins

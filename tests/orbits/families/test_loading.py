@@ -44,16 +44,16 @@ def assert_same(a, b):
 @pytest.mark.slow
 def test_an_interrupted_diagram_goes_on_to_the_same_result(tmp_path, monkeypatch):
     path, whole = tmp_path / "diagram.jsonl", follow()
-    step = orbits.families.continuation.next_member
+    between = orbits.families.continuation.special_points
     taken = []
 
-    def interrupted(*args):
+    def interrupted(*args):  # called at each step
         taken.append(args)
         if len(taken) == 3:
             raise KeyboardInterrupt
-        return step(*args)
+        return between(*args)
 
-    monkeypatch.setattr(orbits.families.continuation, "next_member", interrupted)
+    monkeypatch.setattr(orbits.families.continuation, "special_points", interrupted)
     with pytest.raises(KeyboardInterrupt):
         follow(path)
     part = orbits.families.load(path, van_der_pol)

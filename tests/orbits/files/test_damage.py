@@ -50,11 +50,11 @@ def save_walk(what: str) -> Callable[[Path], None]:
         codec = checkpoint.Codec(encode=lambda x: x, decode=lambda x: x)
         log = checkpoint.Log(path)
         begin = checkpoint.Begin(what, 0.1, np.array([1.0, 1e-13]), {"x": [1.0]})
-        with checkpoint.kept_in(log, begin, codec) as (_, walk):
+        with checkpoint.resume(log, begin, codec) as (_, walk):
             assert walk is not None
             for number in range(4):
                 walk.add(checkpoint.Advance({"x": [1e-13, number / 3]}, [], 0.1, ""))
-            walk.ended("the number of members requested, 5")
+            walk.finish("the number of members requested, 5")
         log.note({"scene": "none"})
 
     return save
@@ -62,7 +62,7 @@ def save_walk(what: str) -> Callable[[Path], None]:
 
 def read_walk(what: str) -> Callable[[Path], list]:
     def read(path: Path) -> list:
-        (walk,), notes = checkpoint.stored(path, (what,))
+        (walk,), notes = checkpoint.walks_in(path, (what,))
         return [*walk.steps, *([walk.end] if walk.end else []), *notes]
 
     return read

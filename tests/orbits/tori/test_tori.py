@@ -150,6 +150,29 @@ def test_a_family_of_tori_grows_from_the_orbit(loop):
     assert back.amplitudes[1] < back.amplitudes[0]
 
 
+def test_an_interrupted_family_of_tori_goes_on_from_its_file(swing, tmp_path, monkeypatch):
+    first, path = orbits.torus(swing, 0.1), tmp_path / "tori.jsonl"
+    whole = orbits.continue_tori(first, members=4)
+    orbits.continue_tori(first, members=3, path=path)
+    made = []
+
+    def counted(*args, **options):
+        made.append(args)
+        return refine(*args, **options)
+
+    refine = orbits.tori.continuation.refine
+    monkeypatch.setattr(orbits.tori.continuation, "refine", counted)
+    again = orbits.continue_tori(first, members=4, path=path)
+    assert len(made) == 1  # what the file has is not computed again
+    assert again.end == whole.end
+    for a, b in zip(again.members, whole.members, strict=True):
+        np.testing.assert_array_equal(a.points, b.points)
+        assert (a.rotation, a.error, a.outcome) == (b.rotation, b.error, b.outcome)
+    # Another goal is another family.
+    orbits.continue_tori(first, members=2, goal=1e-9, path=path)
+    assert len(made) == 2
+
+
 @pytest.mark.slow
 def test_a_torus_that_is_not_found_has_an_outcome(swing, loop):
     coarse = orbits.torus(swing, 1.0, max_modes=6, throw=False)

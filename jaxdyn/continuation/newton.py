@@ -1,0 +1,108 @@
+"""The corrector: Newton's method on the host, for the unknowns of a point of a branch.
+
+It begins near a solution, in unknowns and equations without units, and ends where its steps become
+small: after such a step the next leaves only rounding. So it says whether there is a solution near
+by, and does not search for one far away (`orbits.shooting.newton` does).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
+
+#: x (n,) -> residual (m,) and Jacobian (m, n), NaN where there is no value; and what else is known.
+Equations = Callable[[np.ndarray], tuple]
+
+
+class Solution(NamedTuple):
+    """Where Newton's method ended: where it settled, or else at its best iterate.
+
+    Attributes:
+      x: (n,) unknowns.
+      value: (m,) residual.
+      jacobian: (m, n) there.
+      more: what else the equations say there.
+      iterations: number of steps to it, without those of the polish.
+      settled: whether the last step was small.
+    """
+
+    x: np.ndarray
+    value: np.ndarray
+    jacobian: np.ndarray
+    more: tuple
+    iterations: int
+    settled: bool = False
+
+    @property
+    def residual(self) -> float:
+        """The largest entry of the residual."""
+        return float(np.abs(self.value).max())
+
+    @property
+    def finite(self) -> bool:
+        """Whether the equations have a value there."""
+        return bool(np.isfinite(self.value).all() and np.isfinite(self.jacobian).all())
+
+
+def solve(
+    equations: Equations,
+    start: np.ndarray,
+    *,
+    steps: int = 10,
+    rank: float | None = None,
+    polish: int = 0,
+    halvings: int = 0,
+    diverged: float = math.inf,
+) -> Solution:
+    """The point near a start where the steps of Newton's method become small.
+
+    How small its residual must be is for the caller to say.
+
+    Args:
+      equations: the equations and their Jacobian.
+      start: (n,) unknowns.
+      steps: largest number of steps; more mean that the start was too far away.
+      rank: None for equations that are as many as the unknowns, and independent. Of others steps
+        are the shortest of least squares, without singular values below this part of the largest.
+      polish: number of steps after the first small one.
+      halvings: how often a step that does not reduce the residual is halved; 0 takes all steps.
+      diverged: growth of the residual after which there is no solution near by.
+    """
+    here = best = _at(equations, np.asarray(start, float), 0)
+    small = 0
+    for iteration in range(1, steps + polish + 1):
+        if not here.finite or here.residual > diverged * best.residual:
+            break
+        best = min(best, here, key=lambda point: point.residual)
+        try:
+            change = -_shortest(here.jacobian, here.value, rank)
+        except np.linalg.LinAlgError:
+            break
+        damped = halvings and not small
+        tried = (
+            _at(equations, here.x + 0.5**i * change, iteration)
+            for i in range(1 + halvings if damped else 1)
+        )
+        size = np.linalg.norm(here.value)
+        new = next((new for new in tried if not damped or np.linalg.norm(new.value) < size), None)
+        if new is None:
+            break
+        step, here = np.abs(new.x - here.x).max(), new
+        small += small > 0 or step <= _SETTLED * (1.0 + np.abs(here.x).max())
+        if small > polish and here.finite:
+            return here._replace(iterations=iteration - polish, settled=True)
+    return best
+
+
+def _at(equations: Equations, x: np.ndarray, iterations: int) -> Solution:
+    value, jacobian, *more = equations(x)
+    return Solution(x, np.asarray(value), np.asarray(jacobian), tuple(more), iterations)
+
+
+def _shortest(jacobian: np.ndarray, value: np.ndarray, rank: float | None) -> np.ndarray:
+    if rank is None:
+        return np.linalg.solve(jacobian, value)
+    return np.linalg.lstsq(jacobian, value, rcond=rank)[0]
