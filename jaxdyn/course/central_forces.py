@@ -53,18 +53,13 @@ def solve(page: Page) -> None:
     orbit = loops.closed(law, turns=2, loops=3)
     closed = simulate(orbit.scene, orbit.period, samples=400, rtol=1e-13)
     page.number("b: period of the closed orbit", orbit.period, "s")
-    speed = np.hypot(*orbit.y0[2:4])
-    page.number(
-        "b: its distance and speed at the start", [np.hypot(*orbit.y0[:2]), speed], "m, m/s"
-    )
+    page.number("b: its speed at the start, 1 m away", np.hypot(*orbit.y0[2:4]), "m/s")
     page.equal("It closes", closed.ys[-1], orbit.y0, within=1e-12, route="integrated again")
     turned = np.unwrap(np.arctan2(closed["y"], closed["x"]))[-1]
     page.equal("after two turns", turned, 4 * np.pi, within=1e-12, route="angle along the path")
 
     angle = scenes.apsidal_angle(law, 0.4, 1.0)
-    page.number(
-        "b i: angle from nearest to farthest point, at 0.4 and 1 m", np.degrees(angle), "degrees"
-    )
+    page.number("b i: angle from the nearest, 0.4 m, to the farthest, 1 m", angle, "rad")
     ring = loops.rosette(law, 0.4, loops=12)
     rosette = simulate(ring, samples=501, rtol=1e-13)
     once = simulate(ring, ring.t1 / 12, samples=400, rtol=1e-13).ys[-1].reshape(2, 2)

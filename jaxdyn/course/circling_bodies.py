@@ -5,7 +5,7 @@ three equal ones at the corners of a triangle. What is the period of the two at 
 how fast do three bodies turn on a circle of diameter 3 for G = 10? Is the motion stable?
 
 Answer: The period of two is 2 pi sqrt(d^3 / (G (m1 + m2))), and three on a circle of radius R turn
-at sqrt(G m / (sqrt(3) R^3)) = 1.3078. The circle of three is unstable: rounding alone ends it.
+at sqrt(G m / (sqrt(3) R^3)) = 1.3079. The circle of three is unstable: rounding alone ends it.
 
 (a) Both circle the mass centre with one angular speed w. The first is at d m2 / (m1 + m2) from it,
 so m1 w^2 d m2 / (m1 + m2) = G m1 m2 / d^2, and the period is 2 pi / w.

@@ -35,6 +35,7 @@ def solve(page: Page) -> None:
     page.number("dropped: lands after", dropped, "s")
     page.number("thrown: lands after", thrown, "s")
     w = math.sqrt(m * g / c)
+    page.number("terminal speed", w, "m/s")
     fall = w / g * math.acosh(math.exp(g * h / w**2))
     page.equal("The dropped ball lands when it should", dropped, fall, within=1e-13)
     page.true("The thrown ball lands later", thrown - dropped > 0.1, route="both integrated")

@@ -23,7 +23,7 @@ always has a solution, as its determinant is -l^2.
 The start, l = 1 m, 2 rad from hanging, at rest, satisfies the length condition and its derivative;
 the equations keep nothing but the second derivative. An error e of the length and e' of its rate
 left by the steps therefore grow like e + e' t. Compared with l sin(theta) and -l cos(theta) of the
-pendulum by its angle all three agree to 1e-9 for 100 s at a tolerance of 1e-13.
+pendulum by its angle all three agree to 1e-9 for 100 s at a tolerance of 1e-14.
 """
 
 import jax.numpy as jnp
@@ -58,8 +58,8 @@ def solve(page: Page) -> None:
     got, by_hand = tied["raw"].rate(0.0, y0), three_equations(0.0, y0)
     page.equal("The scene has the three equations", got, by_hand, within=1e-13, route="by hand")
 
-    by_angle = simulate(scenes.pendulum(**swing), samples=601, rtol=1e-13)
-    tight = {name: simulate(scene, samples=601, rtol=1e-13) for name, scene in tied.items()}
+    by_angle = simulate(scenes.pendulum(**swing), samples=601, rtol=1e-14)
+    tight = {name: simulate(scene, samples=601, rtol=1e-14) for name, scene in tied.items()}
     loose = {name: simulate(scene, samples=601, rtol=1e-3) for name, scene in tied.items()}
     figure = blank(6.4, 4.0)
     ax = figure.subplots()

@@ -6,7 +6,7 @@ turn. Try them on turns that you can see: by 90 degrees about x, about z, and by
 
 Answer: r' = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, and R is the matrix of it. Back,
 axis and angle come out to rounding at every angle, also at 0, where any axis is right, and next to
-180 degrees, where sin(theta) = 0 leaves the usual formula without a digit.
+half a turn, where sin(theta) = 0 leaves the usual formula without a digit.
 """
 
 import math

@@ -55,7 +55,7 @@ def solve(page: Page) -> None:
     page.number("principal moments of A", moments, "kg m^2")
     line = [0.5**0.5, -(0.5**0.5), 0.0]
     page.equal("The line of the centres has the least moment", axes[:, 0], line, within=1e-14)
-    first, second, third = np.asarray(moments)
+    first, second, third = moments
     rate = np.sqrt((second - first) * (third - second) / (first * third))
     a = np.sqrt(second * (third - second) / (first * (third - first)))
     c = np.sqrt(second * (second - first) / (third * (third - first)))
@@ -86,9 +86,7 @@ def solve(page: Page) -> None:
     page.draw(
         figure, "Angular momentum in the body's axes: loops, and half of the curve that parts them."
     )
-    page.play(
-        motions, "Wobbles, repeated flips, and a motion that never flips again.", choose="start"
-    )
+    page.play(motions, "Wobbles, repeated flips, and a single flip.", choose="start")
 
 
 if __name__ == "__main__":

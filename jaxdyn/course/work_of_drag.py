@@ -31,6 +31,16 @@ PROBLEM = 12
 TOPIC = "one particle"
 
 
+def thrown():
+    """The same throw through air of different density, by the drag coefficient [kg/m]."""
+    shots = {}
+    for c in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
+        shot = scenes.cannonball(speed=1.0, g=1.0, drag=c)
+        scene = work_by_effect.with_work(shot, effects.QuadraticDrag)
+        shots[f"{c:g}"] = simulate(scene, 1.2, samples=200)
+    return shots
+
+
 def solve(page: Page) -> None:
     """Integrate the work with the motion, by three methods, and compare it with the energy."""
     shot = scenes.cannonball(speed=1.0, g=1.0, drag=1.0)
@@ -68,12 +78,7 @@ def solve(page: Page) -> None:
     ax.legend(frameon=False)
     page.draw(figure, "Any difference is an error of integration, and goes away with it.")
 
-    shots = {}
-    for c in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
-        shot = scenes.cannonball(speed=1.0, g=1.0, drag=c)
-        shots[f"{c:g}"] = simulate(
-            work_by_effect.with_work(shot, effects.QuadraticDrag), 1.2, samples=200
-        )
+    shots = thrown()
     spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]
     page.number("b: work in 1.2 s with c = 0.03, 0.1, 0.3, 1, 3 and 10 kg/m", spent, "J")
     names = [f"c = {c} kg/m" for c in shots]
