@@ -43,7 +43,7 @@ var Dop853 = (() => {
     // span: a time in which something happens, of which steps are parts; its sign does not matter.
     // groups: {of: (k) the kind of each entry, most: (k) the largest size of it or null}; what is
     //   of one kind is compared with the largest of it. project: (t, y) onto constraints, or null.
-    constructor(rate, t, y, { span = 1, groups = null, project = null, rtol = 1e-11 } = {}) {
+    constructor(rate, t, y, { span = 1, groups = null, project = null, rtol = 1e-13 } = {}) {
       const k = y.length;
       this.rate = rate;
       this.project = project;

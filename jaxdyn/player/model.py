@@ -8,6 +8,7 @@ Of a shape with many corners only so many are computed from the state as determi
 are sums of these with fixed weights: of a body that moves in the plane three, in space four.
 """
 
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -109,17 +110,29 @@ def _written(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> str:
     return "\n".join(line for line in lines if not line.startswith("  // "))
 
 
-def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
-    """What can be switched off: a name and the effects, one each, or of many those of a kind."""
+def _names(scene: Scene) -> list[str]:
+    """A name for each effect: its class, with a number where there are several."""
     kinds = [type(effect).__name__ for effect in scene.effects]
-    if len(kinds) <= _MOST_SWITCHED:
-        named = [
-            f"{kind} {kinds[: i + 1].count(kind)}" if kinds.count(kind) > 1 else kind
-            for i, kind in enumerate(kinds)
-        ]
-        return [(name, (i,)) for i, name in enumerate(named)]
-    alike = {kind: tuple(i for i, k in enumerate(kinds) if k == kind) for kind in kinds}
-    return list(alike.items()) if len(alike) <= _MOST_SWITCHED else []
+    return [
+        f"{kind} {kinds[: i + 1].count(kind)}" if kinds.count(kind) > 1 else kind
+        for i, kind in enumerate(kinds)
+    ]
+
+
+def _words(name: str) -> str:
+    """The name of a class as words."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.strip("_")).lower()
+
+
+def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
+    """What can be switched off: words and the effects, one each, or of many those of a kind."""
+    if len(scene.effects) <= _MOST_SWITCHED:
+        return [(_words(name), (i,)) for i, name in enumerate(_names(scene))]
+    alike: dict[str, list[int]] = {}
+    for i, effect in enumerate(scene.effects):
+        alike.setdefault(_words(type(effect).__name__), []).append(i)
+    found = [(words, tuple(places)) for words, places in alike.items()]
+    return found if len(found) <= _MOST_SWITCHED else []
 
 
 def _rates(scene: Scene, switches: list, of: Callable) -> list[str]:
@@ -276,18 +289,23 @@ def _groups(scene: Scene) -> dict:
 
 
 def _parameters(scene: Scene) -> list[dict]:
-    """Name, value and unit of each parameter, and how many belong to its array."""
+    """Name, label, value and unit of each parameter, and how many belong to its array."""
     units = any(unit != "1" for _, unit in scene.labels())
     found = [
         {"unit": _unit(scene, leaf.path) if units else "", "of": leaf.value.size}
         for leaf in leaves(scene.field)
         for _ in range(leaf.value.size)
     ]
-    known = parameters(scene)
+    known, words = parameters(scene), [_words(name) for name in _names(scene)]
     return [
-        {"name": name, "value": float(value), **one}
+        {"name": name, "label": _label(name, words), "value": float(value), **one}
         for name, value, one in zip(known.names, known.values, found, strict=True)
     ]
+
+
+def _label(name: str, effects: list[str]) -> str:
+    """A parameter as people call it: that of an effect with the words for this in front."""
+    return re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
 
 
 def _unit(scene: Scene, path: tuple[str, ...]) -> str:
