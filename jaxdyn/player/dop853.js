@@ -37,13 +37,20 @@ var Dop853 = (() => {
   const FIRST = 0.01; // of the time in which the state changes by its size: the first step
   const SHORTEST = 1e-15; // of the span: a singularity is nearer than a shorter step
   const LONGEST = 1 / 50; // of the span: a pulse may lie within a longer step
+  const SOON = 1e-3; // of the span: what is zero has the size that its rate gives it in this time
+  // A rate that jumps where the motion is leaves no step short enough: one is taken as it is. Where
+  // it jumps at each step, as that of dry friction does where it sticks, after so many tiny steps,
+  // in parts of the span, some longer ones are. Not where the rate is so many times what it was:
+  // there a singularity is near.
+  const OVER = 1e-12, TINY = 1e-9, PATIENCE = 40, CRAWL = 1e-5, CRAWLS = 200, STEEP = 100;
 
   class Dop853 {
     // The motion of dy/dt = rate(t, y) from y at t.
     // span: a time in which something happens, of which steps are parts; its sign does not matter.
     // groups: {of: (k) the kind of each entry, most: (k) the largest size of it or null}; what is
     //   of one kind is compared with the largest of it. project: (t, y) onto constraints, or null.
-    constructor(rate, t, y, { span = 1, groups = null, project = null, rtol = 1e-13 } = {}) {
+    // rough: whether the rate has conditions.
+    constructor(rate, t, y, { span = 1, groups = null, project = null, rough = false, rtol = 1e-13 } = {}) {
       const k = y.length;
       this.rate = rate;
       this.project = project;
@@ -57,9 +64,14 @@ var Dop853 = (() => {
       this.stages = new Array(ALL);
       this.dense = null;
       this.failed = "";
+      this.rough = rough;
+      this.speeds = new Array(k).fill(0); // of each kind, at steps that are not tiny
+      this.tiny = this.crawls = 0;
+      this.crawled = null; // since when it has crawled
       this.steps = this.rejected = 0;
       this.now = rate(t, this.y);
       this.grow(this.y);
+      this.quicken();
       this.h = this.first();
       if (!this.now.every(Number.isFinite)) this.failed = "not a number";
     }
@@ -67,6 +79,11 @@ var Dop853 = (() => {
     // The sizes of the kinds of entries so far.
     grow(y) {
       for (let i = 0; i < y.length; i++) this.sizes[this.of[i]] = Math.max(this.sizes[this.of[i]], Math.abs(y[i]));
+    }
+
+    // The rates of the kinds of entries so far.
+    quicken() {
+      for (let i = 0; i < this.now.length; i++) this.speeds[this.of[i]] = Math.max(this.speeds[this.of[i]], Math.abs(this.now[i]));
     }
 
     first() {
@@ -90,9 +107,15 @@ var Dop853 = (() => {
       if (this.failed) return false;
       const { y, t, stages } = this, k = y.length, way = end < t ? -1 : 1;
       let h = Math.min(this.h, LONGEST * this.span), again = false;
+      let blind = false; // whether it is taken whatever its error
+      if (this.tiny >= PATIENCE) this.crawl();
       for (;;) {
+        if (this.crawls || h < SHORTEST * this.span) {
+          if (!this.rough || this.steep()) { this.failed = "too small steps"; return false; }
+          blind = true;
+          h = (this.crawls ? CRAWL : OVER) * this.span;
+        }
         const last = h >= Math.abs(end - t), dt = last ? end - t : way * h;
-        if (h < SHORTEST * this.span) { this.failed = "too small steps"; return false; }
         stages[0] = this.now;
         let next = null;
         for (let s = 1; s <= STAGES; s++) {
@@ -102,11 +125,12 @@ var Dop853 = (() => {
           else stages[s] = this.rate(t + C[s] * dt, at);
         }
         const error = this.error(next, dt);
-        if (error <= 1) {
+        if (error <= 1 || (blind && Number.isFinite(error))) {
           const there = last ? end : t + dt;
           stages[STAGES] = this.rate(there, next);
           if (stages[STAGES].every(Number.isFinite)) {
-            this.accept(there, next, dt);
+            this.accept(there, next, dt, last);
+            if (this.crawls) this.crawls--;
             const factor = error ? SAFETY * error ** (-1 / 8) : MOST;
             // A step that was cut short says nothing of longer ones.
             const proposed = Math.abs(dt) * Math.min(again ? 1 : MOST, Math.max(LEAST, factor));
@@ -116,6 +140,7 @@ var Dop853 = (() => {
         }
         this.rejected++;
         again = true;
+        if (blind) { this.failed = "not a number"; return false; }
         h = Math.abs(dt) * (error > 1 ? Math.max(LEAST, SAFETY * error ** (-1 / 8)) : LEAST); // also for NaN
       }
     }
@@ -126,7 +151,8 @@ var Dop853 = (() => {
       let fifth = 0, third = 0;
       for (let i = 0; i < k; i++) {
         const entry = Math.max(Math.abs(y[i]), Math.abs(next[i])), most = this.most[i];
-        const scale = rtol * (Math.min(entry, most) + Math.min(Math.max(this.sizes[this.of[i]], entry), most) / 4);
+        const size = this.sizes[this.of[i]] || SOON * this.span * Math.max(...stages.slice(0, STAGES).map((k) => Math.abs(k[i])));
+        const scale = rtol * (Math.min(entry, most) + Math.min(Math.max(size, entry), most) / 4);
         const e5 = Dop853.sum(E5, stages, i), e3 = Dop853.sum(E3, stages, i);
         if (e5) fifth += (e5 / scale) ** 2;
         if (e3) third += (e3 / scale) ** 2;
@@ -135,7 +161,23 @@ var Dop853 = (() => {
       return size ? (Math.abs(dt) * fifth) / Math.sqrt(size * k) : size;
     }
 
-    accept(t, y, dt) {
+    // Whether the rate is far more than it was.
+    steep() {
+      return this.now.some((v, i) => Math.abs(v) > STEEP * this.speeds[this.of[i]]);
+    }
+
+    // Take some steps as they are.
+    crawl() {
+      this.crawls = CRAWLS;
+      this.tiny = 0;
+      this.crawled ??= this.t;
+    }
+
+    accept(t, y, dt, last) {
+      if (Math.abs(dt) > TINY * this.span) {
+        this.quicken();
+        this.tiny = 0;
+      } else if (!last) this.tiny++;
       this.before = this.t;
       this.from = this.y;
       this.dt = dt;

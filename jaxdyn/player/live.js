@@ -69,7 +69,7 @@
     begin(t, y) {
       const { scene } = this, { data, model } = scene;
       this.solver = new Dop853((at, z) => scene.rate(at, z), t, y, {
-        span: data.span, groups: data.groups,
+        span: data.span, groups: data.groups, rough: data.rough,
         project: data.projects ? (at, z) => model.consistent(at, z, scene.p) : null,
       });
       this.now = this.solver.y;
@@ -180,7 +180,8 @@
     }
 
     failure() {
-      const failed = this.runs.find((run) => run.solver.failed);
+      const failed = this.runs.find((run) => run.solver.failed), rough = this.runs.find((run) => run.solver.crawled !== null);
+      if (!failed && rough) return `From t = ${short(rough.solver.crawled, 4)} on a condition changes sides at each step, as that of dry friction does where it sticks: the motion is only as exact as the picture.`;
       if (!failed) return "";
       const why = failed.solver.failed === "not a number" ? "the rate is not a number there" : "a singularity is near";
       return `The motion ends at t = ${short(failed.solver.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;
@@ -199,8 +200,8 @@
         this.advance(this.t + passed, FRAME);
         this.late = this.t - before < 0.7 * passed;
         this.draw();
-        const failure = this.failure();
-        if (failure) { this.pause(); this.say(failure); return; }
+        if (this.failure()) this.say(this.failure());
+        if (this.runs.some((run) => run.solver.failed)) { this.pause(); this.say(this.failure()); return; }
         requestAnimationFrame(step);
       };
       requestAnimationFrame(step);

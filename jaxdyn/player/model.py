@@ -33,6 +33,8 @@ _MOST_SWITCHED = 4
 #: Of the size of a shape: its corners follow from some of them to this share.
 _FOLLOWS = 1e-9
 _SAMPLES = 16  # states and parameters at which that is tried
+#: What may change sides in a rate.
+_CONDITIONS = re.compile(r"\?|%|Math\.(?:sign|floor|ceil|max|min)\(")
 _REMEDY = "Play a computed motion instead: jaxdyn.simulate(scene).play(path)."
 
 
@@ -72,8 +74,9 @@ def model(scene: Scene) -> str:
         raise _checks.fail("live", "a scene without impacts and changes of contact", what, remedy)
     outlines, marks, drawn = _drawn(scene)
     switches = _switches(scene)
+    rates = _rates(scene, switches, Scene.rate)
     functions = {
-        "rates": f"[{','.join(_rates(scene, switches, Scene.rate))}]",
+        "rates": f"[{','.join(rates)}]",
         "energies": f"[{','.join(_rates(scene, switches, _energies))}]",
         "places": _written(scene, drawn),
         "consistent": _consistent(scene),
@@ -87,6 +90,7 @@ def model(scene: Scene) -> str:
         "parameters": _parameters(scene),
         "switches": [name for name, _ in switches],
         "groups": _groups(scene),
+        "rough": bool(_CONDITIONS.search(rates[-1])),
         "projects": _projects(scene.system),
         "terms": _terms(scene),
         "marks": marks,
