@@ -95,6 +95,7 @@ UPWARDS = {
     ("jaxdyn/scene.py", "jaxdyn.player.live"),
     ("jaxdyn/continuation/family.py", "jaxdyn.drawing.bifurcations"),
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
+    ("orbits/orbit.py", "jaxdyn.player.live"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
     ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),

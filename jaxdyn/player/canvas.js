@@ -174,6 +174,18 @@ var JaxdynCanvas = (() => {
       else closed(pen, corners, solid ? null : this.colour(kind === "area" ? "body" : "ink"));
     }
 
+    arrow([x0, y0], [x1, y1], colour) {
+      const { pen } = this, length = Math.hypot(x1 - x0, y1 - y0);
+      if (!(length > 1)) return;
+      const head = Math.min(8, 0.5 * length), [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
+      pen.strokeStyle = pen.fillStyle = colour;
+      pen.lineWidth = 2;
+      line(pen, [[x0, y0], [x1 - 0.7 * head * ux, y1 - 0.7 * head * uy]]);
+      pen.beginPath();
+      for (const [a, b] of [[0, 0], [-1, 0.45], [-1, -0.45]]) pen.lineTo(x1 + head * (a * ux - b * uy), y1 + head * (a * uy + b * ux));
+      pen.fill();
+    }
+
     pin([x, y]) {
       const { pen } = this;
       pen.fillStyle = this.colour("paper");

@@ -11,17 +11,23 @@
   const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
   const MOST_SAMPLES = 6000;
   const FRAME = 12; // [ms] of work between two pictures
-  const LOOK = 60; // [ms] to look ahead for the box of the motion
+  const LOOK = 250; // [ms] to look ahead for the box of the motion
   const REACH = { mouse: 26, touch: 44, pen: 30 }; // [px] at which a body is caught
   const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
   const MARGIN = 1.12, LEAST_SHARE = [0, 0, 0.25, 0.5]; // as `drawing.panels.limits`
-  const COUNTS = [1, 2, 3, 5, 10, 20];
+  const COUNTS = [1, 2, 3, 4, 5, 10, 20];
   const NUDGE = 1e-6; // of an entry, for differences
   const STILL = 1e-3; // of its size: an entry that changes less is not plotted by itself
+  const STEP = 1e-5; // of the span, for differences in time
+  const ARROW = 0.2; // of the picture: the longest vector
   const SHOWN_ALONE = 6; // numbers of an array of parameters: more are folded away
 
   const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
-  const short = (x, digits = 6) => (Number.isFinite(x) ? String(+x.toPrecision(digits)) : "not a number");
+  const short = (x, digits = 6) => {
+    if (!Number.isFinite(x)) return "not a number";
+    const figure = +x.toPrecision(digits);
+    return figure && Math.abs(figure) < 1e-3 ? figure.toExponential() : String(figure);
+  };
   const distance = (a, b) => Math.hypot(...a.map((x, d) => x - b[d]));
   // A round number that is not smaller.
   const round = (x) => { const power = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * power >= x * (1 - 1e-12)) * power; };
@@ -85,10 +91,13 @@
       return true;
     }
 
+    get last() { return this.samples[this.samples.length - 1]; }
+
     push(t) {
       const y = t === this.solver.t ? this.solver.y : this.solver.at(t), { scene } = this;
       this.samples.push({ t, y, marks: scene.places(t, y).marks, energies: scene.energies(t, y) });
-      if (this.samples.length > MOST_SAMPLES) this.samples.splice(0, MOST_SAMPLES / 6);
+      // Of the older half every second one stays.
+      if (this.samples.length > MOST_SAMPLES) this.samples = this.samples.filter((_, i) => i > MOST_SAMPLES / 2 || i % 2 === 0);
     }
   }
 
@@ -104,8 +113,7 @@
       this.flat = d.axes.named.length; // directions that the functions know
       this.dim = Math.max(2, this.flat);
       this.labels = this.flat === 1 ? [...d.axes.named, ""] : d.axes.named;
-      this.count = 1;
-      this.offset = { entry: 0, size: 1e-3 };
+      this.count = d.motions;
       this.turn = { azimuth: 0.6, height: 0.4, zoom: 1 };
       this.pace = 1;
       this.trail = 0.25;
@@ -114,6 +122,7 @@
       this.speed = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONGEST : SHORTEST);
       this.beat = this.speed * BEAT;
       this.fit();
+      this.offset = this.aside();
       this.build();
       this.reset();
       this.ranges();
@@ -169,6 +178,7 @@
         if (next > t) break;
         this.beats++;
         for (const run of this.runs) run.push(next);
+        for (const run of this.runs) run.last.apart = distance(run.last.y, this.runs[0].last.y);
       }
       this.show(t);
       return true;
@@ -333,6 +343,12 @@
       this.moves = least.map((x, j) => most[j] - x > STILL * this.size(j));
     }
 
+    // A thousandth, in round numbers, of the first entry that moves.
+    aside() {
+      const entry = Math.max(0, this.moves.indexOf(true)), size = Math.min(this.size(entry), this.data.groups.most[entry] ?? Infinity);
+      return { entry, size: 10 ** (Math.floor(Math.log10(size || 1)) - 3) };
+    }
+
     // The largest entry of a kind that the look ahead saw.
     size(i) {
       const { of } = this.data.groups;
@@ -378,6 +394,7 @@
       this.startPanel(panels);
       this.parameterPanel(panels);
       if (data.switches.length) this.effectPanel(panels);
+      this.vectorPanel(panels);
       this.severalPanel(panels);
       this.listen();
     }
@@ -448,7 +465,7 @@
 
     effectPanel(parent) {
       const panel = this.panel("Effects", parent);
-      this.switches = this.data.switches.map((name, i) => {
+      this.switches = this.data.switches.map(({ name }, i) => {
         const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox", checked: true }, label);
         label.append(name);
         box.addEventListener("change", () => this.switched(i, box.checked));
@@ -456,10 +473,23 @@
       });
     }
 
+    vectorPanel(parent) {
+      const panel = this.panel("Vectors", parent, false), kinds = ["velocity", "acceleration", ...this.data.forces.map((one) => `force: ${one.name}`)];
+      this.vectors = kinds.map((name, i) => {
+        const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox" }, label);
+        const swatch = this.make("span", { className: "swatch" }, label);
+        swatch.style.setProperty("--own", `var(--path-${(i + 2) % 7})`);
+        label.append(name);
+        box.addEventListener("change", () => { this.longest[i] = 0; this.draw(); });
+        return box;
+      });
+      this.longest = kinds.map(() => 0);
+    }
+
     severalPanel(parent) {
-      const panel = this.panel("Several motions", parent, false), row = this.make("div", { className: "controls" }, panel);
-      this.select("how many motions", COUNTS.map((n) => [n, n === 1 ? "one" : `${n} motions`]), 1, (n) => this.several(+n), row);
-      this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), 0, (i) => { this.offset.entry = +i; this.reset(); }, row);
+      const panel = this.panel("Several motions", parent, this.count > 1), row = this.make("div", { className: "controls" }, panel);
+      this.select("how many motions", [...new Set([...COUNTS, this.count])].sort((a, b) => a - b).map((n) => [n, n === 1 ? "one" : `${n} motions`]), this.count, (n) => this.several(+n), row);
+      this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), this.offset.entry, (i) => { this.offset.entry = +i; this.reset(); }, row);
       const apart = this.make("input", { type: "number", step: "any", value: this.offset.size }, row);
       apart.setAttribute("aria-label", "how far apart they start");
       apart.addEventListener("input", () => { if (apart.value !== "" && Number.isFinite(+apart.value)) { this.offset.size = +apart.value; this.reset(); } });
@@ -585,6 +615,7 @@
       paper.clip(view);
       // The first one last: it is in front of the others.
       for (let k = this.runs.length - 1; k >= 0; k--) this.motion(paper, view, this.runs[k], many ? k : null);
+      this.vectorsOn(paper, view);
       paper.pen.restore();
       this.clock.textContent = `t = ${this.time()}`;
       this.tell();
@@ -605,6 +636,41 @@
         marks.forEach((mark, j) => paper.tail([...kept.map((sample) => view.map(sample.marks[j])), view.map(mark)], own(j), false));
       }
       marks.forEach((mark, j) => { const [x, y] = view.map(mark); if (Number.isFinite(x + y)) disc(paper.pen, x, y, 5.5, own(j), paper.colour("paper")); });
+    }
+
+    // The chosen vectors of the first motion: [place, components] for each kind.
+    arrows() {
+      const { t, data } = this, y = this.runs[0].now, h = STEP * data.span, found = [];
+      const [wanted, forces] = [this.vectors.slice(0, 2), this.vectors.slice(2)].map((boxes) => boxes.some((box) => box.checked));
+      if (wanted) {
+        // Differences along the motion: exact enough for a picture.
+        const f = this.rate(t, y), [g, e] = [1, -1].map((s) => this.rate(t + s * h, y.map((x, i) => x + s * h * f[i])));
+        const at = (s) => this.places(t + s * h, y.map((x, i) => x + s * h * f[i] + (h * (g[i] - e[i])) / 4)).marks;
+        const [before, here, after] = [-1, 0, 1].map((s) => (s ? at(s) : this.places(t, y).marks));
+        found[0] = here.map((place, j) => [place, place.map((_, d) => (after[j][d] - before[j][d]) / (2 * h))]);
+        found[1] = here.map((place, j) => [place, place.map((x, d) => (after[j][d] - 2 * x + before[j][d]) / (h * h))]);
+      }
+      if (forces) {
+        const flat = this.model.forces(t, y, this.p), d = this.flat, n = flat.length / (d * (1 + data.forces.length));
+        const point = (i) => [...flat.slice(i * d, (i + 1) * d), ...(d === 1 ? [0] : [])];
+        data.forces.forEach((one, k) => {
+          const s = data.switches.findIndex((name) => name.effects.includes(one.effect)), off = s >= 0 && !((this.on >> s) & 1);
+          found[2 + k] = off ? [] : Array.from({ length: n }, (_, i) => [point(i), point((1 + k) * n + i)]);
+        });
+      }
+      return found;
+    }
+
+    vectorsOn(paper, view) {
+      if (!this.vectors.some((box) => box.checked)) return;
+      const longest = ARROW * Math.max(...this.box[0].map((x, d) => this.box[1][d] - x));
+      this.arrows().forEach((kind, i) => {
+        if (!this.vectors[i].checked) return;
+        for (const [, v] of kind) { const size = Math.hypot(...v); if (size < Infinity) this.longest[i] = Math.max(this.longest[i], size); }
+        if (!this.longest[i]) return;
+        const scale = longest / this.longest[i], colour = paper.colour(`path-${(i + 2) % 7}`);
+        for (const [place, v] of kind) paper.arrow(view.map(place), view.map(place.map((x, d) => x + scale * v[d])), colour);
+      });
     }
 
     lines(shape, corners) { return Array.from({ length: shape.lines }, (_, m) => corners.slice(m * shape.corners, (m + 1) * shape.corners)); }
@@ -641,7 +707,8 @@
 
     // ------------------------------------------------------------------ plots
 
-    // What can be plotted: names, and the value of a sample or several.
+    // What can be plotted: names, and the value of a sample or several; the last one is that of
+    // several motions.
     quantities() {
       const { data } = this, entries = data.entries.map((one, i) => ({ name: one.unit ? `${one.name} [${one.unit}]` : one.name, values: (s) => [s.y[i]], angle: one.unit === "rad" }));
       const found = [{ name: data.second ? `t [${data.second}]` : "t", values: (s) => [s.t] }, ...entries], unit = data.second ? " [J]" : "";
@@ -650,13 +717,15 @@
         found.push({ name: `energy${unit}`, values: (s) => [total(s)] });
         if (data.terms.length > 1) found.push({ name: `energies${unit}`, values: (s) => [...s.energies, total(s)], names: [...data.terms, "sum"] });
       }
+      found.push({ name: "log10 of the distance apart", values: (s) => [s.apart ? Math.log10(s.apart) : NaN] });
       return found;
     }
 
     // Energies over time, and a coordinate that moves with its velocity, or the next that moves.
     chosen(which, all) {
-      const k = this.data.entries.length, first = Math.max(0, this.moves.indexOf(true));
-      if (!which) return { across: 0, up: all.length - 1 > k ? all.length - 1 : 1 + first };
+      const k = this.data.entries.length, first = Math.max(0, this.moves.indexOf(true)), energies = all.length - 2;
+      if (!which && this.count > 1) return { across: 0, up: all.length - 1 };
+      if (!which) return { across: 0, up: energies > k ? energies : 1 + first };
       const half = k / 2, next = this.moves.indexOf(true, first + 1);
       const other = k % 2 === 0 && first < half && this.moves[first + half] ? first + half : next;
       return other < 0 ? { across: 0, up: 1 + first } : { across: 1 + first, up: 1 + other };
@@ -681,7 +750,7 @@
       plot.canvas.setAttribute("aria-label", `${up.name} over ${across.name}`);
       const turn = (one, x) => (one.angle ? wrapped(x) : x), lines = [], points = [];
       this.runs.forEach((run, r) => {
-        const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now) };
+        const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now), apart: distance(run.now, this.runs[0].now) };
         const kept = [...run.samples.filter((s) => s.t < this.t), sample], n = up.values(sample).length;
         for (let j = 0; j < n; j++) {
           let part = [];

@@ -4,16 +4,17 @@ import html
 
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
-from jaxdyn.files.output_files import replace, writable
+from jaxdyn.files.output_files import page_path, replace
 from jaxdyn.player.model import model
 from jaxdyn.player.pages import Playing, look, page, script
 from jaxdyn.scene import Scene
 
 _MOST_BYTES = 200_000  # of a page
+_MOST_MOTIONS = 20
 
 
 @check_first
-def live(scene: Scene, path=None, *, title: str = "") -> Playing:
+def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playing:
     """A page on which the scene runs: one file, without other files and without the network.
 
     Its parameters and its start have sliders and fields, bodies are dragged to set the start,
@@ -22,28 +23,32 @@ def live(scene: Scene, path=None, *, title: str = "") -> Playing:
     from then on, in the middle of the motion.
 
     The motion is that of this library's formulas, in JavaScript, by the pair of order 8 of Dormand
-    and Prince at a tolerance of 1e-13. Conditions of the rate are taken as they stand at each stage.
+    and Prince at a tolerance of 1e-13. Conditions of the rate are taken as they stand at each
+    stage, so that steps are cut where they change.
 
     Args:
       scene: system, effects, start.
       path: a file to write the page to, .html.
       title: its heading; the name of the scene by default.
+      motions: how many run at first, 1 to 20, the others from starts a thousandth apart.
     Returns:
       The page; as the last value of a notebook's cell it is shown.
     Raises:
-      ValueError: the motion of the scene has impacts or changes of contact, its rate has no
-        formulas (a loop of unknown length, a callback, linear algebra), the page is longer than
-        200 kB, or `path` cannot be written. `simulate(scene).play(path)` shows a computed motion.
+      ValueError: `motions` is out of range, the motion has impacts or changes of contact, the rate
+        has no formulas (a loop of unknown length, a callback, linear algebra), the page is longer
+        than 200 kB, or `path` cannot be written. `simulate(scene).play(path)` shows a computed
+        motion.
     Example:
       >>> from jaxdyn import player, scenes
       >>> player.live(scenes.pendulum())  # doctest: +ELLIPSIS
       Playing(... kB of HTML): a notebook shows it
     """
-    path = None if path is None else writable(path, suffixes=(".html",))
+    path = None if path is None else page_path(path)
+    _text.whole("motions", motions, most=_MOST_MOTIONS)
     name = html.escape(_text.called(scene), quote=True)
     fragment = (
         f'<div class="live" data-name="{name}"></div>\n<script>(window.liveScenes ??= [])'
-        f".push([document.currentScript.previousElementSibling, {model(scene)}]);</script>"
+        f".push([document.currentScript.previousElementSibling, {model(scene, motions)}]);</script>"
     )
     text = page(
         title or _text.called(scene).replace("_", " ").capitalize(),

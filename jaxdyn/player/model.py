@@ -21,12 +21,13 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._text.tables import unit_of
+from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.player.pages import embedded
 from jaxdyn.scene import Scene, checked_scene
 from jaxdyn.scenes.corners import has_corners
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import leaves, parameters, rebuilt
-from jaxdyn.system import System
+from jaxdyn.system import Effect, System
 
 #: Effects up to which each can be switched by itself: there are two to this power rates.
 _MOST_SWITCHED = 4
@@ -56,13 +57,14 @@ class Outline(NamedTuple):
     weights: np.ndarray | None
 
 
-def model(scene: Scene) -> str:
-    """A scene as an object of JavaScript.
+def model(scene: Scene, motions: int = 1) -> str:
+    """A scene as an object of JavaScript, of which at first so many motions run.
 
-    Its functions of (t, y, p) are `rates` and `energies`, a list of each, in the order of the binary
-    numbers whose digits say which switches are on; `places`, of the marked points and then of the
-    computed corners of the shapes, and `consistent`, the nearest state on the constraints, or null.
-    The rest is data.
+    Its functions of (t, y, p) are `rates` and `energies`, a list of each, in the order of the
+    binary numbers whose digits say which switches are on; `places`, of the marked points and then
+    of the computed corners of the shapes; `forces`, of the material points and then of the force of
+    each effect on each of them, or null; and `consistent`, the nearest state on the constraints, or
+    null. The rest is data.
 
     Raises:
       ValueError: the scene is invalid, its motion has corners, or its rate has no formulas.
@@ -79,6 +81,7 @@ def model(scene: Scene) -> str:
         "rates": f"[{','.join(rates)}]",
         "energies": f"[{','.join(_rates(scene, switches, _energies))}]",
         "places": _written(scene, drawn),
+        "forces": _written(scene, _forces) if any(map(_pulls, scene.effects)) else "null",
         "consistent": _consistent(scene),
     }
     data = {
@@ -88,15 +91,21 @@ def model(scene: Scene) -> str:
         "span": float(scene.t1),
         "second": _text.second(scene.labels()),
         "parameters": _parameters(scene),
-        "switches": [name for name, _ in switches],
+        "switches": [{"name": name, "effects": list(effects)} for name, effects in switches],
         "groups": _groups(scene),
         "rough": bool(_CONDITIONS.search(rates[-1])),
         "projects": _projects(scene.system),
         "terms": _terms(scene),
         "marks": marks,
+        "forces": [
+            {"name": _words(name), "effect": i}
+            for i, (name, effect) in enumerate(zip(_names(scene), scene.effects, strict=True))
+            if _pulls(effect)
+        ],
         "axes": _axes(scene),
         "shapes": [_shape(outline) for outline in outlines],
         "singular": scene.singular,
+        "motions": motions,
     }
     parts = [f"{name}: {text}" for name, text in ({"data": embedded(data)} | functions).items()]
     return "{" + ",\n".join(parts) + "}"
@@ -159,6 +168,15 @@ def _energies(scene: Scene, t: Array, y: Array) -> Array:
     return _row(scene.system.energies(t, y, scene.effects))
 
 
+def _pulls(effect: Effect) -> bool:
+    return "force" in effect.acts
+
+
+def _forces(scene: Scene, t: Array, y: Array) -> Array:
+    r, v, m = scene.system.points(t, y)
+    return _row([r, *(effect.force(t, r, v, m) for effect in scene.effects if _pulls(effect))])
+
+
 def _row(parts) -> Array:
     return jnp.concatenate([jnp.zeros(0), *(jnp.ravel(jnp.asarray(part, float)) for part in parts)])
 
@@ -173,19 +191,22 @@ def _terms(scene: Scene) -> list[str]:
 
 def _consistent(scene: Scene) -> str:
     """The function that takes a state to the nearest one on the constraints, or "null"."""
-    nearest = getattr(scene.system, "nearest", None)
-    if nearest is None and type(scene.system).project is System.project:
+    if type(scene.system).project is System.project:
         return "null"
-    if nearest is None:
-        return _written(scene, lambda s, t, y: s.system.project(t, y))
-    return _written(scene, lambda s, t, y: getattr(s.system, "nearest")(t, y))
+
+    def nearest(moved: Scene, t: Array, y: Array) -> Array:
+        system = moved.system
+        # Also where steps do not: a start that is dragged is to be on them.
+        return system.nearest(t, y) if isinstance(system, Constrained) else system.project(t, y)
+
+    return _written(scene, nearest)
 
 
 def _projects(system: System) -> bool:
     """Whether each step ends on the constraints."""
-    return type(system).project is not System.project and (
-        getattr(system, "drift", "projection") == "projection"
-    )
+    if isinstance(system, Constrained):
+        return system.drift == "projection"
+    return type(system).project is not System.project
 
 
 def _drawn(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
@@ -243,7 +264,8 @@ def _outline(kind: str, at: np.ndarray) -> Outline:
     if n <= d + 1 or not 0 < size < np.inf:
         return everything
     # The corners that are least dependent on those before.
-    _, triangle, order = scipy.linalg.qr(flat.T, mode="economic", pivoting=True)
+    factors: Any = scipy.linalg.qr(flat.T, mode="economic", pivoting=True)
+    _, triangle, order = factors
     sizes = np.abs(np.diag(triangle))
     rank = int((sizes > _FOLLOWS * sizes[0]).sum())
     if rank > d + 1:

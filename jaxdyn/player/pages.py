@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxdyn.drawing.titles import caption
-from jaxdyn.files.output_files import replace, writable
+from jaxdyn.files.output_files import page_path, replace
 from jaxdyn.player.export import export
 
 _HERE = Path(__file__).parent
@@ -70,7 +70,7 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
       >>> player.play(simulate(scenes.pendulum(), 1.0, samples=50))  # doctest: +ELLIPSIS
       Playing(... kB of HTML): a notebook shows it
     """
-    path = None if path is None else writable(path, suffixes=(".html",))
+    path = None if path is None else page_path(path)
     several = list(motions.values()) if isinstance(motions, Mapping) else [motions]
     shown = export(motions, choose=choose)
     heading = title or caption(*several).replace(r"\$", "$")
