@@ -98,8 +98,7 @@ class Scene(Record):
         Args:
           path: a file to write the page to, .html; it needs no other file.
         Raises:
-          ValueError: its motion has impacts, its rate has no formulas or too long ones, or `path`
-            cannot be written.
+          ValueError: its rate has no formulas or too long ones, or `path` cannot be written.
         """
         from jaxdyn.player import live
 

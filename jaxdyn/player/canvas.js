@@ -55,7 +55,7 @@ var JaxdynCanvas = (() => {
 
   // A tick with the digits that tell it from its neighbours.
   const written = (x, digits) => {
-    if (x === 0 || (Math.abs(x) < 1e5 && digits <= 6)) return x.toFixed(Math.min(digits, 6));
+    if (x === 0 || (Math.abs(x) < 1e5 && digits <= 6)) return x.toFixed(Math.min(6, Math.max(0, digits)));
     return x.toExponential(Math.min(15, Math.max(0, digits + Math.floor(Math.log10(Math.abs(x))))));
   };
 

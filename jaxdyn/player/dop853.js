@@ -71,6 +71,7 @@ var Dop853 = (() => {
       this.steps = this.rejected = 0;
       this.now = rate(t, this.y);
       this.grow(this.y);
+      this.grow(this.now.map((x) => SOON * this.span * x)); // what is near zero by chance soon is not
       this.quicken();
       this.h = this.first();
       if (!this.now.every(Number.isFinite)) this.failed = "not a number";

@@ -1,4 +1,4 @@
-// A scene that runs on its page: integrated by `dop853.js` from the functions that
+// A scene that runs on its page: moved by `motion.js` from the functions that
 // `jaxdyn.player.model` wrote, drawn by `canvas.js`. Pages put [element, model] into `liveScenes`;
 // the element's `live` has play(), pause(), step(), reset(), seek(t), set(name, value),
 // enter(i, value), switched(i, on), several(count), drag(mark, place) and state().
@@ -63,7 +63,7 @@
     return x;
   }
 
-  // One motion: its integrator, where it is now, and its samples.
+  // One motion on the page: where it is now, and its samples.
   class Run {
     constructor(scene, start) {
       this.scene = scene;
@@ -73,28 +73,14 @@
     }
 
     begin(t, y) {
-      const { scene } = this, { data, model } = scene;
-      this.solver = new Dop853((at, z) => scene.rate(at, z), t, y, {
-        span: data.span, groups: data.groups, rough: data.rough,
-        project: data.projects ? (at, z) => model.consistent(at, z, scene.p) : null,
-      });
-      this.now = this.solver.y;
-    }
-
-    // To a time, unless the clock runs out; whether it got there.
-    to(t, until) {
-      const { solver } = this;
-      while (solver.t < t) {
-        if (!solver.step(Infinity)) return false;
-        if (performance.now() > until) return solver.t >= t;
-      }
-      return true;
+      this.motion = new JaxdynMotion(this.scene.model, this.scene.p, this.scene.on, t, y);
+      this.now = y;
     }
 
     get last() { return this.samples[this.samples.length - 1]; }
 
     push(t) {
-      const y = t === this.solver.t ? this.solver.y : this.solver.at(t), { scene } = this;
+      const y = this.motion.at(t), { scene } = this;
       this.samples.push({ t, y, marks: scene.places(t, y).marks, energies: scene.energies(t, y) });
       // Of the older half every second one stays.
       if (this.samples.length > MOST_SAMPLES) this.samples = this.samples.filter((_, i) => i > MOST_SAMPLES / 2 || i % 2 === 0);
@@ -108,7 +94,7 @@
       this.data = model.data;
       const d = this.data;
       this.p = d.parameters.map((one) => one.value);
-      this.on = model.rates.length - 1;
+      this.on = model.phases[0].rates.length - 1;
       this.start = this.consistent([...d.start]);
       this.flat = d.axes.named.length; // directions that the functions know
       this.dim = Math.max(2, this.flat);
@@ -130,7 +116,7 @@
     }
 
     // The functions of the model with the parameters and the effects as they are now.
-    rate(t, y) { return this.model.rates[this.on](t, y, this.p); }
+    rate(t, y) { return this.runs[0].motion.phase.rates[this.on](t, y, this.p); }
     energies(t, y) { return this.data.terms.length ? this.model.energies[this.on](t, y, this.p) : []; }
     consistent(y, t = 0) { return this.model.consistent ? this.model.consistent(t, y, this.p) : y; }
 
@@ -174,7 +160,7 @@
       const until = performance.now() + budget;
       for (;;) {
         const next = (this.beats + 1) * this.beat, to = Math.min(next, t);
-        for (const run of this.runs) if (!run.to(to, until)) { this.show(Math.min(...this.runs.map((r) => r.solver.t))); return false; }
+        for (const run of this.runs) if (!run.motion.to(to, until)) { this.show(Math.min(to, ...this.runs.map((r) => r.motion.t))); return false; }
         if (next > t) break;
         this.beats++;
         for (const run of this.runs) run.push(next);
@@ -186,15 +172,19 @@
 
     show(t) {
       this.t = Math.max(this.t, t);
-      for (const run of this.runs) run.now = run.solver.before <= this.t ? run.solver.at(Math.min(this.t, run.solver.t)) : run.solver.y;
+      for (const run of this.runs) run.now = run.motion.at(this.t);
     }
 
+    // Why and where a motion is no longer what it was; empty while it is.
     failure() {
-      const failed = this.runs.find((run) => run.solver.failed), rough = this.runs.find((run) => run.solver.crawled !== null);
-      if (!failed && rough) return `From t = ${short(rough.solver.crawled, 4)} on a condition changes sides at each step, as that of dry friction does where it sticks: the motion is only as exact as the picture.`;
-      if (!failed) return "";
-      const why = failed.solver.failed === "not a number" ? "the rate is not a number there" : "a singularity is near";
-      return `The motion ends at t = ${short(failed.solver.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;
+      const motions = this.runs.map((run) => run.motion), failed = motions.find((motion) => motion.failed);
+      const rough = motions.find((motion) => motion.crawled !== null), ended = motions.find((motion) => motion.ended && motion.ended.t <= this.t);
+      if (failed) {
+        const why = { "not a number": "the rate is not a number there", "impacts without end": "more and more impacts follow each other, ever faster" }[failed.failed] || "a singularity is near";
+        return `The motion ends at t = ${short(failed.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;
+      }
+      if (rough) return `From t = ${short(rough.crawled, 4)} on a condition changes sides at each step, as that of dry friction does where it sticks: the motion is only as exact as the picture.`;
+      return ended ? `It came to its end at t = ${short(ended.ended.t, 6)}.` : "";
     }
 
     play() {
@@ -211,7 +201,7 @@
         this.late = this.t - before < 0.7 * passed;
         this.draw();
         if (this.failure()) this.say(this.failure());
-        if (this.runs.some((run) => run.solver.failed)) { this.pause(); this.say(this.failure()); return; }
+        if (this.runs.some((run) => run.motion.failed || run.motion.ended)) { this.pause(); this.say(this.failure()); return; }
         requestAnimationFrame(step);
       };
       requestAnimationFrame(step);
@@ -273,7 +263,7 @@
 
     original() {
       this.p = this.data.parameters.map((one) => one.value);
-      this.on = this.model.rates.length - 1;
+      this.on = this.model.phases[0].rates.length - 1;
       for (const [i, box] of this.switches.entries()) box.checked = true;
       this.begin([...this.data.start]);
       this.fit();
@@ -332,8 +322,8 @@
       const seen = this.start.map(Math.abs), least = [...this.start], most = [...this.start];
       for (let i = 0; i <= 200; i++) {
         const t = (i / 200) * this.data.span;
-        if (!look.to(t, until)) break;
-        const y = look.solver.at(t), { marks, shapes } = this.places(t, y);
+        if (!look.motion.to(t, until)) break;
+        const y = look.motion.at(t), { marks, shapes } = this.places(t, y);
         y.forEach((x, j) => { seen[j] = Math.max(seen[j], Math.abs(x)); least[j] = Math.min(least[j], x); most[j] = Math.max(most[j], x); });
         points.push(...marks, ...shapes.flatMap((s, k) => (this.data.shapes[k].kind === "ground" ? [] : s)));
       }
@@ -364,8 +354,8 @@
     }
 
     state() {
-      const { t, playing, p, on, start } = this, now = this.runs.map((run) => Array.from(run.now));
-      return { t, playing, start, parameters: p, on, now, points: this.runs.map((run) => this.places(t, run.now).marks), energies: this.runs.map((run) => this.energies(t, run.now)), failure: this.failure() };
+      const { t, playing, p, on, start } = this, phases = this.runs.map((run) => run.motion.phase.name), now = this.runs.map((run) => Array.from(run.now));
+      return { t, playing, start, phases, parameters: p, on, now, points: this.runs.map((run) => this.places(t, run.now).marks), energies: this.runs.map((run) => this.energies(t, run.now)), failure: this.failure() };
     }
 
     // ------------------------------------------------------------------ the page
@@ -691,6 +681,7 @@
         const sum = (list) => list.reduce((a, b) => a + b, 0);
         entries.push(`energy ${short(sum(energies), 6)}${unit}${this.t && first.length ? `, changed by ${(sum(energies) - sum(first)).toExponential(1)}${unit}` : ""}`);
       }
+      if (this.model.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
       this.said.textContent = entries.join("; ") + (this.late ? " (slower than asked: it takes longer to compute)" : "");
       const named = runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
       const text = named.filter(Boolean).join("|");

@@ -24,7 +24,8 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
 
     The motion is that of this library's formulas, in JavaScript, by the pair of order 8 of Dormand
     and Prince at a tolerance of 1e-13. Conditions of the rate are taken as they stand at each
-    stage, so that steps are cut where they change.
+    stage, so that steps are cut where they change. Ready-made scenes with impacts and changes of
+    contact run through their phases (`scenes.phases_of`).
 
     Args:
       scene: system, effects, start.
@@ -34,10 +35,9 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
     Returns:
       The page; as the last value of a notebook's cell it is shown.
     Raises:
-      ValueError: `motions` is out of range, the motion has impacts or changes of contact, the rate
-        has no formulas (a loop of unknown length, a callback, linear algebra), the page is longer
-        than 200 kB, or `path` cannot be written. `simulate(scene).play(path)` shows a computed
-        motion.
+      ValueError: `motions` is out of range, the rate has no formulas (a loop of unknown length, a
+        callback, linear algebra), the page is longer than 200 kB, or `path` cannot be written.
+        `simulate(scene).play(path)` shows a computed motion.
     Example:
       >>> from jaxdyn import player, scenes
       >>> player.live(scenes.pendulum())  # doctest: +ELLIPSIS
@@ -54,7 +54,7 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
         title or _text.called(scene).replace("_", " ").capitalize(),
         look("player", "live"),
         fragment,
-        script("dop853", "live"),
+        script("dop853", "motion", "live"),
     )
     size = len(text.encode())
     if size > _MOST_BYTES:

@@ -22,9 +22,10 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._text.tables import unit_of
 from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.player.pages import embedded
 from jaxdyn.scene import Scene, checked_scene
-from jaxdyn.scenes.corners import has_corners
+from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import leaves, parameters, rebuilt
 from jaxdyn.system import Effect, System
@@ -60,29 +61,25 @@ class Outline(NamedTuple):
 def model(scene: Scene, motions: int = 1) -> str:
     """A scene as an object of JavaScript, of which at first so many motions run.
 
-    Its functions of (t, y, p) are `rates` and `energies`, a list of each, in the order of the
-    binary numbers whose digits say which switches are on; `places`, of the marked points and then
-    of the computed corners of the shapes; `forces`, of the material points and then of the force of
-    each effect on each of them, or null; and `consistent`, the nearest state on the constraints, or
-    null. The rest is data.
+    Its functions of (t, y, p) are `energies` and in each of the `phases` `rates`, a list of each in
+    the order of the binary numbers whose digits say which switches are on, and those of the exits;
+    `places`, of the marked points and then of the computed corners of the shapes; `forces`, of the
+    material points and then of the force of each effect on each of them, or null; and `consistent`,
+    the nearest state on the constraints, or null. The rest is data.
 
     Raises:
-      ValueError: the scene is invalid, its motion has corners, or its rate has no formulas.
+      ValueError: the scene is invalid, or its rate, or what ends a phase of it, has no formulas.
     """
     scene = checked_scene(scene)
-    if has_corners(scene):
-        what = f"{_text.called(scene)}, whose motion has corners"
-        remedy = "Play a computed motion: jaxdyn.integrate.phases.simulate_phases(...).play(path)."
-        raise _checks.fail("live", "a scene without impacts and changes of contact", what, remedy)
     outlines, marks, drawn = _drawn(scene)
     switches = _switches(scene)
-    rates = _rates(scene, switches, Scene.rate)
+    phases = ",".join(_phase(scene, name, switches) for name in _phases(scene))
     functions = {
-        "rates": f"[{','.join(rates)}]",
+        "phases": f"[{phases}]",
         "energies": f"[{','.join(_rates(scene, switches, _energies))}]",
         "places": _written(scene, drawn),
         "forces": _written(scene, _forces) if any(map(_pulls, scene.effects)) else "null",
-        "consistent": _consistent(scene),
+        "consistent": "null" if has_corners(scene) else _consistent(scene, ""),
     }
     data = {
         "name": _text.called(scene),
@@ -93,8 +90,7 @@ def model(scene: Scene, motions: int = 1) -> str:
         "parameters": _parameters(scene),
         "switches": [{"name": name, "effects": list(effects)} for name, effects in switches],
         "groups": _groups(scene),
-        "rough": bool(_CONDITIONS.search(rates[-1])),
-        "projects": _projects(scene.system),
+        "rough": bool(_CONDITIONS.search(phases)),
         "terms": _terms(scene),
         "marks": marks,
         "forces": [
@@ -139,6 +135,8 @@ def _words(name: str) -> str:
 
 def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
     """What can be switched off: words and the effects, one each, or of many those of a kind."""
+    if has_corners(scene):
+        return []  # phases may need an effect
     if len(scene.effects) <= _MOST_SWITCHED:
         return [(_words(name), (i,)) for i, name in enumerate(_names(scene))]
     alike: dict[str, list[int]] = {}
@@ -189,13 +187,62 @@ def _terms(scene: Scene) -> list[str]:
     return named if n == len(named) else [f"term {i + 1}" for i in range(n)]
 
 
-def _consistent(scene: Scene) -> str:
+def _phases(scene: Scene) -> dict[str, Phase]:
+    """The phases of the motion; a smooth one has a single one, without exits."""
+    return phases_of(scene) if has_corners(scene) else {"": Phase(scene, ())}
+
+
+def _phase(scene: Scene, name: str, switches: list) -> str:
+    """A phase as an object of JavaScript."""
+    here = _phases(scene)
+    rates = _rates(scene, switches, lambda s, t, y: _phases(s)[name].scene.rate(t, y))
+    parts = {
+        "name": embedded(name),
+        "rates": f"[{','.join(rates)}]",
+        "consistent": _consistent(scene, name),
+        "projects": str(_projects(here[name].scene.system)).lower(),
+        "exits": f"[{','.join(_exit(scene, name, i) for i in range(len(here[name].exits)))}]",
+    }
+    return "{" + ", ".join(f"{key}: {text}" for key, text in parts.items()) + "}"
+
+
+def _exit(scene: Scene, name: str, number: int) -> str:
+    """An exit of a phase as an object of JavaScript; phases are numbered, the end is -1."""
+    order = list(_phases(scene))
+    way = _phases(scene)[name].exits[number]
+
+    def written(of: Callable[[Exit, Phase, Array, Array], Any]) -> str:
+        def function(moved: Scene, t: Array, y: Array) -> Array:
+            phase = _phases(moved.starting(scene.y0))[name]
+            return _row([of(phase.exits[number], phase, t, y)])
+
+        return _written(scene, function)
+
+    def slope(way: Exit, phase: Phase, t: Array, y: Array) -> Array:
+        moves = jnp.ones_like(t), phase.scene.rate(t, y)
+        return jax.jvp(way.event.value, (t, y), moves)[1]
+
+    choose = way.choose
+    parts = {
+        "direction": str(way.event.direction),
+        "side": str(way.side),
+        "to": str([-1 if to == END else order.index(to) for to in way.names]),
+        "value": written(lambda way, phase, t, y: way.event.value(t, y)),
+        "slope": written(slope),
+        "change": written(lambda way, phase, t, y: way.change(t, y)),
+        "lasts": written(lambda way, phase, t, y: way.lasts(t, y)),
+        "choose": "null" if choose is None else written(lambda way, phase, t, y: choose(t, y)),
+    }
+    return "{" + ", ".join(f"{key}: {text}" for key, text in parts.items()) + "}"
+
+
+def _consistent(scene: Scene, name: str) -> str:
     """The function that takes a state to the nearest one on the constraints, or "null"."""
-    if type(scene.system).project is System.project:
+    if type(_phases(scene)[name].scene.system).project is System.project:
         return "null"
 
     def nearest(moved: Scene, t: Array, y: Array) -> Array:
-        system = moved.system
+        system = _phases(moved)[name].scene.system
         # Also where steps do not: a start that is dragged is to be on them.
         return system.nearest(t, y) if isinstance(system, Constrained) else system.project(t, y)
 

@@ -10,6 +10,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn import scenes, simulate
+from jaxdyn.formulations.newton import FreePoints
 
 _WAIT = 20.0  # [s] for a motion to get somewhere, on a slow machine
 
@@ -154,6 +155,12 @@ def test_several_motions_begin_beside_each_other(window, tmp_path):
     for i, y in enumerate(now):
         other = scene.starting(scene.y0.at[0].add(1e-3 * i))
         np.testing.assert_allclose(y, ends(other, 2.0), rtol=0, atol=1e-10)
+
+
+def test_axes_of_millions_of_metres(window, tmp_path):
+    far = jaxdyn.Scene(FreePoints(m=[1.0], d=2), y0=[-7e6, 0.0, 7e3, 7e3], t1=2000.0)
+    opened(window, far, tmp_path)  # a message of the console fails
+    assert live(window, "box")[1][0] > 7e6
 
 
 def test_keys_play_step_and_reset(window, tmp_path):
