@@ -3,9 +3,8 @@
 `export` writes what `drawing.paths` finds, and the energy along the motion, as compact JSON;
 `pages` puts it into a page with the script `player.js` and its look `player.css`, which need no
 other files and no network. `model` writes a scene as a program in JavaScript, its rate and what is
-drawn of it; `live` puts that into a page with the scripts `motion.js`, which moves it by the integrator
-`dop853.js`, and `live.js`.
-Both draw by `canvas.js`.
+drawn of it; `live` puts that into a page with the scripts `motion.js`, which moves it by the
+integrator `dop853.js`, and `live.js`. Both draw by `canvas.js`.
 
 May import: `drawing`, `symbolic`.
 
