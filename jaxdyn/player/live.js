@@ -10,6 +10,7 @@
   const LONGEST = 12, SHORTEST = 4; // [s] the scene's span is shown in, at pace 1; 1 to 12 s in real time
   const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
   const MOST_SAMPLES = 6000;
+  const MOST_DRAWN = 1500; // samples of a curve
   const FRAME = 12; // [ms] of work between two pictures
   const LOOK = 250; // [ms] to look ahead for the box of the motion
   const REACH = { mouse: 26, touch: 44, pen: 30 }; // [px] at which a body is caught
@@ -363,6 +364,7 @@
     build() {
       const { root, data } = this;
       this.ids = 0;
+      this.switches = [];
       const stage = this.make("div", { className: "scene" }), panels = this.make("div", { className: "panels" });
       this.canvas = this.make("canvas", { className: "stage", tabIndex: 0 }, stage);
       this.canvas.setAttribute("role", "application");
@@ -486,9 +488,6 @@
       this.apart = this.make("p", { className: "said" }, panel);
     }
 
-    get switches() { return this._switches || []; }
-    set switches(found) { this._switches = found; }
-
     // What is shown is what holds.
     fields() {
       this.entries.forEach((field, i) => field.set(this.start[i]));
@@ -516,6 +515,12 @@
       this.canvas.addEventListener("keydown", (event) => this.key(event));
       this.pointers();
       new ResizeObserver(() => this.resize()).observe(this.root);
+      // On a phone the plots are mostly out of sight: they cost as much as the rest.
+      const seen = new IntersectionObserver((entries) => {
+        for (const { target, isIntersecting } of entries) this.plots.find((plot) => plot.canvas === target).visible = isIntersecting;
+        if (!this.playing) this.draw();
+      });
+      for (const plot of this.plots) seen.observe(plot.canvas);
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     }
 
@@ -609,7 +614,7 @@
       paper.pen.restore();
       this.clock.textContent = `t = ${this.time()}`;
       this.tell();
-      for (const plot of this.plots) this.plotted(plot);
+      for (const plot of this.plots) if (plot.visible) this.plotted(plot);
     }
 
     motion(paper, view, run, k) {
@@ -724,7 +729,7 @@
 
     plot(parent, which) {
       const box = this.make("div", { className: "plot" }, parent), bar = this.make("div", { className: "controls" }, box), all = this.quantities();
-      const plot = { ...this.chosen(which, all), all };
+      const plot = { ...this.chosen(which, all), all, visible: true };
       const choices = all.map((one, i) => [i, one.name]);
       bar.append("Plot ");
       this.select(`plot ${which + 1}: upwards`, choices.slice(1), plot.up, (i) => { plot.up = +i; this.draw(); }, bar);
@@ -742,7 +747,8 @@
       const turn = (one, x) => (one.angle ? wrapped(x) : x), lines = [], points = [];
       this.runs.forEach((run, r) => {
         const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now), apart: distance(run.now, this.runs[0].now) };
-        const kept = [...run.samples.filter((s) => s.t < this.t), sample], n = up.values(sample).length;
+        const stride = Math.ceil(run.samples.length / MOST_DRAWN), n = up.values(sample).length;
+        const kept = [...run.samples.filter((s, i) => i % stride === 0 && s.t < this.t), sample];
         for (let j = 0; j < n; j++) {
           let part = [];
           lines.push({ colour: many ? r : j, parts: [part] });

@@ -1,7 +1,5 @@
 """Pages on which a scene runs: integrated in the browser, with all its numbers to be changed."""
 
-import html
-
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.files.output_files import page_path, replace
@@ -45,9 +43,8 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
     """
     path = None if path is None else page_path(path)
     _text.whole("motions", motions, most=_MOST_MOTIONS)
-    name = html.escape(_text.called(scene), quote=True)
     fragment = (
-        f'<div class="live" data-name="{name}"></div>\n<script>(window.liveScenes ??= [])'
+        f'<div class="live"></div>\n<script>(window.liveScenes ??= [])'
         f".push([document.currentScript.previousElementSibling, {model(scene, motions)}]);</script>"
     )
     text = page(
