@@ -7,7 +7,8 @@
 (() => {
   const { KINDS, View, Paper, disc, fitted, line } = JaxdynCanvas;
   const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
-  const LONGEST = 12, SHORTEST = 4; // [s] the scene's span is shown in, at pace 1; 1 to 12 s in real time
+  const LONGEST = 60, SHORTEST = 4; // [s] of spans in real time, at pace 1; longer ones in LONG, others in SHORTEST
+  const LONG = 12;
   const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
   const MOST_SAMPLES = 6000;
   const MOST_DRAWN = 1500; // samples of a curve
@@ -106,7 +107,7 @@
       this.trail = 0.25;
       this.playing = false;
       const span = d.span;
-      this.speed = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONGEST : SHORTEST);
+      this.speed = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONG : SHORTEST);
       this.beat = this.speed * BEAT;
       this.fit();
       this.offset = this.aside();
@@ -373,7 +374,7 @@
       this.button = this.press("Play", () => this.toggle(), bar);
       this.press("Step", () => this.step(), bar);
       this.press("Reset", () => { this.pause(); this.fit(); this.reset(); this.say("At the start."); }, bar);
-      this.paces = this.select("speed", PACES.map((x) => [x, `${x} x`]), 1, (x) => { this.pace = +x; }, bar);
+      this.paces = this.select("speed", PACES.map((x) => [x, `${short(x * this.speed, 2)} ${data.second ? "x" : "per s"}`]), 1, (x) => { this.pace = +x; }, bar);
       this.select("trail", [[0, "no trail"], [0.25, "trail"], [1, "long trail"]], 0.25, (x) => { this.trail = +x; this.draw(); }, bar);
       this.clock = this.make("span", { className: "clock" }, bar);
       this.said = this.make("p", { className: "said" }, stage);
