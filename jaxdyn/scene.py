@@ -92,6 +92,18 @@ class Scene(Record):
 
         return space.pose(self)
 
+    def live(self, path=None):
+        """A page on which the scene runs, with its numbers to be changed: see `jaxdyn.player.live`.
+
+        Args:
+          path: a file to write the page to, .html; it needs no other file.
+        Raises:
+          ValueError: its rate has no formulas or too long ones, or `path` cannot be written.
+        """
+        from jaxdyn.player import live
+
+        return live(self, path)
+
     @property
     def field(self) -> Field:
         """The scene without its start and span."""

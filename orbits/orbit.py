@@ -171,6 +171,23 @@ class Orbit(eqx.Module):
         ]
         return _text.table(f"Orbit of {_text.called(self.scene)}", rows)
 
+    def live(self, path=None):
+        """A page on which its motion runs beside one from a start a thousandth aside.
+
+        See `jaxdyn.player.live`. The other motion stays beside a stable orbit, and leaves others.
+
+        Args:
+          path: a file to write the page to, .html; it needs no other file.
+        Raises:
+          ValueError: it is no orbit, its scene cannot run on a page, or `path` cannot be written.
+        """
+        from jaxdyn.player import live
+
+        if not self.ok:
+            raise _text.fail("orbit", "one that was found", self.outcome.name, self.message)
+        name = _text.called(self.scene).replace("_", " ")
+        return live(self.scene, path, title=f"Orbit of {name}", motions=2)
+
     @_text.pictured
     def _repr_html_(self):
         from orbits.drawing import periodic

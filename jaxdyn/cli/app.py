@@ -22,6 +22,7 @@ add(
     "jaxdyn run pendulum --set angle=2*pi/3 --series angle.png --csv angle.csv",
     "jaxdyn run cylinder_on_cylinder --t1 2 --animate fall.gif --seconds 4",
     "jaxdyn run double_pendulum --play",
+    "jaxdyn run double_pendulum --live double_pendulum.html",
     "jaxdyn run three_body --solver stoermer14 --rtol 1e-13",
 )
 add(

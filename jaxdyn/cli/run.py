@@ -14,6 +14,7 @@ from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
     JsonOption,
+    LiveOption,
     PlayOption,
     PlotOption,
     SceneArgument,
@@ -57,6 +58,7 @@ def run_command(
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
     play: PlayOption = False,
+    live: LiveOption = None,
     csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
     save: Annotated[Path | None, written(archive_path, "Save it, for jaxdyn.load (.npz).")] = None,
     as_object: JsonOption = False,
@@ -71,6 +73,7 @@ def run_command(
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
+        _write_page(scene.starting(scene.y0, t1), live, out)
         entry = jaxdyn.scenes.catalogue.entry(name)
         method = _method(solver)
 
@@ -105,6 +108,13 @@ def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)
+
+
+def _write_page(scene: "jaxdyn.Scene", live: Path | None, out: Screen) -> None:
+    """Write the page on which the scene runs if it is asked for, before it takes any time."""
+    if live:
+        with out.writing(live, "runs in"):
+            scene.live(live)
 
 
 def _write(motion, out: Screen, *, csv: Path | None, save: Path | None) -> None:

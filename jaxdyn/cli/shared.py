@@ -23,6 +23,7 @@ from jaxdyn._text import fail
 from jaxdyn.cli import completion
 from jaxdyn.files.image_files import animation_path, picture_path
 from jaxdyn.files.input_files import MAX_BYTES, content
+from jaxdyn.files.output_files import page_path
 
 MISUSE = 2  # exit code: invalid input
 BEGAN = time.perf_counter()  # when the command line began to load: libraries take a second or more
@@ -86,6 +87,9 @@ AnimateOption = Annotated[Path | None, written(animation_path, "Animate it (.gif
 SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
+LiveOption = Annotated[
+    Path | None, written(page_path, "Write a page on which it runs, with sliders (.html).")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 

@@ -1,6 +1,6 @@
 """The strokes of a drawing at one sample of a motion: polylines, by style.
 
-Plain arrays without a drawing library, for pictures and animations; `jaxdyn/player/player.js` makes
+Plain arrays without a drawing library, for pictures and animations; `jaxdyn/player/canvas.js` makes
 its own, of the same proportions.
 Springs get their coils here, dashpots their cylinder; straight ground lines extend as far as the
 motion above them.

@@ -56,6 +56,11 @@ def archive_path(path: str | Path, name: str = "path") -> Path:
     return writable(path, name, (".npz",))
 
 
+def page_path(path: str | Path, name: str = "path") -> Path:
+    """The path of a page for browsers (.html), checked to be writable."""
+    return writable(path, name, (".html",))
+
+
 def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueError:
     """The error to raise where a file cannot be written."""
     reason = error.strerror or type(error).__name__

@@ -107,7 +107,8 @@ class Disk(Mechanism):
 
     def contact(self, q: Array) -> Array:
         """(3,) the contact point."""
-        uphill = matrix_from_euler(q[3:].at[2].set(0.0), _SEQUENCE)[:, 1]
+        unspun = jnp.stack([q[3], q[4], jnp.zeros_like(q[5])])
+        uphill = matrix_from_euler(unspun, _SEQUENCE)[:, 1]
         return q[:3] - self.radius * uphill
 
     def check(self):

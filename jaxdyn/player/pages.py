@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxdyn.drawing.titles import caption
-from jaxdyn.files.output_files import replace, writable
+from jaxdyn.files.output_files import page_path, replace
 from jaxdyn.player.export import export
 
 _HERE = Path(__file__).parent
@@ -70,18 +70,19 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
       >>> player.play(simulate(scenes.pendulum(), 1.0, samples=50))  # doctest: +ELLIPSIS
       Playing(... kB of HTML): a notebook shows it
     """
-    path = None if path is None else writable(path, suffixes=(".html",))
+    path = None if path is None else page_path(path)
     several = list(motions.values()) if isinstance(motions, Mapping) else [motions]
     shown = export(motions, choose=choose)
-    text = _PAGE.format(
-        title=html.escape(title or caption(*several).replace(r"\$", "$")),
-        look=look(),
-        fragment=fragment(shown),
-        script=script(),
-    )
+    heading = title or caption(*several).replace(r"\$", "$")
+    text = page(heading, look(), fragment(shown), script())
     if path is not None:
         replace(path, text)
     return Playing(text)
+
+
+def page(title: str, look: str, fragment: str, script: str) -> str:
+    """The HTML of a page with a heading and what stands below it, a style sheet and a script."""
+    return _PAGE.format(title=html.escape(title), look=look, fragment=fragment, script=script)
 
 
 def fragment(shown: Mapping[str, Any], label: str = "A motion.") -> str:
@@ -101,12 +102,13 @@ def embedded(found: Any) -> str:
 
 
 @functools.cache
-def script() -> str:
-    """The player's script."""
-    return (_HERE / "player.js").read_text()
+def script(*names: str) -> str:
+    """The player's script, or others of this folder, after the one by which they draw."""
+    files = ("canvas", *(names or ("player",)))
+    return "\n".join((_HERE / f"{name}.js").read_text() for name in files)
 
 
 @functools.cache
-def look() -> str:
-    """The player's style sheet."""
-    return (_HERE / "player.css").read_text()
+def look(*names: str) -> str:
+    """The player's style sheet, or others of this folder."""
+    return "\n".join((_HERE / f"{name}.css").read_text() for name in names or ("player",))

@@ -1,16 +1,15 @@
-// The player of motions: draws what `jaxdyn.player.export` wrote on a canvas. No dependencies.
+// The player of motions: draws what `jaxdyn.player.export` wrote, by `canvas.js`.
 // Every element with class "player" that holds a script of type "application/json" becomes one;
 // the element's `player` has play(), pause(), seek(t), choose(i) and state().
 "use strict";
 
 (() => {
+  const { KINDS, View, Paper, disc, fitted, line } = JaxdynCanvas;
   const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
   const SMALL = 1 / 8; // of the common box: a chosen motion that is smaller has a box of its own
   const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
-  const COILS = 9, LEAD = 0.12; // of a drawn spring
-  const HUNG = [[0, 0], [-0.6, 0.9], [-1, 0.9], [1, 0.9], [0.6, 0.9]];
 
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const doubles = (text) => new Float64Array(bytes(text));
@@ -68,54 +67,6 @@
     const here = (i * n + j) * dim, next = f ? here + n * dim : here;
     return Array.from({ length: dim }, (_, d) => data[here + d] + f * (data[next + d] - data[here + d]));
   }
-
-  // From space to the canvas [px]: axes to one scale or two, or a box that can be turned.
-  class View {
-    constructor(box, equal, width, height, turn) {
-      const [lo, hi] = box;
-      this.dim = lo.length;
-      this.middle = lo.map((x, d) => (x + hi[d]) / 2);
-      if (this.dim === 3) {
-        const across = Math.hypot(...lo.map((x, d) => hi[d] - x));
-        this.scale = (turn.zoom * 1.05 * Math.min(width, height)) / across;
-        const [ca, sa, ce, se] = [Math.cos(turn.azimuth), Math.sin(turn.azimuth), Math.cos(turn.height), Math.sin(turn.height)];
-        this.rows = [[-sa, ca, 0], [-ca * se, -sa * se, ce], [ca * ce, sa * ce, se]];
-        this.centre = [width / 2, height / 2];
-        return;
-      }
-      const left = 58, right = 14, top = 12, below = 40;
-      const wide = width - left - right, high = height - top - below;
-      this.scales = [wide / (hi[0] - lo[0]), high / (hi[1] - lo[1])];
-      if (equal) this.scales = this.scales.map(() => Math.min(...this.scales));
-      this.scale = Math.min(...this.scales);
-      this.centre = [left + wide / 2, top + high / 2];
-      this.frame = [left, top, wide, high];
-    }
-    // [x, y, depth] on the canvas; depth is larger in front.
-    map(place) {
-      const off = place.map((x, d) => x - this.middle[d]);
-      if (this.dim === 2)
-        return [this.centre[0] + this.scales[0] * off[0], this.centre[1] - this.scales[1] * off[1], 0];
-      const [x, y, z] = this.rows.map((row) => row.reduce((sum, r, d) => sum + r * off[d], 0));
-      return [this.centre[0] + this.scale * x, this.centre[1] - this.scale * y, z];
-    }
-  }
-
-  // Round numbers between two ends, about `count` of them.
-  function ticks(low, high, count) {
-    const rough = (high - low) / Math.max(1, count), power = 10 ** Math.floor(Math.log10(rough));
-    const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough);
-    const found = [];
-    for (let k = Math.ceil(low / step); k * step <= high * (1 + 1e-12) + 1e-300; k++) found.push(k * step);
-    const digits = -Math.floor(Math.log10(step) + 1e-9);
-    return [found, Math.abs(found[0] ?? 0) < 1e5 ? Math.max(0, digits) : digits];
-  }
-
-  // A tick with the digits that tell it from its neighbours.
-  const written = (x, digits) => {
-    if (x === 0 || (Math.abs(x) < 1e5 && digits <= 6)) return x.toFixed(Math.min(digits, 6));
-    return x.toExponential(Math.min(15, Math.max(0, digits + Math.floor(Math.log10(Math.abs(x))))));
-  };
 
   class Player {
     constructor(root) {
@@ -356,158 +307,62 @@
     }
 
     resize() {
-      for (const canvas of [this.canvas, this.strip]) {
-        if (!canvas) continue;
-        const ratio = window.devicePixelRatio || 1;
-        canvas.width = Math.round(canvas.clientWidth * ratio);
-        canvas.height = Math.round(canvas.clientHeight * ratio);
-      }
+      for (const canvas of [this.canvas, this.strip]) if (canvas) fitted(canvas);
       this.draw();
     }
 
-    pen(canvas) {
-      const ratio = canvas.width / Math.max(1, canvas.clientWidth), pen = canvas.getContext("2d");
-      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-      pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
-      pen.lineJoin = pen.lineCap = "round";
-      pen.font = "12px system-ui, sans-serif";
-      return pen;
-    }
-
-    colour(name) { return this.style.getPropertyValue(`--${name}`).trim(); }
-
     draw() {
-      this.style = getComputedStyle(this.root);
       const view = new View(this.box, this.data.equal, this.canvas.clientWidth, this.canvas.clientHeight, this.turn);
-      const pen = this.pen(this.canvas);
-      if (view.dim === 2) this.axes(pen, view);
-      else this.cage(pen, view);
-      this.shown.forEach((motion, k) => this.motion(pen, view, motion, k));
+      const paper = new Paper(this.root, this.canvas);
+      paper.frame(view, this.data.labels);
+      this.shown.forEach((motion, k) => this.motion(paper, view, motion, k));
       this.slider.value = (1000 * (this.t - this.begin)) / (this.end - this.begin || 1);
       const places = Math.max(0, 2 - Math.floor(Math.log10(this.end - this.begin || 1)));
       this.clock.textContent = `t = ${this.t.toFixed(places)}${this.data.second}`;
       this.slider.setAttribute("aria-valuetext", this.clock.textContent);
-      if (this.strip) this.energies(this.pen(this.strip));
+      if (this.strip) this.energies(new Paper(this.root, this.strip));
     }
 
-    axes(pen, view) {
-      const [left, top, wide, high] = view.frame, [x0, y0] = [left, top + high];
-      const ends = (d, from, to) => [from, to].map((px) => view.middle[d] + ((px - view.centre[d]) / view.scales[d]) * (d ? -1 : 1));
-      pen.lineWidth = 1;
-      for (const d of [0, 1]) {
-        const [low, high_] = d ? ends(1, y0, top) : ends(0, left, left + wide);
-        const [marks, digits] = ticks(low, high_, d ? high / 60 : wide / 80);
-        for (const mark of marks) {
-          const place = [...view.middle];
-          place[d] = mark;
-          const px = view.map(place)[d];
-          pen.strokeStyle = this.colour("grid");
-          line(pen, d ? [[left, px], [left + wide, px]] : [[px, top], [px, y0]]);
-          pen.fillStyle = this.colour("faint");
-          pen.textAlign = d ? "right" : "center";
-          pen.textBaseline = d ? "middle" : "top";
-          pen.fillText(written(mark, digits), d ? left - 6 : px, d ? px : y0 + 5);
-        }
-      }
-      pen.fillStyle = this.colour("ink");
-      pen.textAlign = "center";
-      pen.textBaseline = "bottom";
-      pen.fillText(this.data.labels[0], left + wide / 2, y0 + 38);
+    motion(paper, view, motion, k) {
+      const [i, f] = frame(motion.ts, this.t), dim = view.dim, { pen } = paper;
       pen.save();
-      pen.translate(13, top + high / 2);
-      pen.rotate(-Math.PI / 2);
-      pen.fillText(this.data.labels[1], 0, 4);
-      pen.restore();
-    }
-
-    // The edges of the box in space, and the names of its axes.
-    cage(pen, view) {
-      const [lo, hi] = this.box, ink = this.colour("ink");
-      pen.lineWidth = 1;
-      for (let corner = 0; corner < 8; corner++)
-        for (let d = 0; d < 3; d++) {
-          if (corner & (1 << d)) continue;
-          const ends = [corner, corner | (1 << d)].map((c) => view.map(lo.map((x, k) => (c & (1 << k) ? hi[k] : x))));
-          pen.strokeStyle = this.colour(corner === 0 ? "faint" : "grid");
-          line(pen, ends);
-          if (corner !== 0) continue;
-          pen.fillStyle = ink;
-          pen.textAlign = "center";
-          pen.textBaseline = "middle";
-          pen.fillText(this.data.labels[d], ...ends[1].slice(0, 2).map((x, k) => x + 0.05 * (x - view.centre[k])));
-        }
-    }
-
-    motion(pen, view, motion, k) {
-      const [i, f] = frame(motion.ts, this.t), dim = view.dim;
-      pen.save();
-      if (view.frame) { pen.beginPath(); pen.rect(...view.frame.map((x, d) => (d < 2 ? x - 8 : x + 16))); pen.clip(); }
-      const own = (j) => this.colour(`path-${(this.several ? k : j) % 7}`);
-      for (const ground of motion.grounds) {
-        pen.strokeStyle = this.colour("ground");
-        pen.lineWidth = 1.6;
-        line(pen, ground.map((p) => view.map(p)));
-      }
-      for (const kind of ["area", "pin", "spring", "dashpot", "line", "solid"])
-        for (const shape of motion.shapes.filter((s) => s.kind === kind)) this.shape(pen, view, shape, i, f, this.several && kind === "line" ? own(0) : null);
-      this.tails(pen, view, motion, i, f, own);
+      paper.clip(view);
+      const own = (j) => paper.colour(`path-${(this.several ? k : j) % 7}`);
+      for (const ground of motion.grounds) paper.ground(ground.map((p) => view.map(p)));
+      for (const kind of KINDS)
+        for (const shape of motion.shapes.filter((s) => s.kind === kind)) this.shape(paper, view, shape, i, f, this.several && kind === "line" ? own(0) : null);
+      this.tails(paper, view, motion, i, f, own);
       for (let j = 0; j < motion.count; j++) {
         const [x, y] = view.map(at(motion.paths, motion.count, dim, i, f, j));
-        disc(pen, x, y, 5.5, own(j), this.colour("paper"));
+        disc(pen, x, y, 5.5, own(j), paper.colour("paper"));
       }
       pen.restore();
     }
 
     // Paths up to now, fading; the whole path if so chosen.
-    tails(pen, view, motion, i, f, own) {
+    tails(paper, view, motion, i, f, own) {
       if (!this.trail) return;
-      const since = this.t - this.trail * (this.end - this.begin);
-      const first = this.trail >= 1 ? 0 : frame(motion.ts, since)[0], last = this.trail >= 1 ? motion.ts.length - 1 : i;
-      pen.lineWidth = 2;
-      pen.lineCap = "butt"; // round ends of faint parts would overlap and show as beads
+      const whole = this.trail >= 1, since = this.t - this.trail * (this.end - this.begin);
+      const first = whole ? 0 : frame(motion.ts, since)[0], last = whole ? motion.ts.length - 1 : i;
       for (let j = 0; j < motion.count; j++) {
-        pen.strokeStyle = own(j);
         const corners = [];
         for (let s = first; s <= last; s++) corners.push(view.map(at(motion.paths, motion.count, view.dim, s, 0, j)));
-        if (this.trail < 1) corners.push(view.map(at(motion.paths, motion.count, view.dim, i, f, j)));
-        const parts = this.trail >= 1 ? 1 : 12;
-        for (let p = 0; p < parts; p++) {
-          pen.globalAlpha = this.trail >= 1 ? 0.7 : (p + 1) / parts;
-          const [a, b] = [p, p + 1].map((q) => Math.round((q * (corners.length - 1)) / parts));
-          line(pen, corners.slice(a, b + 1));
-        }
+        if (!whole) corners.push(view.map(at(motion.paths, motion.count, view.dim, i, f, j)));
+        paper.tail(corners, own(j), whole);
       }
-      pen.globalAlpha = 1;
-      pen.lineCap = "round";
     }
 
-    shape(pen, view, shape, i, f, colour) {
-      const n = shape.lines * shape.corners, ink = this.colour("ink");
+    shape(paper, view, shape, i, f, colour) {
+      const n = shape.lines * shape.corners;
       for (let m = 0; m < shape.lines; m++) {
         const corners = Array.from({ length: shape.corners }, (_, c) => view.map(at(shape.at, n, view.dim, i, f, m * shape.corners + c)));
-        pen.strokeStyle = colour || ink;
-        pen.lineWidth = view.dim === 3 ? 1.5 : 2.2;
-        const width = 0.022 * view.scale * Math.max(...this.box[0].map((x, d) => this.box[1][d] - x));
-        if (shape.kind === "spring") { pen.lineWidth = 1.3; line(pen, coiled(corners, width)); }
-        else if (shape.kind === "dashpot") { pen.lineWidth = 1.3; for (const part of dashpot(corners, width)) line(pen, part); }
-        else if (shape.kind === "pin") for (const corner of corners) this.pin(pen, corner);
-        else if (shape.kind === "line") line(pen, corners);
-        else closed(pen, corners, view.dim === 3 ? null : this.colour(shape.kind === "area" ? "body" : "ink"));
+        paper.stroke(view, shape.kind, corners, colour);
       }
-    }
-
-    pin(pen, [x, y]) {
-      pen.fillStyle = this.colour("paper");
-      pen.lineWidth = 1.5;
-      pen.beginPath();
-      for (const [dx, dy] of HUNG) pen.lineTo(x + 9 * dx, y - 9 * dy);
-      pen.closePath();
-      pen.fill();
-      pen.stroke();
     }
 
     // The relative change of the energy so far, on a logarithmic axis.
-    energies(pen) {
+    energies(paper) {
+      const { pen } = paper;
       const known = this.shown.filter((m) => m.energy);
       this.said.textContent = "";
       if (!known.length) return;
@@ -520,18 +375,18 @@
       pen.textBaseline = "middle";
       const stride = Math.ceil((upper - lower) / 4);
       for (let p = upper; p >= lower; p -= stride) {
-        pen.strokeStyle = this.colour("grid");
+        pen.strokeStyle = paper.colour("grid");
         pen.lineWidth = 1;
         line(pen, [[left, y(10 ** p)], [left + wide, y(10 ** p)]]);
-        pen.fillStyle = this.colour("faint");
+        pen.fillStyle = paper.colour("faint");
         pen.fillText(`1e${p}`, left - 6, y(10 ** p));
       }
       known.forEach((m) => {
-        pen.strokeStyle = this.colour(`path-${(this.several ? this.shown.indexOf(m) : 0) % 7}`);
+        pen.strokeStyle = paper.colour(`path-${(this.several ? this.shown.indexOf(m) : 0) % 7}`);
         pen.lineWidth = 1.4;
         line(pen, [...m.energy.ts].map((t, i) => [x(t), y(m.energy.change[i])]));
       });
-      pen.strokeStyle = this.colour("ink");
+      pen.strokeStyle = paper.colour("ink");
       line(pen, [[x(this.t), top], [x(this.t), top + high]]);
       this.said.textContent = known.map((m) => {
         const [i, f] = frame(m.energy.ts, this.t), c = m.energy.change, now = c[i] + f * ((c[i + 1] ?? c[i]) - c[i]);
@@ -539,54 +394,6 @@
         return `${name}energy ${(m.energy.start + now * m.energy.size).toPrecision(6)}${m.energy.unit}, changed by ${now.toExponential(1)} of its size`;
       }).join("; ");
     }
-  }
-
-  function line(pen, corners) {
-    pen.beginPath();
-    for (const [x, y] of corners) pen.lineTo(x, y);
-    pen.stroke();
-  }
-
-  function closed(pen, corners, fill) {
-    pen.beginPath();
-    for (const [x, y] of corners) pen.lineTo(x, y);
-    pen.closePath();
-    if (fill) { pen.fillStyle = fill; pen.fill(); }
-    pen.stroke();
-  }
-
-  function disc(pen, x, y, radius, fill, edge) {
-    pen.beginPath();
-    pen.arc(x, y, radius, 0, 2 * Math.PI);
-    pen.fillStyle = fill;
-    pen.fill();
-    pen.lineWidth = 1.5;
-    pen.strokeStyle = edge;
-    pen.stroke();
-  }
-
-  // A direction on the canvas, and the one to its left, of length `width`.
-  const beside = ([a, b], width) => {
-    const [dx, dy] = [b[0] - a[0], b[1] - a[1]], length = Math.hypot(dx, dy) || 1;
-    return [(-dy / length) * width, (dx / length) * width];
-  };
-
-  function coiled(ends, width) {
-    const [a, b] = ends, [sx, sy] = beside(ends, width), corners = [a];
-    for (let i = 0; i <= 2 * COILS; i++) {
-      const share = LEAD + ((1 - 2 * LEAD) * i) / (2 * COILS), side = i === 0 || i === 2 * COILS ? 0 : i % 2 ? 1 : -1;
-      corners.push([a[0] + share * (b[0] - a[0]) + side * sx, a[1] + share * (b[1] - a[1]) + side * sy]);
-    }
-    return [...corners, b];
-  }
-
-  function dashpot(ends, width) {
-    const [sx, sy] = beside(ends, width), [a, b] = ends;
-    const on = (share, side) => [a[0] + share * (b[0] - a[0]) + side * sx, a[1] + share * (b[1] - a[1]) + side * sy];
-    return [
-      [a, on(0, 2.5), on(0.4, 2.5)], [on(0.5, 2.5), on(1, 2.5), b],
-      [on(0.62, 3.5), on(0.4, 3.5), on(0.4, 1.5), on(0.62, 1.5)], [on(0.5, 3.5), on(0.5, 1.5)],
-    ];
   }
 
   // A motion begins to move when it comes into sight, unless the reader prefers stillness or has

@@ -101,7 +101,7 @@ class OffTable(eqx.Module):
         """(3,) state after the impact."""
         del t
         speed = self.ball.table(y[2])[1]
-        return y.at[1].set(speed - self.ball.restitution * (y[1] - speed))
+        return jnp.stack([y[0], speed - self.ball.restitution * (y[1] - speed), y[2]])
 
 
 @ready_made()
@@ -197,7 +197,7 @@ class Rebounds(eqx.Module):
     def __call__(self, t: Array, y: Array) -> Array:
         """(3,) state after the impact."""
         del t
-        return y.at[1].multiply(-self.oscillator.restitution)
+        return jnp.stack([y[0], -self.oscillator.restitution * y[1], y[2]])
 
 
 @ready_made()

@@ -82,6 +82,7 @@ add(
     show_command,
     "orbits show swing.json",
     "orbits show swings.json --plot swings.png",
+    "orbits show swing.json --live swing.html",
 )
 add(app, "verify", verify_command, "orbits verify swing.json")
 

@@ -8,7 +8,7 @@ from rich.markup import escape
 import orbits
 from jaxdyn import _text
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
+from jaxdyn.cli.shared import JsonOption, LiveOption, PlotOption, TitleOption, check_title
 from orbits.cli.bifurcations.shown import is_continuation, show_continuation
 from orbits.cli.printed import print_family, print_reports
 from orbits.cli.shared import OrbitFile, QuantityOption, draw
@@ -19,6 +19,7 @@ def show_command(
     plot: PlotOption = None,
     quantity: QuantityOption = "period",
     title: TitleOption = None,
+    live: LiveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Print what a file of an orbit or of a family claims, as it stands there, and draw it.
@@ -28,15 +29,26 @@ def show_command(
     check_title(title, plot)
     with screen(f"reading {file}", as_object) as out:
         if is_continuation(file):
+            _refuse_live(live)
             show_continuation(file, plot, title, out)
             return
         found = orbits.files.contents.contents(file)
         if as_object:
             out.result(json.loads(file.read_text()))
         if isinstance(found, orbits.files.family_files.Listing):
+            _refuse_live(live)
             _show_family(found, file, plot, quantity, title, out)
         else:
             _show_orbit(found, file, plot, title, out)
+            if live:
+                with out.writing(live, "runs in"):
+                    found.orbit.live(live)
+
+
+def _refuse_live(live: Path | None) -> None:
+    if live is not None:
+        remedy = "In Python each orbit of a family has `live(path)`."
+        raise _text.fail("--live", "a file of one orbit", "one of several", remedy)
 
 
 def _show_orbit(

@@ -245,6 +245,17 @@ def test_the_default_tolerance_is_that_of_the_library():
     assert run._RTOL == RTOL
 
 
+def test_a_scene_becomes_a_page_on_which_it_runs(jaxdyn, tmp_path):
+    page = tmp_path / "throw.html"
+    code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", "--t1", "3", "--live", page)
+    assert code == 0
+    assert f"runs in {page}\n" in out
+    assert '"span": 3.0' in page.read_text()
+    code, _, err = jaxdyn("run", "cannonball", "--live", tmp_path / "throw.png")
+    assert code == 2
+    assert "--live: expected a file name ending in .html" in err
+
+
 def test_a_run_becomes_files(jaxdyn, tmp_path):
     picture, series, table = (tmp_path / name for name in ("a.svg", "b.svg", "c.csv"))
     words = ("--plot", picture, "--title", "Title of it", "--series", series, "--csv", table)

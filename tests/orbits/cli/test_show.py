@@ -1,11 +1,12 @@
 """`orbits show`: what files claim, without anything recomputed, and what is refused."""
 
+import dataclasses
 import json
 import math
 
 import numpy as np
 import pytest
-from helpers import forge
+from helpers import forge, refusal
 
 import orbits
 from jaxdyn import scenes
@@ -100,6 +101,23 @@ def edited(path, **claims):
     record["claims"] |= claims
     forge(path, record)
     return path
+
+
+def test_an_orbit_becomes_a_page_on_which_it_runs_beside_another_motion(command, file, tmp_path):
+    page = tmp_path / "swing.html"
+    ran = command("orbits", "show", file, "--live", page)
+    assert ran.code == 0
+    assert f"runs in {page}" in ran.out
+    assert "<h1>Orbit of oscillator</h1>" in page.read_text()
+    assert '"motions": 2' in page.read_text()
+
+
+def test_a_family_becomes_no_page_and_neither_does_what_is_no_orbit(command, family, tmp_path):
+    ran = command("orbits", "show", family, "--live", tmp_path / "swings.html")
+    assert ran.code == 2
+    assert "--live: expected a file of one orbit, got one of several" in ran.err
+    lost = dataclasses.replace(SWING, outcome=Outcome.COLLISION)
+    assert "orbit: expected one that was found, got COLLISION" in refusal(lambda: lost.live())
 
 
 def test_an_orbit_is_shown_as_its_file_claims(command, file):

@@ -1,0 +1,792 @@
+// A scene that runs on its page: moved by `motion.js` from the functions that
+// `jaxdyn.player.model` wrote, drawn by `canvas.js`. Pages put [element, model] into `liveScenes`;
+// the element's `live` has play(), pause(), step(), reset(), seek(t), set(name, value),
+// enter(i, value), switched(i, on), several(count), drag(mark, place) and state().
+"use strict";
+
+(() => {
+  const { KINDS, View, Paper, disc, fitted, line } = JaxdynCanvas;
+  const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
+  const LONGEST = 60, SHORTEST = 4; // [s] of spans in real time, at pace 1; longer ones in LONG, others in SHORTEST
+  const LONG = 12;
+  const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
+  const MOST_SAMPLES = 6000;
+  const MOST_DRAWN = 1500; // samples of a curve
+  const FRAME = 12; // [ms] of work between two pictures
+  const LOOK = 250; // [ms] to look ahead for the box of the motion
+  const REACH = { mouse: 26, touch: 44, pen: 30 }; // [px] at which a body is caught
+  const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
+  const MARGIN = 1.12, LEAST_SHARE = [0, 0, 0.25, 0.5]; // as `drawing.panels.limits`
+  const COUNTS = [1, 2, 3, 4, 5, 10, 20];
+  const NUDGE = 1e-6; // of an entry, for differences
+  const STILL = 1e-3; // of its size: an entry that changes less is not plotted by itself
+  const STEP = 1e-5; // of the span, for differences in time
+  const ARROW = 0.2; // of the picture: the longest vector
+  const SHOWN_ALONE = 6; // numbers of an array of parameters: more are folded away
+
+  const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
+  const short = (x, digits = 6) => {
+    if (!Number.isFinite(x)) return "not a number";
+    const figure = +x.toPrecision(digits);
+    return figure && Math.abs(figure) < 1e-3 ? figure.toExponential() : String(figure);
+  };
+  const distance = (a, b) => Math.hypot(...a.map((x, d) => x - b[d]));
+  // A round number that is not smaller.
+  const round = (x) => { const power = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * power >= x * (1 - 1e-12)) * power; };
+
+  // The box of points with a margin, not too narrow, not empty.
+  function limits(points, equal) {
+    const dim = points[0].length, lo = [], hi = [];
+    for (let d = 0; d < dim; d++) {
+      lo[d] = Infinity; hi[d] = -Infinity;
+      for (const p of points) { if (p[d] < lo[d]) lo[d] = p[d]; if (p[d] > hi[d]) hi[d] = p[d]; }
+    }
+    const middle = lo.map((x, d) => (x + hi[d]) / 2), halves = lo.map((x, d) => (hi[d] - x) / 2), most = Math.max(...halves);
+    const half = halves.map((h, d) => {
+      const size = equal ? Math.max(h, LEAST_SHARE[dim] * most) : h;
+      return MARGIN * (size > 1e-6 * Math.abs(middle[d]) ? size : Math.max(Math.abs(middle[d]), 1) / 2);
+    });
+    return [middle.map((x, d) => x - half[d]), middle.map((x, d) => x + half[d])];
+  }
+
+  // The solution of a small symmetric system, by elimination.
+  function solved(rows, right) {
+    const n = right.length, a = rows.map((row, i) => [...row, right[i]]);
+    for (let c = 0; c < n; c++) {
+      const best = a.slice(c).reduce((at, row, i) => (Math.abs(row[c]) > Math.abs(a[at][c]) ? c + i : at), c);
+      [a[c], a[best]] = [a[best], a[c]];
+      for (let r = c + 1; r < n; r++) {
+        const f = a[r][c] / a[c][c];
+        for (let k = c; k <= n; k++) a[r][k] -= f * a[c][k];
+      }
+    }
+    const x = new Array(n).fill(0);
+    for (let r = n - 1; r >= 0; r--) x[r] = (a[r][n] - x.reduce((sum, v, k) => sum + (k > r ? a[r][k] * v : 0), 0)) / a[r][r];
+    return x;
+  }
+
+  // One motion on the page: where it is now, and its samples.
+  class Run {
+    constructor(scene, start) {
+      this.scene = scene;
+      this.samples = [];
+      this.begin(0, start);
+      this.push(0);
+    }
+
+    begin(t, y) {
+      this.motion = new JaxdynMotion(this.scene.model, this.scene.p, this.scene.on, t, y);
+      this.now = y;
+    }
+
+    get last() { return this.samples[this.samples.length - 1]; }
+
+    push(t) {
+      const y = this.motion.at(t), { scene } = this;
+      this.samples.push({ t, y, marks: scene.places(t, y).marks, energies: scene.energies(t, y) });
+      // Of the older half every second one stays.
+      if (this.samples.length > MOST_SAMPLES) this.samples = this.samples.filter((_, i) => i > MOST_SAMPLES / 2 || i % 2 === 0);
+    }
+  }
+
+  class Live {
+    constructor(root, model) {
+      this.root = root;
+      this.model = model;
+      this.data = model.data;
+      const d = this.data;
+      this.p = d.parameters.map((one) => one.value);
+      this.on = model.phases[0].rates.length - 1;
+      this.start = this.consistent([...d.start]);
+      this.flat = d.axes.named.length; // directions that the functions know
+      this.dim = Math.max(2, this.flat);
+      this.labels = this.flat === 1 ? [...d.axes.named, ""] : d.axes.named;
+      this.count = d.motions;
+      this.turn = { azimuth: 0.6, height: 0.4, zoom: 1 };
+      this.pace = 1;
+      this.trail = 0.25;
+      this.playing = false;
+      const span = d.span;
+      this.speed = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONG : SHORTEST);
+      this.beat = this.speed * BEAT;
+      this.fit();
+      this.offset = this.aside();
+      this.build();
+      this.reset();
+      this.ranges();
+      this.resize();
+    }
+
+    // The functions of the model with the parameters and the effects as they are now.
+    rate(t, y) { return this.runs[0].motion.phase.rates[this.on](t, y, this.p); }
+    energies(t, y) { return this.data.terms.length ? this.model.energies[this.on](t, y, this.p) : []; }
+    consistent(y, t = 0) { return this.model.consistent ? this.model.consistent(t, y, this.p) : y; }
+
+    // The marked points and the corners of all shapes.
+    places(t, y) {
+      const flat = this.model.places(t, y, this.p), d = this.flat, marks = [], shapes = [];
+      let at = 0;
+      const take = () => { const place = flat.slice(at, at + d); at += d; if (d === 1) place.push(0); return place; };
+      for (const _ of this.data.marks) marks.push(take());
+      for (const shape of this.data.shapes) {
+        const known = Array.from({ length: shape.computed }, take);
+        shapes.push(shape.weights ? shape.weights.map((row) => known[0].map((_, k) => row.reduce((sum, w, i) => sum + w * known[i][k], 0))) : known);
+      }
+      return { marks, shapes };
+    }
+
+    // ------------------------------------------------------------------ the motion
+
+    reset() {
+      this.t = 0;
+      this.beats = 0;
+      this.runs = Array.from({ length: this.count }, (_, i) => {
+        const y = [...this.start];
+        y[this.offset.entry] += i * this.offset.size;
+        return new Run(this, i ? this.consistent(y) : y);
+      });
+      this.say(this.failure());
+      this.draw();
+    }
+
+    // Go on from where the motion is, with other parameters or effects.
+    goOn() {
+      if (this.t === 0) { this.start = this.consistent(this.start); this.fields(); this.reset(); return; }
+      for (const run of this.runs) run.begin(this.t, this.consistent(run.now, this.t));
+      this.say(this.failure());
+      this.draw();
+    }
+
+    // To a time, with samples on the way; stops when `budget` ms are over.
+    advance(t, budget = Infinity) {
+      const until = performance.now() + budget;
+      for (;;) {
+        const next = (this.beats + 1) * this.beat, to = Math.min(next, t);
+        for (const run of this.runs) if (!run.motion.to(to, until)) { this.show(Math.min(to, ...this.runs.map((r) => r.motion.t))); return false; }
+        if (next > t) break;
+        this.beats++;
+        for (const run of this.runs) run.push(next);
+        for (const run of this.runs) run.last.apart = distance(run.last.y, this.runs[0].last.y);
+      }
+      this.show(t);
+      return true;
+    }
+
+    show(t) {
+      this.t = Math.max(this.t, t);
+      for (const run of this.runs) run.now = run.motion.at(this.t);
+    }
+
+    // Why and where a motion is no longer what it was; empty while it is.
+    failure() {
+      const motions = this.runs.map((run) => run.motion), failed = motions.find((motion) => motion.failed);
+      const rough = motions.find((motion) => motion.crawled !== null), ended = motions.find((motion) => motion.ended && motion.ended.t <= this.t);
+      if (failed) {
+        const why = { "not a number": "the rate is not a number there", "impacts without end": "more and more impacts follow each other, ever faster" }[failed.failed] || "a singularity is near";
+        return `The motion ends at t = ${short(failed.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;
+      }
+      if (rough) return `From t = ${short(rough.crawled, 4)} on a condition changes sides at each step, as that of dry friction does where it sticks: the motion is only as exact as the picture.`;
+      return ended ? `It came to its end at t = ${short(ended.ended.t, 6)}.` : "";
+    }
+
+    play() {
+      if (this.playing) return;
+      this.playing = true;
+      this.button.textContent = "Pause";
+      let last = performance.now();
+      const step = (now) => {
+        if (!this.playing) return;
+        const passed = Math.min(0.1, Math.max(0, (now - last) / 1000)) * this.speed * this.pace;
+        last = now;
+        const before = this.t;
+        this.advance(this.t + passed, FRAME);
+        this.late = this.t - before < 0.7 * passed;
+        this.draw();
+        if (this.failure()) this.say(this.failure());
+        if (this.runs.some((run) => run.motion.failed || run.motion.ended)) { this.pause(); this.say(this.failure()); return; }
+        requestAnimationFrame(step);
+      };
+      requestAnimationFrame(step);
+    }
+
+    pause() {
+      if (!this.playing) return;
+      this.playing = false;
+      this.button.textContent = "Play";
+      this.say(`Paused at t = ${this.time()}.`);
+      this.draw();
+    }
+
+    toggle() { if (this.playing) this.pause(); else this.play(); }
+
+    step() {
+      this.pause();
+      this.advance(this.t + (this.speed * this.pace) / 30);
+      this.say(this.failure() || `t = ${this.time()}.`);
+      this.draw();
+    }
+
+    seek(t) {
+      this.pause();
+      if (t < this.t) this.reset();
+      this.advance(t);
+      this.say(this.failure());
+      this.draw();
+    }
+
+    // ------------------------------------------------------------------ what can be changed
+
+    set(name, value) {
+      const i = this.data.parameters.findIndex((one) => one.name === name);
+      if (i < 0 || !Number.isFinite(value)) return;
+      this.p[i] = value;
+      this.goOn();
+    }
+
+    enter(i, value) {
+      if (!Number.isFinite(value)) return;
+      this.start[i] = value;
+      this.begin(this.start);
+    }
+
+    // From another start.
+    begin(y) {
+      this.start = [...this.consistent(y)];
+      this.fields();
+      this.reset();
+    }
+
+    switched(i, on) {
+      this.on = on ? this.on | (1 << i) : this.on & ~(1 << i);
+      this.goOn();
+    }
+
+    several(count) { this.count = count; this.reset(); }
+
+    original() {
+      this.p = this.data.parameters.map((one) => one.value);
+      this.on = this.model.phases[0].rates.length - 1;
+      for (const [i, box] of this.switches.entries()) box.checked = true;
+      this.begin([...this.data.start]);
+      this.fit();
+      this.ranges();
+      this.draw();
+    }
+
+    // The start that brings a marked point to a place, or as near as it gets: Gauss-Newton on the
+    // coordinates, those of least change, on the constraints; the velocities are those of the start.
+    drag(mark, place) {
+      const d = this.flat, k = this.start.length;
+      const at = (y) => this.places(0, y).marks[mark].slice(0, d);
+      const off = (y) => at(y).map((x, i) => place[i] - x);
+      let y = this.consistent(this.start.map((x, i) => (this.movers[i] ? this.held[i] : x)));
+      let miss = off(y), size = Math.hypot(...miss);
+      for (let n = 0; n < 30; n++) {
+        const columns = y.map((x, i) => {
+          if (!this.movers[i]) return new Array(d).fill(0);
+          const h = NUDGE * (1 + Math.abs(x)), two = [1, -1].map((sign) => at(this.consistent(y.map((z, j) => (j === i ? z + sign * h : z)))));
+          return two[0].map((a, c) => (a - two[1][c]) / (2 * h));
+        });
+        const gram = Array.from({ length: d }, (_, a) => Array.from({ length: d }, (_, b) => columns.reduce((sum, c) => sum + c[a] * c[b], 0)));
+        const trace = gram.reduce((sum, row, a) => sum + row[a], 0);
+        if (!(trace > 0)) break;
+        for (let a = 0; a < d; a++) gram[a][a] += 1e-7 * trace;
+        const weights = solved(gram, miss);
+        let share = 1, better = null;
+        for (; share > 1e-3; share /= 2) {
+          const tried = this.consistent(y.map((x, i) => x + share * columns[i].reduce((sum, c, a) => sum + c * weights[a], 0)));
+          const left = off(tried);
+          if (Math.hypot(...left) < size) { better = [tried, left]; break; }
+        }
+        if (!better) break;
+        const gained = size - Math.hypot(...better[1]);
+        [y, miss] = better;
+        size = Math.hypot(...miss);
+        if (gained < 1e-9 * (size + Math.hypot(...place))) break;
+      }
+      this.held = y;
+      this.begin(Array.from({ length: k }, (_, i) => y[i]));
+    }
+
+    // A body is caught as it is now: its coordinates are those of the start from now on.
+    grab() {
+      const now = this.runs[0].now, all = (y) => this.places(this.t, y).marks.flat();
+      this.movers = now.map((x, i) => {
+        const h = 1e-4 * (1 + Math.abs(x)), [a, b] = [1, -1].map((sign) => all(now.map((z, j) => (j === i ? z + sign * h : z))));
+        return a.some((v, c) => Math.abs(v - b[c]) > 1e-9 * h);
+      });
+      this.held = [...now];
+    }
+
+    // The box of the motion over its span, as far as a look ahead sees.
+    fit() {
+      const look = new Run(this, this.start), until = performance.now() + LOOK, points = [];
+      const seen = this.start.map(Math.abs), least = [...this.start], most = [...this.start];
+      for (let i = 0; i <= 200; i++) {
+        const t = (i / 200) * this.data.span;
+        if (!look.motion.to(t, until)) break;
+        const y = look.motion.at(t), { marks, shapes } = this.places(t, y);
+        y.forEach((x, j) => { seen[j] = Math.max(seen[j], Math.abs(x)); least[j] = Math.min(least[j], x); most[j] = Math.max(most[j], x); });
+        points.push(...marks, ...shapes.flatMap((s, k) => (this.data.shapes[k].kind === "ground" ? [] : s)));
+      }
+      const finite = points.filter((p) => p.every(Number.isFinite));
+      this.box = limits(finite.length ? finite : [new Array(this.dim).fill(0)], this.data.axes.equal);
+      this.seen = seen;
+      this.moves = least.map((x, j) => most[j] - x > STILL * this.size(j));
+    }
+
+    // A thousandth, in round numbers, of the first entry that moves.
+    aside() {
+      const entry = Math.max(0, this.moves.indexOf(true)), size = Math.min(this.size(entry), this.data.groups.most[entry] ?? Infinity);
+      return { entry, size: 10 ** (Math.floor(Math.log10(size || 1)) - 3) };
+    }
+
+    // The largest entry of a kind that the look ahead saw.
+    size(i) {
+      const { of } = this.data.groups;
+      return Math.max(...this.seen.filter((_, j) => of[j] === of[i]));
+    }
+
+    // A body that leaves the box enlarges it.
+    follow() {
+      const [lo, hi] = this.box, points = this.runs.flatMap((run) => this.places(this.t, run.now).marks);
+      if (points.every((p) => p.every((x, d) => !Number.isFinite(x) || (x >= lo[d] && x <= hi[d])))) return;
+      const finite = points.filter((p) => p.every(Number.isFinite));
+      if (finite.length) this.box = limits([...finite, lo.map((x, d) => x + 0.05 * (hi[d] - x)), hi.map((x, d) => x - 0.05 * (x - lo[d]))], false);
+    }
+
+    state() {
+      const { t, playing, p, on, start } = this, phases = this.runs.map((run) => run.motion.phase.name), now = this.runs.map((run) => Array.from(run.now));
+      return { t, playing, start, phases, parameters: p, on, now, points: this.runs.map((run) => this.places(t, run.now).marks), energies: this.runs.map((run) => this.energies(t, run.now)), failure: this.failure() };
+    }
+
+    // ------------------------------------------------------------------ the page
+
+    build() {
+      const { root, data } = this;
+      this.ids = 0;
+      this.switches = [];
+      const stage = this.make("div", { className: "scene" }), panels = this.make("div", { className: "panels" });
+      this.canvas = this.make("canvas", { className: "stage", tabIndex: 0 }, stage);
+      this.canvas.setAttribute("role", "application");
+      this.canvas.setAttribute("aria-label", `${data.name}, drawn. ${this.keys()} The fields under Start and Parameters do what dragging does.`);
+      const bar = this.make("div", { className: "controls" }, stage);
+      this.button = this.press("Play", () => this.toggle(), bar);
+      this.press("Step", () => this.step(), bar);
+      this.press("Reset", () => { this.pause(); this.fit(); this.reset(); this.say("At the start."); }, bar);
+      this.paces = this.select("speed", PACES.map((x) => [x, `${short(x * this.speed, 2)} ${data.second ? "x" : "per s"}`]), 1, (x) => { this.pace = +x; }, bar);
+      this.select("trail", [[0, "no trail"], [0.25, "trail"], [1, "long trail"]], 0.25, (x) => { this.trail = +x; this.draw(); }, bar);
+      this.clock = this.make("span", { className: "clock" }, bar);
+      this.said = this.make("p", { className: "said" }, stage);
+      this.status = this.make("p", { className: "status" }, stage);
+      this.status.setAttribute("role", "status");
+      this.legend = this.make("p", { className: "legend" }, stage);
+      this.make("p", { className: "hint", textContent: `Drag a body to set the start. Keys: ${this.keys()}` }, stage);
+      const plots = this.make("div", { className: "plots" });
+      this.plots = [this.plot(plots, 0), this.plot(plots, 1)];
+      this.startPanel(panels);
+      this.parameterPanel(panels);
+      if (data.switches.length) this.effectPanel(panels);
+      this.vectorPanel(panels);
+      this.severalPanel(panels);
+      this.listen();
+    }
+
+    make(tag, set, parent = this.root) { return parent.appendChild(Object.assign(document.createElement(tag), set)); }
+
+    press(text, does, parent) {
+      const button = this.make("button", { type: "button", textContent: text }, parent);
+      button.addEventListener("click", does);
+      return button;
+    }
+
+    select(label, choices, chosen, does, parent) {
+      const list = this.make("select", {}, parent);
+      list.setAttribute("aria-label", label);
+      for (const [value, text] of choices) this.make("option", { value, text, selected: value === chosen }, list);
+      list.addEventListener("change", () => does(list.value));
+      return list;
+    }
+
+    panel(title, parent, open = true) {
+      const panel = this.make("details", { open }, parent);
+      this.make("summary", { textContent: title }, panel);
+      return panel;
+    }
+
+    // A slider and a field for one number; `set` shows another one.
+    field({ name, unit }, value, does, parent) {
+      const row = this.make("div", { className: "field" }, parent), id = `${this.root.id || "live"}-${this.ids++}`;
+      const said = unit ? `${name} [${unit}]` : name;
+      this.make("label", { htmlFor: id, textContent: said }, row);
+      const slider = this.make("input", { type: "range", step: "any" }, row), number = this.make("input", { type: "number", step: "any", id, value: short(value) }, row);
+      slider.setAttribute("aria-label", `${said}, slider`);
+      const set = (x) => {
+        if (+slider.min > x) slider.min = x;
+        if (+slider.max < x) slider.max = x;
+        slider.value = x;
+        slider.setAttribute("aria-valuetext", `${short(x, 4)} ${unit}`);
+        if (document.activeElement !== number) number.value = short(x);
+      };
+      slider.addEventListener("input", () => { number.value = short(+slider.value, 6); slider.setAttribute("aria-valuetext", `${number.value} ${unit}`); does(+number.value); });
+      number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(+number.value)) { does(+number.value); set(+number.value); } });
+      return { row, set, range: (low, high) => { slider.min = low; slider.max = high; } };
+    }
+
+    startPanel(parent) {
+      const panel = this.panel("Start", parent, this.data.entries.length <= 12);
+      this.entries = this.data.entries.map((entry, i) => this.field(entry, this.start[i], (x) => this.enter(i, x), panel));
+      const bar = this.make("div", { className: "controls" }, panel);
+      this.press("Start from here", () => { this.pause(); this.begin([...this.runs[0].now]); this.say("This is the start now."); }, bar);
+      this.press("Original", () => { this.pause(); this.original(); this.say("Everything is as it was."); }, bar);
+    }
+
+    parameterPanel(parent) {
+      const { parameters } = this.data;
+      this.numbers = [];
+      if (!parameters.length) return;
+      const few = parameters.some((one) => one.of <= SHOWN_ALONE), panel = few ? this.panel("Parameters", parent) : null;
+      const rest = parameters.some((one) => one.of > SHOWN_ALONE) ? this.panel(few ? "More parameters" : "Parameters", parent, false) : null;
+      this.numbers = parameters.map((one, i) => {
+        const field = this.field({ name: one.label, unit: one.unit }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
+        const v = this.p[i], far = v ? round(2 * Math.abs(v)) : 1;
+        field.range(v > 0 ? 0 : -far, v < 0 ? 0 : far);
+        field.set(v);
+        return field;
+      });
+    }
+
+    effectPanel(parent) {
+      const panel = this.panel("Effects", parent);
+      this.switches = this.data.switches.map(({ name }, i) => {
+        const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox", checked: true }, label);
+        label.append(name);
+        box.addEventListener("change", () => this.switched(i, box.checked));
+        return box;
+      });
+    }
+
+    vectorPanel(parent) {
+      const panel = this.panel("Vectors", parent, false), kinds = ["velocity", "acceleration", ...this.data.forces.map((one) => `force: ${one.name}`)];
+      this.vectors = kinds.map((name, i) => {
+        const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox" }, label);
+        const swatch = this.make("span", { className: "swatch" }, label);
+        swatch.style.setProperty("--own", `var(--path-${(i + 2) % 7})`);
+        label.append(name);
+        box.addEventListener("change", () => { this.longest[i] = 0; this.draw(); });
+        return box;
+      });
+      this.longest = kinds.map(() => 0);
+    }
+
+    severalPanel(parent) {
+      const panel = this.panel("Several motions", parent, this.count > 1), row = this.make("div", { className: "controls" }, panel);
+      this.select("how many motions", [...new Set([...COUNTS, this.count])].sort((a, b) => a - b).map((n) => [n, n === 1 ? "one" : `${n} motions`]), this.count, (n) => this.several(+n), row);
+      this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), this.offset.entry, (i) => { this.offset.entry = +i; this.reset(); }, row);
+      const apart = this.make("input", { type: "number", step: "any", value: this.offset.size }, row);
+      apart.setAttribute("aria-label", "how far apart they start");
+      apart.addEventListener("input", () => { if (apart.value !== "" && Number.isFinite(+apart.value)) { this.offset.size = +apart.value; this.reset(); } });
+      this.apart = this.make("p", { className: "said" }, panel);
+    }
+
+    // What is shown is what holds.
+    fields() {
+      this.entries.forEach((field, i) => field.set(this.start[i]));
+      this.numbers.forEach((field, i) => field.set(this.p[i]));
+    }
+
+    // The ranges of the sliders of the start, by what its motion reaches.
+    ranges() {
+      this.data.entries.forEach((entry, i) => {
+        const far = entry.unit === "rad" ? Math.PI : round(1.2 * (this.size(i) || 1));
+        this.entries[i].range(-far, far);
+        this.entries[i].set(this.start[i]);
+      });
+    }
+
+    keys() {
+      return this.flat === 3 ? "space plays, s steps, r resets, arrows or dragging turn it, [ and ] zoom." : "space plays, s or the right arrow steps, r resets.";
+    }
+
+    say(text) { if (this.status.textContent !== text) this.status.textContent = text; }
+
+    time() { return `${this.t.toFixed(Math.max(0, 2 - Math.floor(Math.log10(this.data.span || 1))))}${this.data.second ? ` ${this.data.second}` : ""}`; }
+
+    listen() {
+      this.canvas.addEventListener("keydown", (event) => this.key(event));
+      this.pointers();
+      new ResizeObserver(() => this.resize()).observe(this.root);
+      // On a phone the plots are mostly out of sight: they cost as much as the rest.
+      const seen = new IntersectionObserver((entries) => {
+        for (const { target, isIntersecting } of entries) this.plots.find((plot) => plot.canvas === target).visible = isIntersecting;
+        if (!this.playing) this.draw();
+      });
+      for (const plot of this.plots) seen.observe(plot.canvas);
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    }
+
+    key(event) {
+      const turning = { ArrowLeft: [TURN, 0], ArrowRight: [-TURN, 0], ArrowUp: [0, -TURN], ArrowDown: [0, TURN] }[event.key];
+      const zoom = { "]": ZOOM, "[": 1 / ZOOM }[event.key];
+      if (event.altKey || event.ctrlKey || event.metaKey) return;
+      if (this.flat === 3 && turning) this.turned(...turning);
+      else if (this.flat === 3 && zoom) this.zoomed(zoom);
+      else if (event.key === " ") this.toggle();
+      else if (event.key === "s" || event.key === "ArrowRight") this.step();
+      else if (event.key === "r" || event.key === "Home") { this.pause(); this.reset(); }
+      else return;
+      event.preventDefault();
+    }
+
+    turned(azimuth, height) {
+      this.turn.azimuth += azimuth;
+      this.turn.height = Math.min(1.57, Math.max(-1.57, this.turn.height + height));
+      this.draw();
+    }
+
+    zoomed(by) {
+      this.turn.zoom = Math.min(20, Math.max(0.1, this.turn.zoom * by));
+      this.draw();
+    }
+
+    // The marked point of the first motion at a place of the canvas, and where it is.
+    caught(event) {
+      const box = this.canvas.getBoundingClientRect(), view = this.view, px = [event.clientX - box.left, event.clientY - box.top];
+      const { marks } = this.places(this.t, this.runs[0].now);
+      const far = marks.map((m) => distance(view.map(m).slice(0, 2), px));
+      const nearest = far.indexOf(Math.min(...far));
+      return far[nearest] <= (REACH[event.pointerType] ?? REACH.touch) ? { mark: nearest, place: marks[nearest], from: px } : null;
+    }
+
+    pointers() {
+      const { canvas } = this, held = new Map();
+      let body = null, resume = false;
+      canvas.classList.toggle("turns", this.flat === 3);
+      // A finger on a body drags it; elsewhere it scrolls the page.
+      canvas.addEventListener("touchstart", (e) => { if (e.touches.length === 1 && this.caught(Object.assign({}, { clientX: e.touches[0].clientX, clientY: e.touches[0].clientY, pointerType: "touch" }))) e.preventDefault(); }, { passive: false });
+      canvas.addEventListener("pointerdown", (e) => {
+        if (e.button) return;
+        body = held.size ? null : this.caught(e);
+        if (body) { resume = this.playing; this.pause(); this.grab(); }
+        if (body || this.flat === 3) { held.set(e.pointerId, e); canvas.setPointerCapture(e.pointerId); }
+      });
+      canvas.addEventListener("pointermove", (e) => {
+        const last = held.get(e.pointerId);
+        if (!last) { canvas.style.cursor = this.caught(e) ? "grab" : ""; return; }
+        if (body) this.drag(body.mark, this.view.moved(body.place, e.clientX - canvas.getBoundingClientRect().left - body.from[0], e.clientY - canvas.getBoundingClientRect().top - body.from[1]));
+        else if (held.size === 1) this.turned((last.clientX - e.clientX) / 120, (e.clientY - last.clientY) / 120);
+        else {
+          const [other] = [...held.values()].filter((p) => p.pointerId !== e.pointerId), apart = (p) => Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY);
+          this.zoomed(apart(e) / Math.max(1, apart(last)));
+        }
+        held.set(e.pointerId, e);
+      });
+      for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (e) => {
+        if (!held.delete(e.pointerId) || !body) return;
+        body = null;
+        this.say(`Start: ${this.data.entries.map((one, i) => `${one.name} ${short(this.start[i], 4)} ${one.unit}`).slice(0, 6).join(", ")}.`);
+        if (resume) this.play();
+      });
+      canvas.addEventListener("wheel", (e) => {
+        if (!e.ctrlKey || this.flat !== 3) return;
+        e.preventDefault();
+        this.zoomed(Math.exp(-e.deltaY / 300));
+      }, { passive: false });
+    }
+
+    resize() {
+      for (const canvas of [this.canvas, ...this.plots.map((plot) => plot.canvas)]) fitted(canvas);
+      this.draw();
+    }
+
+    // ------------------------------------------------------------------ the picture
+
+    draw() {
+      if (!this.runs) return;
+      this.follow();
+      const view = this.view = new View(this.box, this.data.axes.equal, this.canvas.clientWidth, this.canvas.clientHeight, this.turn);
+      const paper = new Paper(this.root, this.canvas), many = this.runs.length > 1;
+      paper.frame(view, this.labels);
+      paper.pen.save();
+      paper.clip(view);
+      // The first one last: it is in front of the others.
+      for (let k = this.runs.length - 1; k >= 0; k--) this.motion(paper, view, this.runs[k], many ? k : null);
+      this.vectorsOn(paper, view);
+      paper.pen.restore();
+      this.clock.textContent = `t = ${this.time()}`;
+      this.tell();
+      for (const plot of this.plots) if (plot.visible) this.plotted(plot);
+    }
+
+    motion(paper, view, run, k) {
+      const { marks, shapes } = this.places(this.t, run.now), { data } = this;
+      const own = (j) => paper.colour(`path-${(k ?? j) % 7}`);
+      data.shapes.forEach((shape, s) => { if (shape.kind === "ground" && !k) for (const corners of this.lines(shape, shapes[s])) paper.ground(this.extended(corners, view).map((p) => view.map(p))); });
+      for (const kind of KINDS)
+        data.shapes.forEach((shape, s) => {
+          if (shape.kind !== kind) return;
+          for (const corners of this.lines(shape, shapes[s])) paper.stroke(view, kind, corners.map((p) => view.map(p)), k !== null && kind === "line" ? own(0) : null);
+        });
+      if (this.trail) {
+        const since = this.t - this.trail * data.span, kept = run.samples.filter((sample) => sample.t >= since && sample.t <= this.t);
+        marks.forEach((mark, j) => paper.tail([...kept.map((sample) => view.map(sample.marks[j])), view.map(mark)], own(j), false));
+      }
+      marks.forEach((mark, j) => { const [x, y] = view.map(mark); if (Number.isFinite(x + y)) disc(paper.pen, x, y, 5.5, own(j), paper.colour("paper")); });
+    }
+
+    // The chosen vectors of the first motion: [place, components] for each kind.
+    arrows() {
+      const { t, data } = this, y = this.runs[0].now, h = STEP * data.span, found = [];
+      const [wanted, forces] = [this.vectors.slice(0, 2), this.vectors.slice(2)].map((boxes) => boxes.some((box) => box.checked));
+      if (wanted) {
+        // Differences along the motion: exact enough for a picture.
+        const f = this.rate(t, y), [g, e] = [1, -1].map((s) => this.rate(t + s * h, y.map((x, i) => x + s * h * f[i])));
+        const at = (s) => this.places(t + s * h, y.map((x, i) => x + s * h * f[i] + (h * (g[i] - e[i])) / 4)).marks;
+        const [before, here, after] = [-1, 0, 1].map((s) => (s ? at(s) : this.places(t, y).marks));
+        found[0] = here.map((place, j) => [place, place.map((_, d) => (after[j][d] - before[j][d]) / (2 * h))]);
+        found[1] = here.map((place, j) => [place, place.map((x, d) => (after[j][d] - 2 * x + before[j][d]) / (h * h))]);
+      }
+      if (forces) {
+        const flat = this.model.forces(t, y, this.p), d = this.flat, n = flat.length / (d * (1 + data.forces.length));
+        const point = (i) => [...flat.slice(i * d, (i + 1) * d), ...(d === 1 ? [0] : [])];
+        data.forces.forEach((one, k) => {
+          const s = data.switches.findIndex((name) => name.effects.includes(one.effect)), off = s >= 0 && !((this.on >> s) & 1);
+          found[2 + k] = off ? [] : Array.from({ length: n }, (_, i) => [point(i), point((1 + k) * n + i)]);
+        });
+      }
+      return found;
+    }
+
+    vectorsOn(paper, view) {
+      if (!this.vectors.some((box) => box.checked)) return;
+      const longest = ARROW * Math.max(...this.box[0].map((x, d) => this.box[1][d] - x));
+      this.arrows().forEach((kind, i) => {
+        if (!this.vectors[i].checked) return;
+        for (const [, v] of kind) { const size = Math.hypot(...v); if (size < Infinity) this.longest[i] = Math.max(this.longest[i], size); }
+        if (!this.longest[i]) return;
+        const scale = longest / this.longest[i], colour = paper.colour(`path-${(i + 2) % 7}`);
+        for (const [place, v] of kind) paper.arrow(view.map(place), view.map(place.map((x, d) => x + scale * v[d])), colour);
+      });
+    }
+
+    lines(shape, corners) { return Array.from({ length: shape.lines }, (_, m) => corners.slice(m * shape.corners, (m + 1) * shape.corners)); }
+
+    // A straight ground goes through the whole picture.
+    extended(corners, view) {
+      if (corners.length !== 2 || view.dim === 3) return corners;
+      const [a, b] = corners, length = distance(a, b) || 1, far = distance(...view.box) + distance(a, view.middle);
+      return [-far, far].map((s) => a.map((x, d) => x + (s * (b[d] - x)) / length));
+    }
+
+    // The numbers of the first motion, and how far the others are from it.
+    tell() {
+      const { data, runs } = this, now = runs[0].now;
+      const entries = data.entries.slice(0, 13).map((one, i) => `${one.name} = ${short(now[i], 5)}${one.unit ? ` ${one.unit}` : ""}`);
+      const energies = this.energies(this.t, now), first = runs[0].samples[0].energies, unit = data.second ? " J" : "";
+      if (energies.length) {
+        const sum = (list) => list.reduce((a, b) => a + b, 0);
+        entries.push(`energy ${short(sum(energies), 6)}${unit}${this.t && first.length ? `, changed by ${(sum(energies) - sum(first)).toExponential(1)}${unit}` : ""}`);
+      }
+      if (this.model.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
+      this.said.textContent = entries.join("; ") + (this.late ? " (slower than asked: it takes longer to compute)" : "");
+      const named = runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
+      const text = named.filter(Boolean).join("|");
+      if (this.legendText !== text) {
+        this.legendText = text;
+        this.legend.replaceChildren(...(named.length > 8 ? [] : named.filter(Boolean)).map((name, i) => {
+          const entry = Object.assign(document.createElement("span"), { textContent: name });
+          entry.style.setProperty("--own", `var(--path-${i % 7})`);
+          return entry;
+        }));
+      }
+      this.apart.textContent = runs.length > 1 ? `The second one is ${distance(runs[1].now, now).toExponential(2)} from the first one; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
+    }
+
+    // ------------------------------------------------------------------ plots
+
+    // What can be plotted: names, and the value of a sample or several; the last one is that of
+    // several motions.
+    quantities() {
+      const { data } = this, entries = data.entries.map((one, i) => ({ name: one.unit ? `${one.name} [${one.unit}]` : one.name, values: (s) => [s.y[i]], angle: one.unit === "rad" }));
+      const found = [{ name: data.second ? `t [${data.second}]` : "t", values: (s) => [s.t] }, ...entries], unit = data.second ? " [J]" : "";
+      if (data.terms.length) {
+        const total = (s) => s.energies.reduce((a, b) => a + b, 0);
+        found.push({ name: `energy${unit}`, values: (s) => [total(s)] });
+        if (data.terms.length > 1) found.push({ name: `energies${unit}`, values: (s) => [...s.energies, total(s)], names: [...data.terms, "sum"] });
+      }
+      found.push({ name: "log10 of the distance apart", values: (s) => [s.apart ? Math.log10(s.apart) : NaN] });
+      return found;
+    }
+
+    // Energies over time, and a coordinate that moves with its velocity, or the next that moves.
+    chosen(which, all) {
+      const k = this.data.entries.length, first = Math.max(0, this.moves.indexOf(true)), energies = all.length - 2;
+      if (!which && this.count > 1) return { across: 0, up: all.length - 1 };
+      if (!which) return { across: 0, up: energies > k ? energies : 1 + first };
+      const half = k / 2, next = this.moves.indexOf(true, first + 1);
+      const other = k % 2 === 0 && first < half && this.moves[first + half] ? first + half : next;
+      return other < 0 ? { across: 0, up: 1 + first } : { across: 1 + first, up: 1 + other };
+    }
+
+    plot(parent, which) {
+      const box = this.make("div", { className: "plot" }, parent), bar = this.make("div", { className: "controls" }, box), all = this.quantities();
+      const plot = { ...this.chosen(which, all), all, visible: true };
+      const choices = all.map((one, i) => [i, one.name]);
+      bar.append("Plot ");
+      this.select(`plot ${which + 1}: upwards`, choices.slice(1), plot.up, (i) => { plot.up = +i; this.draw(); }, bar);
+      bar.append(" over ");
+      this.select(`plot ${which + 1}: across`, choices.filter((_, i) => !all[i].names), plot.across, (i) => { plot.across = +i; this.draw(); }, bar);
+      plot.canvas = this.make("canvas", {}, box);
+      plot.canvas.setAttribute("role", "img");
+      plot.legend = this.make("p", { className: "legend" }, box);
+      return plot;
+    }
+
+    plotted(plot) {
+      const across = plot.all[plot.across], up = plot.all[plot.up], many = this.runs.length > 1;
+      plot.canvas.setAttribute("aria-label", `${up.name} over ${across.name}`);
+      const turn = (one, x) => (one.angle ? wrapped(x) : x), lines = [], points = [];
+      this.runs.forEach((run, r) => {
+        const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now), apart: distance(run.now, this.runs[0].now) };
+        const stride = Math.ceil(run.samples.length / MOST_DRAWN), n = up.values(sample).length;
+        const kept = [...run.samples.filter((s, i) => i % stride === 0 && s.t < this.t), sample];
+        for (let j = 0; j < n; j++) {
+          let part = [];
+          lines.push({ colour: many ? r : j, parts: [part] });
+          for (const s of kept) {
+            const p = [turn(across, across.values(s)[0]), turn(up, up.values(s)[j])], last = part[part.length - 1];
+            if (!p.every(Number.isFinite)) continue;
+            // An angle that passes half a turn begins on the other side.
+            if (last && ((across.angle && Math.abs(p[0] - last[0]) > Math.PI) || (up.angle && Math.abs(p[1] - last[1]) > Math.PI))) lines[lines.length - 1].parts.push((part = []));
+            part.push(p);
+            points.push(p);
+          }
+        }
+      });
+      const paper = new Paper(this.root, plot.canvas);
+      if (!points.length) return;
+      const box = limits(points, false), view = new View(box, false, plot.canvas.clientWidth, plot.canvas.clientHeight);
+      paper.axes(view, [across.name, up.name]);
+      paper.pen.lineWidth = 1.5;
+      for (const { colour, parts } of lines.reverse()) {
+        paper.pen.strokeStyle = paper.colour(`path-${colour % 7}`);
+        for (const part of parts) line(paper.pen, part.map((p) => view.map(p)));
+        const last = parts[parts.length - 1], end = last[last.length - 1];
+        if (end) { const [x, y] = view.map(end); disc(paper.pen, x, y, 4, paper.pen.strokeStyle, paper.colour("paper")); }
+      }
+      const names = (!many && up.names) || [], text = names.join("|");
+      if (plot.text !== text) {
+        plot.text = text;
+        plot.legend.replaceChildren(...names.map((name, i) => {
+          const entry = Object.assign(document.createElement("span"), { textContent: name });
+          entry.style.setProperty("--own", `var(--path-${i % 7})`);
+          return entry;
+        }));
+      }
+    }
+  }
+
+  const start = () => { for (const [root, model] of window.liveScenes || []) if (!root.live) root.live = new Live(root, model); };
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", start);
+  else start();
+})();

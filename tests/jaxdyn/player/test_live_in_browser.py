@@ -1,0 +1,206 @@
+"""A scene that runs in a real browser: dragged, changed, switched, also on a phone and by keys."""
+
+import json
+import time
+
+import browser as chromium
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxdyn
+from jaxdyn import scenes, simulate
+from jaxdyn.formulations.newton import FreePoints
+
+_WAIT = 20.0  # [s] for a motion to get somewhere, on a slow machine
+
+
+@pytest.fixture(scope="module")
+def window():
+    driver = chromium.start()
+    yield driver
+    driver.quit()
+
+
+def opened(window, scene, path):
+    scene.live(path / "page.html")
+    chromium.opened(window, path / "page.html")
+
+
+def live(window, call):
+    """The value of an expression such as ``state()`` of the scene on the page."""
+    found = f"document.querySelector('.live').live.{call}"
+    return json.loads(window.execute_script(f"return JSON.stringify({found} ?? null)"))
+
+
+def type_into(window, label, text):
+    """Type a number into the field with a label, as a person does."""
+    labels = window.find_elements("css selector", ".live label")
+    (found,) = [one for one in labels if one.text == label]
+    field = window.find_element("id", found.get_attribute("for"))
+    field.send_keys("\ue009a\ue009" + text)  # Ctrl and a: all of it
+
+
+def marks(scene, y):
+    """(n, d) the points of a scene that leave a path."""
+    shapes = scene.sketch(jnp.zeros(()), jnp.asarray(y))
+    return np.concatenate([shape.at for shape in shapes if shape.kind == "trace"])
+
+
+def ends(scene, t):
+    return np.asarray(simulate(scene, t, samples=2, rtol=1e-13).ys[-1])
+
+
+def test_it_runs_by_the_button_and_its_numbers_are_the_librarys(window, tmp_path):
+    scene = scenes.pendulum(angle=2.0)
+    opened(window, scene, tmp_path)
+    assert live(window, "state()")["now"][0] == scene.y0.tolist()
+    button = window.find_element("css selector", ".live .controls button")
+    button.click()
+    until = time.monotonic() + _WAIT
+    while live(window, "t") < 1.0 and time.monotonic() < until:
+        time.sleep(0.05)
+    button.click()
+    state = live(window, "state()")
+    assert not state["playing"]
+    assert state["t"] >= 1.0
+    # It stops within a step: this is its dense output.
+    np.testing.assert_allclose(state["now"][0], ends(scene, state["t"]), rtol=0, atol=1e-11)
+    points = marks(scene, state["now"][0])
+    np.testing.assert_allclose(state["points"][0], points, rtol=0, atol=1e-12)
+    said = window.find_element("css selector", ".live .said").text
+    assert f"theta = {state['now'][0][0]:.5g} rad" in said
+    assert window.find_element("css selector", ".live .status").text.startswith("Paused at t = ")
+
+
+def test_a_body_is_dragged_to_the_start(window, tmp_path):
+    scene = scenes.pendulum(angle=1.0)
+    opened(window, scene, tmp_path)
+    live(window, "seek(2)")
+    stage = window.find_element("css selector", ".live .stage")
+    at, to = (
+        live(window, f"view.map([{size} * Math.sin({angle}), -{size} * Math.cos({angle})])")
+        for size, angle in ((1.0, live(window, "state()")["now"][0][0]), (0.9, -0.6))
+    )
+    middle = window.execute_script(
+        "return [arguments[0].clientWidth, arguments[0].clientHeight]", stage
+    )
+    chains = pytest.importorskip("selenium.webdriver.common.action_chains")
+    chains.ActionChains(window).move_to_element_with_offset(
+        stage, *(round(x - size / 2) for x, size in zip(at, middle, strict=False))
+    ).click_and_hold().move_by_offset(
+        *(round(x) - round(y) for x, y in zip(to[:2], at[:2], strict=True))
+    ).release().perform()
+    # The nearest place on its circle to one within it.
+    state = live(window, "state()")
+    assert state["t"] == 0.0
+    assert state["start"] == pytest.approx([-0.6, 0.0], abs=0.02)  # pixels
+    assert (
+        f"theta {state['start'][0]:.4g} rad"
+        in window.find_element("css selector", ".live .status").text
+    )
+
+
+@pytest.mark.parametrize("mark", [0, 1])
+def test_dragging_is_the_inverse_of_the_points(window, tmp_path, mark):
+    scene = scenes.double_pendulum(rates=(0.3, -0.2))
+    opened(window, scene, tmp_path)
+    live(window, "seek(1.5)")
+    live(window, "grab()")
+    place = [0.6, -0.8] if mark == 0 else [0.7, -1.1]
+    live(window, f"drag({mark}, {place})")
+    start = jnp.asarray(live(window, "state()")["start"])
+    np.testing.assert_allclose(marks(scene, start)[mark], place, rtol=0, atol=1e-9)
+    assert start[2:].tolist() == [0.3, -0.2]  # the velocities stay those of the start
+
+
+def test_dragging_keeps_constraints(window, tmp_path):
+    scene = scenes.four_bar()
+    opened(window, scene, tmp_path)
+    live(window, "grab()")
+    first = live(window, "state()")["points"][0][0]
+    live(window, f"drag(0, [{first[0] + 0.3}, {first[1] - 0.2}])")
+    state = live(window, "state()")
+    start = jnp.asarray(state["start"])
+    assert np.abs(np.subtract(state["points"][0][0], first)).max() > 0.1
+    np.testing.assert_allclose(scene.system.nearest(0.0, start), start, rtol=0, atol=1e-12)
+
+
+def test_parameters_start_and_effects_are_changed_in_their_fields(window, tmp_path):
+    opened(window, scenes.spring_mass(), tmp_path)
+    type_into(window, "k [N/m]", "7.5")
+    type_into(window, "x [m]", "0.4")
+    boxes = window.find_elements("css selector", ".live .check")
+    assert [box.text for box in boxes[:2]] == ["spring", "uniform gravity"]
+    boxes[1].click()
+    live(window, "seek(2)")
+    state = live(window, "state()")
+    made = scenes.spring_mass(k=7.5).without(jaxdyn.effects.UniformGravity)
+    made = made.starting(made.y0.at[0].set(0.4))
+    np.testing.assert_allclose(state["now"][0], ends(made, 2.0), rtol=0, atol=1e-10)
+    # In the middle of a motion a change holds from there on.
+    type_into(window, "k [N/m]", "3")
+    live(window, "seek(3)")
+    onwards = scenes.spring_mass(k=3.0).without(jaxdyn.effects.UniformGravity)
+    onwards = onwards.starting(state["now"][0])
+    np.testing.assert_allclose(live(window, "state()")["now"][0], ends(onwards, 1.0), atol=1e-10)
+
+
+def test_several_motions_begin_beside_each_other(window, tmp_path):
+    scene = scenes.double_pendulum()
+    opened(window, scene, tmp_path)
+    live(window, "several(3)")
+    live(window, "seek(2)")
+    now = live(window, "state()")["now"]
+    for i, y in enumerate(now):
+        other = scene.starting(scene.y0.at[0].add(1e-3 * i))
+        np.testing.assert_allclose(y, ends(other, 2.0), rtol=0, atol=1e-10)
+
+
+def test_axes_of_millions_of_metres(window, tmp_path):
+    far = jaxdyn.Scene(FreePoints(m=[1.0], d=2), y0=[-7e6, 0.0, 7e3, 7e3], t1=2000.0)
+    opened(window, far, tmp_path)  # a message of the console fails
+    assert live(window, "box")[1][0] > 7e6
+
+
+def test_keys_play_step_and_reset(window, tmp_path):
+    opened(window, scenes.pendulum(), tmp_path)
+    stage = window.find_element("css selector", ".live .stage")
+    stage.send_keys("s")
+    assert live(window, "t") == pytest.approx(1 / 30)
+    stage.send_keys(" ")
+    assert live(window, "playing")
+    stage.send_keys("r")
+    state = live(window, "state()")
+    assert (state["t"], state["playing"]) == (0.0, False)
+
+
+def test_a_motion_that_ends_says_where_and_why(window, tmp_path):
+    opened(window, scenes.two_body().starting([1.0, 0, -1.0, 0, 0, 0, 0, 0]), tmp_path)
+    live(window, "seek(50)")
+    said = window.find_element("css selector", ".live [role=status]").text
+    assert said.startswith("The motion ends at t = ")
+    assert "singularity" in said
+
+
+@pytest.mark.parametrize(("width", "dark"), [(390, False), (1280, True)])
+def test_it_fits_and_can_be_read(window, tmp_path, width, dark):
+    size = {"width": width, "height": 800, "deviceScaleFactor": 2, "mobile": width < 500}
+    window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    window.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+    try:
+        opened(window, scenes.two_springs(), tmp_path)
+        assert window.execute_script("return document.documentElement.scrollWidth") <= width
+        assert chromium.faint(window) == []
+        # Every control has a name for those who hear the page.
+        unnamed = window.execute_script(
+            "return [...document.querySelectorAll('button, select, input, canvas')].filter((x) => "
+            "!x.ariaLabel && !x.textContent && !x.labels?.length).length"
+        )
+        assert unnamed == 0
+        requests = window.execute_script("return performance.getEntriesByType('resource').length")
+        assert requests == 0
+    finally:
+        window.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        window.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

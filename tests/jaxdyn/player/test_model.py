@@ -1,0 +1,255 @@
+"""Scenes as programs in JavaScript: their motions in Node against the library's."""
+
+import dataclasses
+import json
+import shutil
+import subprocess
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import refusal
+from scipy.integrate import solve_ivp
+
+import jaxdyn
+from jaxdyn import Effect, effects, player, scenes, simulate
+from jaxdyn.player import pages
+from jaxdyn.player.model import _drawn, model
+from jaxdyn.scenes import catalogue
+from jaxdyn.scenes.corners import has_corners
+
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+SMOOTH = [name for name, entry in catalogue.entries().items() if not has_corners(entry.make())]
+#: Largest difference of an end state, in the sizes of the motion.
+CLOSE = 1e-9
+#: Over its span nearby motions depart from each other a million times, and roundings with them.
+CHAOTIC = {"double_pendulum": 1e-8}
+
+_RUN = """
+// The motion of a model, gone to a time.
+function run(model, t = model.data.span, on = model.phases[0].rates.length - 1) {
+  const p = model.data.parameters.map((x) => x.value);
+  const motion = new JaxdynMotion(model, p, on, 0, model.data.start);
+  motion.arrived = motion.to(t);
+  return motion;
+}
+"""
+NAMES = "model.data.switches.map((x) => x.name)"
+
+
+def node(expression, scene=None):
+    """The value of an expression in Node, with the integrator, `run` and the `model` of a scene."""
+    source = pages.script("dop853", "motion") + _RUN
+    source += "" if scene is None else f"const model = {model(scene)};\n"
+    source += f"console.log(JSON.stringify({expression}, (_, x) => x === undefined ? null : x))"
+    done = subprocess.run(["node", "-"], input=source, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout)
+
+
+def _sizes(scene, ys):
+    """(k,) of the entries of a motion."""
+    sizes = np.asarray(scene.field.groups.largest(jnp.asarray(np.abs(ys).max(axis=0))))
+    return np.where(sizes > 0, sizes, 1.0)
+
+
+@needs_node
+@pytest.mark.sample("pendulum", "top", "rod_on_line")
+@pytest.mark.parametrize("name", SMOOTH)
+def test_motions_end_where_the_library_ends_them(name):
+    scene = catalogue.entries()[name].make()
+    there = node("run(model).at(model.data.span)", scene)
+    ys = np.asarray(simulate(scene, samples=50, rtol=1e-14).ys)
+    off = np.abs(np.array(there) - ys[-1]) / _sizes(scene, ys)
+    assert off.max() < CHAOTIC.get(name, CLOSE)
+
+
+@needs_node
+@pytest.mark.sample("ball_on_table-5.0")
+@pytest.mark.parametrize(
+    ("name", "span"),
+    [
+        ("ball_on_table", 5.0),
+        ("impact_oscillator", 12.0),
+        ("rimless_wheel", 5.0),
+        ("simplest_walker", 12.0),
+        ("cylinder_on_cylinder", 2.0),
+        ("cylinder_on_ramp", 3.0),
+        ("car", 10.0),
+    ],
+)
+def test_motions_through_phases_are_those_of_the_library(name, span):
+    entry = catalogue.entries()[name]
+    scene = entry.make()
+    scene = scene.starting(scene.y0, span)
+    there, path = node(
+        """(() => {
+        const leave = JaxdynMotion.prototype.leave, path = [];
+        JaxdynMotion.prototype.leave = function () {
+          path.push([this.phase.name, this.pending.exit]);
+          return leave.call(this);
+        };
+        return [run(model).at(model.data.span), path];
+        })()""",
+        scene,
+    )
+    wanted = entry.motion(scene, samples=20, rtol=1e-13)
+    assert [tuple(step) for step in path] == list(wanted.path)
+    ys = np.concatenate([piece.ys for piece in wanted.pieces])
+    assert (np.abs(np.array(there) - wanted.y) / _sizes(scene, ys)).max() < CLOSE
+
+
+@needs_node
+def test_bounces_without_end_end_a_motion():
+    still = scenes.ball_on_table(amplitude=0.0, restitution=0.5, velocity=1.0)
+    failed, t = node("[run(model)].map((s) => [s.failed, s.t])[0]", still)
+    assert failed == "impacts without end"
+    # A geometric series, up to bounces so low that their height is rounding.
+    assert t == pytest.approx(2 * 1.0 / 9.81 / (1 - 0.5), abs=2e-5)
+
+
+@needs_node
+def test_the_pair_has_order_8_and_its_dense_output_order_7():
+    # Steps of equal length of a linear rate, whose error is that of the exponential.
+    steps = """[20, 40].map((n) => {
+      const s = new Dop853((t, y) => [y[1], -y[0]], 0, [1, 0], { span: 50 * n, rtol: 1 });
+      let off = 0, between = 0;
+      for (let i = 1; i <= n; i++) {
+        s.h = 8 / n; s.step(i * 8 / n);
+        off = Math.max(off, Math.abs(s.y[0] - Math.cos(s.t)));
+        const t = (s.before + s.t) / 2;
+        between = Math.max(between, Math.abs(s.at(t)[0] - Math.cos(t)));
+      }
+      return [off, between];
+    })"""
+    (coarse, inside), (fine, finer) = node(steps)
+    assert 7.8 < np.log2(coarse / fine) < 9.2
+    assert 6.8 < np.log2(inside / finer) < 9.2
+
+
+@needs_node
+def test_its_steps_are_those_of_hairers_code():
+    # SciPy has the same pair with the same dense output.
+    found = node("""(() => {
+        const rate = (t, y) => [y[1], (1 - y[0] * y[0]) * y[1] - y[0]];
+        const s = new Dop853(rate, 0, [2, 0], { span: 50, rtol: 1 });
+        s.h = 0.3;
+        s.step(0.3);
+        return [s.at(0.1), s.at(0.2), s.y];
+    })()""")
+
+    def rate(t, y):
+        return [y[1], (1 - y[0] * y[0]) * y[1] - y[0]]
+
+    run = solve_ivp(
+        rate, (0, 0.3), [2.0, 0.0], "DOP853", first_step=0.3, rtol=1, atol=1, dense_output=True
+    )
+    assert len(run.t) == 2
+    np.testing.assert_allclose(np.array(found).T, run.sol([0.1, 0.2, 0.3]), rtol=0, atol=1e-13)
+
+
+@needs_node
+def test_an_effect_that_is_off_is_absent():
+    scene = scenes.spring_mass() + effects.LinearDrag(0.3)
+    named = node(NAMES, scene)
+    ends = node("model.phases[0].rates.map((_, on) => run(model, 3, on).at(3))", scene)
+    assert named == ["spring", "uniform gravity", "linear drag"]
+    for on in (0b000, 0b101, 0b010, 0b111):
+        kept = tuple(e for i, e in enumerate(scene.effects) if on >> i & 1)
+        fewer = jaxdyn.Scene(scene.system, kept, y0=scene.y0)
+        wanted = simulate(fewer, 3.0, samples=2, rtol=1e-13).ys[-1]
+        np.testing.assert_allclose(ends[on], wanted, rtol=0, atol=1e-10)
+
+
+@needs_node
+def test_many_effects_are_switched_by_their_kind():
+    many = scenes.two_springs() + effects.LinearDrag(0.3) + effects.LinearDrag(0.1)
+    assert node(NAMES, many) == ["spring", "uniform gravity", "linear drag"]
+
+
+@needs_node
+def test_energies_places_and_parameters():
+    scene = scenes.double_pendulum()
+    y, p = [0.3, -0.4, 1.0, 2.0], [2.0, 1.0, 0.5, 1.5, 9.81]
+    energies, places, units = node(
+        f"[model.energies[1](0, {y}, {p}), model.places(0, {y}, {p}), "
+        "model.data.parameters.map((x) => [x.name, x.unit])]",
+        scene,
+    )
+    other = scenes.double_pendulum(m=[2.0, 1.0], l=[0.5, 1.5], g=9.81)
+    wanted = other.system.energies(jnp.zeros(()), jnp.array(y), other.effects)
+    np.testing.assert_allclose(energies, wanted, rtol=1e-13)
+    first = 0.5 * np.array([np.sin(0.3), -np.cos(0.3)])
+    np.testing.assert_allclose(places[:2], first, rtol=0, atol=1e-14)
+    assert units[1:] == [["m[1]", "kg"], ["l[0]", "m"], ["l[1]", "m"], ["g", "m/s^2"]]
+
+
+@pytest.mark.sample("turntable", "satellite")
+@pytest.mark.parametrize("name", SMOOTH)
+def test_all_corners_follow_from_those_that_are_computed(name):
+    scene = catalogue.entries()[name].make()
+    if not scene.has_points:
+        pytest.skip("it has no shapes")
+    outlines, marks, places = _drawn(scene)
+    rng = np.random.default_rng(5)
+    y = scene.y0 + 0.5 * rng.standard_normal(len(scene.y0))
+    shapes = scene.sketch(jnp.asarray(0.7), y)
+    d = scene.system.points(jnp.zeros(()), y).r.shape[1]
+    found = np.asarray(places(scene, jnp.asarray(0.7), y)).reshape(-1, d)[len(marks) :]
+    for outline, shape in zip(outlines, [x for x in shapes if x.kind != "trace"], strict=True):
+        known, found = found[: len(outline.computed)], found[len(outline.computed) :]
+        corners = known if outline.weights is None else outline.weights @ known
+        at = np.asarray(shape.at).reshape(-1, d)
+        np.testing.assert_allclose(corners, at, rtol=0, atol=1e-8 * np.abs(at).max())
+
+
+@needs_node
+def test_a_force_that_sets_in_and_friction_that_sticks():
+    switched = jaxdyn.ode(lambda t, y: [y[1], jnp.where(t > 1.2345, 1.0, 0.0)], [0.0, 0.0], t1=5.0)
+    (x, v), crawled = node(
+        "(() => { const s = run(model); return [s.at(5), s.crawled]; })()", switched
+    )
+    assert crawled is None
+    assert [x, v] == pytest.approx([3.7655**2 / 2, 3.7655], abs=1e-10)
+    # Each half swing takes 0.6 of the amplitude: 2.05, 1.45, 0.85, and it sticks at -0.25.
+    rubbing = jaxdyn.ode(lambda t, y: [y[1], -y[0] - 0.3 * jnp.sign(y[1])], [2.05, 0.0], t1=20.0)
+    (x, v), crawled = node(
+        "(() => { const s = run(model); return [s.at(20), s.crawled]; })()", rubbing
+    )
+    assert crawled == pytest.approx(3 * np.pi, abs=1e-6)
+    assert [x, v] == pytest.approx([-0.25, 0.0], abs=1e-3)
+
+
+@needs_node
+def test_a_singularity_ends_a_motion_and_is_not_stepped_over():
+    fall = scenes.power_law().starting([1.0, 0.0, 0.0, 0.0], 5.0)
+    arrived, failed, t = node("[run(model)].map((s) => [s.arrived, s.failed, s.t])[0]", fall)
+    assert not arrived
+    assert failed == "too small steps"
+    assert t < 5.0
+
+
+class Winding(Effect):
+    """A force found by a loop of unknown length."""
+
+    def force(self, t, r, v, m):
+        return jax.lax.while_loop(lambda x: jnp.sum(x * x) > 1.0, lambda x: 0.5 * x, r)
+
+
+def test_what_cannot_run_on_a_page_is_refused_with_what_to_do():
+    said = refusal(lambda: (scenes.cannonball() + Winding()).live())
+    assert said.startswith("live: expected a scene with formulas, got while")
+    assert said.endswith("Play a computed motion instead: jaxdyn.simulate(scene).play(path).")
+    long = scenes.n_body(*np.random.default_rng(0).normal(size=(2, 24, 3)), m=np.ones(24))
+    assert "live: expected a page of at most 200 kB, got" in refusal(lambda: long.live())
+    assert ".html" in refusal(lambda: scenes.pendulum().live("swing.png"))
+    assert "scene" in refusal(lambda: player.live(3))
+
+
+def test_a_name_cannot_break_out_of_the_page():
+    named = jaxdyn.ode(lambda t, y: [-y[0]], [1.0], names=["</script>x\n!--"])
+    scene = dataclasses.replace(named, name="</script><b>")
+    text = scene.live().text
+    assert text.count("</script>") == 2
+    assert "<b>" not in text
