@@ -112,7 +112,7 @@ def main(
             console.print(f"{name}: {time.monotonic() - begin:.0f} s from the start\n")
             found += each
             if json_file:  # now, so that a stopped run keeps what it has measured
-                replace(json_file, json.dumps(merged(before, as_json(found)), indent=1) + "\n")
+                replace(json_file, json.dumps(merge(before, as_json(found)), indent=1) + "\n")
     except ValueError as misuse:
         typer.echo(misuse, err=True)
         raise typer.Exit(MISUSE) from None
@@ -169,13 +169,13 @@ def table(rows: list[Row]) -> Table:
             ratios = ("", "", "")
             if it is not ours and not math.isnan(it.median):
                 ratio = ours.minimum / it.minimum
-                ratios = (f"{ours.median / it.median:.2g}", f"{ratio:.2g}", _wanted(row, method))
+                ratios = (f"{ours.median / it.median:.2g}", f"{ratio:.2g}", _target(row, method))
             shown.add_row(name, method, _time(it.median), _time(it.minimum), *ratios)
             name = ""
     return shown
 
 
-def _wanted(row: Row, method: str) -> str:
+def _target(row: Row, method: str) -> str:
     """The target ratio of minima, and whether it is met."""
     if method not in row.bars:
         return ""
@@ -205,7 +205,7 @@ def as_json(found: Sequence[Row | Curves]) -> dict:
     return {"date": when, "machine": machine, "seconds": times, "curves": curves}
 
 
-def merged(before: dict, result: dict) -> dict:
+def merge(before: dict, result: dict) -> dict:
     """A stored result, updated with new results."""
     parts = {part: before.get(part, {}) | result[part] for part in ("seconds", "curves")}
     return result | parts

@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxdyn.accuracy.timing import Times as Times
 from jaxdyn.accuracy.timing import at_error as at_error
-from jaxdyn.accuracy.timing import interleaved as interleaved
+from jaxdyn.accuracy.timing import interleave as interleave
 from jaxdyn.accuracy.timing import seconds_of as seconds_of
 from jaxdyn.accuracy.timing import worth_taking
 
@@ -103,7 +103,7 @@ class _Built(NamedTuple):
     runs: dict[Any, tuple[Run, np.ndarray]]
 
 
-def _built(method: Method) -> _Built:
+def _build(method: Method) -> _Built:
     start, seconds, runs = time.perf_counter(), math.nan, {}
     for tol in method.tolerances:
         run = method.build(tol)
@@ -135,12 +135,12 @@ def work_precision(
       bars: see `Curves`.
       side_by_side: methods that are built on as many threads as there are cores, which saves
         time; of their own nothing is reported.
-      slow: [s] see `interleaved`.
+      slow: [s] see `interleave`.
     """
-    built = {name: _built(methods[name]) for name in methods if name not in side_by_side}
+    built = {name: _build(methods[name]) for name in methods if name not in side_by_side}
     compiling = {name: Times(each.seconds, each.seconds) for name, each in built.items()}
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        waiting = {name: threads.submit(_built, methods[name]) for name in side_by_side}
+        waiting = {name: threads.submit(_build, methods[name]) for name in side_by_side}
         built |= {name: each.result() for name, each in waiting.items()}
     scale = np.max(np.abs(truth))
     errors, runs = {}, {}
@@ -149,7 +149,7 @@ def work_precision(
             error = float(np.max(np.abs(first - truth)) / scale)
             if np.isfinite(error):  # a run that fails has no error
                 errors[method, tol], runs[method, tol] = error, run
-    times = interleaved(runs, rounds, slow)
+    times = interleave(runs, rounds, slow)
     points = {}
     for method in methods:
         keys = [key for key in runs if key[0] == method]

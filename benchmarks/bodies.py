@@ -21,7 +21,7 @@ import jax
 import numpy as np
 
 from benchmarks._peers import importable
-from benchmarks._timing import Curves, Method, Row, Run, Times, interleaved, work_precision
+from benchmarks._timing import Curves, Method, Row, Run, Times, interleave, work_precision
 from jaxdyn.effects import PairGravity, SpringNetwork
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
@@ -116,7 +116,7 @@ def _pair(n: int, rounds: int) -> Row:
 
         return jax.lax.fori_loop(0, repeats, again, r)
 
-    times = interleaved({"jaxdyn": lambda: np.asarray(forces(r))}, rounds)["jaxdyn"]
+    times = interleave({"jaxdyn": lambda: np.asarray(forces(r))}, rounds)["jaxdyn"]
     return Row(f"a pair of {n}", {"jaxdyn": Times(*(t / repeats / n**2 for t in times))})
 
 

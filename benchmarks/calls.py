@@ -14,7 +14,7 @@ scene 6.6, of which its four arrays take 4. On a machine with an empty program o
 import jax
 import numpy as np
 
-from benchmarks._timing import Row, Times, interleaved
+from benchmarks._timing import Row, Times, interleave
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import three_body
@@ -53,7 +53,7 @@ def run(quick: bool = False) -> list[Row]:
         "sampled": lambda: np.asarray(sampled(scene)),
         "simulate": lambda: np.asarray(simulate(scene, samples=_SAMPLES).ys),
     }
-    found = interleaved(runs, _QUICK_ROUNDS if quick else _ROUNDS)
+    found = interleave(runs, _QUICK_ROUNDS if quick else _ROUNDS)
     program = {_EMPTY: found["empty"]}
     bar = Times(*(a + _SOLVE * b for a, b in zip(found["end"], found["empty"], strict=True)))
     return [

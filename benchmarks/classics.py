@@ -44,7 +44,7 @@ def lorenz() -> Problem:
     return ode_of(formulas, [1.0, 1.0, 1.0], 10.0)
 
 
-def _restricted(mu: float) -> Callable:
+def _restricted_rate(mu: float) -> Callable:
     """The circular restricted three-body problem in its turning frame, in space."""
 
     def formulas(lib):
@@ -71,7 +71,7 @@ def arenstorf() -> Problem:
     mu = 0.012277471
 
     def formulas(lib):
-        space = _restricted(mu)(lib)
+        space = _restricted_rate(mu)(lib)
 
         def rate(s):
             zero = 0.0 * s[0]
@@ -86,7 +86,7 @@ def arenstorf() -> Problem:
 def restricted_in_space() -> Problem:
     """About the Moon and out of the plane, six units of time."""
     start = [0.8233909, 0.0, 0.0225, 0.0, 0.1341840, 0.0]
-    return ode_of(_restricted(0.0121505856), start, 6.0)
+    return ode_of(_restricted_rate(0.0121505856), start, 6.0)
 
 
 def spherical_pendulum() -> Problem:
@@ -191,14 +191,14 @@ def links() -> Problem:
                         turn = lib.sin(s[i] - s[j]) * s[n + j] * s[n + j]
                         total = total - weight[i][j] * turn
                 pulls.append(total)
-            return [s[n + i] for i in range(n)] + _eliminated(matrix, pulls)
+            return [s[n + i] for i in range(n)] + _eliminate(matrix, pulls)
 
         return rate
 
     return ode_of(formulas, [0.5, 0.4, 0.3, 0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 5.0)
 
 
-def _eliminated(matrix: list[list], right: list) -> list:
+def _eliminate(matrix: list[list], right: list) -> list:
     """The solution of a symmetric positive definite system, without pivots."""
     a, b, n = [list(row) for row in matrix], list(right), len(right)
     for k in range(n):

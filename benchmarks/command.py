@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 
-from benchmarks._timing import Row, Times, interleaved, seconds_of
+from benchmarks._timing import Row, Times, interleave, seconds_of
 
 _COMMAND = ("-m", "orbits", "figure-eight", "--json")
 #: Runs the command, then prints the modules of ours that it has imported, in order.
@@ -48,7 +48,7 @@ def run(quick: bool = False) -> list[Row]:
             "jaxdyn": python("-c", "import jaxdyn"),
             "diffrax": python("-c", "import diffrax"),
         }
-        times = interleaved(runs, rounds, slow=_SLOW)
+        times = interleave(runs, rounds, slow=_SLOW)
     return [
         Row("command: cold", {"jaxdyn": Times(cold, cold)}),
         Row("command: warm", {"jaxdyn": times.pop("warm"), _IMPORTS: times.pop(_IMPORTS)}),

@@ -32,7 +32,7 @@ from benchmarks._timing import Curves, Method, work_precision
 from benchmarks.classics import CLASSICS
 from benchmarks.others import OTHERS
 from benchmarks.problems import CONSERVATIVE, GENERAL, Problem, figure_eight
-from benchmarks.systems import ERRORS, compiled
+from benchmarks.systems import ERRORS, compile_solve
 from jaxdyn.solvers import (
     DOPRI8,
     NYSTROM12,
@@ -63,7 +63,7 @@ def run(quick: bool = False) -> list[Curves]:
     """Times of the default and of every method that fits."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
     # Not the problem's name alone: others measure the same problem, and results go by names.
-    return [curves(f"default: {name}", repeated(name), rounds) for name in PROBLEMS]
+    return [curves(f"default: {name}", repeat(name), rounds) for name in PROBLEMS]
 
 
 def curves(
@@ -71,11 +71,11 @@ def curves(
 ) -> Curves:
     """Error against time of the default and of the methods that fit a problem."""
     scene = problem.scene
-    ways = {solver.name: compiled(problem, tolerances, solver) for solver in fitting(problem)}
+    ways = {solver.name: compile_solve(problem, tolerances, solver) for solver in fitting(problem)}
     taken = list(dict.fromkeys(default_solver(scene, rtol=rtol).name for rtol in tolerances))
     if len(taken) == 1:  # not the same program twice
         ways.pop(taken[0])
-    methods = {f"default, {' and '.join(taken)}": compiled(problem, tolerances)} | ways
+    methods = {f"default, {' and '.join(taken)}": compile_solve(problem, tolerances)} | ways
     bars = {method: (_TO_BEST,) * len(ERRORS) for method in ways}
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
@@ -87,13 +87,13 @@ def curves(
         bar = _TO_HEYOKA_BY_PLACES if scene.second_order else _TO_HEYOKA
         bars[peer] = (bar,) * len(ERRORS)
     else:
-        truth = compiled(problem, tolerances).build(1e-15)()
+        truth = compile_solve(problem, tolerances).build(1e-15)()
     # All but the pair, to whose compile time the default's is compared.
     others = ways.keys() - {default_solver(scene, several=True).name}
     return work_precision(name, methods, truth, ERRORS, rounds, bars, others, _SLOW)
 
 
-def repeated(name: str) -> Problem:
+def repeat(name: str) -> Problem:
     """A problem with each of its starts as often as one call solves from it."""
     problem = PROBLEMS[name]()
     return problem._replace(y0s=np.repeat(problem.y0s, repeats(name), axis=0))

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks._timing import Row, Times, interleaved
+from benchmarks._timing import Row, Times, interleave
 from benchmarks.ensembles import starts
 from jaxdyn import ensemble
 from jaxdyn._checks import fail
@@ -42,14 +42,14 @@ def run(kind: str, peak: float, quick: bool = False, lanes=LANES) -> list[Row]:
     Raises:
       ValueError: no device of this kind, or `peak` is not positive.
     """
-    device = found(kind)
+    device = first_device(kind)
     if not peak > 0:
         raise fail("--peak", "above 0", peak, "It is in TFLOP/s; see the maker's data sheet.")
     counts = lanes[:1] if quick else lanes
     return [_row(device, n, peak, _QUICK_ROUNDS if quick else _ROUNDS) for n in counts]
 
 
-def found(kind: str) -> Any:
+def first_device(kind: str) -> Any:
     """The first device of a kind."""
     try:
         return jax.devices(kind)[0]
@@ -67,7 +67,7 @@ def _row(device: Any, n: int, peak: float, rounds: int) -> Row:
     y1, steps = program()
     here = ensemble.run(scene, host[:_CHECKED], rtol=_RTOL).y1
     apart = float(np.max(np.abs(np.asarray(y1[:_CHECKED]) - here)))
-    times = interleaved({0: lambda: jax.block_until_ready(program())}, rounds)[0]
+    times = interleave({0: lambda: jax.block_until_ready(program())}, rounds)[0]
     work = float(jnp.sum(steps)) * operations_of_a_step(scene)
     part = work / times.minimum / (peak * 1e12)
     note = f"{n / times.minimum:.3g} motions/s, {100 * part:.2g} % of {peak:g} TFLOP/s, "

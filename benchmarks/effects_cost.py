@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks._timing import Curves, Method, Row, Times, interleaved, work_precision
+from benchmarks._timing import Curves, Method, Row, Times, interleave, work_precision
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
@@ -87,7 +87,7 @@ def _steps(rounds: int) -> list[Row]:
     }
     steps = {name: int(way().steps + way().rejected) for name, way in ways.items()}
     runs = {name: (lambda way=way: np.asarray(way().y1)) for name, way in ways.items()}
-    times: Mapping[str, Times] = interleaved(runs, rounds)
+    times: Mapping[str, Times] = interleave(runs, rounds)
     return [
         Row(f"a step: {name}", {"jaxdyn": Times(*(s / steps[name] for s in times[name]))})
         for name in ways

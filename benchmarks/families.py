@@ -117,7 +117,7 @@ def _cycle(mu: float) -> Row:
     )
 
 
-def restricted(t, y, mu):
+def restricted_rate(t, y, mu):
     """The restricted three bodies in space, in turning axes."""
     x, y_, z, vx, vy, vz = y
     one = (1 - mu) / ((x + mu) ** 2 + y_**2 + z**2) ** 1.5
@@ -129,7 +129,7 @@ def restricted(t, y, mu):
 def our_halo() -> orbits.Orbit:
     """The first one."""
     mirror = orbits.Symmetry(None, (1, -1, 1, -1, 1, -1), reversing=True)
-    scene = jaxdyn.ode(restricted, HALO, HALO_PERIOD, params=HALO_MU)
+    scene = jaxdyn.ode(restricted_rate, HALO, HALO_PERIOD, params=HALO_MU)
     return orbits.find(scene, closing=orbits.reversal(mirror), hold="y2")
 
 
@@ -213,12 +213,12 @@ def _manifolds(quick: bool) -> Row:
 
 
 def _end_error(start: np.ndarray, end: np.ndarray) -> float:
-    scene = jaxdyn.ode(restricted, start, STRAND_TIME, params=HALO_MU)
+    scene = jaxdyn.ode(restricted_rate, start, STRAND_TIME, params=HALO_MU)
     return float(np.abs(np.asarray(jaxdyn.solve(scene, STRAND_TIME, rtol=1e-14).y1) - end).max())
 
 
 def _closing(y0: np.ndarray, period: float) -> float:
-    scene = jaxdyn.ode(restricted, y0, period, params=HALO_MU)
+    scene = jaxdyn.ode(restricted_rate, y0, period, params=HALO_MU)
     return float(np.abs(np.asarray(jaxdyn.solve(scene, period, rtol=1e-13).y1) - y0).max())
 
 

@@ -65,7 +65,7 @@ def ours(tolerances: Sequence[float]) -> dict[str, Method]:
         "jaxdyn solve": lambda tol: np.asarray(solve(scene, period, rtol=tol).y1)[None],
         "jaxdyn simulate": lambda tol: jaxdyn.simulate(scene, samples=ts, rtol=tol).ys,
     }
-    compiled = {"jaxdyn": systems.compiled(figure_eight(), tolerances)}
+    compiled = {"jaxdyn": systems.compile_solve(figure_eight(), tolerances)}
     return compiled | {name: Method(_blocking(way), tolerances) for name, way in ways.items()}
 
 

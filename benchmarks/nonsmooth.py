@@ -39,7 +39,7 @@ import numpy as np
 
 import jaxdyn
 from benchmarks import _peers, switched
-from benchmarks._timing import Curves, Method, Row, Run, interleaved, work_precision
+from benchmarks._timing import Curves, Method, Row, Run, interleave, work_precision
 from benchmarks.switched import MAX_STEPS, SWITCHED, Leg, Switched
 from benchmarks.systems import SCIPY
 from jaxdyn.integrate.simulation import solve
@@ -135,7 +135,7 @@ def curves(
 def beside_pieces(name: str, ours: Way, pieces: Way, rounds: int) -> Row:
     """The default beside its pieces as smooth problems: times, and a note with steps and slopes."""
     counted = {"with switches": ours.counted(), "its pieces": pieces.counted()}
-    times = interleaved(
+    times = interleave(
         {"jaxdyn": ours.run(_SHOWN), "its pieces, smooth": pieces.run(_SHOWN)}, rounds
     )
     told = [

@@ -48,18 +48,18 @@ def run(quick: bool = False) -> list[Curves]:
 
 def curves(name: str, problem: Problem, rounds: int, tolerances: Sequence[float]) -> Curves:
     """Error against time of all methods for one problem."""
-    methods = {"jaxdyn": compiled(problem, tolerances)} | peers(problem, tolerances)
+    methods = {"jaxdyn": compile_solve(problem, tolerances)} | peers(problem, tolerances)
     if _peers.importable("heyoka"):
         truth = _peers.heyoka_precise(problem)
     else:
-        truth = compiled(problem, tolerances).build(1e-15)()
+        truth = compile_solve(problem, tolerances).build(1e-15)()
     bars = {"heyoka": _TO_HEYOKA, "diffrax Dopri8": _TO_DIFFRAX, "diffrax Tsit5": _TO_DIFFRAX}
     bars[SCIPY] = _TO_SCIPY
     bars = {method: (bar,) * len(ERRORS) for method, bar in bars.items()}
     return work_precision(name, methods, truth, ERRORS, rounds, bars)
 
 
-def compiled(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
+def compile_solve(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
     """One of ours, compiled into a user's program, with the numbers of the scene as constants.
 
     The others get formulas with these numbers too. Without a solver it is the default for each

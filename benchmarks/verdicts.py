@@ -112,18 +112,18 @@ def main(
     """Verdicts against more digits; a line for each row, and the counts."""
     jaxdyn.configure()
     results = json.loads(stored.read_text()) if stored.is_file() else {}
-    picked = drawn(count, seed)
+    picked = draw(count, seed)
     for bits in _DIGITS:  # the slow arithmetic last, and only for what the fast one leaves open
         for row in picked:
             known = results.get(row.name)
             if known is None or (known["truth"] == "open" and known["bits"] < bits):
-                results[row.name] = compared(row, bits)
+                results[row.name] = compare(row, bits)
                 stored.write_text(json.dumps(results, indent=1) + "\n")
                 print(row.name, results[row.name], flush=True)
     print(summary([results[row.name] for row in picked]))
 
 
-def drawn(count: int, seed: int) -> list[Row]:
+def draw(count: int, seed: int) -> list[Row]:
     """Rows of the table, at random and without repetition; the quicker first."""
     with TABLE.open() as file:
         rows = [Row(**each) for each in csv.DictReader(file)]
@@ -131,7 +131,7 @@ def drawn(count: int, seed: int) -> list[Row]:
     return sorted((rows[i] for i in picked), key=lambda row: float(row.period))
 
 
-def compared(row: Row, bits: int) -> dict[str, Any]:
+def compare(row: Row, bits: int) -> dict[str, Any]:
     """What both say of a row, and whether they agree."""
     begin = time.process_time()
     found = orbits.find(scene(row), throw=False)
@@ -209,7 +209,7 @@ def truth(row: Row, bits: int) -> Truth:
             return Truth("open", [], [], bits, miss, moved)
         unit = 4 if row.d == 2 else 6
         return Truth(
-            *judged([_nontrivial(row, x, unit) for _, x, _ in (best, second)]), bits, miss, moved
+            *judge([_nontrivial(row, x, unit) for _, x, _ in (best, second)]), bits, miss, moved
         )
 
 
@@ -314,7 +314,7 @@ def characteristic(m) -> list:
     return found
 
 
-def judged(seen: list[list]) -> tuple[str, list[complex], list[float]]:
+def judge(seen: list[list]) -> tuple[str, list[complex], list[float]]:
     """The verdict, or "open", and the multipliers with bars.
 
     Args:

@@ -27,7 +27,7 @@ Everything is differentiable in every number, in forward and reverse mode:
 
 import lazy_loader
 
-from jaxdyn._doors import opened
+from jaxdyn._doors import attribute_getter
 
 __version__ = "0.3.0"
 
@@ -43,7 +43,7 @@ _MOVED = {
     "LyapunovSpectrum": "chaos",
     "Points": "scene",
 }
-__getattr__ = opened(
+__getattr__ = attribute_getter(
     __name__,
     _listed,
     moved=_MOVED,

@@ -47,7 +47,7 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
         given = signature.bind(*args, **kwargs)
         for name, x in given.arguments.items():
             if name in shapes:
-                given.arguments[name] = _converted(name, x, shapes[name])
+                given.arguments[name] = _convert(name, x, shapes[name])
             elif name in records and not isinstance(x, records[name]):
                 raise _checks.fail(name, f"a {records[name].__name__}", type(x).__name__)
         return function(*given.args, **given.kwargs)
@@ -109,8 +109,8 @@ def _shape_of(annotation: Any) -> tuple | None:
     return tuple(... if x == "..." else int(x) if x.isdigit() else None for x in axes.split())
 
 
-def _converted(name: str, x: Any, shape: tuple | None) -> Array:
-    return _checks.numbers(name, x) if shape is None else _checks.shaped(name, x, shape)
+def _convert(name: str, x: Any, shape: tuple | None) -> Array:
+    return _checks.numbers(name, x) if shape is None else _checks.array_of_shape(name, x, shape)
 
 
 def _is_numeric(default: Any) -> bool:

@@ -40,7 +40,7 @@ def is_traced(x: Any) -> bool:
     return False
 
 
-def untraced(name: str, x: Any, remedy: str) -> None:
+def check_untraced(name: str, x: Any, remedy: str) -> None:
     """Raise for traced values, where they are needed on the host."""
     if is_traced(x):
         raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)
@@ -48,7 +48,7 @@ def untraced(name: str, x: Any, remedy: str) -> None:
 
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of this shape, where None allows any length."""
-    return finite(name, shaped(name, x, shape, remedy), remedy)
+    return finite(name, array_of_shape(name, x, shape, remedy), remedy)
 
 
 def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Any:
@@ -67,7 +67,7 @@ def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "
     return finite(name, values, remedy)
 
 
-def shaped(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
+def array_of_shape(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
     """The input as a float array of this shape; see `check_shape`."""
     x = numbers(name, x, remedy)
     check_shape(name, x.shape, shape, remedy)

@@ -96,9 +96,9 @@ def _fold_loops(folder: Path | None) -> None:
 
 
 def add_flags(flags: list[str], folder: Path | None) -> None:
-    """Append to ``XLA_FLAGS`` those of some flags that this jaxlib knows; see `_flags.known`."""
+    """Append to ``XLA_FLAGS`` flags that this jaxlib knows; see `_flags.known_flags`."""
     given = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = " ".join([given, *_flags.known(flags, folder)]).strip()
+    os.environ["XLA_FLAGS"] = " ".join([given, *_flags.known_flags(flags, folder)]).strip()
 
 
 def cache_folder() -> Path:

@@ -15,7 +15,7 @@ def _nothing(name: str) -> Any:
     raise AttributeError(f"nothing is called {name!r} there")
 
 
-def opened(
+def attribute_getter(
     package: str,
     listed: Callable[[str], Any] = _nothing,
     *,

@@ -19,7 +19,7 @@ TESTED = (0, 12)
 _START = "import jax; jax.devices('cpu')"  # which reads the flags
 
 
-def known(flags: Sequence[str], folder: Path | None) -> list[str]:
+def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
     """Those of some flags that this jaxlib knows; a warning names the others.
 
     Args:
@@ -31,7 +31,7 @@ def known(flags: Sequence[str], folder: Path | None) -> list[str]:
     if tuple(map(int, version.split(".")[:2])) <= TESTED:
         return list(flags)
     file = None if folder is None else folder / f"xla_flags_of_jaxlib_{version}.json"
-    answers = _kept(file)
+    answers = _stored_answers(file)
     asked = [flag for flag in flags if flag not in answers]
     if asked:
         answers |= {flag: _starts_with(flag) for flag in asked}
@@ -58,7 +58,7 @@ def _starts_with(flag: str) -> bool:
     return done.returncode == 0
 
 
-def _kept(file: Path | None) -> dict[str, bool]:
+def _stored_answers(file: Path | None) -> dict[str, bool]:
     try:
         found = json.loads(file.read_text()) if file else {}
     except (OSError, ValueError):

@@ -116,7 +116,7 @@ def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]
 
 
 def runtime_one(runtime: Array) -> Array:
-    """The number 1 as a runtime value unknown to the compiler; see `materialised`.
+    """The number 1 as a runtime value unknown to the compiler; see `materialise`.
 
     Args:
       runtime: () any finite number known only at run time.
@@ -124,7 +124,7 @@ def runtime_one(runtime: Array) -> Array:
     return runtime * 0.0 + 1.0
 
 
-def materialised(x: Array, one: Array) -> Array:
+def materialise(x: Array, one: Array) -> Array:
     """x itself, as an array that XLA computes once instead of once for each of its uses.
 
     XLA on CPU copies cheap producers into every consumer: in unrolled Runge-Kutta stages the
@@ -219,7 +219,7 @@ def solve_spd(a: Array, b: Array) -> Array:
     def eliminate(k, x):
         row = _at(x, k)
         row = row / _at(row, k)
-        return _cleared(x, k, row, jnp.arange(n) == k)
+        return _clear_column(x, k, row, jnp.arange(n) == k)
 
     return _each(n, eliminate, x)[:, n:].reshape(b.shape)
 
@@ -263,7 +263,7 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
         keep = ~(pivot <= _at(least, k))
         row = jnp.where(keep, row / jnp.where(keep, pivot, 1.0), 0.0)
         here = jnp.arange(n) == k
-        return _cleared(x, k, row, here), jnp.where(here, keep, kept)
+        return _clear_column(x, k, row, here), jnp.where(here, keep, kept)
 
     x, kept = _each(n, eliminate, (x, jnp.ones(n, bool)))
     solved, combination = (jnp.where(kept[:, None], part, 0.0) for part in (x[:, n:], x[:, :n]))
@@ -280,12 +280,12 @@ def has_positive_minors(a: Array) -> Array:
         row = _at(x, k)
         pivot = _at(row, k)
         row = row / jnp.where(pivot > 0, pivot, 1.0)
-        return _cleared(x, k, row, jnp.arange(n) == k), positive & (pivot > 0)
+        return _clear_column(x, k, row, jnp.arange(n) == k), positive & (pivot > 0)
 
     return _each(n, eliminate, (a, jnp.ones((), bool)))[1]
 
 
-def _cleared(x: Array, k: Array | int, row: Array, here: Array) -> Array:
+def _clear_column(x: Array, k: Array | int, row: Array, here: Array) -> Array:
     """x with the normalised row as its row k, and column k eliminated from all others.
 
     Subtracting (pivot - 1) rows from row k itself would lose digits for a large pivot.

@@ -18,14 +18,14 @@ CALLS = frozenset({"jit", "pjit", "closed_call", "core_call", "remat", "remat2",
 }
 
 
-def called(eqn: Any) -> Any:
+def inner_program(eqn: Any) -> Any:
     """The closed program that an operation of `CALLS` calls."""
     params = eqn.params
     inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
     return inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
 
 
-def bound(eqn, args: list) -> Sequence[Any]:
+def bind(eqn, args: list) -> Sequence[Any]:
     """The results of an operation of a program for other arguments."""
     given = eqn.primitive.get_bind_params(eqn.params)
     # Until JAX 0.9 a pair: functions, and the other parameters.

@@ -1,7 +1,7 @@
 """Progress reports of long work; without a listener, the default, they cost nothing.
 
 Work reports its activity by `doing`, and iterates over its parts by `each`; a command line, say,
-listens by `told`. Listeners belong to their context: other threads do not report to them.
+listens by `listening`. Listeners belong to their context: other threads do not report to them.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ def each(items: Iterable[Item], what: str, total: int | None = None) -> Iterator
 
 
 @contextlib.contextmanager
-def told(listener: Listener) -> Iterator[None]:
+def listening(listener: Listener) -> Iterator[None]:
     """A context whose reports go to a listener."""
     token = _listener.set(listener)
     try:

@@ -98,19 +98,19 @@ def check_effect(effect: Any, system: Any, t: Array, y: Array, points: Any) -> N
     check_repeatable(effect, "force", t, r, v, m)
 
 
-def checked_force(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
+def check_force(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
     """The force (n, d) of an effect; raises ValueError for another shape."""
     _check_shape(f"{type(effect).__name__}.force", shape, _FORCE, force)
     return force
 
 
-def checked_generalized(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
+def check_generalized(effect: Any, force: Array, shape: tuple[int, ...]) -> Array:
     """The force (n,) of an effect on coordinates; raises ValueError for another shape."""
     _check_shape(f"{type(effect).__name__}.generalized", shape, _GENERALIZED, force)
     return force
 
 
-def checked_potential(effect: Any, value: Array) -> Array:
+def check_potential(effect: Any, value: Array) -> Array:
     """The potential () of an effect; raises ValueError for another shape."""
     _check_shape(f"{type(effect).__name__}.potential", (), _ENERGY, value)
     return value
@@ -148,18 +148,18 @@ def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> 
 
 def total_force(effects: Iterable[Any], t: Array, r: Array, v: Array, m: Array, start=None):
     """Sum (n, d) [N] of the forces of effects on points at r (n, d), added to `start`."""
-    forces = (checked_force(e, e.force(t, r, v, m), r.shape) for e in effects)
+    forces = (check_force(e, e.force(t, r, v, m), r.shape) for e in effects)
     return sum(forces, jnp.zeros_like(r) if start is None else start)
 
 
 def generalized_forces(effects: Iterable[Any], t: Array, q: Array, v: Array) -> list[Array]:
     """The forces (n,) on coordinates of those effects that have one."""
     forces = ((e, e.generalized(t, q, v)) for e in effects)
-    return [checked_generalized(e, f, v.shape) for e, f in forces if f is not None]
+    return [check_generalized(e, f, v.shape) for e, f in forces if f is not None]
 
 
 def potential_energy(effects: Iterable[Any], t: Array, r: Array, m: Array) -> Array:
     """Sum () [J] of the potentials of the effects that have one, for points at r (n, d)."""
     values = ((e, e.potential(t, r, m)) for e in effects)
-    known = (checked_potential(e, value) for e, value in values if value is not None)
+    known = (check_potential(e, value) for e, value in values if value is not None)
     return sum(known, jnp.zeros(()))

@@ -124,7 +124,7 @@ def _rate(field: Field, t: Array, y: Array) -> Array:
 
 
 @jax.jit
-def looked_at(field: Field, t: Array, y: Array) -> tuple:
+def properties_at(field: Field, t: Array, y: Array) -> tuple:
     """The points at a state, whether each force depends on velocity, whether v is dq/dt.
 
     One compiled call for all: each call takes as long as a short solve, and an uncompiled force

@@ -132,10 +132,10 @@ def groups(system: "System") -> Groups:
         for i, unit in enumerate(units)
     ]
     most = tuple(1.0 if unit == _RADIAN else np.inf for unit in units)
-    return numbered(names, most, known=second or _UNSPECIFIED not in units)
+    return groups_of_names(names, most, known=second or _UNSPECIFIED not in units)
 
 
-def numbered(
+def groups_of_names(
     names: Sequence[Hashable], most: tuple[float, ...] = (), *, known: bool = False
 ) -> Groups:
     """Groups of entries with equal names."""
@@ -326,7 +326,7 @@ def with_one_more(
     """
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
-        way = _moved_by(made, alike(first.astype(float)), sizes == 0)
+        way = _reach(made, alike(first.astype(float)), sizes == 0)
         size = _linear_up_to(field, t, y, way, sizes, fastest)
         if np.isfinite(size):
             return np.where(first, size, sizes)
@@ -334,7 +334,7 @@ def with_one_more(
     return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
 
 
-def _moved_by(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
+def _reach(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
     """(k,) a way along some entries, and those of `which` that they move, as far as they do."""
     for _ in way:
         way = np.where(which & (way == 0), (made * way).max(axis=1), way)

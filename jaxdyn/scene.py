@@ -27,7 +27,7 @@ from jaxdyn._records.kinds import check_kind
 from jaxdyn._records.notes import notes_on
 from jaxdyn._records.record import Record
 from jaxdyn.field import Field as Field
-from jaxdyn.field import VectorField, looked_at
+from jaxdyn.field import VectorField, properties_at
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect as Effect
 from jaxdyn.system import Points as Points
@@ -86,7 +86,7 @@ class Scene(Record):
         ]
         return _text.table(f"Scene {self.name}".rstrip(), rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from jaxdyn.drawing import space
 
@@ -218,7 +218,7 @@ class Scene(Record):
         t, y = np.zeros(()), np.asarray(self.y0, float)
         system.check(t, y)
         try:
-            points, depends, second_order = looked_at(self.field, t, y)
+            points, depends, second_order = properties_at(self.field, t, y)
         except ValueError:
             # A shape is wrong; if a number of an effect made it so, the effect names it.
             _check_effects(self.effects, system.points(t, y))
@@ -281,7 +281,7 @@ def _check_accepted(system: System, effect: Effect) -> None:
         )
 
 
-def checked_scene(scene: Any) -> Scene:
+def check_scene(scene: Any) -> Scene:
     """The scene, checked; entry points call this first."""
     check_kind("scene", scene, (Scene,))
     notes = notes_on(scene)

@@ -37,7 +37,7 @@ class Shape(eqx.Module):
     at: Array
     name: str = eqx.field(static=True, default="")
 
-    def placed(self, r: Array, R: Array) -> "Shape":
+    def place(self, r: Array, R: Array) -> "Shape":
         """The shape moved to a frame with origin r (d,) and axes the columns of R (d, d)."""
         return Shape(self.kind, r[(None,) * (self.at.ndim - 1)] + self.at @ R.T, self.name)
 

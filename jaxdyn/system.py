@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
 from jaxdyn._records.record import Record as Record
-from jaxdyn._shapes import checked_potential, potential_energy
+from jaxdyn._shapes import check_potential, potential_energy
 from jaxdyn.sketch import Shape
 
 
@@ -106,7 +106,7 @@ class Effect(Record):
             raise _checks.fail(
                 type(self).__name__, "a `force` or a `potential`", "neither", "Override one."
             )
-        return checked_potential(self, value)
+        return check_potential(self, value)
 
     def check(self, points: Points) -> None:
         """Raise ValueError for numbers that are invalid with these points."""

@@ -22,7 +22,7 @@ False
 import lazy_loader
 
 from jaxdyn import __version__ as __version__
-from jaxdyn._doors import opened
+from jaxdyn._doors import attribute_getter
 from jaxdyn.files import loading
 
 _listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
@@ -56,7 +56,7 @@ _MOVED = {
     "syzygies": "analysis",
     "word": "analysis",
 }
-__getattr__ = opened(__name__, _listed, moved=_MOVED, folders=("shooting",))
+__getattr__ = attribute_getter(__name__, _listed, moved=_MOVED, folders=("shooting",))
 loading.register(
     {
         "jaxdyn-orbit": "orbits:load",

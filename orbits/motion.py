@@ -22,7 +22,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import DOPRI8, VERNER9, Method, Solver, default_solver
-from jaxdyn.solvers.choice import chosen_method
+from jaxdyn.solvers.choice import choose_method
 
 #: The smallest depth of the potential along a motion, as a share of the median, with which
 #: logarithmic time is used: it diverges where the potential vanishes.
@@ -32,7 +32,7 @@ _SAMPLE_RTOL = 1e-6  # a size needs no more digits
 _SAMPLE_STEPS = 20_000  # for a motion that is not known to be an orbit
 
 
-def advanced(
+def advance(
     scene: Scene,
     span,
     s=None,
@@ -55,12 +55,12 @@ def advanced(
     """
     t1 = t0 + span
     if s is None:
-        return solved(scene, t1, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
+        return quick_solve(scene, t1, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
     s = jax.lax.stop_gradient(s)
     return solve_regularised(scene, t1, s, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
 
 
-def solved(
+def quick_solve(
     scene: Scene,
     t1,
     *,
@@ -75,14 +75,14 @@ def solved(
     With its stages in a loop a method compiles in a third of the time and runs in up to 1.5 of
     it. The end alone counts as one sample, since other numbers of samples share that program.
     """
-    method = chosen_method(scene, solver, several=True).in_loops(1)
+    method = choose_method(scene, solver, several=True).in_loops(1)
     if not len(ts) and not is_traced((scene, t0, t1, rtol, max_steps)):
         ts = np.reshape(t1, 1)
     return solve(scene, t1, t0=t0, ts=ts, rtol=rtol, solver=method, max_steps=max_steps)
 
 
 def other_solver(scene: Scene, solver: Method | None = None, *, logarithmic: bool) -> Method:
-    """A method that `advanced` does not use for a scene, neither alone nor with tangents.
+    """A method that `advance` does not use for a scene, neither alone nor with tangents.
 
     A given solver has no second one of its kind, as for stiff motions.
     """
@@ -136,10 +136,10 @@ def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
     return ts, _depth(scene, ts, ys)
 
 
-def sampled(scene: Scene, span: float) -> tuple[np.ndarray, np.ndarray]:
+def sample(scene: Scene, span: float) -> tuple[np.ndarray, np.ndarray]:
     """(s,) times and (s, k) states of a scene's motion; its start alone if that ends early."""
     ts = np.linspace(0.0, span, _SAMPLES + 1)
-    flow = solved(scene, span, ts=ts, rtol=_SAMPLE_RTOL, max_steps=_SAMPLE_STEPS)
+    flow = quick_solve(scene, span, ts=ts, rtol=_SAMPLE_RTOL, max_steps=_SAMPLE_STEPS)
     if int(flow.status) != Status.OK:
         return ts[:1], np.asarray(scene.y0)[None]
     return ts, np.asarray(flow.ys)

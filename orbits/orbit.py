@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _text
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.status import Code
 from orbits.closing.closings import Closing
@@ -161,7 +161,7 @@ class Orbit(eqx.Module):
     def __repr__(self) -> str:
         labels = self.scene.labels()
         closes = f"{self.closing.name}, to {_text.brief(self.residual)}"
-        steps = f"after {counted(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
+        steps = f"after {number_of(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
         rows = [
             ("period", _text.brief(self.scene.t1, _text.second(labels), digits=14)),
             ("closing", f"{closes} {steps}"),
@@ -169,7 +169,7 @@ class Orbit(eqx.Module):
             ("outcome", f"{self.outcome.name}: {self.message}"),
             ("start", _text.entries(labels, self.y0)),
         ]
-        return _text.table(f"Orbit of {_text.called(self.scene)}", rows)
+        return _text.table(f"Orbit of {_text.title_of(self.scene)}", rows)
 
     def live(self, path=None):
         """A page on which its motion runs beside one from a start a thousandth aside.
@@ -185,10 +185,10 @@ class Orbit(eqx.Module):
 
         if not self.ok:
             raise _text.fail("orbit", "one that was found", self.outcome.name, self.message)
-        name = _text.called(self.scene).replace("_", " ")
+        name = _text.title_of(self.scene).replace("_", " ")
         return live(self.scene, path, title=f"Orbit of {name}", motions=2)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import periodic
 
@@ -229,7 +229,7 @@ class Orbit(eqx.Module):
         return self.scene.singular if self.outcome == Outcome.COLLISION else ""
 
 
-def relocated(orbit: Orbit, scene: Scene) -> Orbit:
+def relocate(orbit: Orbit, scene: Scene) -> Orbit:
     """The same orbit elsewhere: rotated, scaled, shifted in time, over fewer periods."""
     s_period = None if orbit.s_period is None else logarithmic_period(scene)
     mesh = orbit.mesh if float(scene.t1) == orbit.period else None  # it spans one period

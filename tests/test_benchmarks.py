@@ -28,7 +28,7 @@ from benchmarks import (
     systems,
     verdicts,
 )
-from benchmarks._timing import Method, Row, Times, at_error, interleaved, work_precision
+from benchmarks._timing import Method, Row, Times, at_error, interleave, work_precision
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import three_body
 
@@ -77,10 +77,10 @@ def test_slow_runs_take_part_in_fewer_rounds():
     def run(name):
         calls[name] += 1
 
-    interleaved({name: lambda name=name: run(name) for name in calls}, rounds=8, slow=1e9)
+    interleave({name: lambda name=name: run(name) for name in calls}, rounds=8, slow=1e9)
     assert calls["slow"] == calls["quick"]
     before = calls["slow"]
-    interleaved({"slow": lambda: run("slow")}, rounds=8, slow=1e-12)
+    interleave({"slow": lambda: run("slow")}, rounds=8, slow=1e-12)
     assert calls["slow"] - before < 8
 
 
@@ -232,7 +232,7 @@ def test_curves_give_rows_and_are_stored_and_drawn(tmp_path):
     ]
     assert min(p.error for p in curves.points["jaxdyn"]) < 1e-12
     assert curves.rows[1].bars["heyoka"] == 1.0
-    stored = command_line.merged({"curves": {"old": {}}}, command_line.as_json([curves]))
+    stored = command_line.merge({"curves": {"old": {}}}, command_line.as_json([curves]))
     assert set(stored["curves"]) == {"old", "short"}
     points = stored["curves"]["short"]["jaxdyn"]
     assert 1 <= len(points) <= 2
@@ -243,7 +243,7 @@ def test_curves_give_rows_and_are_stored_and_drawn(tmp_path):
 def test_many_starts_are_one_run():
     problem = problems.cannonball()
     few = problem._replace(y0s=problem.y0s[::33])
-    ends = systems.compiled(few, (1e-12,)).build(1e-12)()
+    ends = systems.compile_solve(few, (1e-12,)).build(1e-12)()
     for y0, end in zip(few.y0s, ends, strict=True):
         one = solve(few.scene.starting(y0), few.t1, rtol=1e-12).y1
         # Each is right to 2e-14 against order 9 at 1e-15: numbers that are known round otherwise.
@@ -375,9 +375,9 @@ def test_results_are_printed_and_stored_as_they_come(monkeypatch, tmp_path):
 
 def test_a_missed_bar_is_said():
     times = {"ours": _same(2.0), "theirs": _same(1.0)}
-    assert command_line._wanted(Row("a", times, {"theirs": 3.0}), "theirs") == "3 kept"
-    assert command_line._wanted(Row("a", times, {"theirs": 1.5}), "theirs") == "1.5 missed"
-    assert command_line._wanted(Row("a", times), "theirs") == ""
+    assert command_line._target(Row("a", times, {"theirs": 3.0}), "theirs") == "3 kept"
+    assert command_line._target(Row("a", times, {"theirs": 1.5}), "theirs") == "1.5 missed"
+    assert command_line._target(Row("a", times), "theirs") == ""
 
 
 #: Benchmarks of which other tests run one problem: all take minutes.

@@ -32,24 +32,24 @@ def test_another_verdict_differs_and_none_does_not():
 
 def test_the_verdicts_of_multipliers_that_are_known():
     exact = polynomial(*ON_CIRCLE)
-    said, values, bars = verdicts.judged([exact, exact])
+    said, values, bars = verdicts.judge([exact, exact])
     assert said == "stable"
     off, _ = verdicts.distances(verdicts.Truth(said, values, bars, 64, 0.0, 0.0), ON_CIRCLE)
     assert off.max() < 1e-14
     for values in ([3.0, 1 / 3.0, 0.8 + 0.6j, 0.8 - 0.6j], [1.2j, -1.2j, 1j / 1.2, -1j / 1.2]):
         exact = polynomial(*values)
-        assert verdicts.judged([exact, exact])[0] == "unstable"
+        assert verdicts.judge([exact, exact])[0] == "unstable"
 
 
 def test_iterates_that_differ_leave_it_open():
     exact = polynomial(*ON_CIRCLE)
     other = polynomial(*np.exp([0.5j, -0.5j, 2.1j, -2.1j]))
-    assert verdicts.judged([exact, other])[0] == "open"
+    assert verdicts.judge([exact, other])[0] == "open"
 
 
 def test_rows_are_drawn_again_by_the_same_seed():
-    rows = verdicts.drawn(30, 3)
-    assert rows == verdicts.drawn(30, 3)
+    rows = verdicts.draw(30, 3)
+    assert rows == verdicts.draw(30, 3)
     assert len({row.name for row in rows}) == 30
     assert {row.d for row in rows} == {2, 3}
     for row in rows:
@@ -60,7 +60,7 @@ def test_rows_are_drawn_again_by_the_same_seed():
 
 def test_the_reference_has_the_multipliers_of_the_eight():
     pytest.importorskip("heyoka")
-    row = next(row for row in verdicts.drawn(2547, 0) if row.name == "I.A^ic_1")
+    row = next(row for row in verdicts.draw(2547, 0) if row.name == "I.A^ic_1")
     found = verdicts.truth(row, 64)
     assert found.verdict == "stable"
     # By python-flint in 120 bits.

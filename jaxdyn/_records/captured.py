@@ -43,7 +43,7 @@ _LIBRARIES = {"jaxdyn", "orbits", "jax", "jaxlib", "numpy", "equinox", "diffrax"
 _INSTALLED = tuple(sysconfig.get_paths()[key] for key in ("purelib", "platlib", "stdlib"))
 
 
-def _unknown() -> None:
+def _unreadable() -> None:
     """Stands for built-in functions, whose code cannot be read."""
 
 
@@ -53,7 +53,7 @@ def of_library(module: str | None) -> bool:
     return module is None or module.partition(".")[0] in _LIBRARIES
 
 
-def reached_from(functions: Iterable[Callable]) -> tuple[list[Callable], frozenset[str]]:
+def reachable_from(functions: Iterable[Callable]) -> tuple[list[Callable], frozenset[str]]:
     """The functions, those of their modules that they call, and the attributes that these read."""
     reached = list(functions)
     while True:
@@ -62,10 +62,10 @@ def reached_from(functions: Iterable[Callable]) -> tuple[list[Callable], frozens
         more = [
             part
             for function in reached
-            for value in read_by(function).values()
+            for value in reads_of(function).values()
             for part in parts_of(value, attributes)
             if isinstance(part, FUNCTIONS)
-            and not _installed(plain(part), plain(function))
+            and not _is_installed(plain(part), plain(function))
             and part not in reached
         ]
         if not more:
@@ -73,7 +73,7 @@ def reached_from(functions: Iterable[Callable]) -> tuple[list[Callable], frozens
         reached += dict.fromkeys(more)
 
 
-def _installed(called: types.FunctionType, by: types.FunctionType) -> bool:
+def _is_installed(called: types.FunctionType, by: types.FunctionType) -> bool:
     """Whether a function that another one calls is of a package that the latter only uses."""
     if called.__globals__ is by.__globals__:
         return False
@@ -92,11 +92,11 @@ def plain(function: Any) -> types.FunctionType:
         elif isinstance(called := inspect.getattr_static(type(function), "__call__"), FUNCTIONS):
             function = called
         else:
-            return _unknown
+            return _unreadable
     return function
 
 
-def read_by(function: Any) -> dict[str, Any]:
+def reads_of(function: Any) -> dict[str, Any]:
     """What a function reads besides its arguments, by name."""
     inside = plain(function)
     if isinstance(function, functools.partial):
@@ -193,11 +193,11 @@ _held_for_good: ByIdentity[tuple[tuple[Callable, ...], list[Any]]] = ByIdentity(
 _MOST_KEPT = 4096
 
 
-def captured_in(record: eqx.Module) -> Captured | None:
+def captures_of_record(record: eqx.Module) -> Captured | None:
     """What the user's functions in a record captured; None if neither it nor its parts have any."""
     functions, parts, _ = _walk(record)
     if functions or any(part.captured is not None for part in parts):
-        return captured(type(record).__name__, *functions)
+        return captures(type(record).__name__, *functions)
     return None
 
 
@@ -207,20 +207,20 @@ def check_captured(record: Any) -> None:
         return
     # Not kept in the record: Equinox takes what is in its __dict__ beside the fields as a part of
     # its structure, so a record would no longer match one with the same fields.
-    functions, parts = _held(record)
+    functions, parts = _contents(record)
     for part in parts:
         check_captured(part)
     if not functions:
         return
     name, then = type(record).__name__, record.captured
-    now = captured(name, *functions)
+    now = captures(name, *functions)
     if now != then:
         changed = ", ".join(sorted({repr(key) for key, _ in set(then) ^ set(now)}))
         got = f"another value of {changed}"
         raise fail(name, "captured numbers that have not changed", got, _MAKE_AGAIN)
 
 
-def _held(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
+def _contents(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
     """The functions and records of `_walk`: as found before, where they cannot change."""
     known = _held_for_good.get(record)
     if known is not None:
@@ -295,7 +295,7 @@ def _methods(kind: type) -> tuple[Callable, ...]:
     return tuple(found)
 
 
-def captured(name: str, *functions: Callable) -> Captured:
+def captures(name: str, *functions: Callable) -> Captured:
     """Digests of the numbers that functions capture, hashable: a static part of a record.
 
     Args:
@@ -307,10 +307,10 @@ def captured(name: str, *functions: Callable) -> Captured:
     kept = _kept.get(functions) if _by_identity(functions) else None
     if kept is not None and all(place.holds() for place in kept.places):
         return kept.captured
-    reached, attributes = reached_from(functions)
+    reached, attributes = reachable_from(functions)
     found: dict[str, bytes] = {}
     for function in reached:
-        for key, value in read_by(function).items():
+        for key, value in reads_of(function).items():
             numbers = [x for x in parts_of(value, attributes) if isinstance(x, NUMBERS)]
             if any(isinstance(x, jax.core.Tracer) for x in numbers):
                 raise fail(name, "no captured values that are traced", repr(key), PASS_AS_PARAMS)
@@ -349,15 +349,15 @@ class Remembered(NamedTuple):
         return getattr(self.function, "__name__", type(self.function).__name__)
 
 
-def remembered(name: str, function: Callable) -> Remembered:
+def with_captures(name: str, function: Callable) -> Remembered:
     """A function that scenes are made by, with what it captures now.
 
     Raises:
       ValueError: it is one already, and what it captured has changed since.
     """
     if not isinstance(function, Remembered):
-        return Remembered(function, captured(name, function))
-    if captured(name, function.function) != function.captured:
+        return Remembered(function, captures(name, function))
+    if captures(name, function.function) != function.captured:
         expected = "the values it captured when what is continued was made"
         raise fail(name, expected, "others", "Begin again, from the first scene.")
     return function
@@ -418,13 +418,13 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
                 found.append(_Place(near[key], None, near[key].cell_contents))
             else:
                 found.append(_Place(inside.__globals__, key, inside.__globals__.get(key)))
-    return tuple(found) if all(_fixed(place.value) for place in found) else None
+    return tuple(found) if all(_is_constant(place.value) for place in found) else None
 
 
-def _fixed(value: Any) -> bool:
+def _is_constant(value: Any) -> bool:
     """Whether an object cannot change; functions are looked at by themselves."""
     if isinstance(value, tuple):
-        return all(map(_fixed, value))
+        return all(map(_is_constant, value))
     if isinstance(value, types.ModuleType):
         return of_library(value.__name__) or value.__name__ in sys.stdlib_module_names
     if isinstance(value, type):

@@ -67,7 +67,7 @@ def to_xarray(self: _Result) -> Any:
     Raises:
       ValueError: xarray is not installed.
     """
-    return dataset(self._labelled())
+    return to_dataset(self._labelled())
 
 
 def package(name: str, wanted_by: str) -> Any:
@@ -101,14 +101,16 @@ def frame(labelled: Labelled) -> Any:
         names=[*sizes],
     )
     columns = {
-        name: _spread(values, sizes).ravel() for name, values in named.items() if name not in sizes
+        name: _broadcast(values, sizes).ravel()
+        for name, values in named.items()
+        if name not in sizes
     }
     found = pandas.DataFrame(columns, index=index if len(sizes) > 1 else index.get_level_values(0))
     found.attrs["units"] = labelled.units
     return found
 
 
-def dataset(labelled: Labelled) -> Any:
+def to_dataset(labelled: Labelled) -> Any:
     """What `to_xarray` returns."""
     xarray = package("xarray", "to_xarray")
 
@@ -130,7 +132,7 @@ def _sizes(named: Mapping[str, Values]) -> dict[str, int]:
     return found
 
 
-def _spread(values: Values, sizes: Mapping[str, int]) -> np.ndarray:
+def _broadcast(values: Values, sizes: Mapping[str, int]) -> np.ndarray:
     """The numbers along all axes; they lie along some of them in the same order."""
     shape = [n if axis in values.axes else 1 for axis, n in sizes.items()]
     return np.broadcast_to(np.reshape(values.array, shape), [*sizes.values()])

@@ -31,32 +31,32 @@ class Stored:
             name = self.function.__qualname__
             remedy = "Define it by `def` at the top level of a module, or install cloudpickle."
             raise fail("pickle", "functions that have a name", name, remedy) from error
-        return _loaded, (cloudpickle.dumps(self.function),)
+        return _load_function, (cloudpickle.dumps(self.function),)
 
 
-def _loaded(code: bytes) -> Stored:
+def _load_function(code: bytes) -> Stored:
     return Stored(pickle.loads(code))
 
 
 def state_of(record: Any) -> dict[str, Any]:
     """The fields of a record as pickle can store them."""
     names = [field.name for field in dataclasses.fields(record) if field.name in record.__dict__]
-    return {name: _mapped(_stored, record.__dict__[name]) for name in names}
+    return {name: _map_functions(_wrap, record.__dict__[name]) for name in names}
 
 
 def fields_of(state: dict[str, Any]) -> dict[str, Any]:
     """The fields of a record that `state_of` was given."""
-    return {name: _mapped(_function, value) for name, value in state.items()}
+    return {name: _map_functions(_function, value) for name, value in state.items()}
 
 
-def _mapped(change: Any, value: Any) -> Any:
+def _map_functions(change: Any, value: Any) -> Any:
     """A field with its functions changed, in tuples, lists and dictionaries, too."""
     if isinstance(value, tuple | list | dict | types.FunctionType | Stored):
         return jax.tree.map(change, value, is_leaf=lambda x: isinstance(x, eqx.Module))
     return value
 
 
-def _stored(x: Any) -> Any:
+def _wrap(x: Any) -> Any:
     return Stored(x) if isinstance(x, types.FunctionType) and not _has_name(x) else x
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 
-from jaxdyn._records.captured import Captured, captured_in, check_captured
+from jaxdyn._records.captured import Captured, captures_of_record, check_captured
 from jaxdyn._records.pickled import fields_of, state_of
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ else:
                 raise TypeError(f"{cls.__name__} has no value for {names}")
             for name, convert in cls._converters:
                 values[name] = convert(values[name])
-            values["captured"] = captured_in(made)
+            values["captured"] = captures_of_record(made)
             for check in cls._own_checks:
                 check(made)
             return made

@@ -31,13 +31,13 @@ def check_repeatable(record: Any, method: str, *args: Any) -> None:
     if record.captured is None:
         return
     leaves, tree = jax.tree.flatten((record, args))
-    if not _is_repeatable(method, tree, tuple((x.shape, x.dtype) for x in map(_known, leaves))):
+    if not _is_repeatable(method, tree, tuple((x.shape, x.dtype) for x in map(_as_array, leaves))):
         name = f"{type(record).__name__}.{method}"
         got = "one that gives other numbers when it is called again"
         raise fail(name, "a function of its arguments alone", got, _REMEDY)
 
 
-def _known(x: Any) -> Any:
+def _as_array(x: Any) -> Any:
     return x if hasattr(x, "dtype") else np.asarray(x)
 
 

@@ -9,27 +9,24 @@ May import: nothing.
 One more kind of text is a function in the file of its kind, and its name below.
 """
 
-from jaxdyn._text.html import html, pictured
-from jaxdyn._text.messages import choice, counted, fail, flag, whole
+from jaxdyn._text.html import html, with_picture
+from jaxdyn._text.messages import choice, fail, flag, number_of, whole
 from jaxdyn._text.tables import (
     brief,
-    called,
-    cut,
     entries,
     extent,
     fields,
     never_raising,
     record,
     second,
+    shorten,
     table,
+    title_of,
 )
 
 __all__ = [
     "brief",
-    "called",
     "choice",
-    "counted",
-    "cut",
     "entries",
     "extent",
     "fail",
@@ -37,9 +34,12 @@ __all__ = [
     "flag",
     "html",
     "never_raising",
-    "pictured",
+    "number_of",
     "record",
     "second",
+    "shorten",
     "table",
+    "title_of",
     "whole",
+    "with_picture",
 ]

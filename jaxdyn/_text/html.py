@@ -23,10 +23,10 @@ _ROW = 'style="display: flex; flex-wrap: wrap; gap: 1em; align-items: flex-start
 
 def html(self: Any) -> str:
     """The table of `repr` as HTML: the `_repr_html_` of classes whose `repr` is one."""
-    return _written(_described(self))
+    return _html_of_text(_description(self))
 
 
-def pictured(draw: Callable[[T], Any]) -> Callable[[T], str]:
+def with_picture(draw: Callable[[T], Any]) -> Callable[[T], str]:
     """Decorate a method that draws an object: its `_repr_html_`, the table beside that picture.
 
     Args:
@@ -35,19 +35,19 @@ def pictured(draw: Callable[[T], Any]) -> Callable[[T], str]:
 
     @functools.wraps(draw)
     def shown(self: T) -> str:
-        text = _described(self)
+        text = _description(self)
         try:
             data = base64.b64encode(draw(self).small()).decode()
         except Exception:  # nothing to draw, or nothing that can be drawn
-            return _written(text)
+            return _html_of_text(text)
         about = f"Picture of {text.splitlines()[0]}"
         image = f'<img alt="{escape(about)}" src="data:image/png;base64,{data}">'
-        return f"<div {_ROW}>{_written(text)}{image}</div>"
+        return f"<div {_ROW}>{_html_of_text(text)}{image}</div>"
 
     return shown
 
 
-def _described(x: Any) -> str:
+def _description(x: Any) -> str:
     """The text of an object, as the `Table` that its `__repr__` makes, if it makes one."""
     try:
         return inspect.unwrap(type(x).__repr__)(x)
@@ -55,7 +55,7 @@ def _described(x: Any) -> str:
         return repr(x)
 
 
-def _written(text: str) -> str:
+def _html_of_text(text: str) -> str:
     if not isinstance(text, Table):
         return f"<pre>{escape(text)}</pre>"
     rows = "".join(

@@ -48,7 +48,7 @@ def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> st
     return x
 
 
-def counted(n: int, noun: str, plural: str = "") -> str:
+def number_of(n: int, noun: str, plural: str = "") -> str:
     """A number with its noun, e.g. "1 loop" or "2 families".
 
     Args:

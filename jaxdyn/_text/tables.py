@@ -37,7 +37,7 @@ def brief(x: Any, unit: str = "", digits: int = 6) -> str:
         values = as_lists(x) if math.prod(shape) <= _MOST_NUMBERS else None
         if values is None:
             return f"shape {tuple(shape)}" if shape else "traced"
-        text = _nested(values, digits)
+        text = _figures(values, digits)
     return f"{text} {unit}" if unit and unit != "1" else text
 
 
@@ -49,9 +49,9 @@ def as_lists(x: Any) -> Any:
         return None
 
 
-def _nested(values: Any, digits: int) -> str:
+def _figures(values: Any, digits: int) -> str:
     if isinstance(values, list):
-        return _listed(_nested(x, digits) for x in values)
+        return _tuple_text(_figures(x, digits) for x in values)
     return _figure(values, digits) if isinstance(values, float | complex) else str(values)
 
 
@@ -59,7 +59,7 @@ def _figure(x: float | complex, digits: int) -> str:
     return format(x + 0.0, f".{digits}g")  # not -0
 
 
-def _listed(parts: Iterable[str]) -> str:
+def _tuple_text(parts: Iterable[str]) -> str:
     parts = list(parts)
     return "(" + ", ".join(parts) + ("," if len(parts) == 1 else "") + ")"
 
@@ -99,7 +99,7 @@ def entries(labels: Sequence[tuple[str, str]], y: Any) -> str:
     return ", ".join([*written[:_MOST_ENTRIES], *([f"and {more} more"] if more > 0 else [])])
 
 
-def called(scene: Any) -> str:
+def title_of(scene: Any) -> str:
     """The name of a scene, or of its system."""
     return scene.name or type(scene.system).__name__
 
@@ -138,7 +138,7 @@ def part(x: Any, unit: str, units: bool) -> str:
     if isinstance(x, dict):
         return "{" + ", ".join(f"{key}: {part(x[key], unit, units)}" for key in x) + "}"
     if isinstance(x, tuple | list):
-        return _listed(part(one, unit, units) for one in x)
+        return _tuple_text(part(one, unit, units) for one in x)
     return getattr(x, "__name__", None) or brief(x, unit)
 
 
@@ -207,7 +207,7 @@ def _field(kind: type, name: str, x: Any) -> str:
     return ", ".join(f"{n} {code(one).name}" for one, n in counts)
 
 
-def cut(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+def shorten(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """Rows of a table; of many the first and the last, and the number between."""
     between = len(rows) - _MOST_ROWS
     if between <= 0:

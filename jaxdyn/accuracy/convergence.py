@@ -60,11 +60,11 @@ def fixed_steps(
     if not _checks.is_traced(steps) and steps < 1:
         raise _checks.fail("steps", "at least 1", steps)
     field = scene.field if noise is None else RoundedField(scene.field, noise)
-    return _marched(field, scene.y0, t0, t1, jnp.asarray(steps, int), method_of(method))
+    return _march(field, scene.y0, t0, t1, jnp.asarray(steps, int), method_of(method))
 
 
 @eqx.filter_jit
-def _marched(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Method) -> Array:
+def _march(field, y0: Array, t0: Array, t1: Array, steps: Array, method: Method) -> Array:
     h = (t1 - t0) / steps.astype(float)
 
     def step(i, y):

@@ -111,7 +111,9 @@ class EndError:
           ('3.1416', 'no digit left (+-2e+01)', '0 (+-3e-12)')
         """
         rows = zip(self.y, self.error, self.scale, strict=True)
-        return tuple(_written(float(y), float(e), float(scale), most) for y, e, scale in rows)
+        return tuple(
+            _certain_digits(float(y), float(e), float(scale), most) for y, e, scale in rows
+        )
 
 
 @check_first
@@ -144,17 +146,17 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     finer = max(rtol * RATIO, FINEST)
     other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
-    apart, scale = _spread(scene, ends[1], ends[:1]), _scales(motion, y)
-    error = np.maximum(_spread(scene, y, ends), apart)
+    apart, scale = _largest_gap(scene, ends[1], ends[:1]), _scales(motion, y)
+    error = np.maximum(_largest_gap(scene, y, ends), apart)
     rounding = np.maximum(apart, 0.5 * np.finfo(float).eps * np.abs(y))  # of the stored result too
     if np.any(error > _APART * scale):
         more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
-        error = np.maximum(error, _spread(scene, y, more))
+        error = np.maximum(error, _largest_gap(scene, y, more))
     doubt = plan_of(scene.field, len(scene.y0)).doubt
     return EndError(y=y, error=error, rounding=rounding, scale=scale, doubt=doubt)
 
 
-def _spread(scene: Scene, y: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
+def _largest_gap(scene: Scene, y: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
     """(k,) the largest distance of a state from several others, entry by entry."""
     return np.abs(gaps(scene, np.stack([y] * len(others)), np.stack(others))).max(axis=0)
 
@@ -217,7 +219,7 @@ def _digits(error: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.where(_ESTIMATE_FACTOR * error < size, found, np.where(np.isnan(error), np.nan, 0.0))
 
 
-def _written(value: float, error: float, scale: float, most: int) -> str:
+def _certain_digits(value: float, error: float, scale: float, most: int) -> str:
     if not math.isfinite(value):
         return "not reached"
     if not math.isfinite(error):

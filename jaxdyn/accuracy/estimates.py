@@ -32,7 +32,7 @@ from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, Share, SolverOptions, span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Method, Solver
-from jaxdyn.solvers.choice import chosen_method, method_of
+from jaxdyn.solvers.choice import choose_method, method_of
 
 _SAMPLES = 33
 #: The second method for each solver: of another family, and suited to the same scenes.
@@ -74,12 +74,12 @@ def estimate(
     options = SolverOptions(rtol=rtol, solver=method)
     run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
-        return error_estimate.halved(run, scene, ts, dt, method.name)
+        return error_estimate.halve_steps(run, scene, ts, dt, method.name)
     by = run
     if finer is not method:
         by, _ = _runner(scene, t1, t0, samples, options._replace(solver=finer))
     names = ("tolerance ladder", method.name, finer.name)
-    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
+    return error_estimate.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 @check_first
@@ -112,14 +112,14 @@ def by_second_method(
     first, _ = _methods(scene, t1, t0, samples, solver, (rtol, rtol))
     if second is None:
         second = _SECOND_METHODS.get(first, VERNER9)
-    second = chosen_method(scene, second)
+    second = choose_method(scene, second)
     if second is first:
         raise _checks.fail("second", "another solver", first.name, "Or call `estimate`.")
     options = SolverOptions(rtol=rtol, solver=first)
     run, ts = _runner(scene, t1, t0, samples, options)
     by, _ = _runner(scene, t1, t0, samples, options._replace(solver=second))
     names = ("second method", first.name, second.name)
-    return error_estimate.measured(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
+    return error_estimate.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 @check_first
@@ -219,7 +219,7 @@ def by_halving(
         return _Ends(y1[None])
 
     ts = t1[None]
-    return error_estimate.halved(run, scene, ts, length / steps, method.name)
+    return error_estimate.halve_steps(run, scene, ts, length / steps, method.name)
 
 
 class _Ends(NamedTuple):
@@ -230,7 +230,7 @@ def _methods(
     scene: Scene, t1, t0, samples, solver: Solver | None, rtols: tuple[float, float]
 ) -> tuple[Method, Method]:
     """The methods at two tolerances; `RADAU9` for both where it takes over at the first."""
-    first, second = (chosen_method(scene, solver, rtol=rtol) for rtol in rtols)
+    first, second = (choose_method(scene, solver, rtol=rtol) for rtol in rtols)
     if solver is not None:
         return first, second
     motion = simulate(scene, t1, t0=t0, samples=samples, rtol=rtols[0])

@@ -27,7 +27,7 @@ from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
-from jaxdyn.solvers.choice import chosen_method
+from jaxdyn.solvers.choice import choose_method
 
 _SAMPLES = 201
 
@@ -101,7 +101,7 @@ def trusted_time(
     found = estimates.estimate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver)
     t = found.until(digits)
     most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)
-    tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), chosen_method(scene, solver))
+    tangents = _tangents(scene, found.ts, jnp.asarray(float(t0)), choose_method(scene, solver))
     return Trust(
         t=t,
         most=most,

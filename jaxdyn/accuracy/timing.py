@@ -78,7 +78,7 @@ def seconds_of(run: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def interleaved(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
+def interleave(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
     """`Times` of each run, under its key.
 
     Args:

@@ -20,7 +20,7 @@ from jaxdyn import _checks
 from jaxdyn._progress import doing, each
 from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
-from jaxdyn.accuracy.timing import Times, at_error, interleaved
+from jaxdyn.accuracy.timing import Times, at_error, interleave
 from jaxdyn.integrate.errors.estimate import scales
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import RTOL, span
@@ -206,7 +206,7 @@ def work_precision(
                 key = solver, fineness
                 runs[key] = lambda program=program, fineness=fineness: program(fineness)
                 values[key], counts[key] = value, counter(fineness)
-    times = interleaved(runs, rounds)
+    times = interleave(runs, rounds)
 
     def rung(key) -> Rung:
         error = max(float(np.max(np.abs(values[key] - exact) / scale)), uncertainty)

@@ -12,7 +12,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.regularised import followed
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
-from jaxdyn.integrate.trajectory import explained
+from jaxdyn.integrate.trajectory import explanation
 from jaxdyn.scene import Scene, System
 from jaxdyn.status import IntegrationError, Status
 
@@ -64,7 +64,7 @@ def closest_approaches(
             near = until(slow.starting(run.ys[k]), event, grid[k + 1], t0=grid[k], rtol=rtol)
             status = Status(int(near.status))
             if status != Status.OK:
-                raise IntegrationError(explained(status, scene))
+                raise IntegrationError(explanation(status, scene))
             t, y = near.t, near.y
             if not near.happened:  # it is at one of the two samples, to rounding
                 at = k if -value[k] < value[k + 1] else k + 1

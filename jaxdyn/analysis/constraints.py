@@ -51,7 +51,7 @@ def multipliers(motion: Trajectory) -> Array:
     Raises:
       ValueError: the scene is not in a constrained formulation.
     """
-    return _multipliers(motion, _constrained(motion.scene.system))
+    return _multipliers(motion, _constrained_system(motion.scene.system))
 
 
 @check_first
@@ -70,7 +70,7 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
       >>> round(float(constraints.tensions(simulate(hanging, 0.1, samples=2))["stick"][0]), 9)
       19.62
     """
-    system = _constrained(motion.scene.system)
+    system = _constrained_system(motion.scene.system)
     names = system.mechanism.rods()
     if not names:
         name = type(system.mechanism).__name__
@@ -117,7 +117,7 @@ def _tensions(motion: Trajectory, system: Constrained) -> dict[str, Array]:
     return dict(zip(names, -forces[:, : len(names)].T, strict=True))
 
 
-def _constrained(system: System) -> Constrained:
+def _constrained_system(system: System) -> Constrained:
     system = innermost(system)
     if not isinstance(system, Constrained):
         name = type(system).__name__
@@ -145,7 +145,7 @@ def conditioning(scene: Scene | Field, t, y: Array) -> Conditioning:
       8
     """
     _checks.float64()
-    system = _constrained(scene.system)
+    system = _constrained_system(scene.system)
     y = jnp.asarray(y, dtype=float)[: len(system.labels())]
     squares = jnp.linalg.eigvalsh(system.gram(t, y))
     independent = squares > DEPENDENT * squares[-1]

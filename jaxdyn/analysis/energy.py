@@ -16,7 +16,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn._shapes import potential_energy
-from jaxdyn.integrate.spans import cut, filled, of_samples
+from jaxdyn.integrate.spans import cut_rows, fill, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
 
@@ -143,8 +143,8 @@ def change(scene: Scene, ts: Array, ys: Array, of: str = "energy") -> Change:
     if of != "energy":
         names = jax.eval_shape(lambda y: integrals(scene, jnp.zeros(()), y), scene.y0)
         _checks.choice("of", of, names)
-    more = filled(ts, ys)
-    return cut(_change(scene, *more, of), len(more[0]), len(ts))
+    more = fill(ts, ys)
+    return cut_rows(_change(scene, *more, of), len(more[0]), len(ts))
 
 
 @eqx.filter_jit

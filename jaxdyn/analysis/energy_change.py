@@ -106,7 +106,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
 
 def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[str, float]:
     """The work of each cause in a piece, by its equations."""
-    found = jax.tree.map(np.asarray, _measured(piece))
+    found = jax.tree.map(np.asarray, _measure(piece))
     ts = np.asarray(piece.ts)
 
     def acts(gain: np.ndarray, terms: np.ndarray) -> bool:
@@ -169,7 +169,7 @@ class _Measured(NamedTuple):
 
 @of_samples
 @eqx.filter_jit
-def _measured(motion: Trajectory) -> _Measured:
+def _measure(motion: Trajectory) -> _Measured:
     scene, system = motion.scene, motion.scene.system
 
     def itself(t, y):

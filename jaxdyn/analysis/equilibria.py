@@ -18,13 +18,13 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
-from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
+from jaxdyn._text import number_of
+from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box, Ends, jumps, low_discrepancy, search
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.scales import groups
-from jaxdyn.scene import Field, Scene, System, checked_scene
+from jaxdyn.scene import Field, Scene, System, check_scene
 
 _MOST_STARTS = 1_000_000  # processed at once
 _MERGE_DISTANCE = 1e-6  # of the box: equilibria nearer than this are merged
@@ -75,10 +75,10 @@ class Equilibria:
             (f"{i + 1}", f"{_text.brief(state)}: {kind}, {near.verdict}, {near.portrait}")
             for i, (state, kind, near) in enumerate(described)
         ]
-        rows = [*_text.cut(rows), ("certainty", self.certainty)]
+        rows = [*_text.shorten(rows), ("certainty", self.certainty)]
         if self.proof is not None:
             rows.append(("proof", self.proof.reason))
-        return _text.table(f"Equilibria: {counted(len(self), 'equilibrium', 'equilibria')}", rows)
+        return _text.table(f"Equilibria: {number_of(len(self), 'equilibrium', 'equilibria')}", rows)
 
     _repr_html_ = _text.html
 
@@ -118,11 +118,11 @@ def equilibria(
     """
     _refuse_traced(scene, low, high, t)
     _checks.float64()
-    box = _box(low, high, len(checked_scene(scene).y0))
+    box = _box(low, high, len(check_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
-    theorem = _proved(scene, float(t), box) if prove else None
-    proof = bisected(field, t, box)
+    theorem = _prove(scene, float(t), box) if prove else None
+    proof = bisect(field, t, box)
     box, middles = proof.box, proof.middles[:starts]
     spread = box.states(low_discrepancy(starts - len(middles), len(box.free)))
     ends = search(field, t, box, np.concatenate([middles, spread]))
@@ -130,13 +130,15 @@ def equilibria(
     groups = _groups(ends, kept[np.argsort(ends.steps[kept], kind="stable")], box)
     heads = ends.ys[[group[0] for group in groups]]
     sharp = jumps(field, t, box, heads)
-    complete, certainty = judged(proof, field, t, heads[~sharp], heads[sharp])
+    complete, certainty = judge(proof, field, t, heads[~sharp], heads[sharp])
     smooth = [group for group, jump in zip(groups, sharp, strict=True) if not jump]
-    listed = _listed(scene, t, box, ends, _merged(scene, box, ends, smooth), (complete, certainty))
+    listed = _list_groups(
+        scene, t, box, ends, _merge(scene, box, ends, smooth), (complete, certainty)
+    )
     return dataclasses.replace(listed, proof=theorem)
 
 
-def _proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
+def _prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     if type(scene.system).project is not System.project:
         raise _checks.fail(
             "scene",
@@ -145,9 +147,9 @@ def _proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
             "Leave prove out.",
         )
     # Python-flint, which it needs, is optional.
-    from jaxdyn.analysis.equilibrium_search.proving import proved
+    from jaxdyn.analysis.equilibrium_search.proving import prove
 
-    return proved(scene, t, box)
+    return prove(scene, t, box)
 
 
 @check_first
@@ -172,7 +174,7 @@ def equilibrium(scene: Scene, y, t=0.0) -> Array:
       >>> print(jax.grad(sag)(10.0))  # m / k
       0.1
     """
-    field = checked_scene(scene).field
+    field = check_scene(scene).field
     _checks.float64()
     y = _checks.array("y", y, scene.y0.shape)
     return _equilibrium(field, y, _checks.array("t", t, ()))
@@ -194,13 +196,13 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     # What rounding, relative to each entry, makes of a solution: units change no trace of it.
     spread = jnp.abs(jnp.linalg.inv(a)) @ jnp.abs(a)
     regular = jnp.trace(spread) * _SINGULAR < 1.0
-    sizes = _coupled(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
+    sizes = _coupled_sizes(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
     settled = jnp.all(jnp.abs(step) <= _MAX_LAST_STEP * (spread @ sizes))
     # A factor, not jnp.where: the derivative of where with a NaN branch is 0.
     return y * jnp.where(settled & regular, 1.0, jnp.nan)
 
 
-def _coupled(field: Field, a: Array, each: Array) -> Array:
+def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
     """(k,) sizes of at least what others make of an entry in 1 over the spectral radius of |A|.
 
     That radius is up to a factor of k^(1/16) the root of the trace of |A|^16.
@@ -254,7 +256,7 @@ def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
     return groups
 
 
-def _merged(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
+def _merge(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
     """Groups merged by the system's own measure, as for angles a whole turn apart."""
     if not groups:
         return []
@@ -289,7 +291,9 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
     return tuple(kinds.values())
 
 
-def _listed(scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure) -> Equilibria:
+def _list_groups(
+    scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure
+) -> Equilibria:
     places = np.round(box.units(ends.ys) / _MERGE_DISTANCE)
     groups = sorted(groups, key=lambda group: tuple(places[group[0]]))
     best = [group[0] for group in groups]

@@ -38,7 +38,7 @@ from jaxdyn.analysis.monodromy import (
 )
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.scales import at_start, groups
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 
 #: [1] |det(M) - 1| of a motion without damping, from integration errors.
 _MAX_DETERMINANT_ERROR = 1e-9
@@ -93,10 +93,10 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
       >>> str(floquet.multipliers(stick, 2 * 3.141592653589793 / 60.0).verdict)
       'stable'
     """
-    checked_scene(scene)
+    check_scene(scene)
     _checks.positive("period", period, "It is that of the drive, in seconds.")
     found = _alone(scene, jnp.asarray(period, float), _tolerances(rtol))
-    return _judged(jax.tree.map(np.asarray, found), rtol)
+    return _judge(jax.tree.map(np.asarray, found), rtol)
 
 
 def chart(
@@ -120,7 +120,7 @@ def chart(
     if not len(first) or not len(second):
         raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
     corner, period = make(jnp.asarray(first[0]), jnp.asarray(second[0]))
-    checked_scene(corner)
+    check_scene(corner)
     _checks.positive("period", period, "It is that of the drive, in seconds.")
     xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
     shape = len(first), len(second)
@@ -128,7 +128,7 @@ def chart(
         lambda x: np.asarray(x).reshape(*shape, *x.shape[1:]),
         _grid(make, xs, ys, _tolerances(rtol)),
     )
-    found = {f.name: getattr(_judged(lanes, rtol), f.name) for f in dataclasses.fields(Floquet)}
+    found = {f.name: getattr(_judge(lanes, rtol), f.name) for f in dataclasses.fields(Floquet)}
     return Chart(**found, first=first, second=second)
 
 
@@ -160,7 +160,7 @@ def edges(
     xs = np.linspace(float(low), float(high), _checks.whole("looks", looks))
     y = jnp.asarray(float(second))
     corner, _ = make(jnp.asarray(xs[0]), y)
-    checked_scene(corner)
+    check_scene(corner)
     tolerances(rtol, None)
     k = len(corner.y0)
     if k != 2:
@@ -217,17 +217,17 @@ def _tolerances(rtol: float) -> tuple[Array, Array]:
 def _grid(make, xs: Array, ys: Array, rtols) -> _Period:
     def passed(x, y):
         scene, period = make(x, y)
-        return _passed(scene, period, rtols)
+        return _one_period(scene, period, rtols)
 
     return jax.vmap(passed)(xs, ys)
 
 
 @eqx.filter_jit
 def _alone(scene: Scene, period: Array, rtols) -> _Period:
-    return _passed(scene, period, rtols)
+    return _one_period(scene, period, rtols)
 
 
-def _passed(scene: Scene, period: Array, rtols) -> _Period:
+def _one_period(scene: Scene, period: Array, rtols) -> _Period:
     (end, M), (_, coarse) = (end_and_derivative(scene, period, rtol) for rtol in rtols)
     known = groups(scene.system)
     sizes = at_start(scene.field, known, jnp.zeros(()), scene.y0, period)[0].sizes
@@ -242,7 +242,7 @@ def _passed(scene: Scene, period: Array, rtols) -> _Period:
     )
 
 
-def _judged(found: _Period, rtol: float) -> Floquet:
+def _judge(found: _Period, rtol: float) -> Floquet:
     M, coarse, period, gap, form = found
     if (gap > _MAX_GAP).any():
         raise _checks.fail(

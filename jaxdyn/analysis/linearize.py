@@ -25,7 +25,7 @@ from jaxdyn.analysis.eigenvalues import (
     with_bars,
 )
 from jaxdyn.scales import at_rest, groups
-from jaxdyn.scene import Field, Scene, checked_scene
+from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
 #: Forces at an equilibrium over those of a displacement by its size; likewise speeds.
@@ -90,7 +90,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
       'spiral'
     """
-    scene = scene if isinstance(scene, Field) else checked_scene(scene)
+    scene = scene if isinstance(scene, Field) else check_scene(scene)
     _checks.float64()
     y = _checks.array("y", y, (len(scene.system.labels()),))
     return classify(np.asarray(jacobian(scene, y, _checks.array("t", t, ()))))
@@ -174,7 +174,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
       [3.]
     """
-    start = checked_scene(scene).y0
+    start = check_scene(scene).y0
     _checks.float64()
     y = _checks.array("y", start if y is None else y, start.shape)
     if scene.system.canonical(jnp.zeros(()), y) is None:

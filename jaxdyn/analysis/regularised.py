@@ -32,9 +32,9 @@ from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, span
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
-from jaxdyn.scene import Field, Scene, checked_scene
+from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.solvers import Solver
-from jaxdyn.solvers.choice import chosen_method
+from jaxdyn.solvers.choice import choose_method
 from jaxdyn.status import Status
 
 _UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
@@ -91,7 +91,7 @@ def regularised(scene: Scene, t0=0.0) -> Scene:
       >>> [name for name, _ in regularised(scenes.two_body()).system.labels()][-2:]
       ['E', 't']
     """
-    checked_scene(scene)
+    check_scene(scene)
     t0 = _checks.array("t0", t0, ())
     if not (scene.system.second_order and scene.has_points):
         name = type(scene.system).__name__
@@ -220,7 +220,7 @@ def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, thro
     if throw:
         raise_unless_ok(stop.status, scene)
     # That of the search, or errors that encounters amplify would take the run another way.
-    options = options._replace(solver=chosen_method(slow, options.solver, several=True))
+    options = options._replace(solver=choose_method(slow, options.solver, several=True))
 
     def over(y0, length) -> tuple[Array, SolveResult]:
         grid = jnp.linspace(0.0, length, samples)

@@ -27,7 +27,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scales import at_rest, groups
-from jaxdyn.scene import Field, Scene, checked_scene
+from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
 _SAMPLE_DISTANCE = 0.3  # of the size of the state: distance of the samples
@@ -86,13 +86,13 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
       ('centre', 'unstable')
     """
     _checks.float64()
-    start = checked_scene(scene).y0
+    start = check_scene(scene).y0
     y = _checks.array("y", start if y is None else y, start.shape)
     t = _checks.array("t", t, ())
     if len(y) > _MAX_ENTRIES:
         raise _checks.fail("y", f"at most {_MAX_ENTRIES} entries", len(y))
     size = at_rest(scene.field, groups(scene.system), np.asarray(y), float(t)).sizes
-    f, a, tangent = (np.asarray(x) for x in _seen(scene.field, t, y, size))
+    f, a, tangent = (np.asarray(x) for x in _linearisation(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
     tangent = _range(tangent)
     # Twice, with different samples: the difference estimates the error.
@@ -112,7 +112,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
 
 
 @eqx.filter_jit
-def _seen(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
+def _linearisation(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
     """(k,) rate, (k, k) its derivative and (k, k) projector along constraints, scaled by `size`."""
 
     def scaled(fn):
@@ -124,12 +124,12 @@ def _seen(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, 
 
 
 @eqx.filter_jit
-def _sampled(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
-    """`_seen` at states (s, k) on the constraints near y + size z, and their z."""
+def _linearisations(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
+    """`_linearisation` at states (s, k) on the constraints near y + size z, and their z."""
 
     def sample(z):
         at = field.project(t, field.project(t, y + size * z))
-        return (at - y) / size, *_seen(field, t, at, size)
+        return (at - y) / size, *_linearisation(field, t, at, size)
 
     return jax.vmap(sample)(zs)
 
@@ -158,7 +158,7 @@ def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
     """(g, k) values c at y and (g, k, k) derivatives M of the symmetries, in units of sizes."""
     k = len(y)
     zs = _SAMPLE_DISTANCE * np.random.default_rng(seed).uniform(-1, 1, size=(2 * (k + 2), k))
-    z, f, a, tangent = (np.asarray(x) for x in _sampled(field, t, y, size, jnp.asarray(zs)))
+    z, f, a, tangent = (np.asarray(x) for x in _linearisations(field, t, y, size, jnp.asarray(zs)))
     off = np.eye(k) - tangent
     # Rows of M f - Df (c + M z) = 0 and of (1 - P) (c + M z) = 0 for the unknowns c and M.
     moved = np.einsum("ip,sj->sipj", np.eye(k), f) - np.einsum("sip,sj->sipj", a, z)

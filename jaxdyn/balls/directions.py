@@ -71,8 +71,8 @@ def _is_root(node: Node, square: Node) -> bool:
 
 def _length(field: BallField, square: Node, entries: list[Node]) -> Length:
     graph = field.graph
-    length = graph.given(arb(0), moving=True)
-    unit = [graph.given(arb(0), moving=True) for _ in entries]
+    length = graph.input(arb(0), moving=True)
+    unit = [graph.input(arb(0), moving=True) for _ in entries]
     moving = _Rewriting(graph, field.rates, square, _Direction(entries, length, unit))
     ending = _Rewriting(graph, field.rates, square, None)
     ending.new |= dict.fromkeys([*entries, square], 0.0)
@@ -103,16 +103,16 @@ class _Rewriting:
     def program(self) -> Program:
         """The rewritten rate."""
         for node in self.rates.nodes:
-            self.new.setdefault(node, self._rewritten(node))
+            self.new.setdefault(node, self._rewrite(node))
         return Program.of(self.graph, [self._of(r) for r in self.rates.results])
 
     def _of(self, a):
         return self.new.get(a, a) if isinstance(a, Node) else a
 
-    def _rewritten(self, node: Node) -> Number:
+    def _rewrite(self, node: Node) -> Number:
         args = [self._of(a) for a in node.args]
         if node.op in COMPARISONS:
-            return self._compared(node.op, args)
+            return self._compare(node.op, args)
         known = all(isinstance(a, bool) for a in args)
         if node.op in LOGIC and known:
             return LOGIC[node.op](*args)
@@ -140,7 +140,7 @@ class _Rewriting:
             return 0.0
         return math.nan if node.op == "div" and args[1] == 0.0 and _is_zero(args[0]) else None
 
-    def _compared(self, op: str, args: list) -> Number:
+    def _compare(self, op: str, args: list) -> Number:
         if self.direction is not None and op in ("eq", "ne") and 0.0 in args:
             if any(a is self.square or a is self.direction.length for a in args):
                 return op == "ne"

@@ -69,7 +69,7 @@ class Disc:
     state: list
     start: list
 
-    def left_out(self, q: arb, order: int) -> list:
+    def remainder(self, q: arb, order: int) -> list:
         """(k) bounds of what the solution's series leaves out, of order p or more."""
         return [e * _tail(q, order) for e in self.state]
 
@@ -112,7 +112,7 @@ def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, floa
         reach = min(_convergence(about), 2 * farthest / _OUTER)
         share = _OUTER if outer is None else min(outer * _LONGER, 0.9)
         for _ in range(_MOST_TRIALS):
-            found = _verified(about, share * reach)
+            found = _verify(about, share * reach)
             if found is not None:
                 return found, share
             share *= _SHORTER
@@ -138,7 +138,7 @@ def _log(x: arb) -> float:
     return float(bound.log()) if not bound.is_zero() else -math.inf
 
 
-def _verified(about: About, outer: float) -> Disc | None:
+def _verify(about: About, outer: float) -> Disc | None:
     """The disc inside one of radius R', if the bounds can be verified."""
     order = len(about.series[0]) - 1
     ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
@@ -162,7 +162,7 @@ def _verified(about: About, outer: float) -> Disc | None:
         slopes = _largest(_slopes(about, *cell[:2], delta) for cell in near)
         if slopes is None:
             return None
-        reached = _grown(slopes, r, first, about.sizes)
+        reached = _exponential_times(slopes, r, first, about.sizes)
         grown = zip(reached, first, strict=True)
         if not all(x.is_finite() and x < _MOST_GROWTH * f for x, f in grown):
             return None
@@ -172,7 +172,7 @@ def _verified(about: About, outer: float) -> Disc | None:
     return None
 
 
-def _grown(slopes: list, r: arb, first: list, sizes: Sequence[float]) -> list:
+def _exponential_times(slopes: list, r: arb, first: list, sizes: Sequence[float]) -> list:
     """(k) exp(R A) times a vector, with A (k k); in sizes, in which A has no large entries."""
     k = len(first)
     rows = [

@@ -128,7 +128,7 @@ class Polynomials:
         if node in self.apart:
             return op == "ne"
         if op in LOGIC:
-            return self._combined(node, found)
+            return self._combine(node, found)
         if op == "select":
             return self._at(args[2] if self._at(args[0], found) else args[1], found)
         value = self._polynomial(node, found)
@@ -136,7 +136,7 @@ class Polynomials:
             raise NoPolynomial("a polynomial of too many terms")
         return value
 
-    def _combined(self, node: Node, found: dict) -> bool:
+    def _combine(self, node: Node, found: dict) -> bool:
         """A logical operation, which may be decided by one operand alone."""
         decisive = node.op == "or"
         if node.op != "not" and any(found.get(a, a) is decisive for a in node.args):

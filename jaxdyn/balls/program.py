@@ -15,7 +15,7 @@ import flint
 
 from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
 from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
-from jaxdyn.solvers.formulas.shortest import ordered
+from jaxdyn.solvers.formulas.shortest import topological_order
 
 #: A function of the numbers at all places.
 Operation = Callable[[list], Any]
@@ -40,7 +40,7 @@ class Program:
     @classmethod
     def of(cls, graph: Graph, results: list[Number]) -> "Program":
         """The program of some results."""
-        return cls(results, ordered(graph, results))
+        return cls(results, topological_order(graph, results))
 
     def __call__(self, inputs: dict[Node, Any], functions: Functions = REAL) -> list:
         """The results for values of the inputs: arb, acb or series of them.
@@ -115,7 +115,7 @@ def _operation(node: Node, place: Callable, functions: Functions) -> Operation:
     if op in COMPARISONS:
         moving = any(isinstance(a, Node) and a.moving for a in args)
         one_point = not (functions.analytic and moving)
-        return lambda v: _compared(op, v[at[0]], v[at[1]], at_one_point=one_point)
+        return lambda v: _compare(op, v[at[0]], v[at[1]], at_one_point=one_point)
     if op in LOGIC:
         return lambda v: _LOGIC[op](*(v[i] for i in at))
     if op in TESTS:
@@ -169,7 +169,7 @@ def _sum(args: tuple, place: Callable) -> Operation:
     return total
 
 
-def _compared(op: str, a, b, *, at_one_point: bool) -> bool:
+def _compare(op: str, a, b, *, at_one_point: bool) -> bool:
     """A comparison that holds for all numbers of two balls, or for none.
 
     Of series it is that of their starts: a motion that leaves the case is noticed by the disc

@@ -43,7 +43,7 @@ class Slopes:
         """Number of coefficients."""
         return 1 + len(self.rest)
 
-    def convolved(self, factors: list[arb_mat], parts: list[arb_mat]) -> arb_mat:
+    def convolve(self, factors: list[arb_mat], parts: list[arb_mat]) -> arb_mat:
         """The sum of A_i X_j-i over i = 0 to j, or as many as there are.
 
         Args:
@@ -85,7 +85,7 @@ def motion_series(field: BallField, t: arb, y: list, order: int) -> list[list]:
         for j in range(known - 1, known + gained - 1):
             total = arb_mat(field.k, 1, [_coefficient(rate, j) for rate in rates])
             if corrections:
-                total += slopes.convolved(corrections, parts)
+                total += slopes.convolve(corrections, parts)
             # Coefficient j + 1 of the motion.
             corrections.append(total * (1 / arb(j + 1)))
             parts.append(slopes.part(corrections[-1]))
@@ -120,7 +120,7 @@ def transition_series(slopes: Slopes, order: int) -> list[arb_mat]:
     found = [arb_mat([[int(i == j) for j in range(k)] for i in range(k)])]
     parts = [slopes.part(found[0])]
     for j in range(order):
-        found.append(slopes.convolved(found, parts) * (1 / arb(j + 1)))
+        found.append(slopes.convolve(found, parts) * (1 / arb(j + 1)))
         parts.append(slopes.part(found[-1]))
     return found
 

@@ -133,7 +133,7 @@ def tube(
             h = _short(_share(bounds, about, order, digits) * float(bounds.radius))
             if left <= h:
                 return _end(about, now, offset, (span[0] - done, left), bounds, slope_order, steps)
-            now, done = _stepped(about, now, h, bounds, slope_order), done + h
+            now, done = _step(about, now, h, bounds, slope_order), done + h
         raise NotEnclosed("The motion takes too many steps. Prove it in parts of a period.")
 
 
@@ -173,7 +173,7 @@ def _short(x: float) -> arb:
     return arb(math.ldexp(math.floor(math.ldexp(mantissa, _STEP_BITS)), exponent - _STEP_BITS))
 
 
-def _stepped(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) -> _Now:
+def _step(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) -> _Now:
     """Where motions are a step later."""
     moved = _slopes(about, h, bounds, slope_order) * now.frame
     value = _ending(about, h, bounds)
@@ -207,7 +207,7 @@ def _end(
 
 def _ending(about: About, h: arb, bounds: Disc) -> list:
     """(k) the end of the motion from the point."""
-    left_out = bounds.left_out(abs(h) / bounds.radius, len(about.series[0]) - 1)
+    left_out = bounds.remainder(abs(h) / bounds.radius, len(about.series[0]) - 1)
     pairs = zip(about.series, left_out, strict=True)
     return [series.at(row, h) + _ball(error) for row, error in pairs]
 

@@ -72,7 +72,7 @@ class _Equations:
             return None
         return [found[i] for i in self.rows]
 
-    def excluded(self, box: list) -> bool:
+    def exclude(self, box: list) -> bool:
         """Whether a box without bounds, as a unit vector has no direction in it, has no zero."""
         return excludes_zero(self.field, self.lengths, self.rows, self.t, self.state(box))
 
@@ -103,19 +103,19 @@ def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zero
             if not todo:
                 break
             cell = todo.pop()
-            kind, narrow, alone = _examined(equations, cell, sizes)
+            kind, narrow, alone = _examine(equations, cell, sizes)
             if kind in ("none", "corner"):
                 discarded += 1
                 if kind == "corner":
-                    _joined(corners, narrow)
+                    _join(corners, narrow)
             elif kind == "one":
                 near = [wide for zero, wide in found if _same(narrow, zero)]
                 if not near:
                     found.append((narrow, alone))
                 elif not all(_inside(narrow, wide) for wide in near):
-                    _joined(left, narrow)
+                    _join(left, narrow)
             elif count >= _MOST_BOXES or _is_small(cell, sizes):
-                _joined(left, [_hull(*ends) for ends in cell])
+                _join(left, [_hull(*ends) for ends in cell])
             else:
                 todo += _halves(cell, sizes)
         inside = [box for box, _ in found if _meets(box, equations)]
@@ -129,7 +129,7 @@ def _hull(low: float, high: float) -> arb:
     return arb(low).union(arb(high))
 
 
-def _joined(places: list[list], box: list) -> None:
+def _join(places: list[list], box: list) -> None:
     """Add a box to a list of apart ones, united with those that it touches."""
     for other in [x for x in places if _same(x, box)]:
         places.remove(other)
@@ -161,7 +161,7 @@ def _halves(cell: list, sizes: list[float]) -> list[list]:
     return [[*cell[:across], part, *cell[across + 1 :]] for part in parts]
 
 
-def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
+def _examine(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
     """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone.
 
     It is a "corner" if it has none as its rate excludes 0 in all directions of a unit vector.
@@ -170,7 +170,7 @@ def _examined(equations: _Equations, cell: list, sizes: list[float]) -> tuple[st
     rates = equations.rate(box)
     if rates is not None and any(not x.contains(0) for x in rates):
         return "none", box, box
-    if equations.lengths and equations.excluded(box):
+    if equations.lengths and equations.exclude(box):
         return "corner", box, box
     box = [x + (x - x.mid()) * (2 * _WIDENED) for x in box]
     moved = _krawczyk(equations, box)

@@ -91,7 +91,7 @@ def frequencies(
         nothing = np.zeros(0)
         return Frequencies(nothing, nothing, nothing.astype(complex), 0.0)
     w, a = _lines(t, values.astype(complex) / scale, count, real)
-    weaker, _ = _refined(t, values / scale, w, WINDOW - 1)
+    weaker, _ = _refine(t, values / scale, w, WINDOW - 1)
     rest = np.abs(values / scale - _sum(t, w, a)).max()
     eps = np.finfo(float).eps
     bars = (
@@ -142,7 +142,7 @@ def _lines(t: np.ndarray, f: np.ndarray, count: int, real: bool) -> tuple[np.nda
             break
         near_zero = abs(found) < math.pi / (t[-1] - t[0])
         new = [0.0] if real and near_zero else [found, -found] if real else [found]
-        w, a = _refined(t, f, np.concatenate([w, new]), WINDOW)
+        w, a = _refine(t, f, np.concatenate([w, new]), WINDOW)
     return w, a
 
 
@@ -161,7 +161,7 @@ def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[floa
     return float(grid[i] + np.clip(shift, -1, 1) * (grid[1] - grid[0])), float(size[i])
 
 
-def _refined(
+def _refine(
     t: np.ndarray, f: np.ndarray, w: np.ndarray, power: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """All frequencies and amplitudes by Newton's method on their weighted least squares.

@@ -22,7 +22,7 @@ from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.scales import sizes_at_start, sizes_at_starts
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
 
@@ -199,7 +199,7 @@ def gali(
       >>> float(chaos.gali(scenes.lorenz(), t1=20.0, count=3).index) < 1e-8
       True
     """
-    _checks.whole("count", count, 2, len(checked_scene(scene).y0))
+    _checks.whole("count", count, 2, len(check_scene(scene).y0))
     run = _Run(scene, params, count)
     ends, shape = run.ended(starts, t0, t1, rtol, progress)
     u = run.tangents(ends)
@@ -229,7 +229,7 @@ class _Run:
     """Motions of a scene with their tangents, in an ensemble."""
 
     def __init__(self, scene: Scene, params: Scene | None, count: int, averaged: bool = False):
-        self.scene, self.params = checked_scene(scene), params
+        self.scene, self.params = check_scene(scene), params
         self.count, self.averaged = count, averaged
         self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k) of each motion, once it is known
 
@@ -287,11 +287,11 @@ class _Run:
         averages = np.zeros((n, 4 if self.averaged else 0))
         # Unit tangents, and along the constraints.
         whole = np.concatenate([starts, u.reshape(n, -1), averages], axis=1)
-        return np.asarray(_projected(self.system(sizes), whole))
+        return np.asarray(_project(self.system(sizes), whole))
 
 
 @jax.jit
-def _projected(system: Deviations, states: Array) -> Array:
+def _project(system: Deviations, states: Array) -> Array:
     def project(sizes, y):
         return eqx.tree_at(lambda s: s.sizes, system, sizes).project(jnp.zeros(()), y)
 

@@ -15,7 +15,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import tangents
-from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judged
+from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judge
 from jaxdyn.chaos.stretching import carry, start
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
@@ -24,7 +24,7 @@ from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scales import sizes_at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method, Solver
-from jaxdyn.solvers.choice import checked_method
+from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
 
 #: Default relative tolerance of a step: the statistical error is far larger than that of the steps.
@@ -95,10 +95,10 @@ def lyapunov_exponents(
       True
     """
     t0, t1 = span(scene, t1, t0)
-    _checks.untraced("scene", (scene, t0, t1), "Call it outside of jit, grad and vmap.")
+    _checks.check_untraced("scene", (scene, t0, t1), "Call it outside of jit, grad and vmap.")
     left_out = _transient(transient, float(t1 - t0))
     # One method for the motion with and without tangents, with its stages in a loop: compiles fast.
-    method = checked_method(scene, solver).for_tangents.in_loops(1)
+    method = check_method(scene, solver).for_tangents.in_loops(1)
     sizes = sizes_at_start(scene, t0, t1)
     frame = np.asarray(_frame(scene, sizes, count))
     given = 0.0 if chunk is None else float(_checks.positive("chunk", chunk, "It is a time."))
@@ -181,7 +181,7 @@ def _spectrum(
     lost = end.status != Status.OK
     logs, divergences = (jnp.where(lost, jnp.nan, x) for x in (logs, divergences))
     shear = (jnp.log((transient + time) / transient) / time)[None]
-    spectrum = judged(logs / batch, jnp.sum(divergences) / time, shear, len(y0))
+    spectrum = judge(logs / batch, jnp.sum(divergences) / time, shear, len(y0))
     return LyapunovSpectrum(
         **spectrum,
         time=time,

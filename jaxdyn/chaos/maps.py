@@ -109,7 +109,7 @@ def chaos_map(
     if not len(first) or not len(second):
         raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
     xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
-    every = _made(make, xs, ys)
+    every = _scenes(make, xs, ys)
     finite = np.isfinite(np.asarray(every.y0)).all(axis=1)
     if not finite.any():
         raise _checks.fail("make", "at least one scene with a finite start", "none")
@@ -121,5 +121,5 @@ def chaos_map(
 
 
 @eqx.filter_jit
-def _made(make: Callable[[Array, Array], Scene], xs: Array, ys: Array) -> Scene:
+def _scenes(make: Callable[[Array, Array], Scene], xs: Array, ys: Array) -> Scene:
     return jax.vmap(make)(xs, ys)

@@ -75,7 +75,7 @@ class LyapunovSpectrum(Record):
             ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),
             ("status", f"{Status(int(self.status)).name}: {self.message}"),
         ]  # fmt: skip
-        return _text.table("LyapunovSpectrum", _text.cut(rows[:-5]) + rows[-5:])
+        return _text.table("LyapunovSpectrum", _text.shorten(rows[:-5]) + rows[-5:])
 
     _repr_html_ = _text.html
 
@@ -106,7 +106,7 @@ def _finite(x: Any) -> Any:
     return None if isinstance(x, float) and math.isnan(x) else x
 
 
-def judged(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
+def judge(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
     """The fields of a spectrum that follow from the means (BATCHES, m) over its batches."""
     exponents, bars = _mean(batches, shear)
     m = len(exponents)

@@ -46,7 +46,7 @@ def accuracy_command(
             why += "; the scene is stiff: after a thousand steps that stability limits, Radau 9"
         if as_object:
             default = {"default": method.name, "reason": why}
-            out.result({"scene": name} | default | found.as_dict() | _recommended(found, digits))
+            out.result({"scene": name} | default | found.as_dict() | _recommendation(found, digits))
         else:
             _print(name, found, digits, out)
             rtol = jaxdyn.solvers.choice.RTOL
@@ -56,7 +56,7 @@ def accuracy_command(
                 jaxdyn.drawing.work_precision(found, plot, title=title or name)
 
 
-def _recommended(found: "jaxdyn.accuracy.work_precision.WorkPrecision", digits: float) -> dict:
+def _recommendation(found: "jaxdyn.accuracy.work_precision.WorkPrecision", digits: float) -> dict:
     choice = found.recommend(digits)
     return {"digits": digits, "recommended": choice and choice._asdict()}
 

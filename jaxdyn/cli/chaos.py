@@ -112,7 +112,7 @@ def _map(
 ) -> "tuple[jaxdyn.chaos.ChaosMap, list[str]]":
     """A map, printed; and its two numbers with their units."""
     make, labels = jaxdyn.scenes.catalogue.varied(name, chosen, [one.name for one in varied])
-    first, second = (_spaced(one, size) for one in varied)
+    first, second = (_grid(one, size) for one in varied)
     found = jaxdyn.chaos.chaos_map(make, first, second, t1)
     if out.as_object:
         out.result({"scene": name, "names": labels} | found.as_dict())
@@ -126,5 +126,5 @@ def _map(
     return found, labels
 
 
-def _spaced(one: _Range, size: int) -> list[float]:
+def _grid(one: _Range, size: int) -> list[float]:
     return [one.low + (one.high - one.low) * i / (size - 1) for i in range(size)]

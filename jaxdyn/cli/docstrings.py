@@ -54,7 +54,7 @@ def scenes() -> dict[str, SceneText]:
         constants = _constants(body)
         for node in body:
             if isinstance(node, ast.FunctionDef) and _is_ready_made(node):
-                found[node.name] = _scene_text(node, functools.partial(_evaluated, constants))
+                found[node.name] = _scene_text(node, functools.partial(_value, constants))
     return dict(sorted(found.items()))
 
 
@@ -82,7 +82,7 @@ def _is_ready_made(function: ast.FunctionDef) -> bool:
     return named and len(given.defaults) == len(given.args) and None not in given.kw_defaults
 
 
-def _evaluated(constants: dict[str, Any], default: ast.expr) -> Any:
+def _value(constants: dict[str, Any], default: ast.expr) -> Any:
     return eval(compile(ast.Expression(default), "a default", "eval"), constants)
 
 

@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import counted, fail
+from jaxdyn._text import fail, number_of
 from jaxdyn.cli.screen import screen
 
 _FAILED = 1  # exit code: a page could not run, or a check does not hold
@@ -30,7 +30,7 @@ def gallery_command(
         if only is not None and not wanted:
             raise fail("--only", "numbers or names", repr(only))
         found = jaxdyn.gallery.build(out, only=wanted, workers=workers)
-        shown.print(f"{counted(len(found.pages), 'page')} in {found.folder / 'index.html'}")
+        shown.print(f"{number_of(len(found.pages), 'page')} in {found.folder / 'index.html'}")
         for name, error in found.failed.items():
             shown.print(f"[red]failed[/red] {name}: {escape(error)}")
         for name in found.untrue:

@@ -42,7 +42,7 @@ def list_command(
         return
     chosen = _chosen(names) if names else scenes()
     if as_object:
-        out.result({name: _described(scene) for name, scene in chosen.items()})
+        out.result({name: _description(scene) for name, scene in chosen.items()})
     else:
         out.print(_scenes(chosen))
 
@@ -77,7 +77,7 @@ def _scenes(zoo: dict[str, SceneText]) -> Table:
         lines = [f"[bold]{escape(scene.summary)}[/bold]"]
         for key, p in scene.parameters.items():
             meaning = f": {p.meaning}" if p.meaning else ""
-            lines.append(escape(f"{key} = {_shown(p.default)}{meaning}"))
+            lines.append(escape(f"{key} = {_text_of(p.default)}{meaning}"))
         table.add_row(name, ", ".join(map(str, scene.problems)), "\n".join(lines), end_section=True)
     return table
 
@@ -92,12 +92,12 @@ def _problems(problems: "dict[int, jaxdyn.course.page.Problem]") -> Table:
     return table
 
 
-def _shown(default) -> str:
+def _text_of(default) -> str:
     if isinstance(default, tuple):
         return ", ".join(f"{x:.6g}" if isinstance(x, float) else str(x) for x in default)
     return f"{default:.6g}" if isinstance(default, float) else str(default)
 
 
-def _described(scene: SceneText) -> dict:
+def _description(scene: SceneText) -> dict:
     numbers = {name: p._asdict() for name, p in scene.parameters.items()}
     return {**scene._asdict(), "parameters": numbers}

@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 
 import jaxdyn
-from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn._text import choice, fail, number_of, whole
 from jaxdyn.cli import completion
 from jaxdyn.cli.docstrings import scene_settings, solver_names
 from jaxdyn.cli.screen import Screen, screen
@@ -25,7 +25,7 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
     open_page,
-    written,
+    output_option,
 )
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.files.output_files import archive_path, table_path
@@ -52,15 +52,17 @@ def run_command(
     ] = None,
     plot: PlotOption = None,
     series: Annotated[
-        Path | None, written(picture_path, "Draw its state over time (.png, .pdf, .svg).")
+        Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
     ] = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
     play: PlayOption = False,
     live: LiveOption = None,
-    csv: Annotated[Path | None, written(table_path, "Write times and states (.csv).")] = None,
-    save: Annotated[Path | None, written(archive_path, "Save it, for jaxdyn.load (.npz).")] = None,
+    csv: Annotated[Path | None, output_option(table_path, "Write times and states (.csv).")] = None,
+    save: Annotated[
+        Path | None, output_option(archive_path, "Save it, for jaxdyn.load (.npz).")
+    ] = None,
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
@@ -141,6 +143,6 @@ def _print(record: dict, end: "jaxdyn.accuracy.EndError", out: Screen) -> None:
         out.print(f"  {phase['name']:12} from {phase['t0']:.9g} to {phase['t1']:.9g}")
     if record["energy_message"]:
         out.print(escape(record["energy_message"]))
-    out.print(f"{counted(record['steps'], 'step')}, {record['rejected']} rejected")
+    out.print(f"{number_of(record['steps'], 'step')}, {record['rejected']} rejected")
     if record["warning"]:
         out.print(f"[yellow]warning[/yellow]: {escape(record['warning'])}")

@@ -87,7 +87,7 @@ def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
     """
     shown = Screen(as_object)
     shown.doing(what)
-    with shown._live or contextlib.nullcontext(), _progress.told(shown.doing):
+    with shown._live or contextlib.nullcontext(), _progress.listening(shown.doing):
         jaxdyn.configure()
         if shown._live is not None:
             shown._live.clock = jaxdyn.accuracy.timing.Clock()

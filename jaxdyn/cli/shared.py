@@ -34,7 +34,7 @@ _RARELY = 100_000, 20, 50  # objects made, and collections, between two collecti
 _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
 
-def written(check: Callable[[Path, str], object], about: str, *names: str) -> Any:
+def output_option(check: Callable[[Path, str], object], about: str, *names: str) -> Any:
     """An option for a file to write, which is checked under the option's name as words are read."""
 
     def checked(option: typer.CallbackParam, path: Path | None) -> Path | None:
@@ -82,13 +82,13 @@ SetOption = Annotated[
     ),
 ]
 SpanOption = Annotated[float | None, number("End of the span; the scene's own.")]
-PlotOption = Annotated[Path | None, written(picture_path, "Draw it (.png, .pdf, .svg).")]
-AnimateOption = Annotated[Path | None, written(animation_path, "Animate it (.gif, .mp4).")]
+PlotOption = Annotated[Path | None, output_option(picture_path, "Draw it (.png, .pdf, .svg).")]
+AnimateOption = Annotated[Path | None, output_option(animation_path, "Animate it (.gif, .mp4).")]
 SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
 LiveOption = Annotated[
-    Path | None, written(page_path, "Write a page on which it runs, with sliders (.html).")
+    Path | None, output_option(page_path, "Write a page on which it runs, with sliders (.html).")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 

@@ -142,7 +142,7 @@ class Log:
         except journal.NotAJournal as error:
             raise _another(path) from error
         self._note: dict = {}
-        self.walks, self.notes = _read(path, self._file.records)
+        self.walks, self.notes = _read_walks(path, self._file.records)
 
     def with_note(self, **note: Any) -> "Log":
         """The same file, in which walks begin with a note."""
@@ -234,7 +234,7 @@ def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[d
         records = journal.records(journal.whole_lines(Path(path), REMEDY))
     except journal.NotAJournal as error:
         raise _another(path) from error
-    walks, notes = _read(path, records)
+    walks, notes = _read_walks(path, records)
     found = [walk for walk in walks if walk.begin.what in whats]
     if not found:
         got = f"{path}, which has " + (", ".join(sorted({x.begin.what for x in walks})) or "none")
@@ -242,7 +242,7 @@ def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[d
     return found, notes
 
 
-def _read(path: str | Path, records: list[dict]) -> tuple[list[Walk], list[dict]]:
+def _read_walks(path: str | Path, records: list[dict]) -> tuple[list[Walk], list[dict]]:
     walks: list[Walk] = []
     notes: list[dict] = []
     header, *rest = records or [{}]

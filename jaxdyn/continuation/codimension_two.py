@@ -164,11 +164,11 @@ def special_points(
         kinds.remove(CodimensionTwo.BOGDANOV_TAKENS)
         end = chart.zero(a, b, CodimensionTwo.BOGDANOV_TAKENS, first)
         if end is not None:
-            found.append(_named(make, end, CodimensionTwo.BOGDANOV_TAKENS))
+            found.append(_with_kind(make, end, CodimensionTwo.BOGDANOV_TAKENS))
             before = chart.between(a, end, _SHORT)
             b = a if before is None else before
     zeros = [(kind, chart.zero(a, b, kind, first)) for kind in kinds if b is not a]
-    found += [_named(make, point, kind) for kind, point in zeros if point is not None]
+    found += [_with_kind(make, point, kind) for kind, point in zeros if point is not None]
     along = a.tangent[chart.measured]
     return sorted(found, key=lambda point: float(along @ point.x))
 
@@ -188,7 +188,7 @@ def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
     return True
 
 
-def _named(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:
+def _with_kind(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:
     """The point with its kind and its normal form."""
     held = WithSecond(make=make, second=np.asarray(point.parameters[1]))
     # The Lyapunov coefficient has a pole at these.

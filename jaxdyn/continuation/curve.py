@@ -140,7 +140,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
         ]
         return _text.table(f"Curve of {self._called()}", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from jaxdyn.drawing import bifurcations
 
@@ -148,7 +148,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
 
     def _called(self) -> str:
         """How many points of which kind, in words."""
-        return _text.counted(len(self.members), self.kind)
+        return _text.number_of(len(self.members), self.kind)
 
     def _more(self) -> list[tuple[str, str]]:
         """What else is printed."""

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import BranchProblem, follow
@@ -29,7 +29,7 @@ from jaxdyn.continuation.units import InUnits, units_at, units_of
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
 from jaxdyn.scales import Groups, at_rest, groups
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 
 _DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
 _ANYWHERE = (-np.inf, np.inf)
@@ -91,7 +91,9 @@ def continue_equilibria(
       [('Hopf point', 'subcritical', 24.736842)]
     """
     numbers = (parameter, start)
-    _checks.untraced("continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.equilibrium.")
+    _checks.check_untraced(
+        "continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.equilibrium."
+    )
     _checks.float64()
     _checks.positive(
         "step", step, "It is a length in state and parameter, in units of their sizes."
@@ -99,7 +101,7 @@ def continue_equilibria(
     members = _checks.whole("members", members)
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
-    make = remembered("make", make)
+    make = with_captures("make", make)
     first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
     return _follow(make, first, (step, members, within), report, path)
 
@@ -154,7 +156,7 @@ def switch_branch(
 
 
 def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
-    scene = checked_scene(make(jnp.asarray(parameter)))
+    scene = check_scene(make(jnp.asarray(parameter)))
     y = np.asarray(_checks.array("start", start, (None,)))
     if isinstance(innermost(scene.system), Constrained):
         remedy = 'Set it up in minimal coordinates, e.g. with formulation="lagrange".'

@@ -110,10 +110,10 @@ class EquilibriumFamily:
             ("end", self.end),
         ]
         return _text.table(
-            f"Family of {_text.counted(len(self.members), 'equilibrium', 'equilibria')}", rows
+            f"Family of {_text.number_of(len(self.members), 'equilibrium', 'equilibria')}", rows
         )
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from jaxdyn.drawing import bifurcations
 

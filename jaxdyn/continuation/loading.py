@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation import checkpoint
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
@@ -38,7 +38,7 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
       >>> bool((again.parameters == first.parameters).all())
       True
     """
-    make = remembered("make", make)
+    make = with_captures("make", make)
     walks, _ = checkpoint.walks_in(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 

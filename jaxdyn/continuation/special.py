@@ -48,7 +48,7 @@ def special_points(
 ) -> list[Equilibrium]:
     """The special points between two neighbours, in order; with `first` also one at `a`."""
     passed = [kind for kind, test in _TESTS.items() if changes_sign(test(a), test(b), first)]
-    found = [_located(chart, kind, a, b) for kind in passed]
+    found = [_locate(chart, kind, a, b) for kind in passed]
     known = [point for point in found if point is not None]
     branches = [point for point in known if point.kind == Kind.BRANCH]
     # A family that turns at a branch point has no fold there: the other branch passes it.
@@ -56,7 +56,7 @@ def special_points(
     return sorted(kept, key=lambda point: float(a.tangent @ point.x))
 
 
-def _located(
+def _locate(
     chart: EquilibriumChart, kind: Kind, a: Equilibrium, b: Equilibrium
 ) -> Equilibrium | None:
     """The special point of a kind between two members whose tests differ in sign."""
@@ -65,9 +65,9 @@ def _located(
         left, right = test(a), test(b)
         # On the chord: the equations of an equilibrium are singular at a branch point itself.
         guess = a.x + left / (left - right) * (b.x - a.x)
-        solution = _solved(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
+        solution = _solve(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
         if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
-            return _named(make, kind, a, solution)
+            return _with_coefficients(make, kind, a, solution)
         middle = chart.between(a, b, _SHARE)
         if middle is None:
             return None
@@ -75,7 +75,7 @@ def _located(
     return None
 
 
-def _solved(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
+def _solve(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
     """The solution of the equations of a kind, from an equilibrium nearby."""
     x, a = start.x, start.jacobian
     u, _, vt = np.linalg.svd(a)
@@ -94,7 +94,9 @@ def _solved(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
     return defining.solve(defining.hopf, make, unknowns, normal)
 
 
-def _named(make: InUnits, kind: Kind, before: Equilibrium, solution: Solution) -> Equilibrium:
+def _with_coefficients(
+    make: InUnits, kind: Kind, before: Equilibrium, solution: Solution
+) -> Equilibrium:
     """The special point with its coefficients."""
     k = len(before.state)
     x = solution.x[: k + 1]

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation import augmented
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields
@@ -22,7 +22,7 @@ from jaxdyn.continuation.family import Equilibrium
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.units import Units, units_at, units_of
 from jaxdyn.scales import groups
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
 _BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
@@ -92,7 +92,9 @@ def continue_curve(
       >>> [str(x.kind) for x in curve.special]  # at p = q = 0
       ['cusp']
     """
-    _checks.untraced("continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.equilibrium.")
+    _checks.check_untraced(
+        "continue_curve", (parameters,), "See jaxdyn.analysis.equilibria.equilibrium."
+    )
     _checks.float64()
     _checks.positive(
         "step", step, "It is a length in state and parameters, in units of their sizes."
@@ -102,8 +104,8 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise _checks.fail("within", "two bounds of each parameter", within)
     curve, x = _start(point, parameters, kind)
-    make = remembered("make", make)
-    checked_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
+    make = with_captures("make", make)
+    check_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     units = _units(make, point, x)
     first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)
     known = point if isinstance(point, CurvePoint) else None

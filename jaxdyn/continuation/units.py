@@ -101,20 +101,20 @@ class Units(NamedTuple):
     def inward(self, point: Point) -> Point:
         """A point in these units, whose tangent has unit length in them."""
         back = Units(1 / self.each, 1 / self.parameters, 1 / self.time)
-        return back._turned(point)
+        return back._scale(point)
 
     def outward(self, point: Point, known: Groups | None = None) -> Point:
         """A point that is in these units in those of the scene.
 
         With the groups of its entries as a member, whose units are no smaller than its entries.
         """
-        turned, units = self._turned(point), self
+        turned, units = self._scale(point), self
         if known is not None:
             now = np.asarray(known.sizes(jnp.abs(turned.state)))
             units = self._replace(each=np.maximum(self.each, now))
         return dataclasses.replace(turned, units=units.numbers)
 
-    def _turned(self, point: Point) -> Point:
+    def _scale(self, point: Point) -> Point:
         """A point times units; rates over that of time."""
         time = self.time
         values, bars = (x / time for x in point.eigenvalues)

@@ -38,7 +38,7 @@ class Along(Effect):
         return jnp.sum(1.0 - jnp.cos(r[:, 0]))
 
 
-def stretched(d):
+def spring_energy(d):
     """() [J] energy of a spring of 3 N/m and 0.5 m along d (3,)."""
     return 1.5 * (jnp.linalg.norm(d) - 0.5) ** 2
 
@@ -52,7 +52,7 @@ def solve(page: Page) -> None:
         "c: k (r - l)^2 / 2": (effects.Spring(3.0, 0.5), lambda r: 1.5 * (size(r[0]) - 0.5) ** 2),
         "d: -C / r": (effects.PowerLaw(2.0, -2.0), lambda r: -2 * (1 / size(r, axis=1)).sum()),
         "e: integral of f": (Bump(), lambda r: sum(-(1 + size(x)) * jnp.exp(-size(x)) for x in r)),
-        "f: k (d - l)^2 / 2": (effects.Spring(3.0, 0.5, j=1), lambda r: stretched(r[1] - r[0])),
+        "f: k (d - l)^2 / 2": (effects.Spring(3.0, 0.5, j=1), lambda r: spring_energy(r[1] - r[0])),
         "g: -C / d": (effects.PairGravity(2.0), lambda r: -2 / size(r[1] - r[0])),
         "h: C r . n": (effects.ConstantForce(-2.0 * n), lambda r: 2.0 * (r @ n).sum()),
         "i: integral of f(x)": (Along(), lambda r: (1 - jnp.cos(r[:, 0])).sum()),

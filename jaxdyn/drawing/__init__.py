@@ -14,7 +14,7 @@ May import: `files`, `scenes`, `chaos`, `continuation`.
 
 One more picture is one more file with a function ``name(found, path=None, *, title=None)`` that
 checks its file by `image_files.picture_path`, draws on `figures.blank` with `figures.style`, and
-ends in `figures.finished`; and one more line below.
+ends in `figures.finish`; and one more line below.
 """
 
 from jaxdyn.drawing.accuracy import judgement, work_precision

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.work_precision import Curve, WorkPrecision
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
@@ -56,8 +56,8 @@ def work_precision(
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
     figure.suptitle(readable(title), fontsize=11)
-    legend_below(figure, named(left))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(left))
+    return finish(figure, path)
 
 
 @check_first
@@ -98,8 +98,8 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
         ax.set_xlim(*ends[::-1])
         ax.set(xlabel="requested tolerance", title=name)
     axes[0].set_ylabel("relative error")
-    legend_below(figure, named(*axes))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(*axes))
+    return finish(figure, path)
 
 
 def _panels(figure: Figure, n: int) -> list[Any]:

@@ -29,7 +29,7 @@ class Shapes:
         self.drawn, self.width = drawn, _SPRING * np.diff(box).max()
         draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
         fills = (("areas", _BODY, _AREAS), ("solids", INK, 2.6)) if ax.name != "3d" else ()
-        self._filled = {kind: _closed(ax, colour, order) for kind, colour, order in fills}
+        self._filled = {kind: _add_polygons(ax, colour, order) for kind, colour, order in fills}
         # In space edges at the back are drawn too, thinner to avoid clutter.
         width = 1.3 if ax.name == "3d" else 2.0
         self._lines = draw_lines(ax, [], colors=INK, linewidths=width, zorder=2.5)
@@ -69,7 +69,7 @@ def draw_pose(ax, drawn: Paths, sample: int, **style) -> None:
     draw_lines(ax, [*now.lines, *now.areas, *now.solids], **style)
 
 
-def _closed(ax, colour: str, order: float) -> PolyCollection:
+def _add_polygons(ax, colour: str, order: float) -> PolyCollection:
     """Closed polylines filled with a colour."""
     filled = PolyCollection([], facecolors=colour, edgecolors=INK, linewidths=1.3, zorder=order)
     return ax.add_collection(filled, autolim=False)

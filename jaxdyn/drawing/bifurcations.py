@@ -11,7 +11,7 @@ from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
@@ -69,8 +69,8 @@ def equilibria(
             ax.plot(*there.T, marker, color=colour, ms=7, zorder=4, label=str(kind), ls="")
     ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
-    legend_below(figure, named(ax))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(ax))
+    return finish(figure, path)
 
 
 def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None) -> Figure:
@@ -107,8 +107,8 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
         ax.plot(*there.T, shape, color=colour, ms=7, zorder=4, label=kind, ls="")
     ax.set(xlabel=curves[0].names[0], ylabel=curves[0].names[1], title=readable(title))
     style(ax)
-    legend_below(figure, named(ax))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(ax))
+    return finish(figure, path)
 
 
 def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:

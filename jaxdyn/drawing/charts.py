@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.floquet import Chart
 from jaxdyn.chaos.maps import ChaosMap
-from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below
+from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 
@@ -56,7 +56,7 @@ def stability_chart(
     shown = [("stable", _STABLE), ("unstable", _GROWING), ("undecided", _UNDECIDED)]
     handles = [Patch(color=c, label=name) for name, c in shown if (chart.verdict == name).any()]
     legend_below(figure, handles)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 @check_first
@@ -89,4 +89,4 @@ def chaos_map(
     ax.set_facecolor("#d9d9d9")
     figure.colorbar(drawn, ax=ax, label="mean MEGNO (2: regular)", extend="max")
     ax.set(xlabel=names[1], ylabel=names[0], title=readable(title))
-    return finished(figure, path)
+    return finish(figure, path)

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.curves import Outline, Part, fine, reached
+from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.sketch import Kind
@@ -68,7 +68,7 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
       ValueError: `motion` is a batch, or has nothing to draw.
     """
     pieces = pieces_of(motion)
-    good = [reached(piece) for piece in pieces]
+    good = [samples_reached(piece) for piece in pieces]
     parts = [fine(piece, n, len(pieces)) for piece, n in zip(pieces, good, strict=True) if n]
     parts = parts or [fine(pieces[0], 0, 1)]
     ts = np.concatenate([part.ts for part in parts])
@@ -106,7 +106,7 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
 def why_stopped(motion: Trajectory | HybridTrajectory, second: str = " s") -> str:
     """A line that says why and when a run stopped early; empty if it did not."""
     last = pieces_of(motion)[-1]
-    good = reached(last)
+    good = samples_reached(last)
     if good == len(last.ts):
         return ""
     what = re.split(r"[.(] ?|: ", last.message)[0].strip()

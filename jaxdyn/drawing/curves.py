@@ -39,7 +39,7 @@ class Part(NamedTuple):
     outlines: dict[Outline, np.ndarray]
 
 
-def reached(piece: Trajectory) -> int:
+def samples_reached(piece: Trajectory) -> int:
     """The number of samples that a run reached."""
     good = np.isfinite(np.asarray(piece.ys)).all(axis=1)
     return len(good) if good.all() else int(np.argmin(good))

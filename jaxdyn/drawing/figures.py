@@ -91,7 +91,7 @@ def in_space(width: float, height: float) -> Any:
     return ax
 
 
-def finished(figure: Figure, path: Path | None) -> Figure:
+def finish(figure: Figure, path: Path | None) -> Figure:
     """The figure, written if a path is given."""
     if path is not None:
         figure.savefig(path)
@@ -138,7 +138,7 @@ def path_entries(names: Sequence[str], colours: Sequence) -> list[Line2D]:
     return [Line2D([], [], color=colour, lw=2.5, label=name) for name, colour in named]
 
 
-def named(*panels) -> list[Artist]:
+def legend_entries(*panels) -> list[Artist]:
     """The legend entries of the panels, each name once."""
     found = {}
     for ax in panels:

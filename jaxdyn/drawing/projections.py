@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.contents import Paths, paths
-from jaxdyn.drawing.figures import blank, finished, legend_below, mark, path_entries, style
+from jaxdyn.drawing.figures import blank, finish, legend_below, mark, path_entries, style
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
 from jaxdyn.drawing.titles import heading, scenes_of
 from jaxdyn.files.image_files import picture_path
@@ -57,7 +57,7 @@ def projections(
         _draw(ax, drawn._replace(xyz=drawn.xyz[..., plane]))
     figure.suptitle(heading(title, scenes_of([motion]), WIDTH, drawn.stopped), fontsize=10)
     legend_below(figure, [*path_entries(drawn.names, colours(drawn)), mark("o", "start")])
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _draw(ax, drawn: Paths) -> None:

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.contents import why_stopped
-from jaxdyn.drawing.curves import reached, states
-from jaxdyn.drawing.figures import GRID, PALETTE, blank, finished, style
+from jaxdyn.drawing.curves import samples_reached, states
+from jaxdyn.drawing.figures import GRID, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -45,7 +45,7 @@ def time_series(
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(units), "none")
-    parts = [states(piece, reached(piece), len(pieces)) for piece in pieces]
+    parts = [states(piece, samples_reached(piece), len(pieces)) for piece in pieces]
     ts, ys = (np.concatenate(both) for both in zip(*parts, strict=True))
     values = dict(zip(units, ys.T, strict=True))
     shown = list(dict.fromkeys(units[name] for name in names))
@@ -64,4 +64,4 @@ def time_series(
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("t" if plain else "t [s]")
     panels[0].set_title(lines, fontsize=10)
-    return finished(figure, path)
+    return finish(figure, path)

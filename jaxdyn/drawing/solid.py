@@ -31,7 +31,7 @@ def fill(figure: Figure) -> None:
     above += sum(text.get_window_extent().height + pad for text in figure.texts)
     column = figure.bbox.width / len(solid)
     for _ in range(_ROUNDS):
-        taken = [_taken(ax) for ax in solid]
+        taken = [_extent(ax) for ax in solid]
         squares = [ax.bbox.frozen() for ax in solid]
         wide = max(box.width for box in taken)
         high = max(box.height for box in taken)
@@ -56,7 +56,7 @@ def _middle(box: Bbox) -> np.ndarray:
     return np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2
 
 
-def _taken(ax) -> Bbox:
+def _extent(ax) -> Bbox:
     """Extent of the box and its labels [pixels]."""
     renderer = ax.figure.canvas.get_renderer()
     xs, ys, zs = np.array(list(itertools.product(ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))).T

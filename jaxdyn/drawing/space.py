@@ -21,7 +21,7 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import (
     PALETTE,
     blank,
-    finished,
+    finish,
     legend_below,
     mark,
     path_entries,
@@ -94,7 +94,7 @@ def trajectory(
         handles = path_entries(drawn[0].names, colours(drawn[0]))
     legend_below(figure, [*handles, *_marks(drawn)])
     fill(figure)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def overview(motion: Trajectory | HybridTrajectory) -> Figure:

@@ -34,7 +34,7 @@ def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
         kind: [line for k, at in drawn.shapes if k == kind for line in at[sample]]
         for kind in ("line", "area", "solid", "spring", "dashpot", "pin")
     }
-    springs = [coiled(ends, width) for ends in of["spring"]]
+    springs = [coil(ends, width) for ends in of["spring"]]
     springs += [stroke for ends in of["dashpot"] for stroke in dashpot(ends, width)]
     pins = np.concatenate([np.zeros((0, drawn.xyz.shape[-1])), *of["pin"]])
     areas, solids = (
@@ -56,7 +56,7 @@ def grounds(drawn: Paths) -> list[np.ndarray]:
     return found
 
 
-def coiled(ends: np.ndarray, width: float) -> np.ndarray:
+def coil(ends: np.ndarray, width: float) -> np.ndarray:
     """(k, D) a spring between ends (2, D): a zigzag in the plane, a helix in space.
 
     The number of coils does not depend on its length, so that stretching is visible.

@@ -46,7 +46,7 @@ def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: st
     """
     first = describe(*scenes) if title is None else readable(title)
     # No break between a number and its name or within an array.
-    kept = (_ONE.sub(_unbroken, line) for line in (first, *lines) if line)
+    kept = (_ONE.sub(_without_breaks, line) for line in (first, *lines) if line)
     folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
     return folded.replace(_SPACE, " ")
 
@@ -61,7 +61,7 @@ def readable(title: str | None) -> str:
     return title
 
 
-def _unbroken(found: re.Match) -> str:
+def _without_breaks(found: re.Match) -> str:
     return found.group().replace(" ", _SPACE)
 
 
@@ -129,7 +129,7 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
         elif isinstance(x, eqx.Module | dict):
             found |= _numbers(x)
         elif eqx.is_array(x) and x.size <= _MOST:
-            found[name] = _written(x)
+            found[name] = _text_of(x)
     return found
 
 
@@ -138,14 +138,14 @@ def _inertia(matter: MaterialPoints) -> dict[str, str]:
     centred = about_centre(matter)
     centre = np.asarray(matter.r - centred.r)[0]
     found = {
-        "m": _written(np.sum(matter.m)),
-        "moments": _written(np.linalg.eigvalsh(inertia_matrix(centred))),
+        "m": _text_of(np.sum(matter.m)),
+        "moments": _text_of(np.linalg.eigvalsh(inertia_matrix(centred))),
     }
     away = np.abs(centre).max() > _AT_ORIGIN * np.abs(matter.r).max()
-    return found | ({"centre": _written(centre)} if away else {})
+    return found | ({"centre": _text_of(centre)} if away else {})
 
 
-def _written(x) -> str:
+def _text_of(x) -> str:
     """One or a few numbers in four digits."""
     values = ", ".join(f"{value:.4g}" for value in np.ravel(x))
     return f"({values})" if np.size(x) > 1 else values

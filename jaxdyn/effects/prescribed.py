@@ -28,11 +28,11 @@ class ConstantForce(Effect):
 
     def potential(self, t, r, m):
         del t, m
-        return -jnp.sum(_spread(self.F, self.on, r) * r)
+        return -jnp.sum(_at_points(self.F, self.on, r) * r)
 
     def force(self, t, r, v, m):
         del t, v, m
-        return _spread(self.F, self.on, r)
+        return _at_points(self.F, self.on, r)
 
     def check(self, points: Points) -> None:
         _check(self.F, self.on, points)
@@ -48,7 +48,7 @@ class StepForce(Effect):
 
     def force(self, t, r, v, m):
         del v, m
-        return jnp.where(t >= self.t_on, 1.0, 0.0) * _spread(self.F, self.on, r)
+        return jnp.where(t >= self.t_on, 1.0, 0.0) * _at_points(self.F, self.on, r)
 
     def check(self, points: Points) -> None:
         _check(self.F, self.on, points)
@@ -65,13 +65,13 @@ class SinusoidalForce(Effect):
 
     def force(self, t, r, v, m):
         del v, m
-        return jnp.sin(self.omega * t + self.phase) * _spread(self.F, self.on, r)
+        return jnp.sin(self.omega * t + self.phase) * _at_points(self.F, self.on, r)
 
     def check(self, points: Points) -> None:
         _check(self.F, self.on, points)
 
 
-def _spread(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
+def _at_points(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
     """(n, d) the force (d,) at the chosen points, zero elsewhere."""
     n, d = r.shape
     # Before the force is broadcast, in every trace.

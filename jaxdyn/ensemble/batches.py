@@ -81,17 +81,17 @@ class Job(NamedTuple):
         common = (self.limits, self.watch)
         if self.mesh is None:
             n = len(batch.y0)
-            queue = jax.tree.map(self._padded, batch)
+            queue = jax.tree.map(self._pad, batch)
             out = _alone(self.shared, queue, n, *common, method=self.method)
             return jax.tree.map(lambda x: np.asarray(x)[:n], out)
-        return self._shared_out(batch, common, self.mesh)
+        return self._share_out(batch, common, self.mesh)
 
-    def _shared_out(self, batch: Motions, common: tuple, mesh: Mesh) -> Ends:
+    def _share_out(self, batch: Motions, common: tuple, mesh: Mesh) -> Ends:
         """One call on all devices, each with an equal part of the batch in a queue of its own."""
         sharding = NamedSharding(mesh, PartitionSpec(_AXIS))
 
         def spread(x: np.ndarray) -> jax.Array:
-            rows = np.concatenate([self._padded(part) for part in np.array_split(x, mesh.size)])
+            rows = np.concatenate([self._pad(part) for part in np.array_split(x, mesh.size)])
             return jax.make_array_from_callback(rows.shape, sharding, rows.__getitem__)
 
         counts = np.array([len(part) for part in np.array_split(batch.y0, mesh.size)])
@@ -102,7 +102,7 @@ class Job(NamedTuple):
         wanted = (np.arange(self.chunk)[None] < counts[:, None]).ravel()
         return jax.tree.map(lambda x: np.asarray(x)[wanted], out)
 
-    def _padded(self, x: np.ndarray) -> np.ndarray:
+    def _pad(self, x: np.ndarray) -> np.ndarray:
         return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
 
 

@@ -171,15 +171,15 @@ class EachCrossing(Watch):
     def steer(self, keep, t0, y0, t1, y1, memory, following):
         fine, search = keep, memory.search
         end, crossed = self._end(y0, t1, y1)
-        first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._wanted)
+        first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._direction)
         side = jnp.where(search.begun, search.side, first[0])
         looking = search.looks > 0
         clocks = Clocks.of((self.event,), y1.shape[0])
         hidden = False
         if clocks is not None:
-            hidden = clocks.hidden(self.direction * t0, self.direction * t1)
-        stepped = _stepped(search, side, end, self._wanted, hidden)
-        closed = _looked(search, side, end, crossed.simple)
+            hidden = clocks.hide(self.direction * t0, self.direction * t1)
+        stepped = _step(search, side, end, self._direction, hidden)
+        closed = _close(search, side, end, crossed.simple)
         found = fine & looking & closed.arrived
         keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
         h = jnp.where(looking, closed.h, stepped.h)
@@ -208,7 +208,7 @@ class EachCrossing(Watch):
         )
 
     @property
-    def _wanted(self) -> Array:
+    def _direction(self) -> Array:
         return jnp.asarray(float(self.event.direction))
 
     def _end(self, y0: Array, t1: Array, y1: Array) -> tuple[Node, "_Crossed"]:
@@ -254,9 +254,7 @@ class _Stepped(NamedTuple):
     h: Array  # () length of the next step where it is not kept
 
 
-def _stepped(
-    search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool
-) -> _Stepped:
+def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool) -> _Stepped:
     here, before = search.here, search.before
     h = end.t - here.t
     # Before the first node the value goes on as a straight line.
@@ -293,7 +291,7 @@ class _Closed(NamedTuple):
     change: Array  # () how far that is from this one
 
 
-def _looked(search: _Search, side: Array, end: Node, simple: Array) -> _Closed:
+def _close(search: _Search, side: Array, end: Node, simple: Array) -> _Closed:
     h = end.t - search.here.t
     before = jnp.sign(end.g) == side
     low, high = jnp.where(before, h, search.low), jnp.where(before, search.high, h)

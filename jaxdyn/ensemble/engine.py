@@ -23,9 +23,9 @@ from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
-from jaxdyn.solvers.choice import checked_method
+from jaxdyn.solvers.choice import check_method
 
 #: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
 #: in which lanes run out of work, costs little.
@@ -177,7 +177,7 @@ def _job(
     if devices is not None and not len(devices):
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
-    method = checked_method(scene, options.solver, several=True)
+    method = check_method(scene, options.solver, several=True)
     if not method.several:
         wanted = "a method that crosses several steps side by side"
         remedy = "Leave it out, or take jax.vmap of jaxdyn.solve with it."
@@ -196,7 +196,7 @@ def _job(
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of what each motion has for itself."""
     _checks.float64()
-    checked_scene(scene)
+    check_scene(scene)
     _checks.flag("fixed", fixed)
     given = scene if params is None else params
     starts = np.asarray(given.y0 if y0s is None else y0s, float)

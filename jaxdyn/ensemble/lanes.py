@@ -24,18 +24,18 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
-from jaxdyn._text import counted, second
-from jaxdyn.integrate.lookahead import Lookahead, lookahead, started
+from jaxdyn._text import number_of, second
+from jaxdyn.integrate.lookahead import Lookahead, look_from_start, lookahead
 from jaxdyn.integrate.march import UNROLLED_BELOW
-from jaxdyn.integrate.observing import Watch, clipped
+from jaxdyn.integrate.observing import Watch, clip
 from jaxdyn.integrate.pieces import run_pieces
 from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import allowed, glimpsed, groups_of, grown
+from jaxdyn.solvers.sizes import allowed_error, groups_of, grow, sizes_after_rejection
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
@@ -100,7 +100,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: xarray is not installed.
         """
-        return labelled.dataset(self._labelled(scene))
+        return labelled.to_dataset(self._labelled(scene))
 
     def _labelled(self, scene: Scene) -> Labelled:
         labels, axes = scene.labels(), ("motion",)
@@ -123,7 +123,7 @@ class Ends(NamedTuple):
         """Number of motions with each status, and the remedies; host only."""
         codes, counts = np.unique(np.asarray(self.status), return_counts=True)
         lines = zip(counts.tolist(), codes.tolist(), strict=True)
-        return "\n".join(f"{counted(n, 'motion')}: {Status(code).message}" for n, code in lines)
+        return "\n".join(f"{number_of(n, 'motion')}: {Status(code).message}" for n, code in lines)
 
 
 class _Lane(NamedTuple):
@@ -221,7 +221,7 @@ class _Work(eqx.Module):
         field = eqx.combine(numbers, self.shared)
         direction = jnp.where(t1 > t0, 1.0, -1.0)
         start, end = direction * t0, direction * t1
-        known, look = started(field, t0, y, t1, self.limits.tolerance)
+        known, look = look_from_start(field, t0, y, t1, self.limits.tolerance)
         ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
         first = first_step(self.method, self.limits.tolerance, known, y)
         parts = None if look is None else look.sizes
@@ -235,7 +235,7 @@ class _Work(eqx.Module):
             ended=~(ok & (start < end)),
             direction=direction,
             t=start,
-            tnext=clipped(tnext, end),
+            tnext=clip(tnext, end),
             t1=end,
             y=y,
             carry=jnp.zeros_like(y),
@@ -252,7 +252,7 @@ class _Work(eqx.Module):
         """The group after one step of each lane that runs."""
 
         def rate(numbers, t, y):
-            return simplified(eqx.combine(numbers, self.shared).rate)(t, y)
+            return simplify(eqx.combine(numbers, self.shared).rate)(t, y)
 
         def project(numbers, t, y):
             return eqx.combine(numbers, self.shared).project(t, y)
@@ -274,13 +274,13 @@ class _Work(eqx.Module):
         y = every(project, end, y)
         lost = every(loses, start, group.y, end, y)
         y = y if lost is None else jnp.where(lost, jnp.nan, y)
-        return jax.vmap(self._judged, in_axes=-1, out_axes=-1)(group, y, carry, found.error)
+        return jax.vmap(self._judge, in_axes=-1, out_axes=-1)(group, y, carry, found.error)
 
-    def _judged(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
+    def _judge(self, lane: _Lane, y: Array, carry: Array, error: Array) -> _Lane:
         """The lane after a step to y, if the step control accepts it."""
         field = eqx.combine(lane.numbers, self.shared)
-        sizes = grown(groups_of(field, y), lane.sizes, y)
-        may = allowed(self.limits.tolerance, sizes, lane.y, y)
+        sizes = grow(groups_of(field, y), lane.sizes, y)
+        may = allowed_error(self.limits.tolerance, sizes, lane.y, y)
         look = None
         if lane.parts is not None:
             look = lookahead(field, len(y), lane.t, lane.t1, lane.parts)
@@ -312,10 +312,10 @@ class _Work(eqx.Module):
             running=~over,
             ended=over,
             t=t,
-            tnext=clipped(tnext, lane.t1),
+            tnext=clip(tnext, lane.t1),
             y=jnp.where(keep, y, lane.y),
             carry=jnp.where(keep, carry, lane.carry),
-            sizes=jnp.where(keep, sizes, glimpsed(lane.sizes, sizes)),
+            sizes=jnp.where(keep, sizes, sizes_after_rejection(lane.sizes, sizes)),
             status=status,
             steps=steps,
             rejected=rejected,

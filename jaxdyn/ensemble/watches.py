@@ -105,12 +105,12 @@ class CloseReturn(Watch):
     def start(self, t0, y0):
         shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
         best = ClosestReturn(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
-        gap, slope = self._looked(t0, y0, y0)
+        gap, slope = self._gap_and_slope(t0, y0, y0)
         return _Returning(best=best, t0=t0, start=y0, gap=gap, slope=slope)
 
     def see(self, keep, t0, y0, t1, y1, memory):
         del y0
-        gap, slope = self._looked(t1, y1, memory.start)
+        gap, slope = self._gap_and_slope(t1, y1, memory.start)
         h = t1 - t0
         cubic = _Cubic.through(memory.gap, h * memory.slope, gap, h * slope)
         s, distance = cubic.nearest()
@@ -126,7 +126,7 @@ class CloseReturn(Watch):
             best=best, t0=memory.t0, start=memory.start, gap=gap, slope=slope
         ), jnp.zeros_like(keep)
 
-    def _looked(self, t: Array, y: Array, start: Array) -> tuple[Array, Array]:
+    def _gap_and_slope(self, t: Array, y: Array, start: Array) -> tuple[Array, Array]:
         """(m,) the gap and its slope in the direction of the run, where t is negated."""
         rate = self.direction * self.field.rate(self.direction * t, y)
         return jax.jvp(lambda y: self.gap(y, start), (y,), (rate,))

@@ -42,7 +42,7 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
     """
     path = archive_path(path)
     entries = {name: plain_text(record, indent=1)}
-    entries |= {key + _ARRAY: _packed(key, x) for key, x in arrays.items()}
+    entries |= {key + _ARRAY: _pack(key, x) for key, x in arrays.items()}
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for key, data in entries.items():
@@ -93,7 +93,7 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
     if name not in entries:
         raise fail("path", f"an archive with the entry {name}", f"{path} without it", remedy)
     record = parsed(entries.pop(name), str(path), remedy)
-    arrays = {key.removesuffix(_ARRAY): _unpacked(key, x) for key, x in entries.items()}
+    arrays = {key.removesuffix(_ARRAY): _unpack(key, x) for key, x in entries.items()}
     return Read(record, arrays, digested)
 
 
@@ -110,7 +110,7 @@ def _entries(data: bytes) -> dict[str, bytes]:
         return {entry.filename: archive.read(entry) for entry in found}
 
 
-def _packed(name: str, x: np.ndarray) -> bytes:
+def _pack(name: str, x: np.ndarray) -> bytes:
     if x.dtype.str not in _TYPES:
         raise fail(name, f"an array of {', '.join(_TYPES)}", x.dtype.str)
     file = io.BytesIO()
@@ -118,7 +118,7 @@ def _packed(name: str, x: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def _unpacked(name: str, data: bytes) -> np.ndarray:
+def _unpack(name: str, data: bytes) -> np.ndarray:
     """The array of an entry, if its bytes are as many as its header claims."""
     file = io.BytesIO(data)
     try:

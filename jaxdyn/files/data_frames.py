@@ -20,19 +20,19 @@ _UNTRACED = "Convert what a compiled function returns."
 def dataset(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a Dataset; see `Trajectory.to_xarray`."""
     labelled.package("xarray", "to_xarray")
-    _checks.untraced("motion", motion, _UNTRACED)
+    _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
-        return labelled.dataset(_labelled_phases(motion))
+        return labelled.to_dataset(_labels_of_phases(motion))
     shape = motion.batch_shape
     scene = motion.one(*(0 for _ in shape)).scene
     axes = (*_axes(shape), "sample" if shape else "t")
     time = Values(axes, motion.ts, _units(scene)["t"])
-    return labelled.dataset(
+    return labelled.to_dataset(
         Labelled({"t": time}, labelled.entries(axes, motion.ys, scene.labels()))
     )
 
 
-def _labelled_phases(motion: HybridTrajectory) -> Labelled:
+def _labels_of_phases(motion: HybridTrajectory) -> Labelled:
     """The samples of the phases in order, and the state after the last exit, if there is one."""
     frames = frame(motion)
     units = frames.attrs["units"]
@@ -47,7 +47,7 @@ def _labelled_phases(motion: HybridTrajectory) -> Labelled:
 def frame(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a DataFrame; see `Trajectory.to_pandas`."""
     pandas = labelled.package("pandas", "to_pandas")
-    _checks.untraced("motion", motion, _UNTRACED)
+    _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
         return _of_phases(pandas, motion)
     found, scene = _table(pandas, motion), motion.one(*(0 for _ in motion.batch_shape)).scene

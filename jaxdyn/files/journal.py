@@ -50,10 +50,10 @@ class Journal:
         # Held by all threads of this program, since reports may come from any.
         lock = _lock_of(self._path)
         self._lock = filelock.FileLock(lock, timeout=patience, thread_local=False)
-        with self._locked():
-            self.records, self._size = self._opened(json_text(header), remedy)
+        with self._hold_lock():
+            self.records, self._size = self._open(json_text(header), remedy)
 
-    def _opened(self, first: bytes, remedy: str) -> tuple[list[dict[str, Any]], int]:
+    def _open(self, first: bytes, remedy: str) -> tuple[list[dict[str, Any]], int]:
         """The records of the file, which begins with this line if it is new, and its size."""
         lines = whole_lines(self._path, remedy)
         try:
@@ -71,7 +71,7 @@ class Journal:
     def add(self, record: dict[str, Any]) -> None:
         """Add a record; it is on the disk when this returns."""
         data = json_text(record)
-        with self._locked():
+        with self._hold_lock():
             try:
                 append(self._path, data)
             except OSError as error:
@@ -85,14 +85,14 @@ class Journal:
         Raises:
           ValueError: another one writes it, or has written it since it was opened.
         """
-        with self._locked():
+        with self._hold_lock():
             if not self._path.exists() or self._path.stat().st_size != self._size:
                 got = f"'{self._path}', which another one has changed"
                 raise fail("path", "a file that only this program writes", got, "Run it again.")
             yield
 
     @contextlib.contextmanager
-    def _locked(self) -> Iterator[None]:
+    def _hold_lock(self) -> Iterator[None]:
         try:
             self._lock.acquire()
         except filelock.Timeout as error:

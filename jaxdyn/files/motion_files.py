@@ -58,7 +58,7 @@ _WORDS = ("kind", "solver", "other")  # of an estimate
 @check_first
 def save(path: str | Path, motion: Trajectory | HybridTrajectory) -> None:
     """Write a motion with its scene, atomically; see `Trajectory.save`."""
-    _checks.untraced("motion", motion, "Save what a compiled function returns.")
+    _checks.check_untraced("motion", motion, "Save what a compiled function returns.")
     chain, pieces, arrays = None, {"": motion}, {}
     if isinstance(motion, HybridTrajectory):
         pieces = {f"{i}/": piece for i, piece in enumerate(motion.pieces)}
@@ -70,7 +70,7 @@ def save(path: str | Path, motion: Trajectory | HybridTrajectory) -> None:
             "status": motion.status.name,
         }
     for prefix, piece in pieces.items():
-        found = _taken(_arrays(piece), _first(piece).scene, piece.error is not None)
+        found = _take(_arrays(piece), _first(piece).scene, piece.error is not None)
         arrays |= {prefix + name: x for name, x in found.items()}
     record = {"pieces": list(map(_record, pieces.values())), "chain": chain}
     archives.write(path, RECORD, {"format": FORMAT, "version": VERSION, **record}, arrays)
@@ -100,32 +100,30 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
     _checks.float64()
     record, arrays, digested = archives.read(path, RECORD, _REMEDY)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise _refused(f"format {FORMAT!r}", "another")
+        raise _refusal(f"format {FORMAT!r}", "another")
     if record.get("version") not in (_UNDIGESTED, VERSION):
-        raise _refused(f"version {VERSION}", repr(record.get("version"))[:40])
+        raise _refusal(f"version {VERSION}", repr(record.get("version"))[:40])
     if not digested and record["version"] != _UNDIGESTED:
-        raise _refused("a digest at its end", "none")
+        raise _refusal("a digest at its end", "none")
     try:
-        motion = _decoded(record, arrays)
+        motion = _decode(record, arrays)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise _refused("a complete motion", f"{type(error).__name__} {error}"[:80]) from error
+        raise _refusal("a complete motion", f"{type(error).__name__} {error}"[:80]) from error
     if arrays:
-        raise _refused("the entries of a motion", f"also {sorted(arrays)[0]!r}"[:80])
+        raise _refusal("the entries of a motion", f"also {sorted(arrays)[0]!r}"[:80])
     return motion
 
 
-def _refused(expected: str, got: Any) -> ValueError:
+def _refusal(expected: str, got: Any) -> ValueError:
     return fail("path", f"a motion file with {expected}", got, _REMEDY)
 
 
-def _decoded(
-    record: dict[str, Any], arrays: dict[str, np.ndarray]
-) -> Trajectory | HybridTrajectory:
+def _decode(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory | HybridTrajectory:
     """The motion of a record; takes its arrays out of `arrays`."""
     pieces, chain = record["pieces"], record["chain"]
     if chain is None:
         if len(pieces) != 1:
-            raise _refused("one motion, or a chain", f"{len(pieces)} motions")
+            raise _refusal("one motion, or a chain", f"{len(pieces)} motions")
         return _piece(pieces[0], arrays)
     found = []
     for i, piece in enumerate(pieces):
@@ -184,7 +182,7 @@ def _shapes(
     return {name: (kind, (*batch, *shape)) for name, (kind, shape) in found.items()}
 
 
-def _taken(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict[str, np.ndarray]:
+def _take(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict[str, np.ndarray]:
     """The arrays of a motion of this scene, taken out of `arrays`, if they can be such ones."""
     found = {}
     for name, (kind, shape) in _shapes(scene, arrays["ts"], estimated).items():
@@ -209,21 +207,21 @@ def _taken(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict
 def _piece(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory:
     """One motion, or a batch, of its record and its arrays, which are taken out."""
     if record.keys() != {"scene", "method", "error"}:
-        raise _refused("scene, method and error of each motion", sorted(record))
+        raise _refusal("scene, method and error of each motion", sorted(record))
     method, words = record["method"], record["error"]
     if method is not None and method not in _METHODS:
-        raise _refused("a method of jaxdyn.solvers", repr(method)[:40])
+        raise _refusal("a method of jaxdyn.solvers", repr(method)[:40])
     scene = scene_records.decode(record["scene"], _REMEDY)
-    found = {name: jnp.asarray(x) for name, x in _taken(arrays, scene, words is not None).items()}
+    found = {name: jnp.asarray(x) for name, x in _take(arrays, scene, words is not None).items()}
     if method is not None and "dt" not in found:
-        raise _refused("the step dt of a method of fixed step", "none")
+        raise _refusal("the step dt of a method of fixed step", "none")
     if found["ts"].ndim > 1:
         leaves = [found[name] for name in _leaves(scene)]
         scene = jax.tree.unflatten(jax.tree.structure(scene), leaves)
     error = None
     if words is not None:
         if words.keys() != {*_WORDS} or not all(isinstance(x, str) for x in words.values()):
-            raise _refused(f"the words {', '.join(_WORDS)} of an estimate", "others")
+            raise _refusal(f"the words {', '.join(_WORDS)} of an estimate", "others")
         error = Estimate(**{name: found.get(f"error/{name}") for name in _ESTIMATE}, **words)
     return Trajectory(
         scene=scene,
@@ -238,7 +236,7 @@ def _chain(
 ) -> HybridTrajectory:
     """A chain of its record and its pieces."""
     if record.keys() != {"names", "path", "ended", "status"}:
-        raise _refused("names, path, end and status of a chain", sorted(record))
+        raise _refusal("names, path, end and status of a chain", sorted(record))
     names, path, ended = record["names"], record["path"], record["ended"]
     status, t, y = Status[record["status"]], arrays.pop("t"), arrays.pop("y")
     valid = (
@@ -254,7 +252,7 @@ def _chain(
         and (np.isfinite([t, *y]).all() or (status != Status.OK and not np.isinf([t, *y]).any()))
     )
     if not valid:
-        raise _refused("names, path, end and status of a chain that fit each other", "others")
+        raise _refusal("names, path, end and status of a chain that fit each other", "others")
     return HybridTrajectory(
         names=tuple(names),
         pieces=pieces,

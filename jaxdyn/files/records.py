@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import captured_in
+from jaxdyn._records.captured import captures_of_record
 from jaxdyn._records.record import Record
 from jaxdyn.files import digests
 from jaxdyn.files.input_files import MAX_BYTES, content, parsed
@@ -40,10 +40,10 @@ def encode(value: Any) -> Any:
     if isinstance(value, eqx.Module):
         fields = {f.name: encode(getattr(value, f.name)) for f in _fields(type(value))}
         return {"type": type(value).__name__, **fields}
-    if isinstance(value, tuple) and _named(type(value)):
+    if isinstance(value, tuple) and _fields_of_tuple(type(value)):
         return {
             "type": type(value).__name__,
-            **{f: encode(getattr(value, f)) for f in _named(type(value))},
+            **{f: encode(getattr(value, f)) for f in _fields_of_tuple(type(value))},
         }
     if isinstance(value, Array | np.ndarray):
         return np.asarray(value).tolist()
@@ -158,11 +158,11 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
     if cls is None:
         raise fail(what, "the name of a class that is imported", reprlib.repr(name), _ANOTHER)
     value = _defaults(cls) | value
-    names = {*_named(cls)} or {f.name for f in _fields(cls)}
+    names = {*_fields_of_tuple(cls)} or {f.name for f in _fields(cls)}
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
         raise fail(what, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
-    if _named(cls):
+    if _fields_of_tuple(cls):
         return cls(**{key: _number_or(value[key], f"{what}.{key}", kinds) for key in names})
     # Not by the constructor, whose arguments may differ from the fields.
     module, hints = object.__new__(cls), typing.get_type_hints(cls)
@@ -174,13 +174,13 @@ def _module(value: dict, what: str, kinds: tuple[type, ...]) -> Any:
             item = _number_or(item, place, kinds)
         object.__setattr__(module, field.name, item)
     if isinstance(module, Record):
-        object.__setattr__(module, "captured", captured_in(module))
+        object.__setattr__(module, "captured", captures_of_record(module))
     return module
 
 
 def _defaults(cls: type) -> dict[str, Any]:
     """Values of the fields that a class has gained since a file was written: their defaults."""
-    if _named(cls):
+    if _fields_of_tuple(cls):
         return {}
     fields = [f for f in _fields(cls) if f.default is not dataclasses.MISSING]
     return {f.name: encode(f.default) for f in fields}
@@ -191,7 +191,7 @@ def _fields(cls: type) -> list[dataclasses.Field]:
     return [field for field in dataclasses.fields(cls) if field.init]
 
 
-def _named(cls: type) -> tuple[str, ...]:
+def _fields_of_tuple(cls: type) -> tuple[str, ...]:
     """The fields of a class of named tuples; () for any other class."""
     return getattr(cls, "_fields", ()) if issubclass(cls, tuple) else ()
 

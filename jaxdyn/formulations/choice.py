@@ -64,10 +64,10 @@ def route(
         return _FREE[formulation](free), jnp.concatenate([q, v])
     mechanism, place = embeddings[formulation]
     t = jnp.zeros(())
-    return Constrained(mechanism, drift), _placed(place, t, q, v)
+    return Constrained(mechanism, drift), _place(place, t, q, v)
 
 
 @eqx.filter_jit
-def _placed(place: Callable, t: Array, q: Array, v: Array) -> Array:
+def _place(place: Callable, t: Array, q: Array, v: Array) -> Array:
     """(k,) the coordinates of an embedding and their rates; in one compiled program."""
     return jnp.concatenate(jax.jvp(place, (t, q), (jnp.ones_like(t), v)))

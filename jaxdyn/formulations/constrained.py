@@ -80,7 +80,7 @@ class Constrained(MechanismSystem):
         """Whether () the constraints at a state contradict, or do not determine the motion."""
         return _undetermined(self, t, y)
 
-    def _undetermined(self, t: Array, y: Array) -> Array:
+    def _is_undetermined(self, t: Array, y: Array) -> Array:
         t = jnp.asarray(t, y.dtype)
         q, v = jnp.split(y, 2)
         phi, rates, g, _ = self._conditions(t, q, v)
@@ -235,7 +235,7 @@ class Constrained(MechanismSystem):
 
 # Traced once for the stages, the start, the samples and the ends of a solve.
 _accelerations = jax.jit(Constrained._solve)
-_undetermined = jax.jit(Constrained._undetermined)
+_undetermined = jax.jit(Constrained._is_undetermined)
 _nearest = jax.jit(Constrained._nearest)
 _loses = jax.jit(Constrained._loses)
 

@@ -65,7 +65,7 @@ class Lagrange(MechanismSystem):
     def rate(self, t, y, effects):
         q, v = jnp.split(y, 2)
         t = jnp.asarray(t, y.dtype)
-        energetic, others = self._sorted(effects, t, y)
+        energetic, others = self._partition(effects, t, y)
         force = on_coordinates(t, q, v, effects)
         if others:
             force = force + pulled_back(self.mechanism, t, q, v, others)
@@ -74,7 +74,7 @@ class Lagrange(MechanismSystem):
     def energies(self, t, y, effects):
         if type(self).lagrangian is Lagrange.lagrangian:
             return super().energies(t, y, effects)
-        return _energies(self._bare(self._sorted(effects, t, y)[0]), t, y)
+        return _energies(self._bare(self._partition(effects, t, y)[0]), t, y)
 
     def canonical(self, t, y):
         return _canonical(self._bare(()), t, y)
@@ -82,7 +82,7 @@ class Lagrange(MechanismSystem):
     def _bare(self, effects: tuple[Effect, ...]) -> Callable:
         return lambda t, q, v: self.lagrangian(t, q, v, effects)
 
-    def _sorted(self, effects: tuple[Effect, ...], t: Array, y: Array):
+    def _partition(self, effects: tuple[Effect, ...], t: Array, y: Array):
         """The effects with a potential, and those without."""
         r, _, m = self.points(t, y)
         has = [effect.potential(t, r, m) is not None for effect in effects]

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn._numerics import materialise, runtime_one
 from jaxdyn._records.kinds import check_first
 from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.scene import Effect, Points, System
@@ -188,7 +188,7 @@ def mass_and_force(
     force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
     # Materialised, or a loop over stages would compute it again for each entry of M: four to
     # six times slower (measured; materialising the force as well loses that again).
-    j = materialised(kinematic_jacobian(mechanism, t, q), runtime_one(t))
+    j = materialise(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
     mass = weighted_gram(j, _weights(mechanism, j))
     return mass, pulled + on_coordinates(t, q, v, effects)

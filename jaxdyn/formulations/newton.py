@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._floats import as_float
-from jaxdyn._shapes import checked_force, total_force
+from jaxdyn._shapes import check_force, total_force
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
@@ -68,7 +68,7 @@ class FreePoints(System):
     def rate(self, t, y, effects):
         r, v, m = self.points(t, y)
         fields = [
-            checked_force(e, e.acceleration(t, r, v, m), r.shape) for e in effects if e.accelerates
+            check_force(e, e.acceleration(t, r, v, m), r.shape) for e in effects if e.accelerates
         ]
         others = [e for e in effects if not e.accelerates]
         if others:

@@ -145,7 +145,7 @@ class RigidBody(System):
         del t
         r, R, v, omega = self.pose(y)
         s, m = self.matter
-        return Points(r[None] + turned(R, s), v[None] + turned(R, _crossed(omega[None], s)), m)
+        return Points(r[None] + turned(R, s), v[None] + turned(R, _cross_rows(omega[None], s)), m)
 
     def coordinates(self, y):
         n = len(y) - (3 if self.pivoted else 6)
@@ -154,7 +154,7 @@ class RigidBody(System):
     def sketch(self, t, y):
         del t
         r, R, _, _ = self.pose(y)
-        return tuple(shape.placed(r, R) for shape in self.drawn(self.matter.r))
+        return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
 
     def pose(self, y: Array) -> Pose:
         """Position, attitude and angular velocity at a state (k,)."""
@@ -214,7 +214,7 @@ class RigidBody(System):
             R = self.attitude.matrix(a)
             r, velocity, m = self.points(t, y)
             forces = total_force(effects, t, r, velocity, m)
-            moments = _crossed(self.matter.r, turned(R.T, forces))
+            moments = _cross_rows(self.matter.r, turned(R.T, forces))
             total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
             for f in generalized_forces(effects, t, *self.coordinates(y)):
                 total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)
@@ -283,6 +283,6 @@ def turned(R: Array, s: Array) -> Array:
     return jnp.sum(R[(None,) * (s.ndim - 1)] * s[..., None, :], axis=-1)
 
 
-def _crossed(a: Array, b: Array) -> Array:
+def _cross_rows(a: Array, b: Array) -> Array:
     """(p, 3) cross products of the rows of two arrays, one of which may have a single row."""
     return cross(a.T, b.T).T

@@ -17,7 +17,7 @@ from jaxdyn import drawing, hard, integrate, scenes
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.gallery import poster
 from jaxdyn.gallery.compiling import FULLY
-from jaxdyn.gallery.pictures import written
+from jaxdyn.gallery.pictures import write
 from jaxdyn.gallery.texts import duration
 from jaxdyn.studies import upright
 from orbits.drawing import diagram as diagram_picture
@@ -43,7 +43,7 @@ def accuracy(pictures: Path) -> dict[str, Any]:
     )
     solvers = [curve.solver for one in found.values() for curve in one.curves]
     drawings = [
-        written(
+        write(
             drawing.work_precision(one, title=name, solvers=solvers),
             pictures,
             f"accuracy_{name}",
@@ -147,7 +147,7 @@ def families(pictures: Path) -> dict[str, Any]:
         "`orbits.section` crosses a plane from many starts, `orbits.manifold` follows what leaves "
         "an orbit."
     )
-    drawings = [written(figure, pictures, name, look) for name, (figure, look) in shown.items()]
+    drawings = [write(figure, pictures, name, look) for name, (figure, look) in shown.items()]
     return {"title": "Families, charts, sections", "text": text, "drawings": drawings}
 
 
@@ -224,7 +224,7 @@ EXHIBITS: dict[str, list[str]] = {
 }
 
 
-def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def join(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The record of a page: what its parts show, under the title and the text of the first."""
     lists = {
         what: [one for part in parts for one in part.get(what, ())]

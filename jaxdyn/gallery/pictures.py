@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 _DPI = 110
 
 
-def written(figure: Figure, folder: Path, name: str, look: str) -> dict[str, Any]:
+def write(figure: Figure, folder: Path, name: str, look: str) -> dict[str, Any]:
     """Write a figure to a folder; its file, its size [px], and what to see in it."""
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / f"{name}.png", dpi=_DPI)

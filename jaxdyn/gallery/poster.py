@@ -16,7 +16,7 @@ import orbits
 from jaxdyn import scenes, simulate
 from jaxdyn._progress import each
 from jaxdyn.drawing.figures import INK, PALETTE, blank
-from jaxdyn.gallery.pictures import written
+from jaxdyn.gallery.pictures import write
 from orbits.discovery import plane, seeds
 
 _COLUMNS = 10
@@ -37,10 +37,10 @@ class Shown(NamedTuple):
 
 def record(pictures: Path) -> dict[str, Any]:
     """Close all orbits of the poster, draw them, and return what the page shows."""
-    shown = [_closed(row, i) for i, row in enumerate(each(starts(), "closing orbits"))]
+    shown = [_close(row, i) for i, row in enumerate(each(starts(), "closing orbits"))]
     figure = _poster(shown)
     look = "All of them over one period, each to its own scale."
-    drawing = written(figure, pictures, "poster", look) | {"other": "poster.pdf"}
+    drawing = write(figure, pictures, "poster", look) | {"other": "poster.pdf"}
     figure.savefig(pictures / "poster.pdf")
     stable = sum(one.verdict == "stable" for one in shown)
     text = (
@@ -62,7 +62,7 @@ def starts() -> list[dict[str, Any]]:
     return json.loads(file.read_text())["orbits"]
 
 
-def _closed(row: dict[str, Any], number: int) -> Shown:
+def _close(row: dict[str, Any], number: int) -> Shown:
     """One orbit, closed and judged anew."""
     start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
     scene = scenes.three_body().starting(start, row["T"])

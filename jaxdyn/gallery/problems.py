@@ -10,7 +10,7 @@ from jaxdyn.course.page import Page, Problem, run
 from jaxdyn.course.page.running import record
 from jaxdyn.formulations.prescribed import Prescribed
 from jaxdyn.gallery.compiling import FULLY
-from jaxdyn.gallery.pictures import written
+from jaxdyn.gallery.pictures import write
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.player import export
 from jaxdyn.solvers.choice import default_solver, reason
@@ -29,7 +29,7 @@ def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
         **record(found),
         "problem": problem._asdict(),
         "drawings": [
-            written(drawing.figure, pictures, f"{problem.name}_{i + 1}", drawing.look)
+            write(drawing.figure, pictures, f"{problem.name}_{i + 1}", drawing.look)
             for i, drawing in enumerate(page.drawings)
         ],
         "played": [

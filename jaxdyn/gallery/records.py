@@ -14,7 +14,7 @@ _PACKAGES = tuple(Path(__file__).parents[2] / name for name in ("jaxdyn", "orbit
 _SHOWING = {"reference.py", "site.py", "texts.py", "writing.py"}
 
 
-def kept(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any]]) -> dict:
+def keep(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any]]) -> dict:
     """The record of a page, made if it is missing, older than its sources or without its pictures.
 
     Args:
@@ -34,15 +34,15 @@ def kept(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any
 
 
 def current(folder: Path, name: str, source: Path) -> dict | None:
-    """The stored record of a page; None where `kept` would make it again."""
-    record = stored(folder, name)
+    """The stored record of a page; None where `keep` would make it again."""
+    record = stored_record(folder, name)
     if record is None or record["digest"] != digest(source):
         return None
     files = [one["file"] for one in record.get("drawings", ())]
     return record if all((folder / "pictures" / file).exists() for file in files) else None
 
 
-def stored(folder: Path, name: str) -> dict | None:
+def stored_record(folder: Path, name: str) -> dict | None:
     """The stored record of a page; None if there is none that can be read."""
     try:
         record = json.loads(_path(folder, name).read_text())

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import jax
 
-from jaxdyn.gallery.texts import coloured, prose
+from jaxdyn.gallery.texts import colour, prose
 
 PACKAGES = {name: importlib.import_module(name) for name in ("jaxdyn", "orbits")}
 _SECTIONS = ("Args", "Attributes", "Returns", "Raises", "Limits", "Example", "Reference")
@@ -228,7 +228,7 @@ def docstring_html(text: str) -> str:
 def _section(name: str, first: str, body: str) -> str:
     """A section of a docstring: a list of entries, an example, or a sentence."""
     if name == "Example":
-        return f"<p><strong>{name}.</strong></p>\n{coloured(body, 'pycon')}"
+        return f"<p><strong>{name}.</strong></p>\n{colour(body, 'pycon')}"
     if name not in ("Args", "Attributes", "Raises"):
         return prose(f"**{name}.** {first} {body}".strip())
     rows = []

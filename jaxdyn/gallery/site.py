@@ -16,7 +16,7 @@ from jaxdyn.files.output_files import unwritable, writable
 from jaxdyn.gallery import exhibits
 from jaxdyn.gallery.compiling import configure_quickly
 from jaxdyn.gallery.problems import problem_record
-from jaxdyn.gallery.records import current, kept, stored
+from jaxdyn.gallery.records import current, keep, stored_record
 from jaxdyn.gallery.writing import Site, neighbours
 
 _PICTURES = "pictures"
@@ -64,7 +64,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     writable(folder / "index.html", "folder", (".html",))
     failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
     doing("writing pages")
-    records = {name: stored(folder, name) for name in (*_names().values(), *exhibits.PARTS)}
+    records = {name: stored_record(folder, name) for name in (*_names().values(), *exhibits.PARTS)}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
     # As they were when the page ran: a page that was not run again may be older than its file.
     shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
@@ -79,7 +79,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
         site.problem(problem, record, before and before[0], after and after[0])
     for page, shown_there in parts.items():
         if shown_there:
-            site.exhibit(page, exhibits.joined(shown_there))
+            site.exhibit(page, exhibits.join(shown_there))
     site.guides()
     site.reference()
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
@@ -148,7 +148,7 @@ def make(name: str, folder: Path) -> None:
             return problem_record(pages[name], pictures)
         return exhibits.PARTS[name].make(pictures)
 
-    kept(folder, name, _source(name), run)
+    keep(folder, name, _source(name), run)
 
 
 def _source(name: str) -> Path:

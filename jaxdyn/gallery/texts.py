@@ -16,7 +16,7 @@ _STYLES = "default", "github-dark"  # on light and on dark ground: of each colou
 _NAME = re.compile(r"<code>((?:jaxdyn|orbits)(?:\.\w+)+)(\([^<]*\))?</code>")
 
 
-def coloured(code: str, language: str = "python") -> str:
+def colour(code: str, language: str = "python") -> str:
     """Code in colour, as HTML."""
     inner = highlight(code, get_lexer_by_name(language), HtmlFormatter(nowrap=True))
     return f'<pre class="code"><code>{inner}</code></pre>'
@@ -35,10 +35,10 @@ def markdown(text: str) -> str:
 
 def prose(text: str) -> str:
     """A docstring's paragraphs as HTML: ``code`` and `code` are code, indented blocks stay."""
-    return markdown(_EXAMPLE.sub(_fenced, text.replace("``", "`")))
+    return markdown(_EXAMPLE.sub(_fence, text.replace("``", "`")))
 
 
-def _fenced(found: re.Match) -> str:
+def _fence(found: re.Match) -> str:
     """An example as a block of its own; Markdown would take its >>> for a quotation."""
     return f"```pycon\n{textwrap.dedent(found[0])}\n```"
 
@@ -50,7 +50,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / size:.3g} {unit}"
 
 
-def linked(text: str, urls: dict[str, str], root: str = "") -> str:
+def link(text: str, urls: dict[str, str], root: str = "") -> str:
     """HTML whose code that names something public links to the reference."""
 
     def link(found: re.Match) -> str:
@@ -67,4 +67,4 @@ def _renderer() -> MarkdownIt:
 
 def _block(code: str, language: str, _attributes: str) -> str:
     """A fenced block; what begins with <pre is taken as it is."""
-    return coloured(code, language) if language else f"<pre>{html.escape(code)}</pre>"
+    return colour(code, language) if language else f"<pre>{html.escape(code)}</pre>"

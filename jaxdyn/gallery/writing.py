@@ -66,7 +66,7 @@ class Site:
 
     def text(self, html: str, root: str = "") -> Markup:
         """HTML whose names are links to the reference."""
-        return Markup(texts.linked(html, self._urls, root))
+        return Markup(texts.link(html, self._urls, root))
 
     def assets(self) -> None:
         """Write style sheets and scripts."""
@@ -124,7 +124,7 @@ class Site:
             answer=self.text(texts.prose(problem.answer), "../"),
             solution=self.text(texts.prose(problem.solution), "../"),
             played=played,
-            code=Markup(texts.coloured(problem.code)),
+            code=Markup(texts.colour(problem.code)),
             equations=[Markup(one) for one in record["equations"]],
             names=[(name, self._urls.get(name)) for name in problem.names],
             before=before,

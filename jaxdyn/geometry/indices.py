@@ -64,7 +64,7 @@ def check_indices(expression: str) -> IndexCheck:
       "free indices: expected i in every term, got ik in 'A_ij B_jk'."
     """
     try:
-        return IndexCheck(True, _parsed(expression)[1], "")
+        return IndexCheck(True, _parse(expression)[1], "")
     except ValueError as error:
         return IndexCheck(False, "", str(error))
 
@@ -86,7 +86,7 @@ def evaluate_indices(expression: str, **arrays) -> Array:
       >>> float(evaluate_indices("c = delta_ii"))
       3.0
     """
-    terms, free = _parsed(expression)
+    terms, free = _parse(expression)
     given = {name: as_float(a) for name, a in arrays.items()}
     d = next((n for a in given.values() for n in a.shape), 3)
     given = {"delta": jnp.asarray(kronecker(d)), "epsilon": jnp.asarray(levi_civita(d))} | given
@@ -108,7 +108,7 @@ def _value(term: _Term, free: str, given: dict[str, Array], d: int) -> Array:
     return term.coefficient * jnp.einsum(f"{inputs}->{free}", *(given[n] for n, _ in term.factors))
 
 
-def _parsed(expression: str) -> tuple[list[_Term], str]:
+def _parse(expression: str) -> tuple[list[_Term], str]:
     # The terms of the right side and the free indices; ValueError if the expression is invalid.
     sides = expression.split("=")
     if len(sides) > 2:

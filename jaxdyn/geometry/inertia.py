@@ -199,12 +199,12 @@ def principal(body: Body) -> Principal:
     split = jnp.where(same, V.T @ jnp.diag(jnp.array([1.0, 2.0, 3.0])) @ V, 0.0)
     split = V @ (jnp.diag(10 * group) + split) @ V.T
     _, axes = jnp.linalg.eigh(body.inertia + jnp.where(jnp.all(differ), 0.0, size * split))
-    first, second = _directed(axes[:, 0]), _directed(axes[:, 1])
+    first, second = _with_direction(axes[:, 0]), _with_direction(axes[:, 1])
     axes = jnp.stack([first, second, cross(first, second)], axis=1)
     return Principal(jnp.sum(axes * (body.inertia @ axes), axis=0), axes)
 
 
-def _directed(axis: Vector) -> Vector:
+def _with_direction(axis: Vector) -> Vector:
     # A unit vector has a component above 0.577, and 0.55 is no sine or cosine of 30, 45 or 60
     # degrees, for which rounding would decide.
     leading = axis[jnp.argmax(jnp.abs(axis) > 0.55)]

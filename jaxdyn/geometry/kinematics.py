@@ -50,7 +50,9 @@ def five_terms(
       v_rel: (2,) velocity seen from the frame [m/s].
       a_rel: (2,) acceleration seen from the frame [m/s^2].
     """
-    return origin + alpha * _turned(r) - omega**2 * r + 2 * omega * _turned(v_rel) + a_rel
+    return (
+        origin + alpha * _quarter_turn(r) - omega**2 * r + 2 * omega * _quarter_turn(v_rel) + a_rel
+    )
 
 
 @arrays
@@ -134,9 +136,9 @@ def _polar_axes(angle: Array) -> tuple[Array, Array]:
 
 def _slot_axes(theta: Array) -> tuple[Array, Array]:
     along = jnp.stack([jnp.cos(theta), jnp.sin(theta)])
-    return along, _turned(along)
+    return along, _quarter_turn(along)
 
 
-def _turned(r: Array) -> Array:
+def _quarter_turn(r: Array) -> Array:
     """(2,) k x r: a vector turned by a quarter, counterclockwise."""
     return jnp.stack([-r[1], r[0]])

@@ -24,7 +24,7 @@ from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.plan import plan_of
 from jaxdyn.plan.in_branch import Branch, InBranch
-from jaxdyn.scales import Groups, numbered
+from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
 
 #: Relative difference of states that are found forwards and backwards, at most.
@@ -90,18 +90,18 @@ class _Backwards(eqx.Module):
         gradient takes what the numbers contribute to the time of the switch.
         """
         numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
-        y, (adjoint, mu) = self.state(z), self.unpacked(z)
+        y, (adjoint, mu) = self.state(z), self.unpack(z)
 
         def margin(numbers, t, y):
             system = _Backwards(eqx.combine(numbers, rest), self.position_only, self.k)
-            at = system.packed(y, adjoint, mu)
+            at = system.pack(y, adjoint, mu)
             return InBranch(system, old).side(t, at, old.outcomes)[1].margins[which]
 
         after, before = (self.state(InBranch(self, branch).rate(t, z)) for branch in (old, new))
         by_numbers, by_time, by_state = jax.grad(margin, (0, 1, 2))(numbers, t, y)
         weight = jnp.sum(adjoint * (after - before)) / (by_time + jnp.sum(by_state * before))
         mu = mu + weight * self._by_shares(by_numbers, z.dtype)
-        return self.packed(y, adjoint + weight * by_state, mu)
+        return self.pack(y, adjoint + weight * by_state, mu)
 
     @property
     def groups(self) -> Groups:
@@ -115,10 +115,10 @@ class _Backwards(eqx.Module):
         leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
         mu = ["mu"] * sum(leaf.size for leaf in leaves)
         if not self.position_only:
-            return numbered([*y, *adjoint, *mu])
+            return groups_of_names([*y, *adjoint, *mu])
         half, rates = len(of) // 2, ["rate of mu"] * len(mu)
         q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
-        return numbered([*q, *by_v, *mu, *v, *by_q, *rates])
+        return groups_of_names([*q, *by_v, *mu, *v, *by_q, *rates])
 
     def project(self, t: Array, z: Array) -> Array:
         """Nothing to project: scenes with constraints are refused."""
@@ -133,14 +133,14 @@ class _Backwards(eqx.Module):
         """None: no constraints."""
         del t0, z0, t1, z1
 
-    def packed(self, y: Array, adjoint: Array, mu: Array) -> Array:
+    def pack(self, y: Array, adjoint: Array, mu: Array) -> Array:
         """State, adjoint and gradient as one vector."""
         if not self.position_only:
             return jnp.concatenate([y, adjoint, mu])
         (q, v), (by_q, by_v) = jnp.split(y, 2), jnp.split(adjoint, 2)
         return jnp.concatenate([q, by_v, jnp.zeros_like(mu), v, -by_q, mu])
 
-    def unpacked(self, z: Array) -> tuple[Array, Array]:
+    def unpack(self, z: Array) -> tuple[Array, Array]:
         """lambda and mu."""
         k, half = self.k, len(z) // 2
         if not self.position_only:
@@ -210,9 +210,9 @@ def _back(states, slopes, perturbed, given, limits, method):
     def piece(carry, node):
         adjoint, mu = carry
         late, y, early, by_early, there = node
-        start = system.packed(y, adjoint, mu)
+        start = system.pack(y, adjoint, mu)
         end = flow(system, start, late, early, ts[:0], limits, method=method).y1
-        adjoint, mu = system.unpacked(end)
+        adjoint, mu = system.unpack(end)
         if switches:
             # From a surface on which it slides a motion does not come back the way it came.
             adjoint = jnp.where(_alike(system.state(end), there, largest), adjoint, jnp.nan)

@@ -22,7 +22,7 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
 from jaxdyn._records.repeated import check_repeatable
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
@@ -30,7 +30,7 @@ from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.switching import switching
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
-from jaxdyn.solvers.choice import checked_method
+from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
 
 
@@ -83,12 +83,12 @@ class Stop(eqx.Module):
         right = np.asarray(self.status) == Status.OK
         reached, counts = np.unique(np.asarray(self.event)[right], return_counts=True)
         parts = [
-            f"{counted(n, 'motion')}: " + (f"event {i}." if i >= 0 else "no event.")
+            f"{number_of(n, 'motion')}: " + (f"event {i}." if i >= 0 else "no event.")
             for i, n in zip(reached.tolist(), counts.tolist(), strict=True)
         ]
         bad = np.asarray(self.status)[~right]
         failed = (
-            [f"{counted(len(bad), 'motion')}: {Status(int(bad[0])).message}"] if bad.size else []
+            [f"{number_of(len(bad), 'motion')}: {Status(int(bad[0])).message}"] if bad.size else []
         )
         return " ".join([*parts, *failed])
 
@@ -251,7 +251,7 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
     t0, t1 = span(scene, t1, t0)
     events = checked_events(events, len(scene.y0))
     sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
-    method = checked_method(scene, options.solver, several=True)
+    method = check_method(scene, options.solver, several=True)
     traced = _checks.is_traced((scene, events, sides, t0, t1, limits(options)))
 
     def run(held_to, method: Method) -> Stop:
@@ -281,17 +281,17 @@ def checked_events(events, k: int) -> tuple[Event, ...]:
 
 
 @eqx.filter_custom_jvp
-def _located(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
+def _locate(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
     search = functools.partial(_search, method=method)
     args = (field, events, y0, sides, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
-@_located.def_jvp
-def _located_jvp(primals, tangents, *, method):
+@_locate.def_jvp
+def _locate_jvp(primals, tangents, *, method):
     field, events, y0, _, t0, _, limits = primals
     d_field, d_events, d_y0, _, d_t0, d_t1, _ = tangents
-    stop = _located(*primals, method=method)
+    stop = _locate(*primals, method=method)
     happened = stop.event >= 0
 
     def state(field, y0, t0):
@@ -311,7 +311,7 @@ def _located_jvp(primals, tangents, *, method):
     return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
 
 
-_compiled = eqx.filter_jit(_located)
+_compiled = eqx.filter_jit(_locate)
 
 
 def _search(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:

@@ -45,13 +45,13 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
       method: for plain solves; variational equations are solved by its `for_tangents`.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
-    run = functools.partial(_marched, method=method)
+    run = functools.partial(_march, method=method)
     # Some of these are known only at run time; the tolerance is often a constant.
     unknown = jnp.isfinite(y0.ravel()[0] + t0 + t1 + limits.tolerance[0])
     return in_one_kernel(run, (field, y0, t0, t1, ts, limits), unknown=unknown)
 
 
-def _marched(field, y0, *rest, method: Method) -> SolveResult:
+def _march(field, y0, *rest, method: Method) -> SolveResult:
     *_, limits = rest
     plan = plan_of(without_wrappers(field), len(y0))
     # Steps of equal length are where the caller wants them.

@@ -61,7 +61,7 @@ class Lookahead(eqx.Module):
         return jnp.where(way * seen == t1, t1, way * seen)
 
 
-def _moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
+def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
     Entries without a size, or with one that is nothing beside it, have a part of what the largest
@@ -82,13 +82,13 @@ def _moved_later(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) 
     return start._replace(sizes=look.system.groups.sizes(sizes))
 
 
-def started(
+def look_from_start(
     field: Any, t0: Array, y0: Array, t1: Array, tolerance: Array
 ) -> tuple[Begun, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over."""
     start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
-        start = _moved_later(look, t0, t1, y0, start)
+        start = _sizes_of_drives(look, t0, t1, y0, start)
     return above_noise(start, tolerance), look
 
 

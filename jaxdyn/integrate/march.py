@@ -13,11 +13,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn.integrate.lookahead import started
+from jaxdyn.integrate.lookahead import look_from_start
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, steps_of
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.sizes import Begun
 from jaxdyn.solvers.stepper import Stepper, is_stiff
@@ -151,7 +151,7 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
         return Begun(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
-    start, look = started(field, t0, y0, t1, tolerance)
+    start, look = look_from_start(field, t0, y0, t1, tolerance)
     if before is not None:
         start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))
     first = first_step(method, tolerance, start, y0)
@@ -170,7 +170,7 @@ def _rate(t, y, field):
 
 @functools.partial(jax.jit, inline=True)
 def _by_formulas(t, y, field):
-    return simplified(field.rate)(t, y)
+    return simplify(field.rate)(t, y)
 
 
 def _status(result, given: tuple[Array, ...], limited: Array) -> Array:

@@ -45,7 +45,7 @@ class Samples(eqx.Module):
         rows = (ts == t0).reshape(-1, *[1] * y0.ndim)
         return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
-    def taken(self, ts: Array, t: Array, y: Array) -> "Samples":
+    def take(self, ts: Array, t: Array, y: Array) -> "Samples":
         """With the state at t; earlier ones that are still missing were not in order, and lost."""
 
         def reached(samples: Samples) -> Array:
@@ -185,13 +185,13 @@ class Observing(eqx.Module):
         return tnext, Seen(samples, memory, steps)
 
     def _towards(self, samples: Samples, t0: Array, t1: Array) -> tuple[Samples, Array]:
-        aim = t1 if self.limit is None else clipped(t1, self.limit[1])
+        aim = t1 if self.limit is None else clip(t1, self.limit[1])
         if self.max_step is not None:
             aim = jnp.minimum(aim, t0 + self.max_step)
         aim = aim if self.look is None else self.look.until(t0, aim)
         return samples.towards(self.ts, t0, aim) if len(self.ts) else (samples, aim)
 
-    def _tried(self, fine, t0, y0, t1, y1, seen: Seen) -> Tried:
+    def _try(self, fine, t0, y0, t1, y1, seen: Seen) -> Tried:
         sampling = t1 < seen.samples.aim if len(self.ts) else jnp.zeros((), bool)
         return Tried(fine, sampling, t0, y0, t1, y1)
 
@@ -217,7 +217,7 @@ class Observing(eqx.Module):
         start = jnp.where(keep, t1, t0)
         if len(self.ts):
             following = jnp.where(tried.fine & tried.sampling, samples.aim, following)
-            samples = samples.taken(self.ts, jnp.where(tried.fine, t1, -jnp.inf), tried.y1)
+            samples = samples.take(self.ts, jnp.where(tried.fine, t1, -jnp.inf), tried.y1)
         samples, tnext = self._towards(samples, start, following)
         if self.limit is not None:
             assert steps is not None
@@ -232,7 +232,7 @@ class Observing(eqx.Module):
         return keep, start, tnext, Seen(samples, memory, steps), result
 
 
-def clipped(t: Array, end: Array) -> Array:
+def clip(t: Array, end: Array) -> Array:
     """The time t, or the end where that is closer than a step can be."""
     close = _CLOSE_ULPS * jnp.finfo(t.dtype).eps * jnp.abs(end)
     return jnp.where(t > end - close, end, t)

@@ -21,10 +21,10 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._records.record import Record
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import sizes, values
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.trajectory import Motion, Trajectory, explained
+from jaxdyn.integrate.trajectory import Motion, Trajectory, explanation
 from jaxdyn.scene import Field, Scene
 from jaxdyn.status import Status
 
@@ -201,9 +201,9 @@ class HybridTrajectory(eqx.Module, Motion):
             for name, piece, end in zip(self.names, self.pieces, self.times, strict=True)
         ]
         return _text.table(
-            f"HybridTrajectory of {counted(len(self.pieces), 'phase')}",
+            f"HybridTrajectory of {number_of(len(self.pieces), 'phase')}",
             [
-                *_text.cut(rows),
+                *_text.shorten(rows),
                 ("status", f"{self.status.name}: {self.message}"),
                 ("end", _text.entries(labels, self.y)),
             ],
@@ -220,12 +220,12 @@ class HybridTrajectory(eqx.Module, Motion):
     def message(self) -> str:
         """Why the motion stops here, and what to do about it."""
         if self.status == Status.PHASE_LIMIT:
-            after = counted(len(self.pieces), "phase")
+            after = number_of(len(self.pieces), "phase")
             return f"At t = {float(self.t):.6g}, after {after}: {self.status.message}"
         if self.status == Status.STUCK:
             return f"At t = {float(self.t):.6g}, in phase {self.path[-1][0]}: {self.status.message}"
         if self.status != Status.OK:
-            return f"In phase {self.names[-1]}: {explained(self.status, self.pieces[-1].scene)}"
+            return f"In phase {self.names[-1]}: {explanation(self.status, self.pieces[-1].scene)}"
         if self.ended:
             return f"Phase {self.path[-1][0]} led to the end."
         return "The span ended."

@@ -25,7 +25,7 @@ from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import Trajectory, single
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.status import Status
 
@@ -67,14 +67,14 @@ def simulate_phases(
     """
     _check_names(phases)
     remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."
-    _checks.untraced("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
+    _checks.check_untraced("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
     if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
         raise _checks.fail("max_phases", "at least 1", max_phases)
     t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
     name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
-    checked_scene(phases[name].scene.starting(y, t1))
+    check_scene(phases[name].scene.starting(y, t1))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     most = sum(len(phase.exits) for phase in phases.values())  # exits that may be taken at one time
     shortest = np.finfo(float).eps * (t1 - t0)  # [s] below which two times are equal
@@ -90,7 +90,7 @@ def simulate_phases(
         for number in leg.exits:
             if name == here:  # else the other event was an exit of a phase already left
                 path.append((name, number))
-                t, y, name = _left(phases, here, number, t, y)
+                t, y, name = _leave(phases, here, number, t, y)
         if not leg.exits:
             break
     if name != END and len(pieces) >= max_phases and t < t1 and status == Status.OK:
@@ -160,12 +160,16 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     if np.delete(passed, taken).any():
         lost = jnp.full_like(y, jnp.nan)
         return _Leg(
-            piece=_cut(phase, piece), t=lost[0], y=lost, exits=(), status=Status.BOUND_PASSED
+            piece=_cut_at_bound(phase, piece),
+            t=lost[0],
+            y=lost,
+            exits=(),
+            status=Status.BOUND_PASSED,
         )
     return _Leg(piece=piece, t=end, y=at, exits=exits, status=status)
 
 
-def _cut(phase: Phase, piece: Trajectory) -> Trajectory:
+def _cut_at_bound(phase: Phase, piece: Trajectory) -> Trajectory:
     """A piece up to its last sample before the first beyond a bound."""
     good = [not phase.fit(t, y).passed.any() for t, y in zip(piece.ts, piece.ys, strict=True)]
     ys = jnp.where(np.logical_and.accumulate(good)[:, None], piece.ys, jnp.nan)
@@ -173,7 +177,7 @@ def _cut(phase: Phase, piece: Trajectory) -> Trajectory:
     return eqx.tree_at(lambda piece: (piece.ys, piece.status), piece, (ys, status))
 
 
-def _left(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
+def _leave(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
     """Time, state and name of the phase after an exit of the phase `here`."""
     way = phases[here].exits[number]
     t, y = t + way.lasts(t, y), way.change(t, y)

@@ -219,7 +219,7 @@ class _Pieces(NamedTuple):
             before=Before(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
         )
-        return run._replace(branch=self._settled(run))
+        return run._replace(branch=self._settle(run))
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
@@ -229,7 +229,7 @@ class _Pieces(NamedTuple):
         now = self._before_break(run.t, now)
         used = run.result.steps + run.result.rejected
         limits = self.limits.with_steps(self.limits.max_steps[0] - used)
-        found, end, y_end, index, towards, sizes = self._moved(branch, run, y, now, limits)
+        found, end, y_end, index, towards, sizes = self._move(branch, run, y, now, limits)
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)
         step = jnp.abs(end - run.t) / jnp.maximum(found.steps, 1)
@@ -246,7 +246,7 @@ class _Pieces(NamedTuple):
         )
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
-        following, crossed, held = self._switched(branch, end, state_of(y_end), margin)
+        following, crossed, held = self._switch(branch, end, state_of(y_end), margin)
         reached = _Run(
             t=end,
             y=y_end,
@@ -264,7 +264,7 @@ class _Pieces(NamedTuple):
         )
         # Kept from piece to piece, never found twice: XLA computes a sine anew for each of its
         # uses, in several ways, and at a switch two of them may have different signs.
-        return reached._replace(branch=self._settled(reached))
+        return reached._replace(branch=self._settle(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -274,11 +274,11 @@ class _Pieces(NamedTuple):
         first = jnp.min(jnp.where(after > self.way * t, after, jnp.inf))
         return self.way * jnp.minimum(first, self.way * now)
 
-    def _moved(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
+    def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it and its side."""
         t, here = run.t, in_branch(self.field, branch)
         if not (self.plan.on_state or self.events):
-            found, sizes = self._marched(here, y, t, now, limits, run)
+            found, sizes = self._march(here, y, t, now, limits, run)
             return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
@@ -307,19 +307,19 @@ class _Pieces(NamedTuple):
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
             return seen, end, x, index, crossing.towards, crossing.sizes
-        found, sizes = self._marched(here, y, t, end, limits, run)
+        found, sizes = self._march(here, y, t, end, limits, run)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
         return found, end, y, index, crossing.towards, sizes
 
-    def _marched(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
+    def _march(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
         args = field, y, t, end, self.ts, limits
         found, _, sizes = march(*args, method=self.method, before=run.before)
         return found, sizes
 
-    def _switched(self, branch: Branch, t: Array, x: Array, index: Array):
+    def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
         """The next branch after a condition has changed, what was crossed, what is known."""
         e = self.plan.size
         if not self.plan.on_state:
@@ -350,7 +350,7 @@ class _Pieces(NamedTuple):
         held = crossed | jnp.where(left | slides, branch.surface, False)
         return following, crossed & ~branch.slides, held
 
-    def _settled(self, run: _Run) -> Branch:
+    def _settle(self, run: _Run) -> Branch:
         """The branch of the next piece: outcomes at its start, and whether it slides."""
         t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
         outcomes = run.branch.outcomes

@@ -37,7 +37,7 @@ from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
-from jaxdyn.solvers.choice import checked_method, within_trace
+from jaxdyn.solvers.choice import check_method, within_trace
 from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
 
 #: Start (), end () and times (s,) of samples.
@@ -116,14 +116,14 @@ def simulate(
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
-        method = _checked(scene, options, dt)
-        result, switched = _solved(scene, (t0, t1, ts), options, method, dt=dt)
+        method = _check_method(scene, options, dt)
+        result, switched = _solve(scene, (t0, t1, ts), options, method, dt=dt)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
         # One for all tolerances that are tried.
-        method = checked_method(scene, solver, rtol=error_estimate.FINEST)
+        method = check_method(scene, solver, rtol=error_estimate.FINEST)
         result, error, switched = _to_digits(scene, (t0, t1, ts), options, method, digits, throw)
     if throw:
         raise_unless_ok(result.status, scene)
@@ -145,19 +145,19 @@ def simulate(
 def _to_digits(
     scene: Scene, span: Span, options: SolverOptions, method: Method, digits: float, refuse: bool
 ) -> tuple[SolveResult, Estimate, bool]:
-    """`error_estimate.reached`, by one method and one program, and whether that is `RADAU9`."""
+    """`error_estimate.reach`, by one method and one program, and whether that is `RADAU9`."""
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
         held_to = options._replace(rtol=rtol, atol=Share(atol))
-        return _solved(scene, span, held_to, method, noise=noise)[0]
+        return _solve(scene, span, held_to, method, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.
     loose = options._replace(rtol=_LOOSE_RTOL)
-    _, switched = _solved(scene, span, loose, method, noise=QUIET)
+    _, switched = _solve(scene, span, loose, method, noise=QUIET)
     if switched:
         method, options = RADAU9, options._replace(solver=RADAU9)
-    return *error_estimate.reached(run, scene, span[-1], digits, method.name, refuse), switched
+    return *error_estimate.reach(run, scene, span[-1], digits, method.name, refuse), switched
 
 
 @check_first
@@ -214,20 +214,20 @@ def solve(
       with variational equations in 60 digits.)
     """
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    method = _checked(scene, options, dt)
+    method = _check_method(scene, options, dt)
     _checks.flag("fixed", fixed)
     _checks.flag("adjoint", adjoint)
     extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
-    return _solved(scene, (t0, t1, ts), options, method, **extras)[0]
+    return _solve(scene, (t0, t1, ts), options, method, **extras)[0]
 
 
-def _checked(scene: Scene, options: SolverOptions, dt) -> Method:
+def _check_method(scene: Scene, options: SolverOptions, dt) -> Method:
     """The method; tolerances, step and limits are checked before, as its choice uses them."""
     limits(options, dt)
-    return checked_method(scene, options.solver, dt, rtol=options.rtol)
+    return check_method(scene, options.solver, dt, rtol=options.rtol)
 
 
-def _solved(
+def _solve(
     scene: Scene,
     span: Span,
     options: SolverOptions,
@@ -260,7 +260,7 @@ def _solved(
             # NaN is never reached; derivatives would see it, and traces recompile anyway.
             given, ts = ts, np.full(n + filling(n, y0.size), np.nan)
             ts[:n] = given
-    march = _compiled_adjoint if adjoint else flow if traced else _compiled
+    march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
     out, switched = switching(run, options, method, traced=traced, dt=dt)
     if not switched and len(ts) == n:
@@ -275,10 +275,10 @@ def _solved(
 
 
 @functools.partial(jax.jit, static_argnames="method")
-def _compiled(*args, method: Method) -> SolveResult:
+def _compiled_flow(*args, method: Method) -> SolveResult:
     return flow(*args, method=method)
 
 
 @functools.partial(jax.jit, static_argnames="method")
-def _compiled_adjoint(*args, method: Method) -> SolveResult:
+def _compiled_adjoint_flow(*args, method: Method) -> SolveResult:
     return adjoint_flow(*args, method=method)

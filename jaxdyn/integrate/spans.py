@@ -20,7 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._floats import as_float, refuse_unreal, too_large
 from jaxdyn.integrate.step_control import Limits
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import RTOL as RTOL
 
@@ -96,7 +96,7 @@ def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
 
     A `t1` of None means the scene's own end. Both are NumPy arrays unless traced.
     """
-    own = checked_scene(scene).t1
+    own = check_scene(scene).t1
     t1 = own if t1 is None else t1
     return _checks.host_array("t0", t0, ()), _checks.host_array("t1", t1, ())
 
@@ -124,7 +124,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
                 f"{np.asarray(ts)}",
                 "Sort them, or move t0 or t1.",
             )
-    return t0, t1, _placed(ts)
+    return t0, t1, _place(ts)
 
 
 def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
@@ -135,7 +135,7 @@ def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
 _kept_times = functools.lru_cache(_KEPT_SPANS)(_evenly_spaced)
 
 
-def _placed(ts) -> Array:
+def _place(ts) -> Array:
     # `jnp.linspace` and `as_float` would compile a program for each number of samples.
     return jnp.asarray(ts, float)
 
@@ -243,21 +243,21 @@ def filling(n: int, k: int) -> int:
     return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
 
 
-def filled(ts: Array, ys: Array) -> tuple[Array, Array]:
+def fill(ts: Array, ys: Array) -> tuple[Array, Array]:
     """Times (s,) and states (s, k) with the last repeated; as they are if traced."""
     if _checks.is_traced((ts, ys)):
         return ts, ys
     more = filling(*ys.shape)
     last = np.minimum(np.arange(len(ts) + more), len(ts) - 1)
-    return _put(np.asarray(ts)[last]), _put(np.asarray(ys)[last])
+    return _put_on_device(np.asarray(ts)[last]), _put_on_device(np.asarray(ys)[last])
 
 
-def cut(values: T, filled: int, n: int) -> T:
+def cut_rows(values: T, filled: int, n: int) -> T:
     """Of arrays with a row for each of so many samples the first n rows; others as they are."""
 
     def rows(x: Any) -> Any:
         mine = np.shape(x)[:1] == (filled,) and not _checks.is_traced(x)
-        return _put(np.asarray(x)[:n]) if mine else x
+        return _put_on_device(np.asarray(x)[:n]) if mine else x
 
     return jax.tree.map(rows, values)
 
@@ -273,15 +273,15 @@ def of_samples(function: Callable[..., T]) -> Callable[..., T]:
         n = len(motion.ts)
         if not n:
             return function(motion, *args, **kwargs)
-        ts, ys = filled(motion.ts, motion.ys)
+        ts, ys = fill(motion.ts, motion.ys)
         # What the values do not depend on would make more kinds of programs.
         bare = {"error": None, "dt": None, "method": None, "stiff": False, "switched": False}
         longer = dataclasses.replace(motion, ts=ts, ys=ys, **bare)
-        return cut(function(longer, *args, **kwargs), len(ts), n)
+        return cut_rows(function(longer, *args, **kwargs), len(ts), n)
 
     return shared
 
 
-def _put(x: np.ndarray) -> Array:
+def _put_on_device(x: np.ndarray) -> Array:
     # Slices and conversions in JAX would compile for each number of samples.
     return jax.device_put(x)

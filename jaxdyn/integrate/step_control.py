@@ -17,7 +17,7 @@ from jaxdyn._numerics import rough_power, square_norm
 from jaxdyn.integrate.lookahead import Lookahead
 from jaxdyn.integrate.observing import Observing, Seen, Watch
 from jaxdyn.solvers.method import SAFETY, Method
-from jaxdyn.solvers.sizes import Begun, allowed
+from jaxdyn.solvers.sizes import Begun, allowed_error
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 #: To a method that foresees how long a step may be the next one is proposed longer by this factor,
@@ -111,7 +111,7 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
             hidden = self.look.has_hidden(t0, y0, there, y1_candidate)
             error = jnp.where(hidden, jnp.inf, error)
         shorter = jnp.zeros((), bool) if end is None else end < t1
-        tried = self._tried(error <= 1.0, t0, y0, t1, y1_candidate, state)
+        tried = self._try(error <= 1.0, t0, y0, t1, y1_candidate, state)
         end = t1 if end is None else end
         tried = tried._replace(sampling=tried.sampling & ~shorter, t1=end)
         h = end - t0
@@ -150,7 +150,7 @@ def first_step(method: Method, tolerance: Array, start: Begun, y0: Array) -> Arr
     sizes = jnp.where(known, start.sizes, 1.0)
     speed = jnp.max(jnp.where(known, jnp.abs(start.rate) / sizes, 0.0))
     speed = jnp.maximum(speed, 1.0 / start.time)
-    may = allowed(tolerance, start.sizes, y0, y0)
+    may = allowed_error(tolerance, start.sizes, y0, y0)
     share = jnp.min(jnp.where(known, may / sizes, jnp.inf))
     share = jnp.where(jnp.isfinite(share), jnp.minimum(share, 1.0), 1.0)
     return (_FIRST_ERROR * share) ** (1.0 / method.error_order) / speed
@@ -191,7 +191,7 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
     def adapt_step_size(self, t0, t1, y0, y1_candidate, args, y_error, error_order, state):
         del args, y_error, error_order
         seen, (begin, h, done) = state
-        tried = self._tried(jnp.ones((), bool), t0, y0, t1, y1_candidate, seen)
+        tried = self._try(jnp.ones((), bool), t0, y0, t1, y1_candidate, seen)
         fine = jnp.isfinite(y1_candidate).all()
         # The last hundred spacings before the end count as the end.
         collapsed = h < _MIN_FIXED_STEP_ULPS * _spacing(t1)

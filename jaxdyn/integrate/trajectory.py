@@ -105,7 +105,7 @@ class Motion:
 
         return pages.play(self, path)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from jaxdyn.drawing import space
 
@@ -158,7 +158,7 @@ class Trajectory(Record, Motion):
     def __repr__(self) -> str:
         shape, one = self.batch_shape, self.one(*(0 for _ in self.batch_shape))
         labels, n = one.scene.labels(), self.ts.shape[-1]
-        head = f"Trajectory of {_text.called(one.scene)}"
+        head = f"Trajectory of {_text.title_of(one.scene)}"
         batch = ("batch", f"of shape {shape}" if shape else "")
         if _checks.is_traced((self.ts, self.ys, self.status)):
             return _text.table(head, [batch, ("samples", f"{n}, traced")])
@@ -186,7 +186,7 @@ class Trajectory(Record, Motion):
     @property
     def message(self) -> str:
         """What happened and what to do about it; host only."""
-        return explained(self.status_code, self.scene)
+        return explanation(self.status_code, self.scene)
 
     @property
     def status_code(self) -> Status:
@@ -264,7 +264,7 @@ def _positions(motion: Trajectory) -> Array:
 _BESIDE = 1e-6
 
 
-def explained(status: Status, scene: Scene) -> str:
+def explanation(status: Status, scene: Scene) -> str:
     """What a status means; for a singularity, also the singularities of the scene."""
     if status == Status.NOT_FINITE and _is_removable(scene):
         return (
@@ -294,7 +294,7 @@ def raise_unless_ok(status: Array, scene: Scene) -> None:
         return
     codes = np.asarray(status)
     if codes.any():  # OK is 0
-        raise IntegrationError(explained(Status(int(codes[codes != 0].flat[0])), scene))
+        raise IntegrationError(explanation(Status(int(codes[codes != 0].flat[0])), scene))
 
 
 @eqx.filter_jit

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
-from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.sizes import state_of
 
 #: Tangents as columns, those of a state (k,).
@@ -42,7 +42,7 @@ class Variational(eqx.Module):
 
     def rate(self, t: Array, y: Columns) -> Columns:
         """Rates of the state and of its tangents."""
-        return self._carried(lambda field: field.rate, t, y)
+        return self._carry(lambda field: field.rate, t, y)
 
     @property
     def single(self):
@@ -59,7 +59,7 @@ class Variational(eqx.Module):
 
     def project(self, t: Array, y: Columns) -> Columns:
         """The state on its constraints, and its tangents along them."""
-        return self._carried(lambda field: field.project, t, y)
+        return self._carry(lambda field: field.project, t, y)
 
     def jump(self, t: Array, y: Columns, old: Branch, new: Branch, which: Array) -> Columns:
         """State and tangents after a switch of the rate, by the saltation matrix.
@@ -98,12 +98,12 @@ class Variational(eqx.Module):
         tangents = jax.vmap(along, in_axes=-1, out_axes=-1)(self.directions, y[..., 1:])
         return jnp.concatenate([at[..., None], tangents], axis=-1)
 
-    def _carried(self, function: Callable, t: Array, y: Columns) -> Columns:
+    def _carry(self, function: Callable, t: Array, y: Columns) -> Columns:
         """A function (t, state) of the field, and its derivatives along the tangents."""
         moving, fixed = _split_like(self.field, self.directions)
 
         def of(p, x):
-            return simplified(function(eqx.combine(p, fixed)))(t, x)
+            return simplify(function(eqx.combine(p, fixed)))(t, x)
 
         def along(direction, tangent):
             return jax.jvp(of, (moving, y[..., 0]), (direction, tangent))

@@ -77,7 +77,7 @@ class Chain(Mechanism):
 
     def angles(self, q: Array) -> Array:
         """(n,) angles of the bars from hanging straight down."""
-        return _combined(np.tri(len(q)), q[:, None])[:, 0] if self.relative else q
+        return _combine(np.tri(len(q)), q[:, None])[:, 0] if self.relative else q
 
     def tied(self, t, q):
         del t
@@ -194,7 +194,7 @@ def row_points(bars: Array) -> Array:
     before = np.tri(n + 1, n, -1)
     # Constant weights rather than a running sum: few operations on whole arrays compile to
     # code twice as fast as that of many scalar ones.
-    return _combined(np.concatenate([before, before[:n] + 0.5 * np.eye(n)]), bars)
+    return _combine(np.concatenate([before, before[:n] + 0.5 * np.eye(n)]), bars)
 
 
 def row_masses(m: Array) -> Array:
@@ -215,7 +215,7 @@ def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tupl
         return bars, first, *free
     along = joints[-1] - joints[-2]
     blade = rectangle("solid", (0.3 * safe_norm(along), 0.05 * safe_norm(along)))
-    return bars, first, blade.placed(joints[-1], frame(along)), *free
+    return bars, first, blade.place(joints[-1], frame(along)), *free
 
 
 def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None:  # noqa: E741
@@ -245,6 +245,6 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
         )
 
 
-def _combined(weights: np.ndarray, x: Array) -> Array:
+def _combine(weights: np.ndarray, x: Array) -> Array:
     # A product as a sum, for the reason given at mechanism.weighted_gram.
     return jnp.sum(weights[:, :, None] * x[None, :, :], axis=1)

@@ -21,7 +21,7 @@ class Car(Skated):
     def sketch(self, t, q):
         del t
         turn = frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
-        return tuple(shape.placed(q[:2], turn) for shape in _from_above(self.axles))
+        return tuple(shape.place(q[:2], turn) for shape in _from_above(self.axles))
 
 
 def _from_above(axles: Array) -> tuple[Shape, ...]:

@@ -129,7 +129,7 @@ class Cylinder(System):
         del t
         if self.contact == "fly":
             return y
-        y = self._placed(y)
+        y = self._place(y)
         rows, _ = self._conditions(y)
         a, off = self._gram(rows), _dot(rows, y[3:])
         stop = -_both(a, off) if self.contact == "roll" else -off * np.eye(2)[0] / a[0, 0]
@@ -137,7 +137,7 @@ class Cylinder(System):
 
     def landed(self, y: Array) -> Array:
         """(6,) the state after an inelastic impact with Coulomb friction."""
-        y = self._placed(y)
+        y = self._place(y)
         rows, _ = self._conditions(y)
         a, v = self._gram(rows), _dot(rows, y[3:])
         rolling = -_both(a, v)
@@ -168,7 +168,7 @@ class Cylinder(System):
             raise _checks.fail("y0", f"a cylinder outside {surface}", f"one {-gap:.6g} m inside")
         del t
 
-    def _placed(self, y: Array) -> Array:
+    def _place(self, y: Array) -> Array:
         """(6,) the same state with the cylinder placed on the surface."""
         n = self._normal(y[:2] - self.d * _axes(y[2])[0])
         return jnp.concatenate([y[:2] - self.height(y) * n, y[2:]])

@@ -75,7 +75,7 @@ class EulerBody(Mechanism):
         del t
         r, angles = self._parts(q)
         R = matrix_from_euler(angles, self.sequence)
-        return tuple(shape.placed(r, R) for shape in self.drawn(self.matter.r))
+        return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (n,)."""

@@ -51,9 +51,9 @@ class Skated(Mechanism):
         for at, heading in zip(self.at, self.headings, strict=True):
             blade = rectangle("solid", (0.6 * size, 0.08 * size))
             way = frame(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
-            shapes += [line(jnp.zeros(2), at), blade.placed(at, way)]
+            shapes += [line(jnp.zeros(2), at), blade.place(at, way)]
         shapes += traces(self.at, [f"skate {i + 1}" for i in range(len(self.at))])
-        return tuple(shape.placed(place, turn) for shape in shapes)
+        return tuple(shape.place(place, turn) for shape in shapes)
 
     def twists(self) -> Array:
         """(s, 3) the conditions in body axes: rows whose product with (vx, vy, omega) is zero."""

@@ -64,7 +64,7 @@ class _OnHinge(Mechanism):
         if self.amplitude is None:
             return line(base, end), pin(base), *mark
         block = rectangle("area", (0.2 * self.l, 0.1 * self.l), (0.0, -0.05 * self.l))
-        return line(base, end), block.placed(base, jnp.eye(2)), *mark
+        return line(base, end), block.place(base, jnp.eye(2)), *mark
 
     def check(self):
         _checks.positive("length", self.l, "Lengths are in m.")
@@ -171,7 +171,7 @@ class _OnCart(Mechanism):
         track = line(r[0] - 0.3 * self.l * _ACROSS, r[0] + 0.3 * self.l * _ACROSS)
         low = jnp.stack([0 * self.l, -0.06 * self.l])
         track = Shape("ground", track.at + low[None])
-        cart = body.placed(r[0], jnp.eye(2))
+        cart = body.place(r[0], jnp.eye(2))
         return track, cart, line(*r), *traces(r, ["cart", "mass"])
 
     def check(self):

@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
-from jaxdyn._programs import CALLS, bound, called
+from jaxdyn._programs import CALLS, bind, inner_program
 
 
 class Bounds(NamedTuple):
@@ -30,7 +30,9 @@ class Bounds(NamedTuple):
 _Value = Bounds | Any
 
 
-def enclosed(program, args: Sequence[_Value], unknown: set[str] | None = None) -> list[_Value]:
+def enclose_program(
+    program, args: Sequence[_Value], unknown: set[str] | None = None
+) -> list[_Value]:
     """The results of a program (a ``ClosedJaxpr``), bounds where they move.
 
     Args:
@@ -45,13 +47,13 @@ def enclosed(program, args: Sequence[_Value], unknown: set[str] | None = None) -
     def read(atom) -> _Value:
         return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
 
-    for eqn in _needed(jaxpr):
-        found = _applied(eqn, [read(a) for a in eqn.invars], unknown)
+    for eqn in _operations_needed(jaxpr):
+        found = _apply(eqn, [read(a) for a in eqn.invars], unknown)
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [read(a) for a in jaxpr.outvars]
 
 
-def _needed(jaxpr) -> list:
+def _operations_needed(jaxpr) -> list:
     """The operations that the results depend on: others may have no bounds."""
     wanted, found = {id(v) for v in jaxpr.outvars}, []
     for eqn in reversed(jaxpr.eqns):
@@ -61,22 +63,22 @@ def _needed(jaxpr) -> list:
     return found[::-1]
 
 
-def _applied(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value]:
+def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value]:
     name, params = eqn.primitive.name, eqn.params
     if not any(isinstance(x, Bounds) for x in args):
-        return bound(eqn, args)
+        return bind(eqn, args)
     if name in CALLS:
-        return enclosed(called(eqn), args, unknown)
+        return enclose_program(inner_program(eqn), args, unknown)
     if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
         return _without(eqn, unknown)  # those of a branch are known
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Bounds) for x in args[n:]):
-            return [_unknown(v.aval.shape) for v in eqn.outvars]
+            return [_unbounded(v.aval.shape) for v in eqn.outvars]
         ends = ([*(as_bounds(x)[i] for x in args[:n]), *args[n:]] for i in (0, 1))
-        return [Bounds(*pair) for pair in zip(*(bound(eqn, each) for each in ends), strict=True)]
+        return [Bounds(*pair) for pair in zip(*(bind(eqn, each) for each in ends), strict=True)]
     if name in _MONOTONE:
-        ends = [bound(eqn, [x[i]])[0] for x in args for i in (0, 1)]
+        ends = [bind(eqn, [x[i]])[0] for x in args for i in (0, 1)]
         low, high = ends if _MONOTONE[name] else ends[::-1]
         return [_with_domain(name, as_bounds(args[0]), low, high)]
     if name in _RULES:
@@ -88,10 +90,10 @@ def _without(eqn, unknown: set[str] | None) -> list[_Value]:
     """The results of an operation that has no bounds."""
     if unknown is not None:
         unknown.add(eqn.primitive.name)
-    return [_unknown(v.aval.shape) for v in eqn.outvars]
+    return [_unbounded(v.aval.shape) for v in eqn.outvars]
 
 
-def _unknown(shape) -> Bounds:
+def _unbounded(shape) -> Bounds:
     return Bounds(jnp.full(shape, -jnp.inf), jnp.full(shape, jnp.inf))
 
 
@@ -221,7 +223,7 @@ def _select(params, which, *cases) -> Bounds:
     )
 
 
-def _compared(name: str, params, a, b) -> Bounds:
+def _compare(name: str, params, a, b) -> Bounds:
     """A condition that is left as it stands: 0, 1, or both."""
     a, b = as_bounds(a), as_bounds(b)
     if name in ("gt", "ge"):
@@ -249,7 +251,7 @@ def _product(params, a, b) -> Bounds:
     """A product of arrays, of which at most one moves: the other by its signs."""
     if isinstance(a, Bounds) and isinstance(b, Bounds):
         shape = jax.eval_shape(functools.partial(lax.dot_general, **params), a.low, b.low).shape
-        return _unknown(shape)
+        return _unbounded(shape)
 
     def dot(x, y):
         return lax.dot_general(x, y, **params)
@@ -269,7 +271,7 @@ _RULES: dict[str, Callable[..., Bounds]] = {
     "cos": functools.partial(_wave, 0.0, jnp.cos),
     "sin": functools.partial(_wave, 0.5, jnp.sin),
     **{"cosh": _cosh, "tan": _tan, "select_n": _select, "dot_general": _product},
-    **{n: functools.partial(_compared, n) for n in ("lt", "le", "gt", "ge", "eq", "ne")},
+    **{n: functools.partial(_compare, n) for n in ("lt", "le", "gt", "ge", "eq", "ne")},
     **{n: functools.partial(_logic, n) for n in ("and", "or", "not")},
     "is_finite": lambda params, a: Bounds(jnp.ones(a.low.shape), jnp.ones(a.low.shape)),
 }

@@ -36,7 +36,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import SMOOTH
-from jaxdyn._programs import CALLS, Loop, bound, called, loop, used
+from jaxdyn._programs import CALLS, Loop, bind, inner_program, loop, used
 
 #: What a value depends on: time and state, along a motion (it moves), or through outcomes of
 #: conditions only (it jumps, and is constant in a branch).
@@ -154,11 +154,11 @@ class Walk:
         # A condition whose outcome is thrown away would end steps and take long to compile: the
         # work of an effect, whose error is measured by the magnitudes of its terms, took 26 s.
         for eqn in used(jaxpr):
-            found = self._applied(eqn, [read(a) for a in eqn.invars])
+            found = self._apply(eqn, [read(a) for a in eqn.invars])
             values |= dict(zip(eqn.outvars, found, strict=True))
         return [read(a) for a in jaxpr.outvars]
 
-    def _applied(self, eqn, args: list[Value]) -> list[Value]:
+    def _apply(self, eqn, args: list[Value]) -> list[Value]:
         name, params = eqn.primitive.name, eqn.params
         on = functools.reduce(lambda a, b: a | b.on, args, 0)
         if on & _MOVES:
@@ -169,18 +169,18 @@ class Walk:
             if name in CALLS:
                 if params.get("name") == _TABLE and len(args) == 2 and not args[0].on & _MOVES:
                     return [self._table(*args)]
-                inner = called(eqn)
+                inner = inner_program(eqn)
                 # Also where only the degrees of time's polynomials are to be followed.
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
                 name = str(params.get("name", ""))
                 if enter and not (name.startswith(SMOOTH) or name in _SMOOTH_OF_JAX):
                     return self.program(inner, args)
             elif name == "cond" and _may_switch(*params["branches"]):
-                return self._chosen(params["branches"], args)
+                return self._choose(params["branches"], args)
             elif name == "scan" and _may_switch(params["jaxpr"]):
                 known = loop(eqn)
                 if known is not None and known.length <= _LONGEST_LOOP:
-                    return self._written_out(eqn, known, args)
+                    return self._unroll(eqn, known, args)
                 self.unread.add("a loop of many rounds with conditions")
             elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
                 self.unread.add("a loop of unknown length")
@@ -243,7 +243,7 @@ class Walk:
         waves = self.waves and eqn.primitive.name in _WAVES
         degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
         degree = math.inf if on & BY_TIME and waves else degree
-        found = bound(eqn, [x.array for x in args])
+        found = bind(eqn, [x.array for x in args])
         made = [Value(x, on, degree) for x in found]
         if eqn.primitive.name in _BRIEF and args[0].on & BY_TIME and args[0].on & BY_STATE:
             self.mixed += [args[0], *made]
@@ -332,7 +332,7 @@ class Walk:
         kind = jnp.searchsorted(jnp.zeros(1), 0.0).dtype
         return Value(None if found is None else found.astype(kind), on)
 
-    def _chosen(self, branches, args: list[Value]) -> list[Value]:
+    def _choose(self, branches, args: list[Value]) -> list[Value]:
         """All branches of a choice, so that the conditions within each are read."""
         which, rest = args[0], args[1:]
         every = [self.program(branch, rest) for branch in branches]
@@ -352,7 +352,7 @@ class Walk:
             found.append(Value(value, on, math.inf if on & BY_TIME else 0.0))
         return found
 
-    def _written_out(self, eqn, known: Loop, args: list[Value]) -> list[Value]:
+    def _unroll(self, eqn, known: Loop, args: list[Value]) -> list[Value]:
         """A loop of known length, round by round."""
         body, length, n, m = known.body, known.length, known.consts, known.carry
         consts, carry, rows = args[:n], args[n : n + m], args[n + m :]
@@ -521,7 +521,7 @@ def _is_same(a: Value, b: Value) -> bool:
     return np.array_equal(np.asarray(a.array), np.asarray(b.array))
 
 
-def _clamped(walk: Walk, eqn, args: list[Value]) -> Value:
+def _clamp(walk: Walk, eqn, args: list[Value]) -> Value:
     low, x, high = args
     below, on = walk.holds(x, low)
     x = _select(below, x, low, on, walk)
@@ -609,7 +609,7 @@ def _entry(rows: Array, which: Array) -> Array:
     return jnp.take_along_axis(rows, which[..., None], -1)[..., 0]
 
 
-def _sorted(walk: Walk, eqn, args: list[Value]) -> list[Value]:
+def _sort(walk: Walk, eqn, args: list[Value]) -> list[Value]:
     """Numbers in their order, and others with them; that is given by the order of each pair."""
     keys, n = args[0], eqn.invars[0].aval.shape[0]
     i, j = np.triu_indices(n, 1)
@@ -630,9 +630,9 @@ def _sorted(walk: Walk, eqn, args: list[Value]) -> list[Value]:
 
 _RULES: dict[str, Callable[[Walk, Any, list[Value]], Value | list[Value]]] = {
     **dict.fromkeys(_COMPARISONS, _compare),
-    **{"sign": _sign, "abs": _abs, "max": _larger, "min": _larger, "clamp": _clamped},
+    **{"sign": _sign, "abs": _abs, "max": _larger, "min": _larger, "clamp": _clamp},
     **dict.fromkeys(("floor", "ceil", "round", "convert_element_type"), _whole),
     "rem": _remainder,
     **dict.fromkeys(("reduce_max", "reduce_min", "argmax", "argmin"), _extreme),
-    "sort": _sorted,
+    "sort": _sort,
 }

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxdyn._programs import CALLS, Loop, bound, called, loop
+from jaxdyn._programs import CALLS, Loop, bind, inner_program, loop
 
 #: Largest number of one period in another, and how well their ratio has to be known.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
@@ -44,11 +44,11 @@ def period_of(program: Any, system: PyTree) -> float | None:
     """
     time = _InTime(np.array([1.0, 0.0]), affine=True, period=math.inf)
     known = [_InTime(np.asarray(x)) for x in jax.tree.leaves(system)]
-    (rate,) = _walked(program, [*known, time, _InTime(None)])
+    (rate,) = _walk(program, [*known, time, _InTime(None)])
     return rate.period if 0 < rate.period < math.inf else None
 
 
-def _walked(closed, args: list[_InTime]) -> list[_InTime]:
+def _walk(closed, args: list[_InTime]) -> list[_InTime]:
     jaxpr = closed.jaxpr
     values = dict(zip(jaxpr.constvars, map(_InTime, closed.consts), strict=True))
     values |= dict(zip(jaxpr.invars, args, strict=True))
@@ -57,15 +57,15 @@ def _walked(closed, args: list[_InTime]) -> list[_InTime]:
         return _InTime(atom.val) if isinstance(atom, jax.extend.core.Literal) else values[atom]
 
     for eqn in jaxpr.eqns:
-        found = _applied(eqn, [read(a) for a in eqn.invars])
+        found = _apply(eqn, [read(a) for a in eqn.invars])
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [read(a) for a in jaxpr.outvars]
 
 
-def _applied(eqn, args: list[_InTime]) -> list[_InTime]:
+def _apply(eqn, args: list[_InTime]) -> list[_InTime]:
     name = eqn.primitive.name
     if name in CALLS:
-        return _walked(called(eqn), args)
+        return _walk(inner_program(eqn), args)
     if any(x.affine for x in args):
         rule = _OF_AFFINE.get(name)
         found = None if rule is None else rule(eqn, *args)
@@ -73,20 +73,20 @@ def _applied(eqn, args: list[_InTime]) -> list[_InTime]:
             return [found]
     elif all(x.array is not None and not x.period for x in args):
         with jax.ensure_compile_time_eval():
-            return [_InTime(np.asarray(x)) for x in bound(eqn, [x.array for x in args])]
+            return [_InTime(np.asarray(x)) for x in bind(eqn, [x.array for x in args])]
     if name == "scan" and (known := loop(eqn)) is not None:
-        return _looped(known, args)
+        return _loop(known, args)
     if name == "mul" and any(x.array is not None and not np.any(x.array) for x in args):
         return [_InTime(None) for _ in eqn.outvars]
     period = common_period([x.period for x in args])
     return [_InTime(None, period=period) for _ in eqn.outvars]
 
 
-def _looped(known: Loop, args: list[_InTime]) -> list[_InTime]:
+def _loop(known: Loop, args: list[_InTime]) -> list[_InTime]:
     n, m = known.consts, known.carry
     args = [_InTime(None, period=x.period) for x in args]
     for _ in range(m + 2):  # until what is carried depends on all it may depend on
-        found = _walked(known.body, args)
+        found = _walk(known.body, args)
         merged = [
             _InTime(None, period=common_period([a.period, b.period]))
             for a, b in zip(args[n : n + m], found[:m], strict=True)
@@ -134,13 +134,11 @@ def _by_parts(eqn, *args: _InTime) -> _InTime | None:
     if len(known) < len(parts):
         return None
     with jax.ensure_compile_time_eval():
-        a, b = (
-            np.asarray(bound(eqn, [jnp.asarray(p[i], float) for p in known])[0]) for i in (0, 1)
-        )
+        a, b = (np.asarray(bind(eqn, [jnp.asarray(p[i], float) for p in known])[0]) for i in (0, 1))
     return _line(a, b)
 
 
-def _scaled(eqn, x: _InTime, y: _InTime) -> _InTime | None:
+def _scale(eqn, x: _InTime, y: _InTime) -> _InTime | None:
     line, factor = (x, y) if x.affine else (y, x)
     if factor.affine or factor.array is None or factor.period:
         return None
@@ -168,7 +166,7 @@ def _remainder(eqn, x: _InTime, d: _InTime) -> _InTime | None:
 _OF_AFFINE: dict[str, Callable] = {
     **dict.fromkeys(("add", "sub", "neg", "broadcast_in_dim", "reshape", "squeeze"), _by_parts),
     **dict.fromkeys(("concatenate", "stack", "slice", "convert_element_type"), _by_parts),
-    **dict.fromkeys(("mul", "div"), _scaled),
+    **dict.fromkeys(("mul", "div"), _scale),
     **dict.fromkeys(("sin", "cos", "tan"), _turning),
     "rem": _remainder,
 }

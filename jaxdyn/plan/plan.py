@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn.plan.bounds import Bounds, as_bounds, enclosed
+from jaxdyn.plan.bounds import Bounds, as_bounds, enclose_program
 from jaxdyn.plan.branches import (
     BY_STATE,
     BY_TIME,
@@ -154,10 +154,10 @@ class Plan:
         """
         given = [*jax.tree.leaves(system), branch]
         parts, slopes, _ = self._programs
-        (plain,) = enclosed(parts, [*given, Bounds(low, high)])
-        (slope,) = enclosed(slopes, [*given, Bounds(low, high)])
+        (plain,) = enclose_program(parts, [*given, Bounds(low, high)])
+        (slope,) = enclose_program(slopes, [*given, Bounds(low, high)])
         plain, slope = as_bounds(plain), as_bounds(slope)
-        middle = as_bounds(enclosed(parts, [*given, 0.5 * (low + high)])[0]).low
+        middle = as_bounds(enclose_program(parts, [*given, 0.5 * (low + high)])[0]).low
         steepest = jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
         steepest = jnp.where(jnp.isnan(steepest), jnp.inf, steepest)
         most = 0.5 * (high - low) * steepest
@@ -174,7 +174,7 @@ class Plan:
 
     def bounds_of_mixed(self, system: PyTree, t: Bounds, y: Bounds, branch: Array) -> Bounds:
         """(2, m) bounds of `mixed_parts` over times () and states (k,)."""
-        (found,) = enclosed(self._mixed_program, [*jax.tree.leaves(system), branch, t, y])
+        (found,) = enclose_program(self._mixed_program, [*jax.tree.leaves(system), branch, t, y])
         return as_bounds(found)
 
     @functools.cached_property
@@ -191,7 +191,7 @@ class Plan:
 
         def enclose(*given):
             *known, low, high, t = given
-            enclosed(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
+            enclose_program(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
             return t
 
         jax.eval_shape(enclose, *self._leaves, self._branch, self._state, self._state, _TIME)
@@ -200,7 +200,7 @@ class Plan:
     def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
         """(k,) bounds of the rate at a state from one time to another."""
         given = [*jax.tree.leaves(system), Bounds(low, high), y]
-        return as_bounds(enclosed(self._program, given)[0])
+        return as_bounds(enclose_program(self._program, given)[0])
 
     def _without_bounds(self) -> frozenset[str]:
         """Names of operations on time alone that have no bounds."""
@@ -209,7 +209,7 @@ class Plan:
         def enclose(*given):
             *known, low, high = given
             for program in self._programs:
-                enclosed(program, [*known, Bounds(low, high)], unknown)
+                enclose_program(program, [*known, Bounds(low, high)], unknown)
             return low
 
         jax.eval_shape(enclose, *self._leaves, self._branch, _TIME, _TIME)
@@ -218,7 +218,7 @@ class Plan:
     def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
         """Bounds of the margins of `time_conditions` from one time to another."""
         given = [*jax.tree.leaves(system), branch]
-        (found,) = enclosed(self._programs[2], [*given, Bounds(low, high)])
+        (found,) = enclose_program(self._programs[2], [*given, Bounds(low, high)])
         return as_bounds(found)
 
     @functools.cached_property

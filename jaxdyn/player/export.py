@@ -18,7 +18,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
-from jaxdyn.drawing.curves import reached
+from jaxdyn.drawing.curves import samples_reached
 from jaxdyn.drawing.panels import limits
 from jaxdyn.drawing.strokes import grounds
 from jaxdyn.files.output_files import replace, writable
@@ -55,7 +55,7 @@ def export(motions: Any, path=None, *, choose: str = "") -> dict[str, Any]:
       (['x [m]', 'y [m]'], 1)
     """
     path = None if path is None else writable(path, suffixes=(".json",))
-    named = _named(motions, choose)
+    named = _by_name(motions, choose)
     drawn = {name: paths(one) for name, one in named.items()}
     _check(drawn)
     first = next(iter(drawn.values()))
@@ -77,7 +77,7 @@ def export(motions: Any, path=None, *, choose: str = "") -> dict[str, Any]:
     return found
 
 
-def _named(motions: Any, choose: str) -> dict[str, Trajectory | HybridTrajectory]:
+def _by_name(motions: Any, choose: str) -> dict[str, Trajectory | HybridTrajectory]:
     """The motions by name; "" is that of a single one."""
     if not isinstance(motions, Mapping):
         motions = {"": motions}
@@ -119,7 +119,9 @@ def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most
     hi = np.where(hi > lo, hi, lo + 1.0)
     moving = [x for x in drawn.shapes if x.kind != "ground" and x.at.size]
     still = [_is_still(x.at, hi - lo) for x in moving]
-    carried = [None if s else _carried(x.at, hi - lo) for x, s in zip(moving, still, strict=True)]
+    carried = [
+        None if s else _rigid_maps(x.at, hi - lo) for x, s in zip(moving, still, strict=True)
+    ]
     frames = [
         2 * x.at[0].size if c is None else 4 * c[0].size
         for x, s, c in zip(moving, still, carried, strict=True)
@@ -162,7 +164,7 @@ def _is_still(at: np.ndarray, size: np.ndarray) -> bool:
     return bool((np.abs(at - at[:1]) <= _STILL * size.max()).all())
 
 
-def _carried(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
+def _rigid_maps(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
     """(s, d + 1, d) linear maps and shifts that take the first frame to each; None if none do.
 
     They are also None where they would take more bytes than the places themselves.
@@ -179,7 +181,7 @@ def _carried(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
 
 def _energy(motion: Trajectory | HybridTrajectory, unit: str) -> dict | None:
     """The energy at the start and its relative change; None for a scene without an energy."""
-    good = [(piece, reached(piece)) for piece in pieces_of(motion)]
+    good = [(piece, samples_reached(piece)) for piece in pieces_of(motion)]
     pieces = [dataclasses.replace(one, ts=one.ts[:n], ys=one.ys[:n]) for one, n in good if n]
     if not pieces or any(not _has_energy(piece) for piece in pieces):
         return None

@@ -48,7 +48,7 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
         f".push([document.currentScript.previousElementSibling, {model(scene, motions)}]);</script>"
     )
     text = page(
-        title or _text.called(scene).replace("_", " ").capitalize(),
+        title or _text.title_of(scene).replace("_", " ").capitalize(),
         look("player", "live"),
         fragment,
         script("dop853", "motion", "live"),

@@ -24,10 +24,10 @@ from jaxdyn._text.tables import unit_of
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.player.pages import embedded
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
-from jaxdyn.symbolic.parameters import leaves, parameters, rebuilt
+from jaxdyn.symbolic.parameters import leaves, parameters, rebuild
 from jaxdyn.system import Effect, System
 
 #: Effects up to which each can be switched by itself: there are two to this power rates.
@@ -70,7 +70,7 @@ def model(scene: Scene, motions: int = 1) -> str:
     Raises:
       ValueError: the scene is invalid, or its rate, or what ends a phase of it, has no formulas.
     """
-    scene = checked_scene(scene)
+    scene = check_scene(scene)
     outlines, marks, drawn = _drawn(scene)
     switches = _switches(scene)
     phases = ",".join(_phase(scene, name, switches) for name in _phases(scene))
@@ -82,7 +82,7 @@ def model(scene: Scene, motions: int = 1) -> str:
         "consistent": "null" if has_corners(scene) else _consistent(scene, ""),
     }
     data = {
-        "name": _text.called(scene),
+        "name": _text.title_of(scene),
         "entries": _entries(scene),
         "start": np.asarray(scene.y0).tolist(),
         "span": float(scene.t1),
@@ -290,7 +290,7 @@ def _outlines(scene: Scene) -> list[Outline]:
     @jax.jit
     @jax.vmap
     def corners(y, p):
-        system, effects = rebuilt(scene.field, p)
+        system, effects = rebuild(scene.field, p)
         shapes = Scene(system, effects, y0=y, t1=scene.t1).sketch(jnp.asarray(0.3), y)
         return [shape.at for shape in shapes if shape.kind != "trace"]
 

@@ -81,12 +81,12 @@ def entry(name: str) -> Entry:
         return Entry(name, make, make.defaults)
     if _scene_files.is_in_file(name):
         make = _scene_files.load(name)
-        return Entry(name, _checked_maker(name, make), _scene_files.defaults(make))
+        return Entry(name, _check_maker(name, make), _scene_files.defaults(make))
     zoo = entries()
     return zoo[_checks.choice("scene", name, zoo, "jaxdyn list")]
 
 
-def _checked_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
+def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
     """A function of the user's that must return a scene."""
 
     @functools.wraps(make)

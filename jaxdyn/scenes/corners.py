@@ -10,7 +10,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.mechanisms.car import Car
 from jaxdyn.mechanisms.cylinders import Cylinder
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes import cylinders, impacts, walkers, wheels
 
 _PHASES: dict[type, Callable[[Scene], dict[str, Phase]]] = {
@@ -49,7 +49,7 @@ def phases_of(scene: Scene) -> dict[str, Phase]:
       >>> len(steps.pieces)
       6
     """
-    make = _PHASES.get(_kind(checked_scene(scene)))
+    make = _PHASES.get(_kind(check_scene(scene)))
     if make is None:
         known = ", ".join(sorted(kind.__name__ for kind in _PHASES))
         remedy = "Write the phases: jaxdyn.integrate.phases.Phase(scene, exits)."

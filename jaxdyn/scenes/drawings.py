@@ -170,10 +170,10 @@ def moved_shape(
     corners = _checks.array("corners", corners, (None, 2), "x and y of each, in m.")
     p = len(corners)
     around = tuple((i, (i + 1) % p) for i in range(p))
-    pairs = around if joined is None else _checked_pairs(joined, p)
+    pairs = around if joined is None else _check_pairs(joined, p)
     reach = _checks.array("reach", reach, (2,), "Across and up, in m.")
     outline, reach, frequency, spin = floats(corners, reach, frequency, spin)
-    return _followed(MovedShape(outline, reach, frequency, spin, pairs), t1)
+    return _scene_on_path(MovedShape(outline, reach, frequency, spin, pairs), t1)
 
 
 @ready_made()
@@ -195,7 +195,7 @@ def turned_box(
     half = jnp.sqrt(square_norm(corners[0]))
     end = _OVERSHOOT * half * axis / jnp.sqrt(square_norm(axis))
     outline = jnp.concatenate([corners, jnp.stack([-end, end])])
-    return _followed(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
+    return _scene_on_path(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
 
 
 @ready_made()
@@ -232,11 +232,11 @@ def moved_box(
     swings = _checks.array("swings", swings, (3,), remedy)
     frequencies = _checks.array("frequencies", frequencies, (3,), remedy)
     corners = box_points(1.0, sides).r[:8]
-    given = Swings(swings, frequencies) if angles is None else _given(angles)
-    return _followed(MovedBox(corners, given, sequence), t1)
+    given = Swings(swings, frequencies) if angles is None else _angles(angles)
+    return _scene_on_path(MovedBox(corners, given, sequence), t1)
 
 
-def _given(angles) -> Given:
+def _angles(angles) -> Given:
     if not callable(angles):
         raise _checks.fail("angles", "a function of time", angles, "Such as lambda t: (t, t, t).")
     shape = jax.eval_shape(Given(angles), jnp.zeros(())).shape
@@ -245,7 +245,7 @@ def _given(angles) -> Given:
     return Given(angles)
 
 
-def _checked_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
+def _check_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
     """Pairs of corners, checked against their number."""
     found = np.asarray(pairs)
     whole = found.ndim == 2 and found.shape[1] == 2 and np.issubdtype(found.dtype, np.integer)
@@ -254,7 +254,7 @@ def _checked_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(i), int(j)) for i, j in found)
 
 
-def _followed(path: Path, t1) -> Scene:
+def _scene_on_path(path: Path, t1) -> Scene:
     system = Prescribed(path)
     return Scene(system, y0=system.state(jnp.zeros(())), t1=t1)
 

@@ -174,7 +174,7 @@ def pinned_chain(
     end = jnp.stack([span, jnp.zeros_like(span)])
     chain = Chain(m, l, end)
     check_bars(m, l, end, "span")
-    q, v = jnp.split(_closed(chain, angles, rates), 2)
+    q, v = jnp.split(_close(chain, angles, rates), 2)
     # With both ends pinned the chain has no free coordinates; it is embedded in its own.
     embeddings = {
         "loop": Embedding(chain, _as_given),
@@ -208,7 +208,7 @@ def skate_chain(
     """
     m, l = floats(m, l)  # noqa: E741
     chain = Chain(m, l, skate=True)
-    y0 = _closed(chain, angles, rates)
+    y0 = _close(chain, angles, rates)
     return Scene(Constrained(chain, drift), unless_zero(g, UniformGravity(g)), y0=y0, t1=t1)
 
 
@@ -239,7 +239,7 @@ def _check_crank(bars: FourBar, angle) -> None:
         )
 
 
-def _closed(chain: Chain, angles, rates) -> Array:
+def _close(chain: Chain, angles, rates) -> Array:
     """(2 n,) the state nearest to a rough one that satisfies the ties of the chain."""
     q, v = floats(angles, rates)
     y, system = jnp.concatenate([q, v]), Constrained(chain)

@@ -106,4 +106,4 @@ class SatelliteSketch(Looks):
         roots, tips = jnp.asarray(_ROOTS), jnp.asarray(ANTENNAS)
         shapes.append(Shape("line", jnp.stack([roots, tips], axis=1)))
         shapes += traces(tips, ["antenna 1", "antenna 2"])
-        return tuple(shape.placed(-centre, jnp.eye(3)) for shape in shapes)
+        return tuple(shape.place(-centre, jnp.eye(3)) for shape in shapes)

@@ -28,7 +28,7 @@ from jaxdyn.integrate.phases import MAX_PHASES, HybridTrajectory, simulate_phase
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.sticks import Sideways
-from jaxdyn.scene import Scene, System, checked_scene
+from jaxdyn.scene import Scene, System, check_scene
 
 MARGIN = 0.5
 _RETURN_RATIO = 1.2  # times the distance of the change to x and y at which polar coordinates return
@@ -88,7 +88,7 @@ def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
     Raises:
       ValueError: `scene` is of another kind, or `margin` is not between 0 and 0.7.
     """
-    system = checked_scene(scene).system
+    system = check_scene(scene).system
     if not 0 < margin < 0.7:
         remedy = "Above, the new coordinates could be as near to their end as the old ones."
         raise _checks.fail("margin", "between 0 and 0.7", margin, remedy)

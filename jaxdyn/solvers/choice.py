@@ -169,11 +169,11 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and why."""
     found = series_of(scene.field, scene.y0, longest=_LONGEST)
     known = None if _checks.is_traced(rtol) else float(rtol)
-    return _ruled(found, scene.second_order, len(scene.y0), known)
+    return _method_of_rule(found, scene.second_order, len(scene.y0), known)
 
 
 @functools.lru_cache  # to put the reason into words takes half as long as to find it
-def _ruled(
+def _method_of_rule(
     found: Series | None, second_order: bool, k: int, rtol: float | None
 ) -> tuple[Method, str]:
     """`_rule` for a state of k numbers with or without a series; no rtol means any."""
@@ -232,7 +232,7 @@ def _by_series(
     return None, f"{why}; more than {max(orders)} are too many"
 
 
-def chosen_method(
+def choose_method(
     scene: Scene, solver: Solver | None, *, rtol=RTOL, several: bool = False
 ) -> Method:
     """The requested method, if it suits the scene, or that of `default_solver`.
@@ -253,16 +253,16 @@ def chosen_method(
     return method
 
 
-def checked_method(
+def check_method(
     scene: Scene, solver: Solver | None, dt=None, *, rtol=RTOL, several: bool = False
 ) -> Method:
-    """`chosen_method`, with checks: 64-bit floats are on, and `dt` is given exactly if needed.
+    """`choose_method`, with checks: 64-bit floats are on, and `dt` is given exactly if needed.
 
     Raises:
       ValueError: 64-bit floats are off, or `dt` is given to an adaptive method or missing.
     """
     _checks.float64()
-    method = chosen_method(scene, solver, rtol=rtol, several=several)
+    method = choose_method(scene, solver, rtol=rtol, several=several)
     if method.adaptive and dt is not None:
         raise _checks.fail(
             "dt",

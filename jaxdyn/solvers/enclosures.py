@@ -100,12 +100,12 @@ def _plus(a: Dual, b: Dual) -> Dual:
 def _sum(node: Node, bound: Bound) -> Dual:
     total = bound(0.0)
     for factor, term in zip(node.args[::2], node.args[1::2], strict=True):
-        part = bound(factor) if term is None else _scaled(factor, term, bound)
+        part = bound(factor) if term is None else _scale(factor, term, bound)
         total = _plus(total, part)
     return total
 
 
-def _scaled(factor: Number, term: Number, bound: Bound) -> Dual:
+def _scale(factor: Number, term: Number, bound: Bound) -> Dual:
     if isinstance(factor, Node):  # such as a condition, which differs from box to box
         return _times(bound(factor), bound(term))
     return Dual(*(by_number(factor, part) for part in bound(term)))
@@ -209,7 +209,7 @@ def _select(node: Node, bound: Bound) -> Dual:
 _RULES: dict[str, Callable[[Node, Bound], Dual]] = {
     **{
         "sum": _sum,
-        "scale": lambda node, bound: _scaled(node.args[0], node.args[1], bound),
+        "scale": lambda node, bound: _scale(node.args[0], node.args[1], bound),
         "add": lambda node, bound: _plus(bound(node.args[0]), bound(node.args[1])),
     },
     **{"product": _product, "mul": _product, "div": _division, "sqrt": _root, "pow": _power},

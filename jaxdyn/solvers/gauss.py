@@ -42,7 +42,7 @@ def collocation(c: np.ndarray) -> np.ndarray:
     return a
 
 
-def mixed(matrix: np.ndarray, x: Array) -> Array:
+def mix(matrix: np.ndarray, x: Array) -> Array:
     """(..., r): a matrix (r, s) applied to the last axis of x (..., s).
 
     An unrolled sum: a product of matrices would prevent fusion of the stepping loop.
@@ -103,10 +103,10 @@ class Gauss(Method):
 
         def again(carry):
             n, shift, change, _ = carry
-            new = mixed(self.mu, slopes(shift))
+            new = mix(self.mu, slopes(shift))
             return n + 1, new, jnp.max(jnp.abs(new - shift)), change
 
-        first = mixed(self.mu, parts * field(t, y)[..., None])
+        first = mix(self.mu, parts * field(t, y)[..., None])
         far = jnp.full((), jnp.inf, y.dtype)
         _, shift, change, _ = jax.lax.while_loop(go_on, again, (0, first, far, far))
         increment = jnp.sum(slopes(shift), axis=-1)

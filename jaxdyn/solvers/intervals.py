@@ -28,7 +28,7 @@ def point(x: np.ndarray) -> Interval:
     return Interval(x, x)
 
 
-def _widened(low: np.ndarray, high: np.ndarray, by: float = ROUNDING) -> Interval:
+def _widen(low: np.ndarray, high: np.ndarray, by: float = ROUNDING) -> Interval:
     """Bounds widened by rounding; NaN, as of infinity times 0, becomes no bound."""
     low, high = low - by * np.abs(low), high + by * np.abs(high)
     return Interval(np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high))
@@ -36,7 +36,7 @@ def _widened(low: np.ndarray, high: np.ndarray, by: float = ROUNDING) -> Interva
 
 def add(a: Interval, b: Interval) -> Interval:
     """Bounds of a sum."""
-    return _widened(a.low + b.low, a.high + b.high)
+    return _widen(a.low + b.low, a.high + b.high)
 
 
 def negative(a: Interval) -> Interval:
@@ -50,7 +50,7 @@ def multiply(a: Interval, b: Interval) -> Interval:
     corners = [np.where((x == 0) | (y == 0), 0.0, x * y) for x in a for y in b]
     low = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
     high = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
-    return _widened(low, high)
+    return _widen(low, high)
 
 
 def inverse(a: Interval) -> Interval:
@@ -61,7 +61,7 @@ def inverse(a: Interval) -> Interval:
     high = np.where((a.low > 0) | (a.high < 0), high, np.inf)
     low = np.where((a.low == 0) & (a.high > 0), 1 / a.high, low)
     high = np.where((a.high == 0) & (a.low < 0), 1 / a.low, high)
-    return _widened(low, high)
+    return _widen(low, high)
 
 
 def whole_power(a: Interval, n: int) -> Interval:
@@ -70,7 +70,7 @@ def whole_power(a: Interval, n: int) -> Interval:
     if n % 2 == 0:
         low, high = np.minimum(low, high), np.maximum(low, high)
         low = np.where((a.low < 0) & (a.high > 0), 0.0, low)
-    return _widened(low, high, n * FUNCTION_ROUNDING)
+    return _widen(low, high, n * FUNCTION_ROUNDING)
 
 
 def hull(a: Interval, b: Interval) -> Interval:
@@ -80,15 +80,15 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 def rising(fn: Callable, a: Interval) -> Interval:
     """Bounds of an increasing function; none where it is undefined."""
-    return _widened(fn(a.low), fn(a.high), FUNCTION_ROUNDING)
+    return _widen(fn(a.low), fn(a.high), FUNCTION_ROUNDING)
 
 
 def cosine(a: Interval, shift: float) -> Interval:
     """Bounds of cos(a - shift pi), shift 0 or 1/2: 1 at even multiples of pi, -1 at odd ones."""
     ends = [np.cos(x) if shift == 0 else np.sin(x) for x in a]
-    low, high = _widened(np.minimum(*ends), np.maximum(*ends), FUNCTION_ROUNDING)
+    low, high = _widen(np.minimum(*ends), np.maximum(*ends), FUNCTION_ROUNDING)
     # In turns, widened: an extra multiple of pi only makes bounds wider.
-    first, last = _widened(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION_ROUNDING)
+    first, last = _widen(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION_ROUNDING)
     first, last = first - FUNCTION_ROUNDING, last + FUNCTION_ROUNDING
     high = np.where(2 * np.floor(last / 2) >= first, 1.0, high)
     low = np.where(2 * np.floor((last - 1) / 2) + 1 >= first, -1.0, low)
@@ -102,7 +102,7 @@ def cosine(a: Interval, shift: float) -> Interval:
 def by_number(factor: float, a: Interval) -> Interval:
     """`multiply` by a known number, in a fifth of the time."""
     ends = a if factor >= 0 else a[::-1]
-    return _widened(*(factor * x for x in ends))
+    return _widen(*(factor * x for x in ends))
 
 
 def real_power(a: Interval, n: float) -> Interval:
@@ -111,4 +111,4 @@ def real_power(a: Interval, n: float) -> Interval:
     low, high = np.minimum(*ends), np.maximum(*ends)
     unknown = a.low < 0
     low, high = np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
-    return _widened(low, high, FUNCTION_ROUNDING)
+    return _widen(low, high, FUNCTION_ROUNDING)

@@ -187,7 +187,7 @@ def _kind(x) -> tuple:
     return x.shape, x.dtype
 
 
-def traced_once(look: Callable) -> Callable:
+def trace_once(look: Callable) -> Callable:
     """look(rate, t, y), found once for systems of a kind, whatever their numbers; host only.
 
     Returns:

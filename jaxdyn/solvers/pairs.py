@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn._numerics import materialise, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
 from jaxdyn.solvers.order_conditions import lacking
 
@@ -101,12 +101,12 @@ class Pair(Method):
         return in_loops(self, min(n, self.stages))
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        sums = self._rolled if self.loops else self._unrolled
+        sums = self._rolled_stages if self.loops else self._unrolled_stages
         one = runtime_one(h)
 
         def keep(x):
             # The loops over stages keep their arrays anyway.
-            return x if self.loops else materialised(x, one)
+            return x if self.loops else materialise(x, one)
 
         if not self.position_only:
 
@@ -140,7 +140,7 @@ class Pair(Method):
         """(3 w, s) weights of the solution, of the error, and of the correction."""
         return np.concatenate([*self.weights, self.lacking])
 
-    def _unrolled(self, slope: Callable, like: Array) -> list[Array]:
+    def _unrolled_stages(self, slope: Callable, like: Array) -> list[Array]:
         def combine(row, k):
             terms = [jax.lax.mul(x, w) for w, x in zip(row, k, strict=False) if w != 0.0]
             return functools.reduce(jax.lax.add, terms) if terms else jnp.zeros_like(like)
@@ -155,7 +155,7 @@ class Pair(Method):
             ratio = fastest(k[j] - k[i], shifts[j] - shifts[i], k[j])
         return [*(combine(row, k) for row in self._rows.tolist()), ratio]
 
-    def _rolled(self, slope: Callable, like: Array) -> list[Array]:
+    def _rolled_stages(self, slope: Callable, like: Array) -> list[Array]:
         c, done = jnp.asarray(self.c), []
         # Rows of one state are as long as vectors: XLA takes the rest of a row one by one, each sum
         # through memory (a third of the time of a stage of ten numbers).

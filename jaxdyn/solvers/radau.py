@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.solvers.gauss import collocation, mixed
+from jaxdyn.solvers.gauss import collocation, mix
 from jaxdyn.solvers.method import Advance, Method, Rate
 
 _MAX_ITERATIONS = 25  # Newton iterations at most
@@ -72,7 +72,7 @@ class Radau(Method):
         return values[kept], inverse[kept], vectors[:, kept] * share
 
     @functools.cached_property
-    def _embedded(self) -> tuple[float, np.ndarray]:
+    def _embedded_weights(self) -> tuple[float, np.ndarray]:
         """gamma and (s,) weights e: the error is (1 - h gamma J)^-1 (h gamma f(y) + e Z)."""
         gamma = self._apart[0][0].real
         powers = np.arange(self.stages)[:, None]
@@ -90,14 +90,14 @@ class Radau(Method):
         def solved(right):
             """(1 - h a x J)^-1 applied to right sides (k, ..., s)."""
             right = right.astype(to.dtype)
-            apart = [mixed(row[None], right)[..., 0] for row in to]
-            moved = [_applied(m, x) for m, x in zip(inverses, apart, strict=True)]
-            return jnp.stack([_summed(moved, row).real for row in back], axis=-1)
+            apart = [mix(row[None], right)[..., 0] for row in to]
+            moved = [_apply(m, x) for m, x in zip(inverses, apart, strict=True)]
+            return jnp.stack([_weighted_sum(moved, row).real for row in back], axis=-1)
 
         def again(carry):
             n, z, _, change, _ = carry
             f = fields(times, y[..., None] + z)
-            residual = z - h * mixed(self.a, f)
+            residual = z - h * mix(self.a, f)
             dz = -solved(residual)
             size = jnp.abs(y)[..., None] + jnp.max(jnp.abs(z), axis=-1, keepdims=True) + _TINY
             return n + 1, z + dz, dz[..., -1], jnp.max(jnp.abs(dz) / size), change
@@ -109,9 +109,9 @@ class Radau(Method):
         far = jnp.full((), jnp.inf, y.dtype)
         z = jnp.zeros((*y.shape, self.stages), y.dtype)
         _, z, last, _, _ = jax.lax.while_loop(go_on, again, (0, z, jnp.zeros_like(y), far, far))
-        gamma, e = self._embedded
-        raw = h * gamma * field(t, y) + mixed(e[None], z)[..., 0]
-        error = _applied(inverses[0].real, raw)
+        gamma, e = self._embedded_weights
+        raw = h * gamma * field(t, y) + mix(e[None], z)[..., 0]
+        error = _apply(inverses[0].real, raw)
         return Advance(z[..., -1], jnp.abs(error) + jnp.abs(last))
 
 
@@ -163,11 +163,11 @@ def _inverses(mus: Array, jacobian: Array) -> Array:
     return jnp.sum(order[..., None] * x[:, None, :, k:], axis=2)
 
 
-def _summed(parts: list[Array], row: np.ndarray) -> Array:
+def _weighted_sum(parts: list[Array], row: np.ndarray) -> Array:
     return functools.reduce(jnp.add, [w * x for w, x in zip(row.tolist(), parts, strict=True)])
 
 
-def _applied(matrix: Array, x: Array) -> Array:
+def _apply(matrix: Array, x: Array) -> Array:
     """A matrix (k, k) times x (k, ...), as a sum: a call would prevent fusion of the loop."""
     return jnp.sum(matrix.reshape(*matrix.shape, *[1] * (x.ndim - 1)) * x[None], axis=1)
 

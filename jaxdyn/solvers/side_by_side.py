@@ -24,8 +24,8 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._programs import CALLS, bound, called
-from jaxdyn.solvers.formulas.formulas import rearranged
+from jaxdyn._programs import CALLS, bind, inner_program
+from jaxdyn.solvers.formulas.formulas import rearrange
 
 #: Elementwise operations, all arguments of one shape.
 _ELEMENTWISE = {
@@ -119,7 +119,7 @@ class _Lanes:
             return values[atom]
 
         for eqn in jaxpr.eqns:
-            found = self._applied(eqn, [read(a) for a in eqn.invars])
+            found = self._apply(eqn, [read(a) for a in eqn.invars])
             values |= dict(zip(eqn.outvars, found, strict=True))
         return [read(a) for a in jaxpr.outvars]
 
@@ -128,13 +128,13 @@ class _Lanes:
         if isinstance(x, _Wide):
             return x.array
         if isinstance(x, _Apart):
-            rows = jnp.stack([self._spread(entry) for entry in x.entries.flat])
+            rows = jnp.stack([self._broadcast(entry) for entry in x.entries.flat])
             return rows.reshape(*x.entries.shape, *self.lanes)
         return jnp.broadcast_to(
             x.reshape(*x.shape, *(1 for _ in self.lanes)), (*x.shape, *self.lanes)
         )
 
-    def _spread(self, entry) -> Array:
+    def _broadcast(self, entry) -> Array:
         return jnp.broadcast_to(entry, self.lanes)
 
     def _entries(self, x: _Value) -> np.ndarray:
@@ -144,13 +144,13 @@ class _Lanes:
         shape = array.shape[: array.ndim - len(self.lanes)] if isinstance(x, _Wide) else array.shape
         return _objects([array[at] for at in np.ndindex(shape)], shape)
 
-    def _applied(self, eqn, args: list[_Value]) -> list[_Value]:
+    def _apply(self, eqn, args: list[_Value]) -> list[_Value]:
         """Results of one equation of a program."""
         name = eqn.primitive.name
         if name in CALLS:
-            return self.interpret(called(eqn), args)
+            return self.interpret(inner_program(eqn), args)
         if not any(isinstance(x, _Wide | _Apart) for x in args):
-            return list(bound(eqn, args))
+            return list(bind(eqn, args))
         sizes = [math.prod(a.aval.shape) for a in (*eqn.invars, *eqn.outvars)]
         if 0 < min(sizes) and max(sizes) <= self.most:
             found = self._entry_by_entry(eqn, args)
@@ -165,7 +165,7 @@ class _Lanes:
             rows = zip(*(x.flat for x in columns), strict=True)
             return [_objects([self._scalar(eqn, row) for row in rows], columns[0].shape)]
         if name in _MOVES:
-            return rearranged(name, eqn.params, [self._entries(x) for x in args])
+            return rearrange(name, eqn.params, [self._entries(x) for x in args])
         if name == "reduce_sum":
             axes, shape = eqn.params["axes"], eqn.outvars[0].aval.shape
             first = np.moveaxis(self._entries(args[0]), axes, range(len(axes)))
@@ -179,16 +179,16 @@ class _Lanes:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
                 # As in XLA for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
-        return bound(eqn, [self._spread(x) if differ else x for x in entries])[0]
+        return bind(eqn, [self._broadcast(x) if differ else x for x in entries])[0]
 
     def _whole(self, eqn, args: list[_Value]) -> Sequence[Array]:
         name, params, n = eqn.primitive.name, eqn.params, len(self.lanes)
         if name in _ELEMENTWISE:
             # Including conditions and bounds, which may be scalars.
             shape = (*eqn.outvars[0].aval.shape, *self.lanes)
-            return bound(eqn, [jnp.broadcast_to(self.wide(x), shape) for x in args])
+            return bind(eqn, [jnp.broadcast_to(self.wide(x), shape) for x in args])
         if name in _ALONG_AXES:
-            return bound(eqn, [self.wide(x) for x in args])
+            return bind(eqn, [self.wide(x) for x in args])
         if name == "slice":
             low, high = params["start_indices"], params["limit_indices"]
             strides = params["strides"] or (1,) * len(low)
@@ -203,9 +203,9 @@ class _Lanes:
         if name == "transpose":
             order = params["permutation"]
             return [lax.transpose(self.wide(args[0]), (*order, *range(len(order), len(order) + n)))]
-        return self._mapped(eqn, args)
+        return self._map(eqn, args)
 
-    def _mapped(self, eqn, args: list[_Value]) -> list[Array]:
+    def _map(self, eqn, args: list[_Value]) -> list[Array]:
         """Any other operation, by `jax.vmap`, with all lanes in one axis."""
         count = math.prod(self.lanes)
         differ = [isinstance(x, _Wide | _Apart) for x in args]
@@ -215,7 +215,7 @@ class _Lanes:
             for x, there in zip(arrays, differ, strict=True)
         ]
         axes = [-1 if there else None for there in differ]
-        found = jax.vmap(lambda *xs: bound(eqn, list(xs)), in_axes=axes, out_axes=-1)(*joined)
+        found = jax.vmap(lambda *xs: bind(eqn, list(xs)), in_axes=axes, out_axes=-1)(*joined)
         return [x.reshape(*x.shape[:-1], *self.lanes) for x in found]
 
 

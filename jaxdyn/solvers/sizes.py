@@ -69,7 +69,7 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     wide = (PART * scales.time * there).reshape(len(y), -1)
     tangents = _of_tangents(sizes, wide[:, 1:])
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
-    return Begun(grown(field.groups, wide, y0), scales.time, rate, scales.noise)
+    return Begun(grow(field.groups, wide, y0), scales.time, rate, scales.noise)
 
 
 def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
@@ -117,7 +117,7 @@ def _alone(field: Any, y: Array) -> tuple[Any, Array]:
     return field, y
 
 
-def grown(groups: Groups, sizes: Array, y: Array) -> Array:
+def grow(groups: Groups, sizes: Array, y: Array) -> Array:
     """The sizes (k, ...) after a step to y (k, ...): nowhere smaller."""
     if y.ndim == 1:
         return jnp.maximum(sizes, groups.sizes(jnp.abs(y), in_loop=True))
@@ -128,7 +128,7 @@ def grown(groups: Groups, sizes: Array, y: Array) -> Array:
     return jnp.maximum(old, found).reshape(y.shape)
 
 
-def glimpsed(sizes: Array, tried: Array) -> Array:
+def sizes_after_rejection(sizes: Array, tried: Array) -> Array:
     """The sizes (k, ...) after a step that is rejected, where those after it would be others.
 
     What was at rest up to now has a small part of what the step would have made of it: measured by
@@ -138,7 +138,7 @@ def glimpsed(sizes: Array, tried: Array) -> Array:
     return jnp.where(sizes > 0, sizes, _GLIMPSE * found)
 
 
-def allowed(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array:
+def allowed_error(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array:
     """The error (k, ...) that a step from y0 to y1 may have, where sizes are those after it."""
     now = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
     if y0.ndim > 1:

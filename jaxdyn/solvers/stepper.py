@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import perturbed_start
-from jaxdyn.solvers.sizes import absolute, allowed, glimpsed, groups_of, grown
+from jaxdyn.solvers.sizes import absolute, allowed_error, groups_of, grow, sizes_after_rejection
 
 #: Net stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
@@ -92,7 +92,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1, carry = step.onto(y0, carry)
         end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
         t1 = t1 if end is None else end
-        y1 = simplified(args.project)(sign * t1, y1)
+        y1 = simplify(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         if not isinstance(step.speed, float):  # else the default: the method does not estimate it
@@ -105,8 +105,8 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         )
         may = None
         if sizes is not None:
-            sizes = grown(groups_of(args, y0), sizes, y1)
-            may = allowed(self.tolerance, sizes, y0, y1)
+            sizes = grow(groups_of(args, y0), sizes, y1)
+            may = allowed_error(self.tolerance, sizes, y0, y1)
         told = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
         return y1, told, nothing, (carry, count, sizes), result
@@ -115,7 +115,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         """Its state after a step that is rejected, from those before and after the step."""
         if state[2] is None:
             return state
-        return (*state[:2], glimpsed(state[2], tried[2]))
+        return (*state[:2], sizes_after_rejection(state[2], tried[2]))
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)

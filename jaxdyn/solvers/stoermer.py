@@ -26,7 +26,7 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import materialised, runtime_one
+from jaxdyn._numerics import materialise, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from
 from jaxdyn.solvers.pairs import NYSTROM12
 from jaxdyn.solvers.side_by_side import side_by_side
@@ -87,7 +87,7 @@ class Stoermer(Method):
     @property
     def error_order(self) -> int:
         """That of the extrapolation without the last columns, which gives the estimate."""
-        return 2 * _compared(self.counts) + 1
+        return 2 * _columns_compared(self.counts) + 1
 
     @property
     def evaluations(self) -> int:
@@ -107,7 +107,7 @@ class Stoermer(Method):
     @functools.cached_property
     def plan(self) -> "Plan":
         """The schedule of the lanes."""
-        return _planned(self.counts)
+        return _plan_columns(self.counts)
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         # One loop over the substeps: unrolled, they compile longer and run no faster.
@@ -132,7 +132,7 @@ class Stoermer(Method):
         # It starts every column: computed once, not in each of its uses.
         one = runtime_one(h.ravel()[0])
         times = jnp.broadcast_shapes(t.shape, h.shape)
-        first = parts(materialised(field(jnp.broadcast_to(t, times), y)[half:], one))
+        first = parts(materialise(field(jnp.broadcast_to(t, times), y)[half:], one))
         q, v = parts(y[:half]), parts(y[half:])
         start, length = wide(t), wide(h)
         table, weights = (x.reshape(*x.shape[:2], *(1,) * rank, *x.shape[2:]) for x in self.plan)
@@ -154,7 +154,7 @@ class Stoermer(Method):
             at = (start + since).reshape(*times, _LANES, 1)
             there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
             # Scalars are cheap to compute again, arrays are not: for each entry of a force.
-            there = there if few else [materialised(x, one) for x in there]
+            there = there if few else [materialise(x, one) for x in there]
             pulls = side_by_side(pull, at, *there, axes=2, apart=True)
             new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
             # Later substeps overwrite it until columns end.
@@ -168,7 +168,7 @@ class Stoermer(Method):
         (moved, _, pulls), ends = lax.fori_loop(0, len(table), substep, begin)
         # Times one: else XLA cuts the array into constants, and asks for memory for each.
         weights = jnp.asarray(weights) * one
-        return _extrapolated(h, y, ends, weights, moved=moved, pulls=pulls)
+        return _extrapolate(h, y, ends, weights, moved=moved, pulls=pulls)
 
     def _growth(self, z: float) -> float:
         """Growth factor of a step of length 1 for q'' = -z^2 q."""
@@ -183,18 +183,18 @@ class Stoermer(Method):
         return float(np.abs(np.linalg.eigvals(end)).max())
 
 
-def _extrapolated(
+def _extrapolate(
     h: Array, y: Array, ends: list[Array], weights: Array, *, moved: list[Array], pulls: list[Array]
 ) -> Advance:
     """The step from the ends of its columns, and from the last places and forces of the lanes."""
     still = jnp.zeros_like(y[len(y) // 2 :])
     increment, error = (
-        _joined([_summed(weights[:, row], x) for x in ends], y.shape) for row in range(2)
+        _join([_weighted_sum(weights[:, row], x) for x in ends], y.shape) for row in range(2)
     )
     increment = increment + jnp.concatenate([h * y[len(y) // 2 :], still])
     # The two columns with the most substeps end side by side, at nearly the same place.
     there, forces = (
-        [_joined([x[..., j, 0] for x in part], still.shape) for j in range(2)]
+        [_join([x[..., j, 0] for x in part], still.shape) for j in range(2)]
         for part in (moved, pulls)
     )
     ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
@@ -213,7 +213,7 @@ def _steepness(forces: list[Array], places: list[Array]) -> Array:
     return change / (apart + _NEARLY_EQUAL * size + jnp.finfo(size.dtype).tiny)
 
 
-def _summed(weights: Array, ends: Array) -> Array:
+def _weighted_sum(weights: Array, ends: Array) -> Array:
     """Weighted sum; unrolled, since XLA on CPU allocates memory for each `jnp.sum`."""
     terms = [w * x for w, x in zip(weights, ends, strict=True)]
     total = functools.reduce(jnp.add, terms)
@@ -221,7 +221,7 @@ def _summed(weights: Array, ends: Array) -> Array:
     return (a + b) + (c + d)
 
 
-def _joined(parts: list[Array], shape: tuple[int, ...]) -> Array:
+def _join(parts: list[Array], shape: tuple[int, ...]) -> Array:
     """Entries, or arrays of them, in one array."""
     return jnp.concatenate([x.reshape(-1, *shape[1:]) for x in parts])
 
@@ -241,7 +241,7 @@ class Plan(NamedTuple):
     weights: np.ndarray
 
 
-def _planned(counts: Sequence[int]) -> Plan:
+def _plan_columns(counts: Sequence[int]) -> Plan:
     """Columns in the fewest substeps of four lanes, the longest of each lane last."""
     lanes: list[list[int]] = [[] for _ in range(_LANES)]
     for n in sorted(counts, reverse=True):
@@ -252,7 +252,7 @@ def _planned(counts: Sequence[int]) -> Plan:
     first[:] = 1.0
     weights = np.zeros((depth + 1, 2, _LANES, 1))
     solution = dict(zip(counts, _weights(counts), strict=True))
-    others = counts[: _compared(counts)]
+    others = counts[: _columns_compared(counts)]
     without = dict(zip(others, _weights(others), strict=True))
     share = _SHARE ** max(0, len(counts) - _LIKE_A_PAIR)
     change = {n: share * float(w - without.get(n, 0)) for n, w in solution.items()}
@@ -269,7 +269,7 @@ def _planned(counts: Sequence[int]) -> Plan:
     return Plan(table, weights[ends])
 
 
-def _compared(counts: Sequence[int]) -> int:
+def _columns_compared(counts: Sequence[int]) -> int:
     """How many of the first columns the result is compared with, for the estimate of its error.
 
     Without a third of them the order is lower by four or six. So errors of a motion at some

@@ -19,7 +19,7 @@ from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.effects import SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import simulate, solve
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.linkages import rod_on_line
 from jaxdyn.solvers import default_solver
 
@@ -108,7 +108,7 @@ def advice(scene: Scene, t1=None) -> str:
       >>> advice(joined_by_spring(1e12))[:67]
       'The stiffest link vibrates at 1.22e+06 rad/s, 3.9e+06 times in the '
     """
-    fastest = float(np.abs(np.asarray(linearize(checked_scene(scene), scene.y0).eigenvalues)).max())
+    fastest = float(np.abs(np.asarray(linearize(check_scene(scene), scene.y0).eigenvalues)).max())
     turns = fastest * abs(float(scene.t1 if t1 is None else t1)) / (2 * np.pi)
     if turns < _MAX_VIBRATIONS:
         return ""

@@ -108,7 +108,7 @@ def mathieu_numbers(
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
-    L = _reduced(length, uniform)
+    L = _reduced_length(length, uniform)
     amplitude, frequency = floats(amplitude, frequency)
     return -4 * g / (L * frequency**2), 2 * amplitude / L
 
@@ -124,8 +124,8 @@ def averaged_limit(frequency, *, length=1.0, g=9.81, uniform=True) -> Array:
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
-    return jnp.sqrt(2 * g * _reduced(length, uniform)) / jnp.asarray(frequency, dtype=float)
+    return jnp.sqrt(2 * g * _reduced_length(length, uniform)) / jnp.asarray(frequency, dtype=float)
 
 
-def _reduced(length, uniform: bool) -> Array:
+def _reduced_length(length, uniform: bool) -> Array:
     return jnp.asarray(length, dtype=float) * (2 / 3 if uniform else 1.0)

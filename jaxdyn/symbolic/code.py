@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import objects, traced
+from jaxdyn.solvers.formulas.formulas import objects, trace
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
     LOGIC,
@@ -26,8 +26,8 @@ from jaxdyn.solvers.formulas.graph import (
     NotElementary,
     Number,
 )
-from jaxdyn.solvers.formulas.shortest import ordered
-from jaxdyn.symbolic.parameters import parameters, rebuilt
+from jaxdyn.solvers.formulas.shortest import topological_order
+from jaxdyn.symbolic.parameters import parameters, rebuild
 
 #: Nodes above which no function is written.
 _MOST_NODES = 20_000
@@ -231,12 +231,12 @@ def code(
     names = parameters(scene).names
     graph = Graph(expanding=False, smooth=False, most=_MOST_NODES)
     time, *rest = (
-        graph.given(None, moving=i <= len(scene.y0)) for i in range(1 + len(scene.y0) + len(names))
+        graph.input(None, moving=i <= len(scene.y0)) for i in range(1 + len(scene.y0) + len(names))
     )
     state, numbers = rest[: len(scene.y0)], rest[len(scene.y0) :]
 
     def function(t, y, values):
-        system, effects = rebuilt(scene.field, values)
+        system, effects = rebuild(scene.field, values)
         moved = Scene(system, effects, y0=y, t1=scene.t1, name=scene.name)
         return jnp.ravel(of(moved, t, y))
 
@@ -244,7 +244,7 @@ def code(
         objects(x, s) for x, s in (([time], ()), (state, (len(state),)), (numbers, (len(numbers),)))
     )
     try:
-        (found,) = traced(graph, function, *given)
+        (found,) = trace(graph, function, *given)
     except NotElementary as error:
         remedy = "Only what is arithmetic on numbers can be written in another language."
         raise _checks.fail("code", "a rate with formulas", str(error), remedy) from error
@@ -252,7 +252,7 @@ def code(
     first = chosen.first
     inputs |= {node: f"y[{i + first}]" for i, node in enumerate(state)}
     inputs |= {node: f"p[{i + first}]" for i, node in enumerate(numbers)}
-    body, results = _written(graph, list(found), inputs, chosen, language)
+    body, results = _lines(graph, list(found), inputs, chosen, language)
     labels = [label for label, _ in scene.labels()]
     comments = [f"{key}: {', '.join(said)}" for key, said in (("y", labels), ("p", names)) if said]
     return chosen.layout.format(
@@ -263,11 +263,11 @@ def code(
     )
 
 
-def _written(
+def _lines(
     graph: Graph, results: list[Number], inputs: dict[Node, str], to: Language, language: str
 ) -> tuple[list[str], list[str]]:
     """The lines that compute some numbers, and the texts of these."""
-    nodes = ordered(graph, results)
+    nodes = topological_order(graph, results)
     uses = _uses(results)
     texts: dict[Node, tuple[str, int]] = {node: (text, _WHOLE) for node, text in inputs.items()}
     lines: list[str] = []
@@ -315,7 +315,7 @@ def _operation(node: Node, at: Callable, to: Language, language: str) -> tuple[s
     if op in ("scale", "mul", "product"):
         if -1.0 in args and len(args) == 2:
             (other,) = [a for a in args if isinstance(a, Node)]
-            return _negated(at(other, _PRODUCT)), _SIGN
+            return _negate(at(other, _PRODUCT)), _SIGN
         return " * ".join(at(a, _PRODUCT) for a in args), _PRODUCT
     if op == "div":
         return f"{at(args[0], _PRODUCT)} / {at(args[1], _SIGN)}", _PRODUCT
@@ -357,11 +357,11 @@ def _sum(pairs: list[tuple[Number, Node | None]], at: Callable) -> str:
         if text:
             text += f" - {part}" if negative else f" + {part}"
         else:
-            text = _negated(part) if negative else part
+            text = _negate(part) if negative else part
     return text
 
 
-def _negated(text: str) -> str:
+def _negate(text: str) -> str:
     # Two signs in a row are another operation in C.
     return f"-({text})" if text.startswith("-") else f"-{text}"
 

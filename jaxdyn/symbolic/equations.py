@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from jaxdyn.symbolic.algebra import (
     ONE,
     Atom,
@@ -356,7 +356,7 @@ def equations(scene: Scene) -> Equations:
         (m1 + m2) x'' + m2 l theta'' cos(theta) - m2 l theta'^2 sin(theta) = 0
         x'' cos(theta) + l theta'' + g sin(theta) = 0
     """
-    return Equations(checked_scene(scene))
+    return Equations(check_scene(scene))
 
 
 def _divisor(whole: Expression, others: Expression) -> Expression:

@@ -60,7 +60,7 @@ def parameters(scene: Scene) -> Parameters:
     """
     found = leaves(scene.field)
     names = [
-        name for leaf, stem in zip(found, _stems(found), strict=True) for name in _named(leaf, stem)
+        name for leaf, stem in zip(found, _stems(found), strict=True) for name in _names(leaf, stem)
     ]
     values = [leaf.value.ravel() for leaf in found]
     return Parameters(tuple(names), np.concatenate([np.zeros(0), *values]))
@@ -70,11 +70,11 @@ def with_parameters(scene: Scene, values: Array) -> Scene:
     """The same scene with other values (n,) of its `parameters`, which may be traced."""
     values = jnp.asarray(values, float)
     _checks.check_shape("values", values.shape, parameters(scene).values.shape, "One for each.")
-    system, effects = rebuilt(scene.field, values)
+    system, effects = rebuild(scene.field, values)
     return Scene(system, effects, y0=scene.y0, t1=scene.t1, name=scene.name)
 
 
-def rebuilt(field: Field, values: Array) -> Field:
+def rebuild(field: Field, values: Array) -> Field:
     """A field with its parameters replaced by values (n,)."""
     numbers, tree = jax.tree.flatten(field)
     start, made = 0, []
@@ -115,7 +115,7 @@ def _part(key: Any) -> str:
 
 def _stems(found: list[Leaf]) -> list[str]:
     """For each array the shortest end of its path that no other one has."""
-    ends = [[_joined(leaf.path[i:]) for i in reversed(_beginnings(leaf.path))] for leaf in found]
+    ends = [[_join(leaf.path[i:]) for i in reversed(_beginnings(leaf.path))] for leaf in found]
     counts = Counter(end for mine in ends for end in set(mine))
     return [next((end for end in mine if counts[end] == 1), mine[-1]) for mine in ends]
 
@@ -125,11 +125,11 @@ def _beginnings(path: tuple[str, ...]) -> list[int]:
     return [i for i, part in enumerate(path) if not part.startswith("[")] or [0]
 
 
-def _joined(path: tuple[str, ...]) -> str:
+def _join(path: tuple[str, ...]) -> str:
     return "".join(part if part.startswith("[") else f".{part}" for part in path).lstrip(".")
 
 
-def _named(leaf: Leaf, stem: str) -> list[str]:
+def _names(leaf: Leaf, stem: str) -> list[str]:
     if not leaf.value.ndim:
         return [stem]
     places = (",".join(map(str, at)) for at in np.ndindex(leaf.value.shape))

@@ -9,11 +9,11 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import objects, traced
+from jaxdyn.solvers.formulas.formulas import objects, trace
 from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementary, Number
-from jaxdyn.solvers.formulas.shortest import ordered
+from jaxdyn.solvers.formulas.shortest import topological_order
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
-from jaxdyn.symbolic.parameters import rebuilt
+from jaxdyn.symbolic.parameters import rebuild
 from jaxdyn.symbolic.simplifying import simplified
 from jaxdyn.symbolic.symbols import Symbols
 from jaxdyn.symbolic.trigonometry import deeply_shortened
@@ -45,7 +45,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
         x = as_expression(x)
         if x.is_number:
             return float(x.number)
-        node = graph.given(None, moving=moving)
+        node = graph.input(None, moving=moving)
         meant[node] = x
         return node
 
@@ -53,12 +53,12 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
         return objects([given(s, moving) for s in symbols], (len(symbols),))
 
     def function_of(t, y, values, *rest):
-        return quantity(rebuilt(scene.field, values), t, y, *rest)
+        return quantity(rebuild(scene.field, values), t, y, *rest)
 
     inputs = [row([of.time], True).reshape(()), row(of.state, True), row(of.parameters, False)]
     inputs += [row(symbols, True) for symbols in more]
     try:
-        found = traced(graph, function_of, *inputs)
+        found = trace(graph, function_of, *inputs)
     except NotElementary as error:
         raise _checks.fail(
             "equations",
@@ -66,7 +66,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
             str(error),
             "Loops whose length is not known, callbacks and solvers of the user have none.",
         ) from error
-    nodes = ordered(graph, [x for array in found for x in np.ravel(array).tolist()])
+    nodes = topological_order(graph, [x for array in found for x in np.ravel(array).tolist()])
     for node in nodes:
         if node not in meant:
             meant[node] = _expression(node, meant)

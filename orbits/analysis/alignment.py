@@ -16,7 +16,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
-from orbits.motion import gravitates, solved
+from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit
 
 #: Largest distance of two orbits that count as the same one, relative to their size.
@@ -63,16 +63,16 @@ def match_points(a: Orbit, b: Orbit) -> Match | None:
     if scale is None:
         return None
     masses = np.asarray(first.m), np.asarray(second.m)
-    here = centred(samples(a), masses[0])
+    here = centre(samples(a), masses[0])
     best: Match | None = None
     for backwards in (False, True):
         units = _Units(lengths=1 / scale, slow=b.period / a.period, backwards=backwards)
-        there = units.of(centred(samples(b), masses[1]))
+        there = units.of(centre(samples(b), masses[1]))
         for index in _shifts(here, there, masses):
-            shift = _refined(b, here, index, units, masses)
-            there_late = units.of(centred(samples(b, shift), masses[1]))
+            shift = _refine(b, here, index, units, masses)
+            there_late = units.of(centre(samples(b, shift), masses[1]))
             for order in _orders(*masses):
-                distance, mirrored = turned_distance(here, there_late[:, :, order])
+                distance, mirrored = distance_after_rotation(here, there_late[:, :, order])
                 if best is None or distance < best.distance:
                     best = Match(
                         distance=distance,
@@ -94,7 +94,7 @@ def _scale(a: Orbit, b: Orbit) -> float | None:
     return 1.0 if abs(a.period - b.period) <= TOLERANCE * a.period else None
 
 
-def centred(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
+def centre(ys: np.ndarray, m: np.ndarray) -> np.ndarray:
     """(s, 2, n, d) positions and velocities about the centre of mass."""
     x = ys.reshape(len(ys), 2, len(m), -1)
     return x - np.einsum("n,sand->sad", m / m.sum(), x)[:, :, None]
@@ -147,7 +147,7 @@ def _shifts(here: np.ndarray, there: np.ndarray, masses) -> list[int]:
     return [int(i) for i in best]
 
 
-def _refined(b: Orbit, here, index: int, units: _Units, masses) -> float:
+def _refine(b: Orbit, here, index: int, units: _Units, masses) -> float:
     """The time of the second orbit at which it fits the start of the first best."""
     m = masses[1]
     step = b.period / len(here)
@@ -157,7 +157,7 @@ def _refined(b: Orbit, here, index: int, units: _Units, masses) -> float:
     h = _DIFFERENCE * b.period
 
     def seen(ys):
-        return _signature(units.of(centred(ys, m)), m)
+        return _signature(units.of(centre(ys, m)), m)
 
     for _ in range(_ROUNDS):
         ys = samples(b, shift)
@@ -184,7 +184,7 @@ def _orders(one: np.ndarray, two: np.ndarray):
             yield order
 
 
-def turned_distance(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
+def distance_after_rotation(here: np.ndarray, there: np.ndarray) -> tuple[float, bool]:
     """Largest distance of positions after the best rotation, and whether it is improper."""
     d = here.shape[-1]
     sizes = [float(np.abs(here[:, i]).max()) for i in range(2)]
@@ -204,6 +204,8 @@ def samples(orbit: Orbit, shift: float = 0.0) -> np.ndarray:
     """(SAMPLES, k) states over one period from a given time."""
     scene = orbit.scene
     if shift:
-        scene = scene.starting(solved(scene, shift, rtol=orbit.rtol, solver=orbit.solver).y1)
+        scene = scene.starting(quick_solve(scene, shift, rtol=orbit.rtol, solver=orbit.solver).y1)
     ts = np.arange(SAMPLES) * orbit.period / SAMPLES
-    return np.asarray(solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver).ys)
+    return np.asarray(
+        quick_solve(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver).ys
+    )

@@ -20,7 +20,7 @@ from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import advanced, other_solver
+from orbits.motion import advance, other_solver
 from orbits.orbit import Orbit, gap
 from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations
@@ -57,7 +57,7 @@ def closure(
     rtol = orbit.rtol if rtol is None else rtol
     if isinstance(orbit, HybridOrbit):
         solvers = (solver,) * len(orbit.legs)
-        found = float(np.abs(_missed(orbit, periods, rtol, solvers)).max())
+        found = float(np.abs(_closing_errors(orbit, periods, rtol, solvers)).max())
         return found if np.isfinite(found) else float("nan")
     flow = after(orbit, periods, rtol=rtol, solver=solver)
     if int(flow.status) != Status.OK:
@@ -69,13 +69,13 @@ def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveRes
     """The motion after some periods, or a part of one, in plain or logarithmic time."""
     s = None if orbit.s_period is None else periods * orbit.s_period
     solver = orbit.solver if solver is None else solver
-    return advanced(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
+    return advance(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
-def _missed(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> np.ndarray:
+def _closing_errors(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> np.ndarray:
     """(m,) the errors of a chain's equations after some periods, by given methods."""
     chain = Chain.of(orbit)
-    return chain.missed(orbit.y0, orbit.spans, rtol, solvers, periods) / _in_units(orbit)[1]
+    return chain.residual(orbit.y0, orbit.spans, rtol, solvers, periods) / _in_units(orbit)[1]
 
 
 def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +143,7 @@ def digits(orbit: Orbit | HybridOrbit) -> Digits:
     y0 = np.asarray(orbit.y0)
     if isinstance(orbit, HybridOrbit):
         jacobian, _ = _in_units(orbit)
-        move = _moved(jacobian, _missed(orbit, 1, TIGHT, _others(orbit)))
+        move = _first_order_move(jacobian, _closing_errors(orbit, 1, TIGHT, _others(orbit)))
         k = len(y0)
         return Digits(_digits(move[:k].max()), _digits(move[k:] @ orbit.spans / orbit.period))
     equations = Equations.of(orbit)
@@ -154,11 +154,11 @@ def digits(orbit: Orbit | HybridOrbit) -> Digits:
     angle = jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
-    move = _moved(jacobian, miss / closed.units.rows)
+    move = _first_order_move(jacobian, miss / closed.units.rows)
     return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1] / (2 * np.pi)))
 
 
-def _moved(jacobian: np.ndarray, miss: np.ndarray) -> np.ndarray:
+def _first_order_move(jacobian: np.ndarray, miss: np.ndarray) -> np.ndarray:
     """(n,) by how much the unknowns would move, to first order, for equations without errors."""
     if not np.isfinite(miss).all():
         return np.full(jacobian.shape[1], np.nan)
@@ -186,6 +186,6 @@ def recheck(orbit: Orbit | HybridOrbit) -> Recheck:
     if isinstance(orbit, HybridOrbit):
         others = _others(orbit)
         names = ", ".join(dict.fromkeys(other.name for other in others))
-        return Recheck(names, TIGHT, float(np.abs(_missed(orbit, 1, TIGHT, others)).max()))
+        return Recheck(names, TIGHT, float(np.abs(_closing_errors(orbit, 1, TIGHT, others)).max()))
     other = _other(orbit)
     return Recheck(other.name, TIGHT, closure(orbit, rtol=TIGHT, solver=other))

@@ -24,8 +24,8 @@ from orbits.analysis.pieces import Periodic, pieces
 from orbits.closing.closings import choreography
 from orbits.closing.sizes import rate, sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import at_s, gravitates, solved
-from orbits.orbit import Orbit, relocated
+from orbits.motion import at_s, gravitates, quick_solve
+from orbits.orbit import Orbit, relocate
 
 #: Largest permutation error of a choreography.
 CHOREOGRAPHY = 1e-9
@@ -77,7 +77,7 @@ def identify(orbit: Orbit | HybridOrbit) -> Identity:
       >>> what.choreography, round(what.scale_free, 9)
       (True, 9.237681251)
     """
-    e, momentum = conserved(orbit)
+    e, momentum = conserved_values(orbit)
     if isinstance(orbit, HybridOrbit):
         return Identity(None, float("nan"), e, momentum, None)
     system = orbit.scene.system
@@ -121,7 +121,7 @@ def scale_free_period(scene: Scene, period: float, energy: float) -> float | Non
     return float(period * speed**3 / (G * mean) / product**1.5)
 
 
-def conserved(orbit: Periodic) -> tuple[float | None, float | None]:
+def conserved_values(orbit: Periodic) -> tuple[float | None, float | None]:
     """Energy, and angular momentum in the plane of x and y; None if not conserved."""
     # Not evenly spaced: equal values at symmetric times would look constant.
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
@@ -185,7 +185,7 @@ def permutation_error(orbit: Orbit) -> float:
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
         return float("nan")
     n = len(system.m)
-    flow = solved(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
+    flow = quick_solve(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
     end = np.asarray(flow.y1)
     rings, y0 = choreography(n, system.d), np.asarray(orbit.y0)
     each = sizes(orbit.scene)
@@ -213,7 +213,7 @@ def normal_form(orbit: Orbit) -> Orbit:
             "The normal form is defined only for these.",
         )
     scene = orbit.scene
-    centred = _centred(scene, np.asarray(orbit.y0))
+    centred = _centre(scene, np.asarray(orbit.y0))
     t, body = _passage(scene.starting(centred), orbit.period)
     y = _state_after(scene, centred, t)
     r, v = _points(y)
@@ -233,7 +233,7 @@ def normal_form(orbit: Orbit) -> Orbit:
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     r, v = r @ turn.T, v @ turn.T
     y0 = min(_images(r, v), key=lambda y: float(np.linalg.norm(y - np.array(EIGHT))))
-    return relocated(orbit, plain.starting(y0, period))
+    return relocate(orbit, plain.starting(y0, period))
 
 
 def has_normal_form(orbit: Orbit) -> bool:
@@ -252,19 +252,19 @@ def _points(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return r, v
 
 
-def _centred(scene: Scene, y: np.ndarray) -> np.ndarray:
+def _centre(scene: Scene, y: np.ndarray) -> np.ndarray:
     r, v = _points(y)
     return np.concatenate([(r - r.mean(axis=0)).ravel(), (v - v.mean(axis=0)).ravel()])
 
 
 def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
-    return np.asarray(solved(scene.starting(y), t, rtol=1e-14).y1)
+    return np.asarray(quick_solve(scene.starting(y), t, rtol=1e-14).y1)
 
 
 def _passage(scene: Scene, period: float) -> tuple[float, int]:
     """Time and body of the passage nearest to the origin: r . v = 0 by Newton's method."""
     ts = np.arange(_SAMPLES) * period / _SAMPLES
-    ys = np.asarray(solved(scene, period, ts=ts, rtol=1e-12).ys)
+    ys = np.asarray(quick_solve(scene, period, ts=ts, rtol=1e-12).ys)
     distance = np.linalg.norm(ys[:, :6].reshape(-1, 3, 2), axis=-1)
     i, body = np.unravel_index(np.argmin(distance), distance.shape)
     t = float(ts[i])

@@ -20,13 +20,13 @@ from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.symmetry import Symmetry
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit, gap
 from orbits.shooting import newton
-from orbits.shooting.collocation.steps import NODES, linearised_steps
+from orbits.shooting.collocation.steps import NODES, linearise_steps
 from orbits.shooting.equations import Equations, pieces
-from orbits.shooting.segment import Piece, linearised_end
-from orbits.shooting.segmentation import cut
+from orbits.shooting.segment import Piece, linearise_end
+from orbits.shooting.segmentation import cut_into_segments
 from orbits.shooting.units import InUnits
 
 _SAMPLES = 1024  # of a period, for the mean of the divergence
@@ -54,7 +54,7 @@ class Segments(NamedTuple):
     def of(cls, orbit: Orbit) -> "Segments | None":
         """Those of an orbit, in which errors grow little; None if none are found that join."""
         guess, rtol = np.append(np.asarray(orbit.y0), orbit.period), orbit.rtol
-        cuts = cut(Equations.of(orbit), guess, rtol, None, orbit.angle)
+        cuts = cut_into_segments(Equations.of(orbit), guess, rtol, None, orbit.angle)
         return cls(cuts, cuts.spread(guess[:-1], guess[-1], rtol, orbit.angle), math.nan).at(rtol)
 
     def at(self, rtol: float) -> "Segments | None":
@@ -146,7 +146,7 @@ def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
     return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
 
 
-def returned(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
+def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
     """The monodromy matrix by one run over the period, rotated back for a relative orbit.
 
     The basis (k, d) is one of states in units of sizes `each` (k,).
@@ -164,7 +164,7 @@ def _status(m: np.ndarray, status) -> Status:
     return code if np.isfinite(m).all() or code != Status.OK else Status.NOT_FINITE
 
 
-def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
+def return_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
     """(k, k) the monodromy matrix, rotated back for a relative orbit, and its `Status` code.
 
     The matrix is differentiable in the numbers of the orbit's scene.
@@ -173,7 +173,7 @@ def returned_map(orbit: Orbit, rtol) -> tuple[Array, Array]:
 
 
 def _run(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """`returned_map`, and the end of the period."""
+    """`return_map`, and the end of the period."""
     scene, closing = orbit.scene, orbit.closing
     if orbit.mesh is not None:
         end, status, m = _by_collocation(orbit, rtol)
@@ -195,7 +195,7 @@ def log_determinant(orbit: Orbit) -> tuple[float, float]:
     if type(scene.system).project is not System.project:
         return math.nan, math.nan
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
-    flow = solved(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
+    flow = quick_solve(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     found = np.asarray(_divergences(scene, jnp.asarray(ts), flow.ys))
     # The mean of a smooth periodic function over equal times; half of them show its error.
     whole, half = (float(orbit.period * x.mean()) for x in (found, found[::2]))
@@ -212,7 +212,7 @@ def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
     """The end of the period, the status, and the derivative (k, k) of the end by the start."""
     scene = orbit.scene
     whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
-    end, status, slopes = linearised_end(scene, whole, rtol)
+    end, status, slopes = linearise_end(scene, whole, rtol)
     return end, status, slopes.start
 
 
@@ -225,7 +225,7 @@ def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
     x = whole.spread(orbit.y0, orbit.period, orbit.rtol)
     here = pieces(whole, x)
     nodes = NODES if rtol <= orbit.rtol else NODES - _FEWER
-    found, slopes = linearised_steps(orbit.scene, here, make=None, nodes=nodes)
+    found, slopes = linearise_steps(orbit.scene, here, make=None, nodes=nodes)
     m = functools.reduce(lambda m, slope: slope @ m, np.asarray(slopes.start))
     return found.end[-1], found.status.max(), jnp.asarray(m)
 

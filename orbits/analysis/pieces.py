@@ -17,7 +17,7 @@ from jaxdyn.solvers import Method
 from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import closing_left
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 Periodic = Orbit | HybridOrbit
@@ -44,14 +44,14 @@ class Piece(NamedTuple):
     def states(self, ts: np.ndarray) -> np.ndarray:
         """(s, k) states at times (s,) of the piece itself, in order."""
         scene = self.scene
-        flow = solved(scene, float(scene.t1), ts=ts, rtol=self.rtol, solver=self.solver)
+        flow = quick_solve(scene, float(scene.t1), ts=ts, rtol=self.rtol, solver=self.solver)
         return np.asarray(flow.ys)
 
     def at(self, t: float) -> Array:
         """(k,) the state at a time of the piece itself, which may be beside its ends."""
         if t == 0:
             return jnp.asarray(self.scene.y0)
-        return solved(self.scene, t, rtol=self.rtol, solver=self.solver).y1
+        return quick_solve(self.scene, t, rtol=self.rtol, solver=self.solver).y1
 
     def like(self, other: "Piece") -> bool:
         """Whether states of both are states of one kind of motion."""
@@ -84,7 +84,7 @@ def offsets(orbit: Periodic, ys, start) -> np.ndarray:
         system = orbit.scene.system
         off = jax.vmap(system.difference, (0, None))(ys, start)
         return np.asarray(off) / sizes(orbit.scene)
-    rows = _compared(orbit, start)[1]
+    rows = _compare_ends(orbit, start)[1]
     return np.asarray(_closing_errors(orbit.closes, ys, start)) / rows
 
 
@@ -92,11 +92,11 @@ def offset_along(orbit: Periodic, y, way) -> np.ndarray:
     """(m,) the change of `offsets` at a start y (k,) along a direction (k,)."""
     if isinstance(orbit, Orbit):
         return np.asarray(way) / sizes(orbit.scene)
-    slope, rows = _compared(orbit, jnp.asarray(y))
+    slope, rows = _compare_ends(orbit, jnp.asarray(y))
     return slope @ np.asarray(way) / rows
 
 
-def _compared(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndarray]:
+def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndarray]:
     """(m, k) what the closing of a chain compares, and (m,) the sizes of that."""
     slope = np.asarray(closing_left(orbit.closes, start, start)[1][0])
     rows = np.abs(slope) @ sizes(orbit.legs[0].scene)

@@ -15,16 +15,16 @@ from orbits.analysis.alignment import (
     SAMPLES,
     TOLERANCE,
     Match,
-    centred,
+    centre,
+    distance_after_rotation,
     match_points,
-    turned_distance,
 )
 from orbits.analysis.evidence import closure
 from orbits.analysis.pieces import Periodic, offset_along, offsets, pieces, states_at
 from orbits.closing.sizes import rate, sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import solved
-from orbits.orbit import Orbit, relocated
+from orbits.motion import quick_solve
+from orbits.orbit import Orbit, relocate
 
 #: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
 _BLURRED = 1e-4
@@ -87,20 +87,20 @@ def same_orbit(
         return False
     if found.distance <= tolerance:
         return True
-    return found.distance <= _MISSES * max(_missed(a, 0.0), _missed(b, found.shift))
+    return found.distance <= _MISSES * max(_mismatch(a, 0.0), _mismatch(b, found.shift))
 
 
-def _missed(orbit: Periodic, shift: float) -> float:
+def _mismatch(orbit: Periodic, shift: float) -> float:
     """Difference of the second period after a time from the first, relative to the size."""
     if isinstance(orbit, HybridOrbit):
         return closure(orbit, periods=2)
     scene, period = orbit.scene, minimal_period(orbit)[0]
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
-    flow = solved(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
+    flow = quick_solve(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     ys = np.asarray(flow.ys).reshape(2, SAMPLES, -1)
     if _several_points(orbit):
-        first, second = (centred(y, np.asarray(scene.system.m)) for y in ys)
-        return turned_distance(first, second)[0]
+        first, second = (centre(y, np.asarray(scene.system.m)) for y in ys)
+        return distance_after_rotation(first, second)[0]
     off = jax.vmap(scene.system.difference)(ys[1], ys[0])
     return float(np.abs(np.asarray(off) / sizes(orbit.scene)).max())
 
@@ -136,7 +136,7 @@ def _several_points(orbit: Orbit) -> bool:
 
 
 def _over(orbit: Orbit, period: float) -> Orbit:
-    return relocated(orbit, orbit.scene.starting(orbit.y0, period))
+    return relocate(orbit, orbit.scene.starting(orbit.y0, period))
 
 
 def _match_states(a: Periodic, b: Periodic, period: float) -> Match:

@@ -23,17 +23,17 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.phase import Phase
-from orbits.analysis.monodromy import returned_map, tangents
+from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
-from orbits.hybrid.equations import Chain, left_sides
+from orbits.hybrid.equations import Chain, residuals
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import legs_of
 from orbits.orbit import Orbit
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations, errors, pieces
 from orbits.shooting.segment import end_of
-from orbits.shooting.segmentation import cut
+from orbits.shooting.segmentation import cut_into_segments
 from orbits.shooting.units import InUnits
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
@@ -75,7 +75,7 @@ class DifferentiableOrbit(eqx.Module):
         values, right, left = _eigenvectors(self.known)
         rtol = self.known.rtol
         orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
-        m, _ = returned_map(orbit, rtol)
+        m, _ = return_map(orbit, rtol)
         change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
 
@@ -148,7 +148,7 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     if orbit.mesh is not None:
         raise fail("orbit", "an orbit found by shooting", "one by collocation")
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    known = cut(
+    known = cut_into_segments(
         Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
     )
     x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
@@ -167,7 +167,7 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     each = chain.sizes(found, spans)
     units, rows = chain.pack(each[0], spans), chain.rows(found, spans, each)
     inverse = _pseudo_inverse(found.jacobian * units / rows[:, None], units, rows)
-    miss = left_sides(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
+    miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     change = inverse @ (miss - jax.lax.stop_gradient(miss))
     k = len(start)
     return DifferentiableChain(start - change[:k], spans - change[k:])

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import fail, untraced
+from jaxdyn._checks import check_untraced, fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
@@ -47,14 +47,14 @@ from jaxdyn.analysis.monodromy import (
     symplectic_form,
     uncertainty,
 )
-from jaxdyn.integrate.trajectory import explained
+from jaxdyn.integrate.trajectory import explanation
 from jaxdyn.status import IntegrationError
 from orbits.analysis.chain import return_map, transitions, without_flow
 from orbits.analysis.monodromy import (
     Returned,
     Segments,
     log_determinant,
-    returned,
+    return_in_basis,
     rotation_back,
     tangents,
     tangents_in,
@@ -137,7 +137,7 @@ class Stability:
         ]
         return _text.table(f"Stability: {self.verdict}", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import unit_circle
 
@@ -151,7 +151,7 @@ class Stability:
     @property
     def unnamed(self) -> int:
         """How many of the integrals the scene does not name; they follow from its symmetries."""
-        return trivial.unnamed(self.reasons)
+        return trivial.count_unnamed(self.reasons)
 
     @property
     def message(self) -> str:
@@ -206,7 +206,7 @@ def stability(
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
-    untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
+    check_untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
     if isinstance(orbit, HybridOrbit):
         if along is not None:
@@ -232,11 +232,11 @@ def judged(
     status = max(fine.status, coarse.status)
     if status != Status.OK:
         if throw:
-            raise IntegrationError(explained(status, scene))
-        return _unknown(len(fine.m), status)
+            raise IntegrationError(explanation(status, scene))
+        return _unknown_stability(len(fine.m), status)
     m = fine.m
     form = _form(scene, m, float(uncertainty(m, coarse.m, rtol)), basis, each)
-    split = _split(orbit, m, coarse.m, form, basis, each, along)
+    split = _split_monodromy(orbit, m, coarse.m, form, basis, each, along)
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix.
@@ -245,7 +245,7 @@ def judged(
     error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
 
     def multipliers(*known) -> tuple[Eigenvalues, str]:
-        found = _widened(map_eigenvalues(reduced, error, *known), split, m)
+        found = _widen(map_eigenvalues(reduced, error, *known), split, m)
         if form.kept:
             found = mirrored(bounded(found, 0.0))
         elif (found.bars > np.maximum(_VAGUE, np.abs(found.values))).any():
@@ -301,7 +301,7 @@ class _Runs(NamedTuple):
                 return found
 
         def at(rtol: float) -> Returned:
-            return returned(orbit, rtol, basis, each)
+            return return_in_basis(orbit, rtol, basis, each)
 
         fine = at(rtol)
         if segments is None and orbit.mesh is None and _leaves(fine):
@@ -343,13 +343,13 @@ def _of_chain(orbit: HybridOrbit, rtol: float, throw: bool) -> Stability:
         got = f"one with the outcome {orbit.outcome.name}"
         raise fail("orbit", "a chain that was found", got, orbit.message)
     if not throw and transitions(orbit, rtol).grazed is not None:
-        return _unknown(len(orbit.y0), Status.NOT_FINITE)
+        return _unknown_stability(len(orbit.y0), Status.NOT_FINITE)
     fine, coarse = (return_map(orbit, x) for x in (rtol, coarser(rtol)))
     m = fine.m
     if not (np.isfinite(m).all() and np.isfinite(coarse.m).all()):
         if throw:
             raise IntegrationError(_NO_MAP)
-        return _unknown(len(orbit.y0), Status.NOT_FINITE)
+        return _unknown_stability(len(orbit.y0), Status.NOT_FINITE)
     q, flows = without_flow(fine)
     reduced = q.T @ m @ q
     error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
@@ -372,7 +372,7 @@ def _of_chain(orbit: HybridOrbit, rtol: float, throw: bool) -> Stability:
     )
 
 
-def _widened(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalues:
+def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalues:
     """The multipliers with bars that count what the directions of the split are wrong by."""
     off, (values, bars) = split.residual(m), found
     if not (off and len(values)):
@@ -382,7 +382,7 @@ def _widened(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenva
     return Eigenvalues(values, bars + np.fmin(SAFETY * off * conditions, most))
 
 
-def _split(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
+def _split_monodromy(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
     """M (d, d) split by what is known of the orbit; `coarse` is M at another tolerance."""
     scene, closing = orbit.scene, orbit.closing
     return trivial.Monodromy(
@@ -420,7 +420,7 @@ def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np
     return _Form(form, defect, kept and defect < most)
 
 
-def _unknown(d: int, status: Status) -> Stability:
+def _unknown_stability(d: int, status: Status) -> Stability:
     """The result where the motion was not integrated over its period: all NaN."""
     nothing = np.full(d, np.nan)
     return Stability(

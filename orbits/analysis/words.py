@@ -18,9 +18,9 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.trajectory import explained, raise_unless_ok
+from jaxdyn.integrate.trajectory import explanation, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # of one period at first
@@ -41,7 +41,7 @@ def syzygies(orbit: Orbit) -> tuple[int, ...]:
     """
     if not has_word(orbit):
         raise fail("orbit", "three free points in the plane", "another system")
-    r = _sampled(orbit)
+    r = _positions(orbit)
     u, w = r[:, 1] - r[:, 0], r[:, 2] - r[:, 0]
     area = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     up = area > 0
@@ -59,7 +59,7 @@ def has_word(orbit: Orbit) -> bool:
     return isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 3
 
 
-def _sampled(orbit: Orbit) -> np.ndarray:
+def _positions(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
     Raises:
@@ -67,7 +67,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
     """
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
-        flow = solved(orbit.scene, orbit.period, ts=ts, rtol=1e-12, solver=orbit.solver)
+        flow = quick_solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12, solver=orbit.solver)
         raise_unless_ok(flow.status, orbit.scene)
         ys = np.asarray(flow.ys)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
@@ -81,7 +81,7 @@ def _sampled(orbit: Orbit) -> np.ndarray:
         count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
         most = np.sort(np.argsort(-swings)[:count])
         ts = np.sort(np.concatenate([ts, 0.5 * (ts[most] + ts[most + 1])]))
-    raise IntegrationError(explained(Status.STEP_COLLAPSED, orbit.scene))
+    raise IntegrationError(explanation(Status.STEP_COLLAPSED, orbit.scene))
 
 
 def _middle(before, after, area_before, area_after) -> int:
@@ -108,10 +108,10 @@ def word(orbit: Orbit) -> str:
       >>> orbits.analysis.word(orbits.find(scenes.three_body(), closing=orbits.choreography(3)))
       'ABab'
     """
-    return canonical(spelled(syzygies(orbit)))
+    return canonical(spell(syzygies(orbit)))
 
 
-def spelled(middles: tuple[int, ...]) -> str:
+def spell(middles: tuple[int, ...]) -> str:
     """The word of a sequence of bodies in the middle, the first of them passed downwards."""
     down, up = {1: "a", 2: "b", 3: ""}, {1: "A", 2: "B", 3: ""}
     return "".join((down if i % 2 == 0 else up)[body] for i, body in enumerate(middles))
@@ -128,11 +128,11 @@ def canonical(letters: str) -> str:
     """
     if set(letters) - set("abAB"):
         raise fail("word", "letters a, b, A, B", repr(letters))
-    reduced = _reduced(letters)
+    reduced = _reduce(letters)
     return min(
         (
             turned
-            for relabelled in _relabelled(reduced)
+            for relabelled in _relabel(reduced)
             for sense in (relabelled, relabelled[::-1].swapcase())
             for turned in _turns(sense)
         ),
@@ -140,7 +140,7 @@ def canonical(letters: str) -> str:
     )
 
 
-def _reduced(letters: str) -> str:
+def _reduce(letters: str) -> str:
     """The cyclically reduced word: adjacent inverses cancelled, also across the ends."""
     kept: list[str] = []
     for letter in letters:
@@ -157,15 +157,15 @@ def _turns(letters: str) -> list[str]:
     return [letters[i:] + letters[:i] for i in range(max(1, len(letters)))]
 
 
-def _relabelled(letters: str) -> list[str]:
+def _relabel(letters: str) -> list[str]:
     """The word with the bodies in any order, and of the mirror image."""
     found = []
     for order in itertools.permutations((1, 2, 3)):
         # a = g_1 g_3^-1 and b = g_2 g_3^-1, in the bodies' new numbers.
         one, two, three = order
-        meaning = {"a": spelled((one, three)), "b": spelled((two, three))}
+        meaning = {"a": spell((one, three)), "b": spell((two, three))}
         meaning |= {k.upper(): v[::-1].swapcase() for k, v in meaning.items()}
-        again = _reduced("".join(meaning[letter] for letter in letters))
+        again = _reduce("".join(meaning[letter] for letter in letters))
         # A mirror image exchanges the two hemispheres: g becomes its inverse.
         found += [again, again.swapcase()]
     return found

@@ -19,7 +19,7 @@ from jaxdyn.cli.shared import (
     number,
 )
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import SaveOption, draw, not_found, numbers, printed
+from orbits.cli.shared import SaveOption, draw, not_found, numbers, printer
 
 _TITLES = ("closed plainly", "closed as a choreography")
 _REMEDY = "Give another --guess or --period, or other bounds with --lower and --upper."
@@ -65,7 +65,7 @@ def figure_eight_command(
             lower=lows,
             upper=highs,
             say=lambda text: out.print(f"[bold]{text}[/bold]"),
-            report=printed(out),
+            report=printer(out),
         )
         if not eight.ok:
             stage = "plain closing" if not plain.ok else "choreography"

@@ -22,7 +22,7 @@ from jaxdyn.cli.shared import (
     number,
 )
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import SaveOption, draw, not_found, printed
+from orbits.cli.shared import SaveOption, draw, not_found, printer
 
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
@@ -102,7 +102,7 @@ def find_command(
             hold=hold or (),
             segments=segments,
             strategy=_strategy(rough, collocation, unlike or ()),
-            report=printed(out),
+            report=printer(out),
         )
         if not orbit.ok:
             raise not_found(orbit, _remedy(orbit), {}, as_object, out)

@@ -9,7 +9,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._text import counted, fail
+from jaxdyn._text import fail, number_of
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title
 from orbits.cli.shared import NOT_FOUND, draw, numbers
@@ -43,7 +43,7 @@ def loops_command(
         raise fail("--turns and --loops", "both or neither", "one", "An orbit has p and q.")
     if len(exponents) != 1:
         raise fail("--n", "one exponent with --turns and --loops", n, "Pass it as --n=-1.")
-    wanted = f"{counted(count, 'loop')} in {counted(turns, 'turn')}"
+    wanted = f"{number_of(count, 'loop')} in {number_of(turns, 'turn')}"
     with screen(f"looking for an orbit with {wanted}", as_object) as out:
         law = jaxdyn.effects.PowerLaw(1.0, exponents[0])
         try:

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import orbits
-from jaxdyn._text import brief, counted
+from jaxdyn._text import brief, number_of
 from jaxdyn.cli.screen import Screen
 
 
@@ -34,7 +34,7 @@ def print_family(family: "orbits.files.family_files.Listing", out: Screen) -> No
     for entry in (*family.members, *family.special):
         table.add_row(*_row(entry)[-len(table.columns) :])
     out.print(table)
-    out.print(f"{counted(len(family.members), 'orbit')}; the end: {escape(family.end)}")
+    out.print(f"{number_of(len(family.members), 'orbit')}; the end: {escape(family.end)}")
 
 
 def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:

@@ -6,14 +6,16 @@ from typing import Annotated
 import typer
 
 import orbits
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, number, written
+from jaxdyn.cli.shared import JsonOption, number, output_option
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
 _WORD = 24  # letters shown of a word
-TableOption = Annotated[Path | None, written(writable, "Append to this .jsonl file.", "--table")]
+TableOption = Annotated[
+    Path | None, output_option(writable, "Append to this .jsonl file.", "--table")
+]
 
 
 def search_command(
@@ -61,4 +63,4 @@ def _print(plane: "orbits.discovery.plane.Plane", out: Screen) -> None:
     for row in sorted(_rows(plane), key=lambda row: row["scale_free"]):
         word = row["word"] if len(row["word"]) <= _WORD else f"{row['word'][:_WORD]}..."
         out.print(f"{numbers.format(**row)}  {word}  {row['name'] or ''}")
-    out.print(counted(plane.families(), "family", "families"))
+    out.print(number_of(plane.families(), "family", "families"))

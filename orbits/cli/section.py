@@ -9,7 +9,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._text import choice, counted, fail, whole
+from jaxdyn._text import choice, fail, number_of, whole
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -20,7 +20,7 @@ from jaxdyn.cli.shared import (
     TitleOption,
     check_title,
     number,
-    written,
+    output_option,
 )
 from jaxdyn.files.output_files import table_path
 from orbits.cli.shared import numbers
@@ -62,7 +62,7 @@ def section_command(
     rtol: Annotated[float, number("Relative tolerance of a step.")] = _RTOL,
     plot: PlotOption = None,
     title: TitleOption = None,
-    csv: Annotated[Path | None, written(table_path, "Write all crossings (.csv).")] = None,
+    csv: Annotated[Path | None, output_option(table_path, "Write all crossings (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
     """Cross a surface of section from many starts, completed by their energy, and draw it."""
@@ -188,8 +188,8 @@ def _done(table: "orbits.sections.SectionPoints") -> bool:
 
 
 def _print(table: "orbits.sections.SectionPoints", out: Screen) -> None:
-    starts = counted(int((table.counts > 0).sum()), "start")
-    out.print(f"{counted(int(table.counts.sum()), 'crossing')} of {starts}")
+    starts = number_of(int((table.counts > 0).sum()), "start")
+    out.print(f"{number_of(int(table.counts.sum()), 'crossing')} of {starts}")
     drift = [x for x in table.drift.tolist() if x == x]
     if drift:
         out.print(f"  largest relative change of energy: {max(drift):.1e}")

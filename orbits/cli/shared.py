@@ -12,7 +12,7 @@ import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import brief, fail
 from jaxdyn.cli.screen import Screen
-from jaxdyn.cli.shared import read, written
+from jaxdyn.cli.shared import output_option, read
 from jaxdyn.files.output_files import writable
 
 NOT_FOUND = 1  # exit code: no orbit was found
@@ -22,10 +22,10 @@ OrbitFile = Annotated[Path, typer.Argument(help="An orbit file written by --save
 QuantityOption = Annotated[
     str, typer.Option(metavar="WHAT", help="Draw it: energy, amplitude x, max x, mean x, phase x.")
 ]
-SaveOption = Annotated[Path | None, written(writable, "Write a file (.json).", "--save")]
+SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json).", "--save")]
 
 
-def printed(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:
+def printer(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:
     """A callback that prints a line for each step of Newton's method."""
 
     def report(step: "orbits.shooting.newton.Iteration") -> None:

@@ -101,4 +101,4 @@ def _heading(
         ("turned", _text.brief(orbit.angle, "rad") if orbit.closing.turns else ""),
         ("found", ", ".join(ways)),
     ]
-    return _text.table(f"{what} of {_text.called(orbit.scene)}", rows)
+    return _text.table(f"{what} of {_text.title_of(orbit.scene)}", rows)

@@ -125,13 +125,13 @@ class Return(Closing):
     def act(self, system: System, y: Array, angle) -> Array:
         """(k,) g y, rotated by the angle [rad]."""
         y = self.symmetry.act(y)
-        return y if self.turn is None else self._turned(system, y, angle)
+        return y if self.turn is None else self._rotate(system, y, angle)
 
     def back(self, system, y, angle):
-        y = y if self.turn is None else self._turned(system, y, -angle)
+        y = y if self.turn is None else self._rotate(system, y, -angle)
         return self.symmetry.inverse.act(y)
 
-    def _turned(self, system: System, y: Array, angle) -> Array:
+    def _rotate(self, system: System, y: Array, angle) -> Array:
         """The flow of the generator g(y) = A y + b over an angle: a matrix exponential's series.
 
         jax.scipy.linalg.expm computes the same and takes seconds to compile.
@@ -224,10 +224,10 @@ class Reversal(Closing):
 
     def miss(self, system, end, y0, angle):
         del y0, angle
-        return 0.5 * system.difference(end, self.there.act(end))[self._moved(len(end))]
+        return 0.5 * system.difference(end, self.there.act(end))[self._changes(len(end))]
 
     def rows(self, each):
-        return each[self._moved(len(each))]
+        return each[self._changes(len(each))]
 
     @property
     def mirror(self):
@@ -237,7 +237,7 @@ class Reversal(Closing):
         del system, angle
         return self.here.act(self.there.act(y))
 
-    def _moved(self, k: int) -> np.ndarray:
+    def _changes(self, k: int) -> np.ndarray:
         """Entries of a state that `there` changes: one of two that it exchanges."""
         places, signs = _table(self.there, k)
         index = np.arange(k)

@@ -42,7 +42,7 @@ class Condition(Record):
         del scene
 
 
-def _held(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+def _hold(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Bounds that hold one entry of start and period, if it has its level."""
     if guess[entry] == float(level):
         here = np.arange(len(guess)) == entry % len(guess)
@@ -74,7 +74,7 @@ class Period(Condition):
         return period - self.length
 
     def fixed(self, guess, lower, upper):
-        return _held(-1, self.length, guess, lower, upper)
+        return _hold(-1, self.length, guess, lower, upper)
 
     def check(self, scene):
         positive("period", array("period", self.length, (), "It is a time."), "It is a time.")
@@ -95,7 +95,7 @@ class Section(Condition):
         return y0[self.entry] - self.level
 
     def fixed(self, guess, lower, upper):
-        return _held(self.entry, self.level, guess, lower, upper)
+        return _hold(self.entry, self.level, guess, lower, upper)
 
     def check(self, scene):
         k = len(scene.y0)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import array, fail, positive, shaped, untraced
+from jaxdyn._checks import array, array_of_shape, check_untraced, fail, positive
 from jaxdyn._records.kinds import check_kind
 from jaxdyn.plan import plan_of
 from orbits.closing.closings import PLAIN, Closing
@@ -57,7 +57,7 @@ class Problem:
         return np.append(np.asarray(self.scene.y0), float(self.scene.t1))
 
 
-def posed(
+def pose(
     scene: Scene,
     *,
     y0=None,
@@ -75,7 +75,7 @@ def posed(
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
     check_kind("scene", scene, (Scene,))
-    untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
+    check_untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
     scene = scene if y0 is None else scene.starting(y0)
     scene.check()
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
@@ -123,7 +123,7 @@ def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closi
 
 
 def _bounds(k: int, lower, upper) -> tuple[np.ndarray, np.ndarray]:
-    low, high = _bound("lower", lower, k, -np.inf), _bound("upper", upper, k, np.inf)
+    low, high = _limits("lower", lower, k, -np.inf), _limits("upper", upper, k, np.inf)
     if (low > high).any():
         i = int(np.argmax(low > high))
         raise fail("lower", f"<= upper = {high[i]} at index {i}", low[i], "Swap them?")
@@ -132,11 +132,11 @@ def _bounds(k: int, lower, upper) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _bound(name: str, value, k: int, without: float) -> np.ndarray:
+def _limits(name: str, value, k: int, without: float) -> np.ndarray:
     if value is None:
         return np.full(k + 1, without)
     remedy = f"One entry for each of the {k} of the start, then one for the period."
-    bound = np.array(shaped(name, value, (k + 1,), remedy))
+    bound = np.array(array_of_shape(name, value, (k + 1,), remedy))
     if np.isnan(bound).any():
         raise fail(name, "numbers", "NaN", "Use -inf or inf where there is no bound.")
     return bound

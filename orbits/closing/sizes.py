@@ -70,14 +70,14 @@ def _sizes(scene: Scene) -> np.ndarray:
     radian = span / (2 * math.pi * _HARMONIC)
     rates = np.abs(np.asarray(rates_at(scene, times(scene), y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
-    found = coupled(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
+    found = coupled_sizes(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
     if (found > 0).all():
         return found
     if not found.any():
         return sizes_at_rest(scene, y0)
     slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
     slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
-    return _filled(scene, found, slope, radian)
+    return _fill(scene, found, slope, radian)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
-def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
+def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
 
     That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the
@@ -106,7 +106,7 @@ def coupled(scene: Scene, each: np.ndarray) -> np.ndarray:
 
 def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(k,) the sizes of entries that have known ones (k,) at a start, along its motion (s, k)."""
-    return coupled(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
+    return coupled_sizes(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
 
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
     return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
-def _filled(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
+def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
     """The sizes, with those that are 0 from the others by what these change (k, k) in a time.
 
     Some are not. An entry that no other one moves has the size at which the rate's Jacobian changes

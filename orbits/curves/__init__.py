@@ -20,4 +20,4 @@ __all__ = ["CodimensionTwo", "OrbitCurve", "OrbitCurvePoint", "load"]
 
 #: Renamed in version 0.3.
 _RENAMED = {"Curve": "OrbitCurve", "CurvePoint": "OrbitCurvePoint"}
-__getattr__ = jaxdyn._doors.opened(__name__, renamed=_RENAMED)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, renamed=_RENAMED)

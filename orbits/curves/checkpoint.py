@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Walk, walks_in
 from jaxdyn.continuation.kinds import Kind
@@ -36,7 +36,7 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
       ValueError: the file is another, was edited or damaged, or its orbits do not close in these
         scenes.
     """
-    make = remembered("make", make)
+    make = with_captures("make", make)
     walks, _ = walks_in(path, (ORBIT_CURVE,))
     return tuple(_curve(walk, make) for walk in walks)
 

@@ -79,7 +79,7 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
     equations: Extended
 
     def _called(self) -> str:
-        return f"{super()._called()} of {_text.called(self.members[0].orbit.scene)}"
+        return f"{super()._called()} of {_text.title_of(self.members[0].orbit.scene)}"
 
     def _more(self) -> list[tuple[str, str]]:
         return [("period", _text.extent(self.periods))]

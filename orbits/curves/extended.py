@@ -34,7 +34,7 @@ from jaxdyn import Scene, System
 from jaxdyn.continuation.kinds import Kind
 from orbits.closing.closings import Return
 from orbits.closing.given import drive
-from orbits.shooting.segment import Piece, linearised_end
+from orbits.shooting.segment import Piece, linearise_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]
 
@@ -72,7 +72,7 @@ class Varied(System):
 
 
 @functools.lru_cache(maxsize=32)
-def varied(make: MakeOfTwo, vectors: int) -> Callable[[Array], Scene]:
+def extended_make(make: MakeOfTwo, vectors: int) -> Callable[[Array], Scene]:
     """(2,) parameters -> the scene of (y, w, ..); one function for each scene and number."""
 
     def extended(parameters: Array) -> Scene:
@@ -199,17 +199,17 @@ class Extended(eqx.Module):
     def __call__(self, x: np.ndarray, frame: Frame):
         """Residual (r,), Jacobian (r, n), and M (k, k) at x; NaN where a motion ends early."""
         here = jax.tree.map(np.asarray, _pieces(self, x))
-        extended = varied(self.make, self.vectors)
+        extended = extended_make(self.make, self.vectors)
         base = extended(jnp.asarray(here.parameter[0]))
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        run = functools.partial(linearised_end, base, rtol=self.rtol, make=extended)
+        run = functools.partial(linearise_end, base, rtol=self.rtol, make=extended)
         if self.segments == 1:
             found = [run(each[0])]
         else:
             with ThreadPoolExecutor(self.segments) as threads:
                 found = list(threads.map(run, each))
         ends, _, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-        residual, jacobian = map(np.asarray, _linearised(self, x, here, ends, slopes, frame))
+        residual, jacobian = map(np.asarray, _linearise(self, x, here, ends, slopes, frame))
         k = self.k
         monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))
         return residual, jacobian, monodromy
@@ -261,7 +261,7 @@ def _pieces(extended: Extended, x: Array) -> Piece:
 
 
 @eqx.filter_jit
-def _linearised(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
+def _linearise(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
     """(residual, Jacobian) at x from the segments' ends and their derivatives."""
 
     def residual(x):

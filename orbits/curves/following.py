@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, fail, positive, untraced, whole
-from jaxdyn._records.captured import remembered
+from jaxdyn._checks import array, check_untraced, fail, positive, whole
+from jaxdyn._records.captured import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import Codec, Log
@@ -28,13 +28,13 @@ from orbits.closing.given import driven
 from orbits.closing.sizes import rate, sizes
 from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
-from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, varied
+from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, extended_make
 from orbits.curves.special import special_points
-from orbits.curves.steps import CurveChart, point_at, returned, solve
+from orbits.curves.steps import CurveChart, partial_return, point_at, solve
 from orbits.curves.units import as_member, of_place, units_at
 from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
-from orbits.shooting.segment import Piece, linearised_end
+from orbits.shooting.segment import Piece, linearise_end
 
 RTOL = 1e-13
 _GROWTH = 1e3  # largest growth of errors in a segment
@@ -94,7 +94,7 @@ def continue_curve(
     Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
       Elements of Applied Bifurcation Theory, chapters 9 and 10.
     """
-    untraced("continue_curve", (parameters,), "See orbits.differentiable, for each member.")
+    check_untraced("continue_curve", (parameters,), "See orbits.differentiable, for each member.")
     positive("step", step, "It is a length in the space of the unknowns.")
     members = whole("members", members)
     tolerances(rtol, None)
@@ -102,7 +102,7 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise fail("within", "two bounds of each parameter", within)
     orbit, kind, both = _start(point, parameters, kind)
-    make = remembered("make", make)
+    make = with_captures("make", make)
     extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, units, step, -1.0 if down else 1.0)
     return _follow(extended, first, (step, members, within), report, path)
@@ -167,13 +167,13 @@ def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
         segments = 2 ** math.ceil(math.log2(max(pieces, 1.0)))
     segments = whole("segments", segments, most=_MOST_SEGMENTS)
     extended = dataclasses.replace(extended, segments=segments)
-    return extended, *_spread(extended, orbit, both)
+    return extended, *_unknowns_of(extended, orbit, both)
 
 
-def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndarray, Units]:
+def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndarray, Units]:
     """The unknowns of an orbit, with the critical vectors of its monodromy matrix; its units."""
     n, m, k = extended.segments, extended.vectors, extended.k
-    scenes = varied(extended.make, m)
+    scenes = extended_make(extended.make, m)
     span = orbit.period / (extended.closing.parts * n)
     states, maps = [np.asarray(orbit.y0)], []
     for i in range(n):
@@ -183,9 +183,7 @@ def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndar
             span=span,
             parameter=both,
         )
-        end, _, slopes = linearised_end(
-            scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes
-        )
+        end, _, slopes = linearise_end(scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes)
         states.append(np.asarray(end)[:k])
         maps.append(np.asarray(slopes.start)[:k, :k])
     monodromy = np.eye(k)
@@ -193,7 +191,7 @@ def _spread(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndar
         monodromy = one @ monodromy
     units = units_at(extended, np.array(states[:-1]), orbit.period, both)
     scene = extended.make(*jnp.asarray(both)).starting(orbit.y0, orbit.period)
-    g = returned(extended, dataclasses.replace(orbit, scene=scene), monodromy)
+    g = partial_return(extended, dataclasses.replace(orbit, scene=scene), monodromy)
     flow = units.time * np.asarray(rate(scene, 0.0, scene.y0)) / units.each
     vectors, extra = _critical(extended, map_in_units(g, units.each), flow)
     carried = [vectors * units.each]

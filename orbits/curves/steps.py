@@ -92,7 +92,7 @@ def point_at(
     tangent = sign * tangent / np.linalg.norm(place)
     unknowns = extended.unpack(found.x)
     orbit = orbit_of(extended, found.x, found.residual, found.iterations)
-    values = reduced(extended, orbit, found.more[0], units.each)
+    values = reduced_multipliers(extended, orbit, found.more[0], units.each)
     cosine = float(unknowns.extra)
     torus = extended.kind == Kind.TORUS
     return OrbitCurvePoint(
@@ -123,7 +123,7 @@ def orbit_of(extended: Extended, x: np.ndarray, residual: float, iterations: int
     )
 
 
-def returned(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndarray:
+def partial_return(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndarray:
     """(k, k) the map over a part of the period, undone by the symmetry of the closing."""
     system, y0 = orbit.scene.system, orbit.y0
 
@@ -136,12 +136,12 @@ def returned(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndar
     return np.linalg.solve(-before, after @ monodromy)
 
 
-def reduced(extended: Extended, orbit: Orbit, monodromy: np.ndarray, each: np.ndarray):
+def reduced_multipliers(extended: Extended, orbit: Orbit, monodromy: np.ndarray, each: np.ndarray):
     """The multipliers of a part of the period, without the one along the flow.
 
     The entries of the state have sizes `each` (k,).
     """
-    m = map_in_units(returned(extended, orbit, monodromy), each)
+    m = map_in_units(partial_return(extended, orbit, monodromy), each)
     if not extended.driven:
         flow = np.asarray(rate(orbit.scene, 0.0, orbit.y0)) / each
         q = np.linalg.svd(flow[:, None])[0][:, 1:]

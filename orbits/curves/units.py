@@ -15,9 +15,9 @@ from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import sizes, sizes_along
 from orbits.curves.curve import OrbitCurvePoint
-from orbits.curves.extended import Extended, varied
+from orbits.curves.extended import Extended, extended_make
 from orbits.families.lengths import parameter_units
-from orbits.motion import sampled
+from orbits.motion import sample
 
 
 def units_at(
@@ -27,7 +27,7 @@ def units_at(
     scene = extended.make(*jnp.asarray(parameters)).starting(states[0], period)
     ts, ys = _motion(extended, scene, states)
     each = sizes_along(scene, ys, sizes(scene))
-    make, both = varied(extended.make, 0), jnp.asarray(parameters)
+    make, both = extended_make(extended.make, 0), jnp.asarray(parameters)
     return Units(each, parameter_units(scene, make, both, ts, ys, each), _radian(period))
 
 
@@ -75,7 +75,7 @@ def _motion(extended: Extended, scene, states: np.ndarray) -> tuple[np.ndarray, 
     part = float(scene.t1) / extended.closing.parts
     if extended.segments > 1:
         return np.arange(extended.segments) * part / extended.segments, states
-    return sampled(scene, part)
+    return sample(scene, part)
 
 
 def _radian(period: float) -> float:

@@ -26,8 +26,8 @@ from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.sizes import sizes
 from orbits.discovery.journal import Chunk, Find
-from orbits.discovery.screening import Guesses, close_returns, refined
-from orbits.motion import gravitates, solved
+from orbits.discovery.screening import Guesses, close_returns, refine
+from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
 
@@ -86,12 +86,12 @@ class Starts:
         return y0s[numbers]
 
 
-def unchanged(orbit: Orbit) -> Orbit:
+def keep(orbit: Orbit) -> Orbit:
     """The orbit."""
     return orbit
 
 
-def unlabelled(orbit: Orbit) -> str:
+def no_label(orbit: Orbit) -> str:
     """No label."""
     del orbit
     return ""
@@ -156,7 +156,7 @@ def work(plan: Plan, number: int) -> Chunk:
         close=plan.close,
         limit=plan.limit,
     )
-    near = refined(plan.scene, plan.closing, guesses)
+    near = refine(plan.scene, plan.closing, guesses)
     tried: list[_Tried] = []
     finds: list[Find] = []
     # The shortest first, so that guesses of several periods are recognised.
@@ -164,9 +164,9 @@ def work(plan: Plan, number: int) -> Chunk:
         form = plan.normal(_guess(plan, near, i))
         if near.periods[i] > plan.longest or any(earlier.leads(form) for earlier in tried):
             continue
-        orbit = _polished(plan, near.y0s[i], near.periods[i])
+        orbit = _polish(plan, near.y0s[i], near.periods[i])
         tried.append(_Tried.of(form if orbit is None else orbit))
-        found = None if orbit is None else _verified(plan, int(numbers[near.index[i]]), orbit)
+        found = None if orbit is None else _verify(plan, int(numbers[near.index[i]]), orbit)
         if found is not None:
             finds.append(found)
     counts = {
@@ -192,7 +192,7 @@ class _Tried(NamedTuple):
         if not orbit.ok:
             return cls(orbit.period, np.asarray(orbit.y0)[None], each)
         ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
-        ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
+        ys = np.asarray(quick_solve(orbit.scene, orbit.period, ts=ts, rtol=1e-10).ys)
         return cls(orbit.period, np.append(ys, ys[:1], axis=0), each)
 
     def leads(self, guess: Orbit) -> bool:
@@ -226,14 +226,14 @@ def _guess(plan: Plan, guesses: Guesses, i: int) -> Orbit:
     )
 
 
-def _polished(plan: Plan, y0, period) -> Orbit | None:
+def _polish(plan: Plan, y0, period) -> Orbit | None:
     """The orbit at a guess, in normal form and over its shortest period; None if there is none."""
-    orbit = _closed(plan, y0, period, plan.closing)
+    orbit = _close(plan, y0, period, plan.closing)
     if orbit is None:
         return None
     period, times = minimal_period(orbit)
     if times > 1:
-        again = (_closed(plan, orbit.y0, period, closing) for closing in (plan.closing, PLAIN))
+        again = (_close(plan, orbit.y0, period, closing) for closing in (plan.closing, PLAIN))
         orbit = next((shorter for shorter in again if shorter is not None), None)
     if orbit is None:
         return None
@@ -241,7 +241,7 @@ def _polished(plan: Plan, y0, period) -> Orbit | None:
     return orbit if plan.shortest <= orbit.period <= plan.longest else None
 
 
-def _closed(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
+def _close(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
     orbit = find(
         plan.scene,
         y0,
@@ -255,7 +255,7 @@ def _closed(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
     return orbit if orbit.ok else None
 
 
-def _verified(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
+def _verify(plan: Plan, sample: int, orbit: Orbit) -> Find | None:
     y0 = np.asarray(orbit.y0)
     again = recheck(orbit).closure
     if not again <= VERIFIED:

@@ -15,7 +15,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.scenes import EIGHT_GUESS, EIGHT_GUESS_PERIOD, three_body
 from orbits.closing.closings import choreography
-from orbits.closing.given import posed
+from orbits.closing.given import pose
 from orbits.orbit import Orbit
 from orbits.shooting.finding import find
 from orbits.shooting.newton import Iteration
@@ -57,7 +57,7 @@ def figure_eight(
         raise fail("masses", "equal ones", m, "Bodies of a choreography are interchanged.")
     lower = _around(scene, -1) if lower is None else lower
     upper = _around(scene, +1) if upper is None else upper
-    posed(scene, lower=lower, upper=upper)
+    pose(scene, lower=lower, upper=upper)
     say("closing plainly: y(T) = y(0)")
     plain = find(scene, lower=lower, upper=upper, report=report, throw=False)
     if not plain.ok:

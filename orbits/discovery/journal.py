@@ -128,7 +128,7 @@ class File:
             self._file = journal.Journal(path, header, _REMEDY, _PATIENCE)
         except journal.NotAJournal as error:
             raise _another(path) from error
-        found, self.chunks = _parsed(path, self._file.records)
+        found, self.chunks = _parse(path, self._file.records)
         if found != json.loads(json.dumps(header)):
             odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
             remedy = "Give another path, or the arguments of the search that started this file."
@@ -153,11 +153,11 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
         records = journal.records(journal.whole_lines(Path(path), _REMEDY))
     except journal.NotAJournal as error:
         raise _another(path) from error
-    header, chunks = _parsed(path, records)
+    header, chunks = _parse(path, records)
     return header, [chunks[number] for number in sorted(chunks)]
 
 
-def _parsed(
+def _parse(
     path: str | Path, records: list[dict[str, Any]]
 ) -> tuple[dict[str, Any], dict[int, Chunk]]:
     try:

@@ -16,7 +16,7 @@ from orbits.closing.closings import PLAIN, Closing, Reversal
 from orbits.closing.conditions import Energy
 from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 from orbits.shooting.collocation.search import Collocation
 from orbits.shooting.deflation import Deflated
@@ -134,7 +134,7 @@ def _spans(scene: Scene) -> Iterator[float]:
 
 def _steps(scene: Scene, span: float) -> int:
     """Steps of a motion over a span, or more than are wanted; 0 where it fails."""
-    run = solved(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
+    run = quick_solve(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
     if run.status == Status.STEP_LIMIT:
         return 2 * _MOST_STEPS
     return int(run.steps) if run.status == Status.OK else 0

@@ -26,7 +26,7 @@ from orbits.discovery.chunks import Box
 from orbits.discovery.journal import Find
 from orbits.discovery.search import SearchResult, search
 from orbits.discovery.seeds import row, rows
-from orbits.orbit import Orbit, relocated
+from orbits.orbit import Orbit, relocate
 from orbits.shooting.finding import find
 
 #: The time reversal that fixes collinear starts with equal outer velocities.
@@ -137,7 +137,7 @@ def in_plane(orbit: Orbit) -> Orbit:
     a = abs(v[0] @ along) * np.sqrt(size)
     b = abs(along[0] * v[0, 1] - along[1] * v[0, 0]) * np.sqrt(size)
     scene = orbit.scene.starting(jnp.asarray(rows(np.array([[a, b]]))[0]), orbit.period / size**1.5)
-    return relocated(orbit, scene)
+    return relocate(orbit, scene)
 
 
 def _names(found: SearchResult) -> tuple[str, ...]:

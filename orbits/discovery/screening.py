@@ -151,16 +151,16 @@ def _at_start(scene: Scene, span: Array) -> Array:
     return at_start(scene.field, groups(scene.system), zero, scene.y0, span)[0].sizes
 
 
-def refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
+def refine(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     """The guesses that Newton's method moves close to an orbit, refined."""
     blocks = [
-        _refined(scene, closing, guesses.take(slice(i, i + _BLOCK)))
+        _newton_step(scene, closing, guesses.take(slice(i, i + _BLOCK)))
         for i in range(0, len(guesses.index), _BLOCK)
     ]
     return jax.tree.map(lambda *columns: np.concatenate(columns), *blocks) if blocks else guesses
 
 
-def _refined(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
+def _newton_step(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     n = len(guesses.index)
     each = sizes_of_starts(scene, guesses.periods.max())
     batch = _Batch(scene, closing, driven(scene), each)
@@ -236,7 +236,7 @@ class _Batch(NamedTuple):
             chunk=_ROWS,
         ).y1
         rows = jnp.asarray(self.closing.rows(self.each))
-        found = _missed(self.scene, self.closing, rows, ends, starts)
+        found = _residual(self.scene, self.closing, rows, ends, starts)
         missed, slope = (np.asarray(a) for a in found)
         missed, slope = missed.reshape(b, p + 1, -1), slope.reshape(b, p + 1, -1)
         columns = (missed[:, 1:] - missed[:, :1]) / h[:-1, None]
@@ -255,7 +255,7 @@ def _speeds(scene: Scene, y0s: Array, each: Array) -> Array:
 
 
 @eqx.filter_jit
-def _missed(
+def _residual(
     scene: Scene, closing: Closing, rows: Array, ends: Array, starts: Array
 ) -> tuple[Array, Array]:
     """The residual of the closing condition, and its derivative by the end time."""

@@ -17,16 +17,16 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._checks import check_untraced, fail, positive, whole
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files import records
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.given import posed
-from orbits.discovery.chunks import MOST, Plan, Sampler, seed_from, unchanged, unlabelled, work
+from orbits.closing.given import pose
+from orbits.discovery.chunks import MOST, Plan, Sampler, keep, no_label, seed_from, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
 from orbits.orbit import Orbit
 from orbits.shooting.finding import RTOL
@@ -55,8 +55,8 @@ class SearchResult:
             for i, find in enumerate(self.finds)
         ]
         counts = ("counts", ", ".join(f"{n} {name}" for name, n in self.counts.items()))
-        head = f"SearchResult: {counted(len(rows), 'orbit')} of {_text.called(self.plan.scene)}"
-        return _text.table(head, [counts, *_text.cut(rows)])
+        head = f"SearchResult: {number_of(len(rows), 'orbit')} of {_text.title_of(self.plan.scene)}"
+        return _text.table(head, [counts, *_text.shorten(rows)])
 
     _repr_html_ = _text.html
 
@@ -81,8 +81,8 @@ def search(
     windows: int = 8,
     close: float = 0.3,
     limit=np.inf,
-    normal: Callable[[Orbit], Orbit] = unchanged,
-    label: Callable[[Orbit], str] = unlabelled,
+    normal: Callable[[Orbit], Orbit] = keep,
+    label: Callable[[Orbit], str] = no_label,
     seed: int = 0,
     rng: int | np.random.Generator | None = None,
     chunk: int = 64,
@@ -129,7 +129,9 @@ def search(
       >>> [round(find.period, 6) for find in found.finds]
       [3.141593]
     """
-    untraced("search", scene, "Search outside of the transformation; see orbits.differentiable.")
+    check_untraced(
+        "search", scene, "Search outside of the transformation; see orbits.differentiable."
+    )
     plan = Plan(
         scene=scene,
         sampler=sampler,
@@ -204,7 +206,7 @@ def _bar(progress: bool) -> Progress:
 
 
 def _check(plan: Plan) -> None:
-    posed(plan.scene, closing=plan.closing, period=positive("longest", plan.longest))
+    pose(plan.scene, closing=plan.closing, period=positive("longest", plan.longest))
     if plan.closing.turns:
         raise fail("closing", "one without an unknown turn", repr(plan.closing.name))
     if not 0 <= plan.shortest < plan.longest:

@@ -24,7 +24,7 @@ from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.sizes import largest_entry
 from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 _AT_REST = 1e-6  # change of an equilibrium in the time of the motions near by, in sizes
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
@@ -113,7 +113,7 @@ def returns(
     _times(span, shortest, longest)
     count = _SAMPLES_PER_TIME
     ts = np.linspace(0.0, span, count)
-    flow = solved(scene, span, ts=ts, rtol=1e-10)
+    flow = quick_solve(scene, span, ts=ts, rtol=1e-10)
     low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:

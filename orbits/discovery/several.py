@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail, untraced, whole
+from jaxdyn._checks import check_untraced, fail, whole
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from orbits.analysis.same import minimal_period, same_orbit
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
@@ -69,7 +69,7 @@ def find_all(
       >>> sorted({round(orbit.period, 4) for orbit in found})
       [6.0756, 6.9006, 7.5433]
     """
-    untraced("find_all", (scene, y0s, period), "Search outside of the transformation.")
+    check_untraced("find_all", (scene, y0s, period), "Search outside of the transformation.")
     most = whole("most", most)
     starts = np.asarray(y0s, float)
     k = len(scene.y0)
@@ -98,7 +98,7 @@ def find_all(
 
     for i, (y0, span) in enumerate(zip(starts, np.broadcast_to(spans, len(starts)), strict=True)):
         while len(found) < most:
-            doing(f"looking for orbits: {counted(len(found), 'orbit')}", i, len(starts))
+            doing(f"looking for orbits: {number_of(len(found), 'orbit')}", i, len(starts))
             orbit = _once(closest(y0, span, known=tuple(found)), closest)
             if not orbit.ok or any(same_orbit(known, orbit) for known in found):
                 break

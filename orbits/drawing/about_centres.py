@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.targets.loops import FewestLoops, fewest
@@ -80,7 +80,7 @@ def loops(
     angles.legend(loc="upper right", frameon=False)
     style(angles)
     style(counts)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 @check_first
@@ -110,7 +110,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.set_title(heading(title, [scene], _RING), fontsize=10)
     style(ax)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _from_edge(n):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from jaxdyn._checks import choice
 from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
-from jaxdyn.drawing.figures import PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
@@ -84,8 +84,8 @@ def diagram(
         )
     ax.set(xlabel=parameter, ylabel=label, title=readable(title))
     style(ax)
-    legend_below(figure, named(ax))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(ax))
+    return finish(figure, path)
 
 
 def _entry(found: Diagram, entry: str | None) -> tuple[int, str]:

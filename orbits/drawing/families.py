@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.analysis.quantities import Quantity, unit
@@ -96,8 +96,8 @@ def family(
     shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)
     style(ax)
-    legend_below(figure, named(ax))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(ax))
+    return finish(figure, path)
 
 
 def overview(found: Family) -> Figure:

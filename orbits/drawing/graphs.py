@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
-from jaxdyn.drawing.figures import INK, blank, finished, legend_below, named, shades, style
+from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.drawing.families import MARKS
@@ -79,12 +79,12 @@ def graph(
                 ax.plot(*shortest.T, color=colours[i], lw=1.8, ls=":", label="_")
     ax.set(xlabel=along, ylabel="period", title=readable(title))
     style(ax)
-    kinds = named(ax)
+    kinds = legend_entries(ax)
     verdicts = [
         Line2D([], [], color=INK, ls=STRETCHES[name], label=name) for name in ("stable", "unstable")
     ]
     legend_below(figure, [*verdicts, *kinds])
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _mark(ax: Any, place: Place, x: float) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -62,9 +62,9 @@ def manifold(
     ax.set_title(heading(title, [scene], _WIDTH), fontsize=10)
     if len(which) == 2:
         style(ax)
-    legend_below(figure, named(ax))
+    legend_below(figure, legend_entries(ax))
     fill(figure)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _draw(ax, one: Manifold, which: list[int]) -> None:

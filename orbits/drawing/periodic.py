@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from jaxdyn import _checks, simulate
 from jaxdyn.drawing.contents import paths
-from jaxdyn.drawing.figures import INK, blank, finished, legend_below, mark, path_entries
+from jaxdyn.drawing.figures import INK, blank, finish, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import (
     apart,
     colours,
@@ -64,7 +64,7 @@ def orbits(
       IntegrationError: an orbit cannot be integrated over its period.
     """
     path = picture_path(path)
-    titles = _checked_titles(found, titles)
+    titles = _check_titles(found, titles)
     motions = [_one_period(orbit) for orbit in found]
     drawn = [paths(motion) for motion in motions]
     if len({one.labels for one in drawn}) > 1:
@@ -104,7 +104,7 @@ def orbits(
     entries = path_entries(most.names, colours(most))
     legend_below(figure, [*entries, *marks])
     fill(figure)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def overview(orbit) -> Figure:
@@ -138,7 +138,7 @@ def _one_period(orbit, **options):
     return simulate(scene, samples=_SAMPLES, rtol=_RTOL, solver=orbit.solver, **options)
 
 
-def _checked_titles(found: Sequence, titles) -> Sequence[str]:
+def _check_titles(found: Sequence, titles) -> Sequence[str]:
     if not isinstance(found, Sequence):
         raise _checks.fail("found", "orbits", type(found).__name__, "Put one in a list: [orbit].")
     if not found:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import change
-from jaxdyn.drawing.figures import INK, blank, finished, shades, style
+from jaxdyn.drawing.figures import INK, blank, finish, shades, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.events import Reaches
@@ -64,7 +64,7 @@ def section(
     about = heading(title, [table.scene for table in tables], width)
     if about:
         figure.suptitle(about, fontsize=10)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _panel(ax, table: SectionPoints) -> None:
@@ -76,11 +76,11 @@ def _panel(ax, table: SectionPoints) -> None:
     ax.set(xlabel=across, ylabel=up)
     if table.counts.any():
         _edge(ax, table)
-        _widened(ax, table)
+        _widen(ax, table)
     style(ax)
 
 
-def _widened(ax, table: SectionPoints) -> None:
+def _widen(ax, table: SectionPoints) -> None:
     """Widen the axis of a coordinate that is constant, which would show the rounding of it."""
     low, high, constant = _extent(table)
     for axis, ends, wide in zip("xy", zip(low, high, strict=True), constant, strict=True):

@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named, style
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from orbits.targets.aim import Hits, Throws
-from orbits.targets.launch import angle_of, landings, launched
+from orbits.targets.launch import angle_of, landings, launch
 
 _WIDTH = 6.8  # inches
 _SAMPLES = 300
@@ -45,7 +45,7 @@ def throws(
     for i, (name, angle, t) in enumerate(flights):
         colour = PALETTE[i % len(PALETTE)]
         label = f"{name}, {np.degrees(angle):.4g} degrees"
-        motion = simulate(launched(scene, angle, speed, t), samples=_SAMPLES)
+        motion = simulate(launch(scene, angle, speed, t), samples=_SAMPLES)
         place = motion.r[:, 0] - np.asarray(scene.y0)[None, :2]
         paths.plot(place[:, 0], place[:, 1], color=colour, lw=1.8, label=label)
         ranges.plot(np.degrees(angle), place[-1, 0], "o", color=colour, ms=7, zorder=3)
@@ -62,5 +62,5 @@ def throws(
     ranges.set_xticks(range(0, 181, 30))
     style(paths)
     style(ranges)
-    legend_below(figure, named(paths))
-    return finished(figure, path)
+    legend_below(figure, legend_entries(paths))
+    return finish(figure, path)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, named
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
@@ -54,9 +54,9 @@ def torus(
     ax.plot(x[:, 0], y[:, 0], z[:, 0], color=INK, lw=1.6, label="invariant circle")
     ax.set(**{f"{axis}label": label for axis, label in zip("xyz", labels, strict=True)})
     ax.set_title(heading(title, [found.scene], _SIDE), fontsize=10)
-    legend_below(figure, named(ax))
+    legend_below(figure, legend_entries(ax))
     fill(figure)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _surface(found: Torus) -> tuple[np.ndarray, np.ndarray]:
@@ -70,10 +70,10 @@ def _surface(found: Torus) -> tuple[np.ndarray, np.ndarray]:
         ]
     )
     # A return turns the circle by rho. Turned back in proportion to time, lines close.
-    return ts, _turned(flowed, found.rotation * ts / found.time)
+    return ts, _turn_back(flowed, found.rotation * ts / found.time)
 
 
-def _turned(flowed: np.ndarray, back: np.ndarray) -> np.ndarray:
+def _turn_back(flowed: np.ndarray, back: np.ndarray) -> np.ndarray:
     """(n + 1, s, k) circles (n, s, k), each turned by its angle back (s,), and closed."""
     n = len(flowed)
     modes = np.fft.rfft(flowed, axis=0)

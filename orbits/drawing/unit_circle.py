@@ -4,7 +4,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._records.kinds import check_first
-from jaxdyn.drawing.figures import INK, PALETTE, blank, finished, legend_below, mark, named, style
+from jaxdyn.drawing.figures import (
+    INK,
+    PALETTE,
+    blank,
+    finish,
+    legend_below,
+    legend_entries,
+    mark,
+    style,
+)
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from orbits.analysis.stability import Stability
@@ -41,12 +50,12 @@ def multipliers(found: Stability, path=None, *, title: str | None = None) -> Fig
     ax.plot(near.real, near.imag, "o", color=PALETTE[0], ms=8, mec="white", label="multiplier")
     for value in values[np.abs(values) > _REACH]:
         _arrow(ax, value)
-    handles = named(ax)
+    handles = legend_entries(ax)
     if found.unit:
         ax.plot(1.0, 0.0, "o", color=PALETTE[1], ms=13, mfc="none", mew=1.6)
         handles.append(mark("o", f"{found.unit} equal to 1", mfc="none", mec=PALETTE[1], mew=1.6))
     legend_below(figure, handles)
-    return finished(figure, path)
+    return finish(figure, path)
 
 
 def _arrow(ax, value: complex) -> None:

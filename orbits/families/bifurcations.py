@@ -56,7 +56,7 @@ def special_points(
     if rest is not None:
         # Beyond it orbits repeat, and at it other tests vanish where frequencies are resonant.
         point = zero_between(surface, a, rest, _TESTS[Kind.DOUBLING])
-        doublings = [] if point is None else [_named(surface, Kind.DOUBLING, point)]
+        doublings = [] if point is None else [_with_kind(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
     if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
@@ -64,10 +64,10 @@ def special_points(
         if middle is not None:
             halves = ((a, middle), (middle, b))
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
-    told = _told(surface, a, b)
+    told = _known_tests(surface, a, b)
     places = [(kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
-    found = [_named(surface, kind, point) for kind, point in places if point is not None]
-    if _left_in_pairs(surface, a, b):
+    found = [_with_kind(surface, kind, point) for kind, point in places if point is not None]
+    if _leave_in_pairs(surface, a, b):
         found += _boundary(surface, a, b)
     grazings = _grazings(surface, a, b)
     found += grazings
@@ -120,7 +120,7 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
         member = None if chart.at_end(a, b, 0.5) else chart.between(a, b, 0.5)
         if member is None:
             break
-        a, b = (a, member) if _left_in_pairs(surface, start, member) else (member, b)
+        a, b = (a, member) if _leave_in_pairs(surface, start, member) else (member, b)
     return [dataclasses.replace(b, kind=_pair_kind(a, b))] if _same(a, b) else []
 
 
@@ -129,7 +129,7 @@ def _same(a: Member, b: Member) -> bool:
     return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
-def _named(surface: Surface, kind: Kind, point: Member) -> Member:
+def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     """The point with its kind."""
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
@@ -171,7 +171,7 @@ def _through(value: float) -> Test:
 _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _through(1.0), Kind.DOUBLING: _through(-1.0)}
 
 
-def _told(surface: Surface, a: Member, b: Member) -> set[Kind]:
+def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:
     """The tests whose signs are known at both neighbours."""
     return {kind for kind in _TESTS if all(_is_told(kind, surface, end) for end in (a, b))}
 
@@ -187,7 +187,7 @@ def _is_told(kind: Kind, surface: Surface, member: Member) -> bool:
     return not ((known.bars > _VAGUE) & (np.abs(known.nontrivial - value) <= known.bars)).any()
 
 
-def _left_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
+def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
     """Whether multipliers have left the unit circle between two members, but not at +1 or -1.
 
     There they leave it one by one. Pairs that meet off the circle do not change their number.
@@ -202,7 +202,7 @@ def _left_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
 
 def _singly(surface: Surface, a: Member, b: Member) -> int:
     """At how many of +1 and -1 multipliers have crossed the unit circle between two members."""
-    told = _told(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
+    told = _known_tests(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
     return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in told)
 
 

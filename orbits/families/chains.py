@@ -46,7 +46,7 @@ class ChainSurface(Surface):
         closed = dataclasses.replace(orbit, outcome=Outcome.FOUND)
         return stability(closed, throw=False)
 
-    def judged(self, orbit: HybridOrbit, known: Stability) -> HybridOrbit:
+    def judge(self, orbit: HybridOrbit, known: Stability) -> HybridOrbit:
         del known
         return orbit
 
@@ -59,10 +59,10 @@ class ChainSurface(Surface):
 
     def holds(self, x: np.ndarray) -> bool:
         """Whether the equations hold at x, roughly."""
-        residual, _ = self._closed(x, self._lengths(x))(x)
+        residual, _ = self._closing_in_units(x, self._lengths(x))(x)
         return bool(np.abs(residual).max() <= _HOLDS)
 
-    def _closed(self, x: np.ndarray, known: Lengths) -> "_InUnits":
+    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> "_InUnits":
         return _InUnits(self.equations, x, self.rtol, self._units(x, known), known.sizes)
 
     def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:

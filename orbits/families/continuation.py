@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn._checks import fail, positive, untraced, whole
-from jaxdyn._records.captured import remembered
+from jaxdyn._checks import check_untraced, fail, positive, whole
+from jaxdyn._records.captured import with_captures
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
@@ -38,7 +38,7 @@ from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
 from orbits.shooting.segment import Make
-from orbits.shooting.segmentation import cut
+from orbits.shooting.segmentation import cut_into_segments
 
 #: At least, so that lengths and directions along a family are those of a whole motion: at a single
 #: start a family turns, and may be stiff, for no other reason than where on the orbits that is.
@@ -129,9 +129,11 @@ def continue_family(
       >>> bool((np.diff(family.periods) > 0).all())
       True
     """
-    untraced("continue_family", (orbit, parameter), "See orbits.differentiable, for each member.")
+    check_untraced(
+        "continue_family", (orbit, parameter), "See orbits.differentiable, for each member."
+    )
     _check(orbit, make, parameter, step, members)
-    make = None if make is None else remembered("make", make)
+    make = None if make is None else with_captures("make", make)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)
@@ -145,7 +147,9 @@ def continue_family(
             raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
         guess = np.append(np.asarray(orbit.y0), orbit.period)
         start = Equations.of(orbit, conditions(orbit.scene, hold), make)
-        equations = cut(start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS)
+        equations = cut_into_segments(
+            start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS
+        )
         x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle, value)
         surface = OrbitSurface(equations, orbit.rtol, goal)
     point = surface.nearest(x)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import System, _text
-from jaxdyn._checks import fail, untraced
+from jaxdyn._checks import check_untraced, fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
@@ -33,7 +33,7 @@ from orbits.closing.closings import PLAIN
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member, smooth_orbit
-from orbits.families.jets import basis, returned
+from orbits.families.jets import basis, return_coefficients
 from orbits.orbit import Orbit
 
 _CRITICAL = 1e-4  # largest distance of a multiplier from its value at the bifurcation
@@ -108,7 +108,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
       >>> orbits.criticality(orbit, "branch point").verdict
       'supercritical'
     """
-    untraced("point", point, "Normal forms are computed on the host.")
+    check_untraced("point", point, "Normal forms are computed on the host.")
     orbit = point if isinstance(point, Orbit) else smooth_orbit("point", point.orbit)
     kind = point.kind if kind is None and isinstance(point, Member) else kind
     if kind not in _FORMS:
@@ -125,7 +125,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
         for tolerance in (rtol, coarser(rtol))
     )
     bars = [abs(a - b) + 1e-12 * abs(a) for a, b in zip(fine[:2], coarse[:2], strict=True)]
-    return _judged(kind, fine, bars)
+    return _judge(kind, fine, bars)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,7 +140,7 @@ class _Map:
 
     def along(self, u1: np.ndarray, u2: np.ndarray) -> np.ndarray:
         """(3, d) coefficients of the return of e u1 + e^2 u2."""
-        return returned(self.orbit, self.axes, self.each, u1, u2, self.rtol, self.driven)
+        return return_coefficients(self.orbit, self.axes, self.each, u1, u2, self.rtol, self.driven)
 
     def derivative(self) -> np.ndarray:
         """(d, d)."""
@@ -221,7 +221,7 @@ _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind
 _SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
 
 
-def _judged(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
+def _judge(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
     coefficient, quadratic, simple, length = fine
     bar, other = bars
     if not simple:

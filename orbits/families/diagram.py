@@ -86,15 +86,15 @@ class Diagram:
         ]
         failed = [f"{x.point.kind} at {_text.brief(x.point.parameter)}" for x in self.failures]
         rows = [
-            ("equilibria", _text.counted(len(self.rests), "family", "families")),
+            ("equilibria", _text.number_of(len(self.rests), "family", "families")),
             ("special", ", ".join(rests)),
-            ("orbits", _text.counted(len(self.orbits), "family", "families")),
+            ("orbits", _text.number_of(len(self.orbits), "family", "families")),
             ("special", ", ".join(special)),
             ("not followed", ", ".join(failed)),
         ]
         return _text.table("Bifurcation diagram", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import diagrams
 
@@ -160,10 +160,10 @@ def diagram(
     orbit_options = {"step": orbit_step or step, "members": orbit_members, "within": within}
     found = _Orbits(make, orbit_options, amplitude, report, log)
     with lock(log):
-        return _followed(found, parameter, start, depth, options)
+        return _follow(found, parameter, start, depth, options)
 
 
-def _followed(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
+def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
     """The diagram whose orbits are in `found` in the end."""
     make, report, log = found.make, found.report, found.log
     rests, failures = [], []
@@ -216,7 +216,7 @@ def _units(point: Equilibrium) -> np.ndarray:
     return point.units[:-1]
 
 
-def _met(a: Member, b: Member) -> bool:
+def _coincide(a: Member, b: Member) -> bool:
     """Whether two branch points are one: a member of another family has it to fewer digits."""
     apart = abs(a.parameter - b.parameter) / a.point.units[-2]
     return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
@@ -244,7 +244,7 @@ class _Orbits:
 
     def from_hopf(self, rests: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
-        if any(_near(point, x) for x in self.seen) or self._reached(point):
+        if any(_near(point, x) for x in self.seen) or self._has_reached(point):
             return
         self.seen.append(point)
         _progress.doing(f"following orbits from {point.parameter:.6g}")
@@ -252,7 +252,7 @@ class _Orbits:
         amplitude = None if size is None else in_sizes(rests, point, size)
         self._follow(point, lambda: from_hopf(rests, point, amplitude=amplitude), 0, depth)
 
-    def _reached(self, point: Equilibrium) -> bool:
+    def _has_reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
         ends = [x for family, _ in self.families for x in family.special if x.kind == Kind.REST]
         return any(_shrunk_to(x, point) for x in ends)
@@ -290,7 +290,7 @@ class _Orbits:
 
     def _new_branch(self, special: Member) -> bool:
         """Whether it is a branch point that no other family has passed."""
-        if special.kind != Kind.BRANCH or any(_met(special, x) for x in self.branches):
+        if special.kind != Kind.BRANCH or any(_coincide(special, x) for x in self.branches):
             return False
         self.branches.append(special)
         return True

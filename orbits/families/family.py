@@ -10,7 +10,7 @@ from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
-from jaxdyn._text import counted, second
+from jaxdyn._text import number_of, second
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
@@ -52,12 +52,12 @@ class Member:
             ("stability", self.stability.verdict),
         ]
         what = "Member" if self.kind is None else str(self.kind).capitalize()
-        return _text.table(f"{what} of a family of {_text.called(first_scene(self.orbit))}", rows)
+        return _text.table(f"{what} of a family of {_text.title_of(first_scene(self.orbit))}", rows)
 
     def _numbers(self) -> dict[str, float]:
         return {"parameter": self.parameter, "period": self.orbit.period, "energy": self.energy}
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import periodic
 
@@ -93,10 +93,10 @@ class Family:
             ("special", ", ".join(special)),
             ("end", self.end),
         ]
-        what = f"{counted(len(self.members), 'orbit')} of {_text.called(scene)}"
+        what = f"{number_of(len(self.members), 'orbit')} of {_text.title_of(scene)}"
         return _text.table(f"Family of {what}", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import families
 

@@ -19,7 +19,7 @@ import numpy as np
 from jaxdyn import _progress, _text
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
@@ -29,9 +29,9 @@ from orbits.families.diagram import Diagram
 from orbits.families.family import Family, Member, smooth_orbit
 from orbits.families.lengths import lengths
 from orbits.families.surface import OrbitSurface, Point
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
-from orbits.shooting.deflation import distance, known
+from orbits.shooting.deflation import distance, known_orbits
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.units import units_of_unknowns
@@ -115,10 +115,10 @@ class Graph:
             met += [f"equilibria {i + 1}" for i in place.rests]
             rows.append((place.kind, f"families {', '.join(met)} at {_where(place)}"))
         joined = "; ".join(", ".join(str(i + 1) for i in group) for group in self.components)
-        families = counted(len(self.families), "family", "families")
+        families = number_of(len(self.families), "family", "families")
         return _text.table(f"Graph of {families} of orbits", [("joined", joined), *rows])
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import graphs
 
@@ -160,7 +160,7 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     for place in _places(several, rests):
         _progress.doing(f"which families meet at the {place.kind} at {_where(place)}", len(places))
         if not any(_same(place, other) for other in places):
-            places.append(_met(place, several))
+            places.append(_with_families(place, several))
     kept = tuple(place for place in places if len(place.families) + len(place.rests) > 1)
     return Graph(families=several, rests=tuple(rests), places=kept)
 
@@ -209,14 +209,14 @@ def _place(member: Member) -> Place:
     )
 
 
-def _met(place: Place, families: Sequence[Family]) -> Place:
+def _with_families(place: Place, families: Sequence[Family]) -> Place:
     """The place with all families that reach it."""
-    met = [(i, times) for i, family in enumerate(families) if (times := _reached(place, family))]
+    met = [(i, times) for i, family in enumerate(families) if (times := _arrivals(place, family))]
     numbers, times = zip(*met, strict=True) if met else ((), ())
     return dataclasses.replace(place, families=numbers, times=times)
 
 
-def _reached(place: Place, family: Family) -> int:
+def _arrivals(place: Place, family: Family) -> int:
     """How often orbits of a family trace that of a place at which they arrive; 0 if they do not."""
     if any(_same(place, _place(member)) for member in family.special):
         return 1
@@ -247,7 +247,9 @@ def _same(one: Place, two: Place) -> bool:
 
 def _apart(one: Orbit, two: Orbit) -> float:
     equations = Equations(scene=one.scene, closing=PLAIN)
-    return distance(equations, np.append(np.asarray(one.y0), one.period), known([two], one.scene))
+    return distance(
+        equations, np.append(np.asarray(one.y0), one.period), known_orbits([two], one.scene)
+    )
 
 
 def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
@@ -297,11 +299,11 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
     plain = equations.closing == PLAIN and not equations.driven
     if plain and place.kind not in _RESTS:
         ts = np.linspace(0.0, orbit.period, _SAMPLES, endpoint=False)
-        ys = np.asarray(solved(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
+        ys = np.asarray(quick_solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
         start = jnp.asarray(end.orbit.y0)
         off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
         shift = ts[np.argmin(np.linalg.norm(np.asarray(off) / end.point.sizes, axis=1))]
-        y0 = np.asarray(solved(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
+        y0 = np.asarray(quick_solve(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
     value = 0.0 if math.isnan(place.parameter) else place.parameter
     return equations.spread(y0, period, orbit.rtol, angle=orbit.angle, parameter=value)
 

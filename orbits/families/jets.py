@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 ORDER = 3
@@ -59,13 +59,13 @@ class Jets(System):
 
 
 @jax.jit
-def _carried(scene: Scene, curve: Array, period: Array, rtol) -> Array:
-    run = solved(Scene(Jets(scene), y0=curve.ravel()), period, rtol=rtol)
+def _carry(scene: Scene, curve: Array, period: Array, rtol) -> Array:
+    run = quick_solve(Scene(Jets(scene), y0=curve.ravel()), period, rtol=rtol)
     return run.y1.reshape(curve.shape)
 
 
 @jax.jit
-def _returned(scene: Scene, curve: Array, each: Array) -> Array:
+def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
     """A curve of states (4, k) moved along the flow to the plane through the scene's start.
 
     It is across the flow there where entries are in sizes (k,).
@@ -104,7 +104,7 @@ def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
     return each[:, None] * np.linalg.svd((flow / each)[None])[2][1:].T
 
 
-def returned(
+def return_coefficients(
     orbit: Orbit, axes: np.ndarray, each: np.ndarray, u1, u2, rtol: float, driven: bool
 ) -> np.ndarray:
     """(3, d) coefficients of e, e^2, e^3 of the return of the starts e u1 + e^2 u2.
@@ -120,8 +120,8 @@ def returned(
     """
     y0 = np.asarray(orbit.y0)
     curve = jnp.asarray(np.stack([y0, axes @ u1, axes @ u2, np.zeros(len(y0))]))
-    end = _carried(orbit.scene, curve, jnp.asarray(orbit.period), rtol)
+    end = _carry(orbit.scene, curve, jnp.asarray(orbit.period), rtol)
     if not driven:
         # Its constant is the start up to the closing error, which would move the plane.
-        end = _returned(orbit.scene, end.at[0].set(jnp.asarray(y0)), jnp.asarray(each))
+        end = _return_curve(orbit.scene, end.at[0].set(jnp.asarray(y0)), jnp.asarray(each))
     return np.asarray(end[1:]) / each @ (axes / each[:, None])

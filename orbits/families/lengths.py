@@ -2,10 +2,10 @@
 
 A start says little where it is near an equilibrium, or a passage through zero, as starts are that
 move across the flow along a family. So an entry has its largest size along the motion; one without
-a unit has at least the size that others give to it (`orbits.closing.sizes.coupled`). A parameter
-has no size by its value, which may be anything, but by what it changes: its unit changes the rate,
-or the rate's derivatives, by their units in a radian of the period, where it does so most. To
-second order: at 0 a parameter whose square counts changes nothing to first order.
+a unit has at least the size that others give to it (`orbits.closing.sizes.coupled_sizes`). A
+parameter has no size by its value, which may be anything, but by what it changes: its unit changes
+the rate, or the rate's derivatives, by their units in a radian of the period, where it does so
+most. To second order: at 0 a parameter whose square counts changes nothing to first order.
 """
 
 import functools
@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from orbits.closing.sizes import sizes_along
-from orbits.motion import sampled
+from orbits.motion import sample
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.segment import Make, scene_of
 from orbits.shooting.units import Lengths, sizes_at
@@ -56,7 +56,7 @@ def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if equations.segments > 1:
         return here.t0, here.start
     scene = equations.scene_at(equations.unpack(x).parameter).starting(here.start[0])
-    return sampled(scene, here.span[0])
+    return sample(scene, here.span[0])
 
 
 @functools.partial(jax.jit, static_argnames="make")

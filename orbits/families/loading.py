@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, walks_in
 from jaxdyn.continuation.loading import equilibria
 from jaxdyn.files.typed import typed
@@ -26,7 +26,7 @@ def load(path: str | Path, make: Make) -> Diagram:
       ValueError: the file is another, was edited or damaged, has a family without a parameter or
         with conditions, or what it holds are no equilibria and orbits of these scenes.
     """
-    make = remembered("make", make)
+    make = with_captures("make", make)
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
     rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]

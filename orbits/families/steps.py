@@ -43,7 +43,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     unnamed = alike.shape[1] - (member.stability.integrals - member.stability.unnamed)
     if not member.stability.ok or unnamed <= 0:
         return member
-    return member_at(surface, point, tangent, _aligned(alike, tangent)[:, :unnamed])
+    return member_at(surface, point, tangent, _align(alike, tangent)[:, :unnamed])
 
 
 class OrbitChart(Chart[Member]):
@@ -182,7 +182,7 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
     total = float(energy.energy(scene, jnp.zeros(()), orbit.y0)) if scene.has_energy else np.nan
     known = surface.stability(orbit, point, alike)
     return Member(
-        orbit=surface.judged(orbit, known),
+        orbit=surface.judge(orbit, known),
         parameter=parameter_at(surface, point.x),
         energy=total,
         stability=known,
@@ -203,7 +203,7 @@ def _same_scene(surface: Surface, ways: np.ndarray) -> np.ndarray:
     return ways @ vt[1:].T
 
 
-def _aligned(ways: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+def _align(ways: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """The same space, with the direction nearest to the tangent first."""
     _, _, vt = np.linalg.svd((ways.T @ tangent)[None])
     return ways @ vt.T

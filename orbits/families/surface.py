@@ -23,7 +23,7 @@ from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.equations import Equations
-from orbits.shooting.outcomes import determined, orbit_at
+from orbits.shooting.outcomes import is_determined, orbit_at
 from orbits.shooting.segmentation import recut
 from orbits.shooting.units import InUnits, Lengths, Units, units_at, units_of_unknowns
 
@@ -131,7 +131,7 @@ class Surface(abc.ABC):
         """
 
     @abc.abstractmethod
-    def judged(self, orbit: Any, known: Stability) -> Any:
+    def judge(self, orbit: Any, known: Stability) -> Any:
         """The orbit with its outcome, by what is known of its stability."""
 
     def margins(self, orbit: Any) -> np.ndarray:
@@ -140,7 +140,7 @@ class Surface(abc.ABC):
         return np.zeros(0)
 
     @abc.abstractmethod
-    def _closed(self, x: np.ndarray, known: Lengths) -> Closed:
+    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> Closed:
         """The equations in the units of the motion at x."""
 
     @abc.abstractmethod
@@ -194,7 +194,7 @@ class Surface(abc.ABC):
             known = self._lengths(x)
         else:
             known = self.lengths(near)
-        closed = self._closed(x, known)
+        closed = self._closing_in_units(x, known)
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
 
@@ -264,7 +264,7 @@ class Surface(abc.ABC):
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
         """
-        closed = self._closed(x, self._lengths(x))
+        closed = self._closing_in_units(x, self._lengths(x))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None
@@ -295,13 +295,13 @@ class OrbitSurface(Surface):
         )
 
     def at(self, point: Point) -> "OrbitSurface":
-        return self if point.equations is self.equations else self._cut_as(point.equations)
+        return self if point.equations is self.equations else self._with_cuts(point.equations)
 
     def recut(self, point: Point) -> "OrbitSurface | None":
         cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
-        return None if cuts is None else self._cut_as(cuts)
+        return None if cuts is None else self._with_cuts(cuts)
 
-    def _cut_as(self, equations: Equations) -> "OrbitSurface":
+    def _with_cuts(self, equations: Equations) -> "OrbitSurface":
         same = OrbitSurface(equations, self.rtol, self.goal)
         same._symmetries = self._symmetries
         return same
@@ -332,12 +332,12 @@ class OrbitSurface(Surface):
         segments = None if alone else Segments(point.equations, point.x, self.rtol)
         return judged(orbit, segments, point.sizes, rtol=orbit.rtol, along=along, throw=False)
 
-    def judged(self, orbit: Orbit, known: Stability) -> Orbit:
+    def judge(self, orbit: Orbit, known: Stability) -> Orbit:
         lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf
-        outcome = Outcome.FOUND if determined(orbit, lost) else Outcome.UNDETERMINED
+        outcome = Outcome.FOUND if is_determined(orbit, lost) else Outcome.UNDETERMINED
         return dataclasses.replace(orbit, outcome=outcome)
 
-    def _closed(self, x: np.ndarray, known: Lengths) -> InUnits:
+    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> InUnits:
         return InUnits(self.equations, x, self.rtol, lengths=known)
 
     def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:

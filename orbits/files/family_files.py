@@ -138,10 +138,10 @@ def _number(x: float) -> float | None:
 def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
     if not isinstance(several, list):
         raise fail("file", "a list of orbits", type(several).__name__, DAMAGED)
-    return tuple(_decoded(record, parameter) for record in several)
+    return tuple(_decode(record, parameter) for record in several)
 
 
-def _decoded(record: Any, parameter: str | None) -> Entry:
+def _decode(record: Any, parameter: str | None) -> Entry:
     if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
         raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", DAMAGED)
     value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))

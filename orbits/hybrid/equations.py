@@ -118,13 +118,13 @@ class Chain(NamedTuple):
         k, n = len(unknowns.start), len(self.legs)
         columns = np.eye(len(x))
         spans = columns[np.append(k + np.arange(n - 1), len(x) - 1)]
-        start, slope = map(np.asarray, _put(self.legs[0].scene, unknowns.start))
+        start, slope = map(np.asarray, _nearest_start(self.legs[0].scene, unknowns.start))
         first = slope @ columns[:k]
         along = first
         starts, ends, values, rows = [start], [], [], []
         rtol = np.asarray(rtol, float)  # a Python number would be compiled in
         for i in range(n):
-            passed = self._passed(i, starts[-1], unknowns, rtol)
+            passed = self._pass_leg(i, starts[-1], unknowns, rtol)
             (y, left, end), slopes = jax.tree.map(np.asarray, passed)
             by_start, by_span, *by_parameter = slopes
             along, row = (
@@ -141,7 +141,7 @@ class Chain(NamedTuple):
         jacobian = np.concatenate([*rows, slopes[0] @ along + slopes[1] @ first])
         return Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
 
-    def _passed(self, i: int, y: np.ndarray, unknowns: Unknowns, rtol: np.ndarray):
+    def _pass_leg(self, i: int, y: np.ndarray, unknowns: Unknowns, rtol: np.ndarray):
         span = unknowns.spans[i]
         if self.make is None:
             return leg_passed(self.legs[i], y, span, rtol)
@@ -210,7 +210,7 @@ class Chain(NamedTuple):
         spans = np.tile(unknowns.spans, times)
         return self.repeated(times).pack(unknowns.start, spans, unknowns.parameter)
 
-    def missed(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
+    def residual(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
         """(m,) the equations after some periods, by given methods of integration.
 
         The errors of the ends are those of the last period, those of the closing the sum of all:
@@ -237,7 +237,7 @@ def _change(leg: Leg, end: Array, span, each: Array) -> Array:
 
 
 @eqx.filter_jit
-def _put(scene: Scene, y: Array) -> tuple[Array, Array]:
+def _nearest_start(scene: Scene, y: Array) -> tuple[Array, Array]:
     """The nearest start that the constraints allow, and its derivative."""
 
     def put(y):
@@ -266,7 +266,7 @@ def _passing(leg: Leg, y: Array, span, rtol):
 
 
 @eqx.filter_jit
-def left_sides(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> Array:
+def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> Array:
     """(m,) the equations of a chain, differentiable in every number of it."""
     first = y = legs[0].scene.system.project(jnp.zeros(()), start)
     found = []

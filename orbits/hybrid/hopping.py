@@ -138,7 +138,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
       >>> abs(math.tan(corner) - (math.pi + corner)) < 1e-9
       True
     """
-    g = _checked_gravity(scene, turns)
+    g = _check_gravity(scene, turns)
     given = scene.system
     slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).touching("slip_on")
     contact, fly = (
@@ -164,7 +164,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     # In the whole chain the motion is a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(first, 2 * first + math.pi)
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
-    half = _checked(find_hybrid(legs, y0, spans, closes=mirrors, throw=False))
+    half = _check(find_hybrid(legs, y0, spans, closes=mirrors, throw=False))
     down, rest = half.spans
     above = (Height(given),)
     presses = () if rolls else (NormalForce(contact),)
@@ -177,12 +177,12 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     around = Advanced(2 * (first + math.pi))
     # Over the whole chain the residuals of the halves count several times.
     whole = 8 * GOAL
-    return _checked(
+    return _check(
         find_hybrid(chain, half.y0, spans, closes=around, goal=whole, max_iterations=0, throw=False)
     )
 
 
-def _checked(found: HybridOrbit) -> HybridOrbit:
+def _check(found: HybridOrbit) -> HybridOrbit:
     """The motion found from an exact guess; raises if rounding prevented it."""
     if not found.ok:
         raise SearchError(_ROUNDED)
@@ -217,7 +217,7 @@ def _gravity(scene: Scene) -> float:
     return -float(fall[4])
 
 
-def _checked_gravity(scene: Scene, turns) -> float:
+def _check_gravity(scene: Scene, turns) -> float:
     """The acceleration of gravity [m/s^2], with the scene and the number of turns checked."""
     system = scene.system
     if not (isinstance(system, Cylinder) and system.flat):

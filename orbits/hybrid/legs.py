@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text, simulate
 from jaxdyn._records.record import Record
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import unchanged
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -74,16 +74,16 @@ class HybridOrbit:
     def __repr__(self) -> str:
         scene = self.legs[0].scene
         labels = scene.labels()
-        steps = f"after {counted(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
+        steps = f"after {number_of(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
         rows = [
             ("period", _text.brief(self.period, _text.second(labels), digits=14)),
             ("closing", f"to {_text.brief(self.residual)} {steps}"),
             ("outcome", f"{self.outcome.name}: {self.message}"),
             ("start", _text.entries(labels, self.y0)),
         ]
-        return _text.table(f"Hybrid orbit of {counted(len(self.legs), 'leg')}", rows)
+        return _text.table(f"Hybrid orbit of {number_of(len(self.legs), 'leg')}", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import periodic
 
@@ -128,7 +128,7 @@ class HybridOrbit:
     def _where(self) -> str:
         """The part of the chain that an outcome concerns; empty if it concerns all of it."""
         if self.outcome == Outcome.BOUND_PASSED:
-            least = [f"{bound} goes down to {value:.3g}" for bound, value in self._passed()]
+            least = [f"{bound} goes down to {value:.3g}" for bound, value in self._violations()]
             return f"On the way {', '.join(least)}."
         if self.outcome == Outcome.TRIVIAL:
             shortest = int(np.argmin(self.spans))
@@ -169,9 +169,9 @@ class HybridOrbit:
     @property
     def keeps_bounds(self) -> bool:
         """Whether each leg satisfies its bounds, to rounding, at 400 times."""
-        return not self._passed()
+        return not self._violations()
 
-    def _passed(self) -> list[tuple[str, float]]:
+    def _violations(self) -> list[tuple[str, float]]:
         """The bounds violated by more than rounding, each with its smallest value."""
         found = []
         for i, leg in enumerate(self.legs):

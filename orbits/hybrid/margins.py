@@ -14,7 +14,7 @@ from jaxtyping import Array
 from jaxdyn.integrate.events import Event
 from orbits.hybrid.equations import leg_passed
 from orbits.hybrid.legs import HybridOrbit, Leg
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 _SAMPLES = 400  # of a leg, to find a minimum, and between two samples, to refine it
 
@@ -39,11 +39,11 @@ def _least_minimum(leg: Leg, bound: Event, rtol: float) -> float:
     ts = np.linspace(0.0, float(leg.scene.t1), _SAMPLES + 1)
     values = _along(leg, bound, ts, rtol)
     inside = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    least = [_refined(leg, bound, ts[i - 1 : i + 2], rtol) for i in inside]
+    least = [_refine(leg, bound, ts[i - 1 : i + 2], rtol) for i in inside]
     return min(least, default=float(np.abs(values).max()))
 
 
-def _refined(leg: Leg, bound: Event, ts: np.ndarray, rtol: float) -> float:
+def _refine(leg: Leg, bound: Event, ts: np.ndarray, rtol: float) -> float:
     """The minimum of a bound between three times."""
     values = _along(leg, bound, np.linspace(ts[0], ts[-1], _SAMPLES + 1), rtol)
     i = int(np.clip(np.argmin(values), 1, _SAMPLES - 1))
@@ -53,7 +53,7 @@ def _refined(leg: Leg, bound: Event, ts: np.ndarray, rtol: float) -> float:
 
 
 def _along(leg: Leg, bound: Event, ts: np.ndarray, rtol: float) -> np.ndarray:
-    ys = solved(leg.scene, ts[-1], ts=ts, rtol=rtol).ys
+    ys = quick_solve(leg.scene, ts[-1], ts=ts, rtol=rtol).ys
     return np.asarray(_values(bound, jnp.asarray(ts), ys))
 
 

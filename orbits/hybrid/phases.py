@@ -11,7 +11,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn._checks import choice, fail, whole
-from jaxdyn._text import brief, counted
+from jaxdyn._text import brief, number_of
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Phase, no_time
 from jaxdyn.integrate.phases import simulate_phases
@@ -64,7 +64,7 @@ def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
     return tuple(legs)
 
 
-def followed(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
+def follow(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     """The path of a guess over a number of events, and the durations between them.
 
     Raises:
@@ -78,7 +78,7 @@ def followed(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
         why = motion.message.rstrip(".")
         got = f"one with {len(path)} exits and {len(motion.pieces)} pieces: {why}"
         remedy = "Give another start, scenes of a longer span t1, other `events`, or legs."
-        wanted = f"a start from which {counted(events, 'phase')} end within {brief(span)} of time"
+        wanted = f"a start from which {number_of(events, 'phase')} end within {brief(span)} of time"
         raise fail("y0", wanted, got, remedy)
     names = [name for name, _ in path]
     name, number = path[-1]

@@ -12,16 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import fail, positive, untraced, whole
+from jaxdyn._checks import check_untraced, fail, positive, whole
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.spans import tolerances
 from jaxdyn.plan import plan_of
-from jaxdyn.scene import Scene, checked_scene
+from jaxdyn.scene import Scene, check_scene
 from orbits.closing.given import driven
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.known import Squares
 from orbits.hybrid.legs import HybridOrbit, Leg, Path
-from orbits.hybrid.phases import Phases, followed, legs_of
+from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.deflation import SAME, Walk, away
@@ -106,10 +106,10 @@ def find_hybrid(
       >>> round(float(gait.y0[0]), 9)
       0.200310901
     """
-    untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
+    check_untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
     path: Path = ()
     if isinstance(legs, Mapping):
-        path, durations = followed(legs, y0, events)
+        path, durations = follow(legs, y0, events)
         spans = durations if spans is None else spans
     legs = legs_of(legs, path)
     start, times = _start_and_times(legs, y0, spans)
@@ -118,13 +118,13 @@ def find_hybrid(
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
     effort = Effort(goal, rtol, max_iterations, report)
-    found = _solved(Chain(legs, closes, path=path), start, times, effort, unlike)
+    found = _solve(Chain(legs, closes, path=path), start, times, effort, unlike)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
 
 
-def _solved(
+def _solve(
     chain: Chain,
     start: np.ndarray,
     times: np.ndarray,
@@ -210,7 +210,7 @@ def check_legs(legs: tuple[Leg, ...]) -> None:
             if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
                 got = type(events).__name__
                 raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
-        if driven(checked_scene(leg.scene)):
+        if driven(check_scene(leg.scene)):
             remedy = "Each leg starts at its own time 0."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
         parts = {f"ends[{j}]": event for j, event in enumerate(leg.ends)}

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
-from jaxdyn._records.captured import remembered
+from jaxdyn._records.captured import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from jaxdyn.system import System
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes_at_rest
@@ -20,9 +20,9 @@ from orbits.manifolds import chain
 from orbits.manifolds.chain import Chain, Make
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.directions import of_rest
-from orbits.manifolds.links import Solution, sampled, solve
+from orbits.manifolds.links import Solution, sample, solve
 from orbits.manifolds.splitting import split
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 _FIRST = 1e-2  # in the sizes of the entries, as all distances: the first one of the ends
 _SHORTER = 4.0  # ratio of successive distances
@@ -50,17 +50,17 @@ def connect_rests(
     if (make is None) != (parameter is None):
         raise _checks.fail("parameter", "given together with `make`", parameter)
     p = np.nan if parameter is None else float(_checks.array("parameter", parameter, ()))
-    make = None if make is None else remembered("make", make)
-    posed, rates = _posed(checked_scene(a), b, make, p, branch, segments, rtol)
+    make = None if make is None else with_captures("make", make)
+    posed, rates = _pose(check_scene(a), b, make, p, branch, segments, rtol)
     longest = np.log(1 / 1e-6) / rates[0] + _LONGEST / rates.min() if time is None else time
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))
     guess = _approach(posed, p, longest)
     if isinstance(guess, ConnectionOutcome):
         return no_connection(posed, posed.near, guess, np.nan, 0)
-    return _shortened(posed, guess, error, rates)
+    return _shorten(posed, guess, error, rates)
 
 
-def _posed(
+def _pose(
     a: Scene, b, make: Make | None, p: float, branch: str, segments: int, rtol: float
 ) -> tuple[Chain, np.ndarray]:
     """What is to be connected, and the rates of leaving and of arriving slowest."""
@@ -70,7 +70,7 @@ def _posed(
     if driven(a):
         remedy = "It has no equilibria."
         raise _checks.fail("a", "an autonomous scene", "one that depends on time", remedy)
-    scene = a if make is None else checked_scene(make(jnp.asarray(p)))
+    scene = a if make is None else check_scene(make(jnp.asarray(p)))
     b = _checks.array("b", b, a.y0.shape, "It is a state.")
     near = np.stack([np.asarray(equilibrium(scene, y)) for y in (a.y0, b)])
     for name, y in zip(("a", "b"), near, strict=True):
@@ -113,7 +113,7 @@ def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutco
     scene, (a, b) = posed.base, posed.near
     start = scene.starting(a + _FIRST * posed.along)
     ts = np.linspace(0.0, longest, _STRAND)
-    ys = np.asarray(solved(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
+    ys = np.asarray(quick_solve(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
     gone, off = (
         np.linalg.norm(
             np.asarray(_apart(scene, jnp.asarray(ys), y)) / np.asarray(posed.each), axis=1
@@ -130,10 +130,10 @@ def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutco
         return ConnectionOutcome.NO_APPROACH if known.all() else ConnectionOutcome.MOTION_ENDS
     end = left + int(before[-1])
     nodes = ts[end] * np.arange(1, posed.segments) / posed.segments
-    return posed.pack(ts[end], p, _interpolated(nodes, ts[:m], ys[:m])), np.array([_FIRST, d])
+    return posed.pack(ts[end], p, _interpolate(nodes, ts[:m], ys[:m])), np.array([_FIRST, d])
 
 
-def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
+def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
     """The connection with its ends brought closer to the equilibria until their error is small."""
     x, steps = guess
     total, last, miss = 0, None, np.inf
@@ -158,14 +158,14 @@ def _shortened(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
 
 def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
     """Unknowns of the chain with shorter ends, to which the linear flows are appended."""
-    ts, ys = (np.asarray(z) for z in sampled(posed, found.x, old, _SAMPLES))
+    ts, ys = (np.asarray(z) for z in sample(posed, found.x, old, _SAMPLES))
     first, v, second = chain.ends(posed, found.x)
     before, after = np.log(old / new) / rates
     off = np.asarray(posed.base.system.difference(jnp.asarray(ys[-1]), second.rest))
     arriving = np.asarray(second.projector) @ off
     time, parameter, _ = posed.unpack(found.x)
     nodes = np.linspace(-before, time + after, posed.segments + 1)[1:-1]
-    states = _interpolated(nodes, ts, ys)
+    states = _interpolate(nodes, ts, ys)
     grown = old[0] * np.exp(rates[0] * nodes)[:, None] * np.asarray(v)
     states = np.where(nodes[:, None] < 0, np.asarray(first.rest) + grown, states)
     each = np.asarray(posed.each)
@@ -179,7 +179,7 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
 def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> float:
     """Distance of the ends of a chain from the one with shorter ends, across the motion."""
     (coarse, old), (fine, new) = last, now
-    ts, ys = (np.asarray(z) for z in sampled(posed, coarse.x, old, _SAMPLES))
+    ts, ys = (np.asarray(z) for z in sample(posed, coarse.x, old, _SAMPLES))
     before = math.log(old[0] / new[0]) / rates[0]
     apart = []
     for t, y in ((0.0, ys[0]), (ts[-1], ys[-1])):
@@ -192,7 +192,7 @@ def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> flo
 def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connection:
     """The connection found."""
     time, p, _ = posed.unpack(found.x)
-    ts, ys = (np.asarray(z) for z in sampled(posed, found.x, steps, _SAMPLES))
+    ts, ys = (np.asarray(z) for z in sample(posed, found.x, steps, _SAMPLES))
     scene = posed.scene_at(p)
     first, _, second = chain.ends(posed, found.x)
     alone = posed.make is None
@@ -214,7 +214,7 @@ def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connect
     )
 
 
-def _interpolated(t: np.ndarray, ts: np.ndarray, ys: np.ndarray) -> np.ndarray:
+def _interpolate(t: np.ndarray, ts: np.ndarray, ys: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(t, ts, column) for column in ys.T], axis=1)
 
 

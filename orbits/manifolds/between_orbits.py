@@ -13,11 +13,11 @@ from orbits.analysis.stability import stability
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
-from orbits.manifolds.links import Solution, sampled, solve
+from orbits.manifolds.links import Solution, sample, solve
 from orbits.manifolds.manifold import manifold
 from orbits.manifolds.orbit_chain import OrbitChain
 from orbits.manifolds.strands import Manifold
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 _BRANCHES = {
@@ -83,7 +83,7 @@ def connect_orbits(a: Orbit, b: Orbit, asked: Asked) -> Connection:
         segments=asked.segments,
         rtol=asked.rtol,
     )
-    return _polished(posed, (a, b), found, asked.which)
+    return _polish(posed, (a, b), found, asked.which)
 
 
 def _check(a: Orbit, b: Orbit) -> bool:
@@ -123,7 +123,7 @@ def _check(a: Orbit, b: Orbit) -> bool:
     return True
 
 
-def _polished(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
+def _polish(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
     """The connection number `which` of those to which crossings of strands lead, nearest first."""
     guesses = _crossings(found[0], found[1], np.asarray(posed.each))
     known: list[np.ndarray] = []
@@ -167,7 +167,7 @@ def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
             _, y = posed.beside(i, jnp.asarray(phases[i]), jnp.asarray(steps[i]))
             order = np.argsort(np.abs(ts[chosen]))
             ts = ts[chosen][order]
-            run = solved(posed.base.starting(y), ts[-1], ts=ts, rtol=posed.rtol)
+            run = quick_solve(posed.base.starting(y), ts[-1], ts=ts, rtol=posed.rtol)
             states[np.flatnonzero(chosen)[order]] = np.asarray(run.ys)
     shift = [0.0] if posed.conserved else []
     return np.concatenate([[whole, *phases], shift, states.ravel()])
@@ -232,7 +232,7 @@ def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
 def _result(
     posed: OrbitChain, ends, found: Solution, steps, error: float, total: int
 ) -> Connection:
-    ts, ys = (np.asarray(z) for z in sampled(posed, found.x, steps, _SAMPLES))
+    ts, ys = (np.asarray(z) for z in sample(posed, found.x, steps, _SAMPLES))
     phases = [float(x % orbit.period) for x, orbit in zip(found.x[1:3], ends, strict=True)]
     rests = [
         posed.beside(i, jnp.asarray(found.x[1 + i]), jnp.asarray(steps[i]))[0] for i in range(2)

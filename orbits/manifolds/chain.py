@@ -22,7 +22,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.manifolds.links import Links
 from orbits.manifolds.splitting import Split, split
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 Make = Callable[[Array], Scene]
 
@@ -75,7 +75,7 @@ class Chain(Links):
         v = v / jnp.linalg.norm(v / self.each)
         return first, v, split(scene, self.near[1], self.cuts[1], self.each)
 
-    def opened(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
+    def open(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
         time, parameter, states = self.unpack(x)
         scene = self.scene_at(parameter)
         first, v, _ = self.ends(scene)
@@ -86,11 +86,11 @@ class Chain(Links):
 
         `steps` (2,) are the distances of the ends from the equilibria.
         """
-        scene, starts, time = self.opened(x, steps)
+        scene, starts, time = self.open(x, steps)
         _, _, second = self.ends(scene)
         states = starts[1:]
         ends = jax.vmap(
-            lambda y: solved(scene.starting(y), time / self.segments, rtol=self.rtol).y1
+            lambda y: quick_solve(scene.starting(y), time / self.segments, rtol=self.rtol).y1
         )(starts)
         off = scene.system.difference(ends[-1], second.rest)
         across = self.across.T @ (second.projector @ off / self.each)
@@ -102,10 +102,10 @@ class Chain(Links):
 @eqx.filter_jit
 def state_at(chain: Chain, x, steps, t) -> tuple[Array, Array]:
     """(k,) state of the chain at a time, and the rate there."""
-    scene, starts, time = chain.opened(x, steps)
+    scene, starts, time = chain.open(x, steps)
     each = time / chain.segments
     i = jnp.clip(jnp.floor(t / each), 0, chain.segments - 1)
-    y = solved(scene.starting(starts[i.astype(int)]), t - i * each, rtol=chain.rtol).y1
+    y = quick_solve(scene.starting(starts[i.astype(int)]), t - i * each, rtol=chain.rtol).y1
     return y, scene.rate(jnp.zeros(()), y)
 
 

@@ -79,7 +79,7 @@ def connect(
       >>> orbits.connect(upright, [3.141592653589793, 0.0]).ok
       True
     """
-    _checks.untraced("a", (a, b, parameter), "Connections are computed on the host.")
+    _checks.check_untraced("a", (a, b, parameter), "Connections are computed on the host.")
     segments = _checks.whole("segments", segments, 2)
     error = float(_checks.positive("error", error, "It is a distance of states."))
     if isinstance(a, Orbit) or isinstance(b, Orbit):

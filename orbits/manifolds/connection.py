@@ -114,7 +114,7 @@ class Connection:
         apart, sizes = np.abs(last - first), np.nanmax(np.abs([first, last, *self.states]), axis=0)
         kind = "Homoclinic" if (apart <= _SAME * sizes).all() else "Heteroclinic"
         what = "" if self.orbits is None else "orbits of "
-        return _text.table(f"{kind} connection of {what}{_text.called(self.scene)}", rows)
+        return _text.table(f"{kind} connection of {what}{_text.title_of(self.scene)}", rows)
 
     _repr_html_ = _text.html
 

@@ -19,7 +19,7 @@ from jaxdyn.analysis.monodromy import end_and_derivative
 from orbits.analysis.monodromy import tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.sizes import sizes, sizes_at_rest
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 #: Default kinds of manifolds, and the sense of time in which their strands leave.
@@ -63,15 +63,15 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
     leaving = size - off > 1 if kind == "unstable" else size + off < 1
     # The farthest from the circle first.
     wanted = sorted(found.nontrivial[leaving], key=lambda z: -sense * abs(z))
-    value = _chosen(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
+    value = _choose(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
     each = sizes(orbit.scene)
     basis = tangents_in(orbit.scene, each)
     m = map_in_units(end_and_derivative(orbit.scene, sense * period, rtol)[1], each)
     values, vectors = np.linalg.eig(basis.T @ m @ basis)
     i = int(np.argmin(np.abs(values - (value if sense > 0 else 1 / value))))
-    v = each * _signed(basis @ vectors[:, i].real)
+    v = each * _with_sign(basis @ vectors[:, i].real)
     phases = np.arange(n) / n
-    ys, vs = _carried(orbit.scene, sense * period * phases, jnp.asarray(v), rtol)
+    ys, vs = _carry(orbit.scene, sense * period * phases, jnp.asarray(v), rtol)
     vs = np.asarray(vs) / np.linalg.norm(np.asarray(vs) / each, axis=1, keepdims=True)
     growth = float(values[i].real)
     return Directions(
@@ -101,7 +101,7 @@ def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions
     a = sense * basis.T @ near.jacobian @ basis
     wanted = sorted(near.eigenvalues[leaving], key=lambda z: (-sense * z.real, -z.imag))
     if which is not None:
-        chosen = np.array([_chosen(wanted, which, f"{kind} eigenvalue", "leave `which` out")])
+        chosen = np.array([_choose(wanted, which, f"{kind} eigenvalue", "leave `which` out")])
     elif 1 <= len(wanted) <= 2:
         chosen = np.array(wanted)
     else:
@@ -126,12 +126,12 @@ def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions
     )
 
 
-def _chosen(wanted: list, which: int, what: str, remedy: str) -> complex:
+def _choose(wanted: list, which: int, what: str, remedy: str) -> complex:
     """The real one of this number."""
     which = _checks.whole("which", which, 0)
     if which >= len(wanted):
         got = f"{len(wanted)} of them"
-        raise _checks.fail("orbit", f"{_text.counted(which + 1, what)} or more", got, remedy)
+        raise _checks.fail("orbit", f"{_text.number_of(which + 1, what)} or more", got, remedy)
     value = wanted[which]
     if abs(value.imag) > _REAL * abs(value):
         got = f"{value:.6g}"
@@ -149,20 +149,20 @@ def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     v = np.stack([v[:, 0].real, v[:, 0].imag], axis=1) if pair else v.real
     u, r = np.linalg.qr(v)
     u = u * np.sign(np.diag(r))
-    return _signed(u[:, 0])[:, None] if u.shape[1] == 1 else u
+    return _with_sign(u[:, 0])[:, None] if u.shape[1] == 1 else u
 
 
-def _signed(v: np.ndarray) -> np.ndarray:
+def _with_sign(v: np.ndarray) -> np.ndarray:
     """The unit vector along v whose first entry of weight is positive: the branch +1."""
     size = np.abs(v)
     return v * np.sign(v[np.argmax(size > _WEIGHT * size.max())]) / np.linalg.norm(v)
 
 
 @jax.jit
-def _carried(scene: Scene, ts: Array, v: Array, rtol) -> tuple[Array, Array]:
+def _carry(scene: Scene, ts: Array, v: Array, rtol) -> tuple[Array, Array]:
     """(n, k) states at times ts, and the tangent v at the start carried along by the flow."""
 
     def states(y):
-        return solved(scene.starting(y), ts[-1], ts=ts, rtol=rtol).ys
+        return quick_solve(scene.starting(y), ts[-1], ts=ts, rtol=rtol).ys
 
     return jax.jvp(states, (scene.y0,), (v,))

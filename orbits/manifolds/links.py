@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn.continuation import newton
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 _NEWTON_STEPS, _HALVINGS = 30, 9
 _GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
@@ -37,7 +37,7 @@ class Links(eqx.Module):
     rtol: eqx.AbstractVar[float]
 
     @abc.abstractmethod
-    def opened(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
+    def open(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
         """The scene, the starts (segments, k) of the links, and the time of all, at unknowns x.
 
         `steps` (2,) are the distances of the ends of the chain from what it connects.
@@ -130,14 +130,14 @@ def _goal(chain: Links, x: np.ndarray) -> float:
 
 
 @eqx.filter_jit
-def sampled(chain: Links, x, steps, n: int) -> tuple[Array, Array]:
+def sample(chain: Links, x, steps, n: int) -> tuple[Array, Array]:
     """(segments * n + 1,) times and (..., k) states, n in each link and the end."""
-    scene, starts, time = chain.opened(x, steps)
+    scene, starts, time = chain.open(x, steps)
     each = time / chain.segments
     ts = each * jnp.linspace(0.0, 1.0, n + 1)[1:]
 
     def link(y):
-        return solved(scene.starting(y), each, ts=ts, rtol=chain.rtol).ys
+        return quick_solve(scene.starting(y), each, ts=ts, rtol=chain.rtol).ys
 
     ys = jax.vmap(link)(starts)
     times = time * jnp.linspace(0.0, 1.0, chain.segments * n + 1)

@@ -9,11 +9,11 @@ from jaxdyn import Scene, Status, _checks, ensemble
 from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from orbits.manifolds import step_off
 from orbits.manifolds.directions import SENSES, Directions, of_orbit, of_rest
 from orbits.manifolds.strands import Manifold
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
 #: Default tolerance of the integrations.
@@ -86,13 +86,13 @@ def manifold(
       >>> len(out), bool(out.ok.all()), out.linear_error <= 1e-8
       (2, True, True)
     """
-    _checks.untraced("orbit", orbit, "Manifolds are computed on the host.")
+    _checks.check_untraced("orbit", orbit, "Manifolds are computed on the host.")
     _checks.choice("kind", kind, SENSES)
     _checks.choice("branch", branch, _BRANCHES)
     n, crossings = _checks.whole("strands", strands), _checks.whole("crossings", crossings)
     samples = _checks.whole("samples", samples, 2)
     error = float(_checks.positive("error", error, "It is a distance of states."))
-    scene = orbit.scene if isinstance(orbit, Orbit) else checked_scene(orbit)
+    scene = orbit.scene if isinstance(orbit, Orbit) else check_scene(orbit)
     if until is not None:
         if not isinstance(until, Event):
             raise _checks.fail("until", "an event", repr(until), "See jaxdyn.integrate.events.")
@@ -100,7 +100,7 @@ def manifold(
     near = _directions(orbit, kind, n, which, rtol)
     circle = len(near.multipliers) > 1
     signs = (1,) if circle else _BRANCHES[branch]
-    e, reached = step_off.chosen(scene, near, signs, error, rtol)
+    e, reached = step_off.choose(scene, near, signs, error, rtol)
     y0s, t0s = step_off.starts(scene, near, e, signs), np.tile(near.times, len(signs))
     longest = (np.log(1 / min(e, 1.0)) + _MORE) / near.rate if time is None else time
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))
@@ -108,7 +108,7 @@ def manifold(
     ts, ends, status = _run(scene, y0s, t0s, t1s, until, crossings, rtol, progress)
     stops = np.where(status == Status.OK, ts, t0s)
     sample_ts = t0s[:, None] + (stops - t0s)[:, None] * np.linspace(0.0, 1.0, samples)
-    states = np.array(_sampled(scene, t0s, y0s, sample_ts, rtol))
+    states = np.array(_sample(scene, t0s, y0s, sample_ts, rtol))
     states[status != Status.OK] = np.nan
     return Manifold(
         scene=scene,
@@ -163,10 +163,10 @@ def _run(scene: Scene, y0s, t0s, t1s, until: Event | None, crossings: int, rtol,
 
 
 @jax.jit
-def _sampled(scene: Scene, t0s: Array, y0s: Array, ts: Array, rtol) -> Array:
+def _sample(scene: Scene, t0s: Array, y0s: Array, ts: Array, rtol) -> Array:
     """(n, s, k) states at the times of each strand."""
 
     def one(t0, y0, ts):
-        return solved(scene.starting(y0), ts[-1], t0=t0, ts=ts, rtol=rtol).ys
+        return quick_solve(scene.starting(y0), ts[-1], t0=t0, ts=ts, rtol=rtol).ys
 
     return jax.lax.map(lambda strand: one(*strand), (t0s, y0s, ts))

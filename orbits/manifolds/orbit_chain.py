@@ -15,7 +15,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
 from orbits.manifolds.links import Links
-from orbits.motion import solved
+from orbits.motion import quick_solve
 
 _MOST_STEPS = 300  # of a link: an iterate that takes more has gone astray, into an encounter
 
@@ -55,7 +55,7 @@ class OrbitChain(Links):
         known = jax.lax.stop_gradient(phase)
 
         def state(y):
-            return solved(self.base.starting(y), known, rtol=self.rtol).y1
+            return quick_solve(self.base.starting(y), known, rtol=self.rtol).y1
 
         y, v = jax.jvp(state, (self.starts[i],), (self.tangents[i],))
         # To first order in the phase, which is all that its derivative needs.
@@ -63,7 +63,7 @@ class OrbitChain(Links):
         y, v = y + rate * (phase - known), v + turn * (phase - known)
         return y, y + step * v / jnp.linalg.norm(v / self.own[i])
 
-    def opened(self, x, steps):
+    def open(self, x, steps):
         y, first = self.beside(0, x[1], steps[0])
         if self.conserved:
             slope = jax.grad(lambda y: energy(self.base, 0.0, y))(jax.lax.stop_gradient(y))
@@ -72,7 +72,7 @@ class OrbitChain(Links):
         return self.base, jnp.concatenate([first[None], self.states(x)]), x[0]
 
     def gaps(self, x, steps):
-        scene, starts, time = self.opened(x, steps)
+        scene, starts, time = self.open(x, steps)
         ends = self.ends(starts, time / self.segments)
         _, last = self.beside(1, x[2], steps[1])
         off = scene.system.difference(ends[-1], last)
@@ -88,7 +88,7 @@ class OrbitChain(Links):
         known, span = jax.lax.stop_gradient((starts, each))
 
         def end(y):
-            run = solved(self.base.starting(y), span, rtol=self.rtol, max_steps=_MOST_STEPS)
+            run = quick_solve(self.base.starting(y), span, rtol=self.rtol, max_steps=_MOST_STEPS)
             return run.y1, run.y1
 
         slopes, ends = jax.vmap(jax.jacfwd(end, has_aux=True))(known)

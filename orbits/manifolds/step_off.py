@@ -25,7 +25,7 @@ _QUADRATIC = 9.0  # ratio of estimates at e and e / 4: 16 for an error of order 
 _SHARE = 0.5  # of the wanted error that may be rounding
 
 
-def chosen(
+def choose(
     scene: Scene, near: Directions, signs: tuple[int, ...], error: float, rtol: float
 ) -> tuple[float, float]:
     """The step-off, and the estimated error of the linear starts.
@@ -61,7 +61,7 @@ def chosen(
 def starts(scene: Scene, near: Directions, e: float, signs: tuple[int, ...]) -> np.ndarray:
     """(signs * n, k) linear starts, branch by branch, on the constraints of the scene."""
     ys = np.concatenate([near.base + sign * e * near.tangent for sign in signs])
-    return np.asarray(_projected(scene, jnp.asarray(np.tile(near.times, len(signs))), ys))
+    return np.asarray(_project(scene, jnp.asarray(np.tile(near.times, len(signs))), ys))
 
 
 def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> np.ndarray:
@@ -69,9 +69,9 @@ def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> 
     before = np.concatenate([near.base + e * near.before for e in ladder])
     after = np.concatenate([near.base + e * near.tangent for e in ladder])
     t0 = np.tile(near.times, len(ladder))
-    y0s = np.asarray(_projected(scene, t0, before))
+    y0s = np.asarray(_project(scene, t0, before))
     ends = ensemble.run(scene, y0s, t0 + near.span, t0=t0, rtol=rtol)
-    after = _projected(scene, t0, after)
+    after = _project(scene, t0, after)
     apart = np.asarray(_apart(scene, jnp.asarray(ends.y1), after)) / near.each
     apart = np.linalg.norm(apart, axis=1)
     apart = np.where(np.isfinite(apart), apart, np.inf)
@@ -79,7 +79,7 @@ def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> 
 
 
 @jax.jit
-def _projected(scene: Scene, ts: Array, ys: Array) -> Array:
+def _project(scene: Scene, ts: Array, ys: Array) -> Array:
     return jax.vmap(scene.system.project)(ts, ys)
 
 

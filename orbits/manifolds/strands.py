@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn.integrate.trajectory import explained
+from jaxdyn.integrate.trajectory import explanation
 from orbits.orbit import Orbit
 
 
@@ -65,10 +65,10 @@ class Manifold:
             ("failures", "" if self.ok.all() else self.message),
         ]
         what = "equilibrium" if rest else "orbit"
-        title = f"{self.kind.capitalize()} manifold of {what} of {_text.called(self.scene)}"
+        title = f"{self.kind.capitalize()} manifold of {what} of {_text.title_of(self.scene)}"
         return _text.table(title, rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import manifolds
 
@@ -87,6 +87,6 @@ class Manifold:
         """Number of strands that failed, by status, and the remedies."""
         codes, counts = np.unique(self.status[~self.ok], return_counts=True)
         return "\n".join(
-            f"{_text.counted(int(n), 'strand')}: {explained(Status(int(code)), self.scene)}"
+            f"{_text.number_of(int(n), 'strand')}: {explanation(Status(int(code)), self.scene)}"
             for n, code in zip(counts, codes, strict=True)
         )

@@ -65,7 +65,7 @@ class Certificate:
 
     @_text.never_raising
     def __repr__(self) -> str:
-        called = _text.called(self.orbit.scene)
+        called = _text.title_of(self.orbit.scene)
         if not self.proved:
             return _text.table(f"Not proved: orbit of {called}", [("reason", self.reason)])
         labels = self.orbit.scene.labels()

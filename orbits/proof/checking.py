@@ -8,8 +8,8 @@ from jaxdyn.balls.arithmetic import arb, precision
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
 from orbits.proof.closing_equations import ClosingEquations
-from orbits.proof.posing import posed_equations, sizes_of
-from orbits.proof.proving import certified
+from orbits.proof.posing import equations_of, sizes_of
+from orbits.proof.proving import certify
 from orbits.proof.refinement import refine
 
 #: Numbers of a certificate that are enclosed, and those that are compared as they are.
@@ -43,10 +43,10 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     known = Certificate.from_json(orbit, record, _REMEDY)
     if not record["proved"]:
         return ""
-    system = posed_equations(orbit)
+    system = equations_of(orbit)
     if len(record["centre"]) != len(system.unknowns):
         return "centre"
-    again = _proved_again(orbit, system, record, known.units)
+    again = _prove_again(orbit, system, record, known.units)
     if not again.proved:
         return f"proved ({again.reason})"
     new = again.as_json()
@@ -56,7 +56,7 @@ def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
     return next((name for name in _ENCLOSED if not _contains(record[name], new[name])), "")
 
 
-def _proved_again(
+def _prove_again(
     orbit: Orbit, system: ClosingEquations, record: dict[str, Any], units: tuple[float, ...]
 ) -> Certificate:
     bits = int(record["bits"])
@@ -66,7 +66,7 @@ def _proved_again(
             mantissa, exponent = map(int, text.split("*2^"))
             numbers[i] = arb((mantissa, exponent))
     radius, digits = float(record["radius"]), float(record["digits"])
-    return certified(orbit, system, numbers, radius, digits, bits=bits, units=np.array(units))
+    return certify(orbit, system, numbers, radius, digits, bits=bits, units=np.array(units))
 
 
 def _close(claimed: Any, derived: Any, allowed: arb, size: Any) -> bool:

@@ -140,7 +140,7 @@ class ClosingEquations:
         goal, _ = self.goals(numbers)
         return [a - b for a, b in zip(product(self.end, end), goal, strict=True)]
 
-    def posed(self, residual: list) -> arb_mat:
+    def column(self, residual: list) -> arb_mat:
         """The column of those entries of a closing error that are not spared."""
         return _column([residual[i] for i in self.equations])
 

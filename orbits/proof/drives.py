@@ -6,7 +6,7 @@ from fractions import Fraction
 from jaxdyn._checks import fail
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import Node
-from jaxdyn.solvers.formulas.shortest import ordered
+from jaxdyn.solvers.formulas.shortest import topological_order
 
 _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with one number w."
 
@@ -35,7 +35,7 @@ def drive_period(formulas: Formulas, period: float) -> tuple[float, int]:
 def _frequencies(formulas: Formulas) -> list[float]:
     time, found = formulas.time, []
     inside: dict[Node, float] = {time: 1.0}
-    for node in ordered(formulas.graph, formulas.rates):
+    for node in topological_order(formulas.graph, formulas.rates):
         slopes = [inside.get(a) for a in node.args if isinstance(a, Node)]
         if all(slope is None for slope in slopes):
             continue

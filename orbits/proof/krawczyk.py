@@ -46,7 +46,7 @@ class Test:
     contraction: float
 
 
-def tested(
+def krawczyk_test(
     system: ClosingEquations,
     numbers: list[arb],
     radius: arb,
@@ -68,12 +68,12 @@ def tested(
         for i, side in zip(system.unknowns, sides, strict=True):
             centre[i] = numbers[i].mid()
             box[i] = centre[i] + side
-        found = enclosed(system, centre, box, digits, bits, slope_digits)
+        found = enclosing_tube(system, centre, box, digits, bits, slope_digits)
         jacobian = system.jacobian(found.box, found.slopes, box)
         rows = system.rows[system.equations]
         scaled = np.linalg.inv(float_matrix(jacobian) * units / rows[:, None])
         inverse = arb_mat((scaled * units[:, None] / rows).tolist())
-        error = system.posed(system.residual(found.centre, centre))
+        error = system.column(system.residual(found.centre, centre))
         unit = arb_mat(
             [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
         )
@@ -102,7 +102,7 @@ def tested(
         )
 
 
-def enclosed(
+def enclosing_tube(
     system: ClosingEquations, centre: list, box: list, digits: float, bits: int, slope_digits: float
 ) -> Tube:
     """The tube about the motions over a part of the period."""

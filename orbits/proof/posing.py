@@ -17,7 +17,7 @@ from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes, sizes_along
 from orbits.closing.symmetry import Symmetry
-from orbits.motion import sampled
+from orbits.motion import sample
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations, float_matrix, power_of_2
 from orbits.proof.drives import drive_period
@@ -41,7 +41,7 @@ class Unposed(SearchError):
     """Raised where closing equations cannot be made square; says why."""
 
 
-def posed_equations(orbit: Orbit) -> ClosingEquations:
+def equations_of(orbit: Orbit) -> ClosingEquations:
     """The square system of an orbit that `find` returned.
 
     Raises:
@@ -79,12 +79,12 @@ def posed_equations(orbit: Orbit) -> ClosingEquations:
         candidates=tuple(candidates),
         reversals=_reversals(closing, len(names)),
     )
-    return _squared(whole, _conserved(whole, integrals_of(whole, scene)))
+    return _square(whole, _conserved_candidates(whole, integrals_of(whole, scene)))
 
 
 def sizes_of(scene: Scene) -> np.ndarray:
     """(k,) the sizes of entries along the motion of a scene, as powers of 2."""
-    ys = sampled(scene, float(scene.t1))[1]
+    ys = sample(scene, float(scene.t1))[1]
     return power_of_2(sizes_along(scene, ys, sizes(scene)))
 
 
@@ -171,7 +171,9 @@ def _integral_names(scene: Scene) -> list[str]:
     ]
 
 
-def _conserved(whole: ClosingEquations, candidates: dict[str, Number]) -> dict[str, Number]:
+def _conserved_candidates(
+    whole: ClosingEquations, candidates: dict[str, Number]
+) -> dict[str, Number]:
     """The candidates whose rates of change vanish near the orbit, in floats."""
     worst, each = np.zeros(len(candidates)), np.array(whole.sizes)
     with precision(128):
@@ -209,7 +211,7 @@ def _floats(rows: list[list]) -> np.ndarray:
     return np.array([[float(x) for x in row] for row in rows])
 
 
-def _squared(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEquations:
+def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEquations:
     """The same equations with as many unknowns: some numbers held, some equations spared."""
     with precision(128):
         numbers = whole.centre()

@@ -16,10 +16,10 @@ from jaxdyn.balls.tube import SLOPE_DIGITS
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.certificate import Certificate
 from orbits.proof.closing_equations import ClosingEquations
-from orbits.proof.krawczyk import Test, tested
+from orbits.proof.krawczyk import Test, krawczyk_test
 from orbits.proof.one_curve import on_one_curve
-from orbits.proof.posing import integrals_of, posed_equations
-from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solved
+from orbits.proof.posing import equations_of, integrals_of
+from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solve
 from orbits.proof.stability import multipliers
 from orbits.proof.stability.forms import forms_of
 from orbits.proof.stability.spectrum import Spectrum, spectrum
@@ -62,12 +62,12 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
       digits: about those of the enclosures, 15 to 1000; more of them prove more unstable orbits.
       throw: raise if nothing is proved.
     Returns:
-      The certificate; unless it says `proved`, its reason says what to try.
+      The certificate; unless it says `prove`, its reason says what to try.
     Raises:
       ValueError: the rate is not made of elementary functions, its states satisfy constraints, or
         python-flint is missing.
       SearchError: nothing is proved (``throw=True``).
-    Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
+    Limits: one segment, hence orbits of moderate instability; `prove` without `verdict_proved`
       where multipliers cannot be told apart, even with twelve digits more; these are tried, in a
       narrower box, which takes as long again. Multipliers have some ten digits fewer than the
       start. The period need not be the shortest one.
@@ -84,38 +84,38 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
     doing("writing the closing equations as formulas")
     try:
-        system = posed_equations(orbit)
+        system = equations_of(orbit)
     except SearchError as error:
-        return _unproved(orbit, f"no centre is found: {error}", throw)
-    found = _proved(orbit, system, digits, throw)
+        return _no_proof(orbit, f"no centre is found: {error}", throw)
+    found = _prove(orbit, system, digits, throw)
     if found.proved and not (found.verdict_proved or found.multipliers):
         # Close encounters widen derivatives far more than motions.
-        sharper = _proved(orbit, system, min(digits + _SHARPER, MOST_DIGITS), False)
+        sharper = _prove(orbit, system, min(digits + _SHARPER, MOST_DIGITS), False)
         return sharper if sharper.multipliers else found
     return found
 
 
-def _proved(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -> Certificate:
+def _prove(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -> Certificate:
     """The certificate of a box about the numbers to so many digits."""
     try:
-        numbers, lost = solved(system, digits + _SPARE)
+        numbers, lost = solve(system, digits + _SPARE)
     except SearchError as error:
-        return _unproved(orbit, f"no centre is found: {error}", throw)
-    moved = _moved(system, numbers)
+        return _no_proof(orbit, f"no centre is found: {error}", throw)
+    moved = _distance(system, numbers)
     if moved > _NEAR * 10**lost * max(orbit.rtol, orbit.residual):
         told = f"the nearest solution is {moved:.1e} away, in the sizes of entries, from that given"
-        return _unproved(orbit, f"{told}, whose digits are wrong. {_ANOTHER}", throw)
+        return _no_proof(orbit, f"{told}, whose digits are wrong. {_ANOTHER}", throw)
     radius = max(10.0 ** (_BOX - digits), _LEAST_RADIUS)
-    return certified(orbit, system, numbers, radius, digits + lost, throw=throw)
+    return certify(orbit, system, numbers, radius, digits + lost, throw=throw)
 
 
-def _moved(system: ClosingEquations, numbers: list[arb]) -> float:
+def _distance(system: ClosingEquations, numbers: list[arb]) -> float:
     """How far a solution is from the orbit in doubles, in units."""
     off = np.array([float(x) for x in numbers]) - np.array(system.values)
     return float(np.abs(off / system.units).max())
 
 
-def certified(
+def certify(
     orbit: Orbit,
     system: ClosingEquations,
     numbers: list[arb],
@@ -141,14 +141,16 @@ def certified(
     doing("proving the symmetries and integrals")
     lacking = missing(system)
     if lacking:
-        return _unproved(orbit, f"It is not proved {lacking}.", throw)
+        return _no_proof(orbit, f"It is not proved {lacking}.", throw)
     extra, reason, bits_used, slope_digits = _EXTRA_BITS, "", bits or 0, SLOPE_DIGITS
     units = system.units[system.unknowns] if units is None else units
     for _ in range(_TRIALS):
         bits_used = bits or bits_of(digits + _SPARE) + extra
         doing(f"enclosing the motion with {bits_used} bits")
         try:
-            test = tested(system, numbers, arb(radius), digits, bits_used, slope_digits, units)
+            test = krawczyk_test(
+                system, numbers, arb(radius), digits, bits_used, slope_digits, units
+            )
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             reason = str(error)
             if bits:
@@ -157,7 +159,7 @@ def certified(
             if test.passed:
                 degenerate = _degenerate(system, test, bits_used)
                 if degenerate:
-                    return _unproved(orbit, f"{degenerate} {_ANOTHER}", throw, bits_used)
+                    return _no_proof(orbit, f"{degenerate} {_ANOTHER}", throw, bits_used)
                 box = radius, tuple(units.tolist())
                 return _certificate(orbit, system, numbers, test, box, digits, bits_used)
             reason = (
@@ -177,7 +179,7 @@ def certified(
                 radius = _WIDER * test.step
                 continue
         extra *= 2
-    return _unproved(orbit, f"{reason} {_MORE}", throw, bits_used)
+    return _no_proof(orbit, f"{reason} {_MORE}", throw, bits_used)
 
 
 def _degenerate(system: ClosingEquations, test: Test, bits: int) -> str:
@@ -194,7 +196,7 @@ def _degenerate(system: ClosingEquations, test: Test, bits: int) -> str:
     return ""
 
 
-def _unproved(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certificate:
+def _no_proof(orbit: Orbit, reason: str, throw: bool, bits: int = 0) -> Certificate:
     if throw:
         raise SearchError(reason)
     return Certificate(orbit=orbit, proved=False, reason=reason, bits=bits, digits=0.0, radius="0")

@@ -60,7 +60,7 @@ class Refined:
             ("closes", f"to {self.residual}"),
         ]
         return _text.table(
-            f"Orbit of {_text.called(self.orbit.scene)} to {self.digits} digits", rows
+            f"Orbit of {_text.title_of(self.orbit.scene)} to {self.digits} digits", rows
         )
 
     _repr_html_ = _text.html

@@ -13,7 +13,7 @@ from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
-from orbits.proof.posing import ROUGH_DIGITS, posed_equations
+from orbits.proof.posing import ROUGH_DIGITS, equations_of
 from orbits.proof.refined import Refined
 from orbits.proof.stability import multipliers
 
@@ -56,8 +56,8 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
     """
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
     doing("writing the closing equations as formulas")
-    system = posed_equations(orbit)
-    numbers, lost = solved(system, digits + _SPARE)
+    system = equations_of(orbit)
+    numbers, lost = solve(system, digits + _SPARE)
     working = digits + _SPARE + lost
     doing("checking the closing error, and computing the multipliers, with other steps")
     with precision(bits_of(working)):
@@ -97,7 +97,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
     unit = multipliers.multiplicity(matrix, 10.0 ** -(ROUGH_DIGITS if digits > 30 else digits / 2))
     exact = arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
-    coefficients = [c.mid() for c in multipliers.deflated(exact, unit)]
+    coefficients = [c.mid() for c in multipliers.deflate(exact, unit)]
     error = arb(10) ** -(digits + _SPARE)
     found = multipliers.sorted_roots(multipliers.roots(coefficients, error))
     size = arb(1)
@@ -112,7 +112,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     return texts, exponents
 
 
-def solved(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
+def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
     """The numbers of an orbit to this many digits, and how many digits its motion loses.
 
     Raises:
@@ -128,7 +128,7 @@ def solved(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
             doing(f"Jacobian to {reached:.0f} digits")
             inverse, gain = _inverse(system, numbers, reached + lost)[0], reached - lost
         wanted = min(digits, reached + gain)
-        numbers, found = _stepped(system, numbers, inverse, wanted + lost)
+        numbers, found = _step(system, numbers, inverse, wanted + lost)
         doing(f"Newton step {index}: {max(found, 0.0):.0f} digits before it")
         if found < reached - _ALLOWANCE and index > 1:
             # The step before gained less than was expected of it.
@@ -142,16 +142,16 @@ def solved(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
     return numbers, lost
 
 
-def _stepped(
+def _step(
     system: ClosingEquations, numbers: list[arb], inverse: arb_mat, digits: float
 ) -> tuple[list[arb], float]:
     """The numbers after a step of Newton's method, and how many of their digits it left."""
     with precision(bits_of(digits)):
         numbers = _at_precision(system, numbers)
         end = _motion(system, numbers, digits, slopes=False)
-        error = system.posed(system.residual(end.y, numbers))
+        error = system.column(system.residual(end.y, numbers))
         step = [-(x.mid()) for x in (inverse * error).entries()]
-        moved = _moved(system, numbers, step)
+        moved = _move(system, numbers, step)
         far = _largest(step, system.units[system.unknowns])
         return moved, _log10(_largest(moved, system.units)) - _log10(far)
 
@@ -189,7 +189,7 @@ def _at_precision(system: ClosingEquations, numbers: list[arb]) -> list[arb]:
     return [system.exact_period() if i == place else x for i, x in enumerate(numbers)]
 
 
-def _moved(system: ClosingEquations, numbers: list[arb], step: list[arb]) -> list[arb]:
+def _move(system: ClosingEquations, numbers: list[arb], step: list[arb]) -> list[arb]:
     moved = list(numbers)
     for i, change in zip(system.unknowns, step, strict=True):
         moved[i] = (moved[i] + change).mid()

@@ -58,14 +58,14 @@ class Theorems:
     def _variables(self) -> list:
         return list(self.ring.generators[: 1 + len(self.rate)])
 
-    def evaluated(self, results: list[Number], variables: list | None = None) -> list:
+    def evaluate(self, results: list[Number], variables: list | None = None) -> list:
         """Formulas of the same graph as polynomials."""
         program = Program.of(self.formulas.graph, results)
         return self.ring.values(program, variables or self._variables())
 
     def gradient(self, integral: Number) -> list:
         """(k) the gradient of an integral."""
-        return self.evaluated(gradients(self.formulas.graph, [integral], self.formulas.states)[0])
+        return self.evaluate(gradients(self.formulas.graph, [integral], self.formulas.states)[0])
 
     def depends_on_time(self) -> bool:
         """Whether time occurs in the rate."""
@@ -75,7 +75,7 @@ class Theorems:
     def is_conserved(self, integral: Number) -> bool:
         """Whether grad I . f = 0, and I does not depend on time by itself."""
         graph, time = self.formulas.graph, self.formulas.time
-        (by_time,) = self.evaluated(gradients(graph, [integral], [time])[0])
+        (by_time,) = self.evaluate(gradients(graph, [integral], [time])[0])
         return self.ring.vanishes(by_time) and self.vanishes_along(
             self.gradient(integral), self.rate
         )
@@ -87,7 +87,7 @@ class Theorems:
     def are_turned(self, a: Number, b: Number, direction: list) -> bool:
         """Whether a direction turns two functions into each other: a' = b, b' = -a, or reversed."""
         changes = [self._dot(self.gradient(one), direction) for one in (a, b)]
-        here = self.evaluated([a, b])
+        here = self.evaluate([a, b])
         return any(
             self.ring.vanishes(changes[0] - sign * here[1])
             and self.ring.vanishes(changes[1] + sign * here[0])
@@ -127,11 +127,11 @@ class Theorems:
     def is_symmetry(self, matrix: np.ndarray, sign: int) -> bool:
         """Whether f(g y) = sign g f(y)."""
         time, *y = self._variables()
-        moved = [time, *self.applied(matrix, y)]
+        moved = [time, *self.apply(matrix, y)]
         there = self.ring.values(self._program, moved)
-        here = self.applied(matrix, self.rate)
-        apart = self.evaluated(self.differences)
-        if not all(p in apart or -p in apart for p in self.evaluated(self.differences, moved)):
+        here = self.apply(matrix, self.rate)
+        apart = self.evaluate(self.differences)
+        if not all(p in apart or -p in apart for p in self.evaluate(self.differences, moved)):
             return False
         return all(self.ring.vanishes(a - sign * b) for a, b in zip(there, here, strict=True))
 
@@ -140,8 +140,8 @@ class Theorems:
         graph, states = self.formulas.graph, self.formulas.states
         table = gradients(graph, list(self.formulas.rates), states)
         moved = self.direction(matrix, offset)
-        wanted = self.applied(matrix, self.rate)
-        flat = self.evaluated([s for row in table for s in row])
+        wanted = self.apply(matrix, self.rate)
+        flat = self.evaluate([s for row in table for s in row])
         k = len(self.rate)
         rows = [flat[i * k : (i + 1) * k] for i in range(k)]
         if not all(self.vanishes_along(self.gradient(d), moved) for d in self.differences):
@@ -155,27 +155,27 @@ class Theorems:
         """Whether the flow keeps a constant form J: (Df)^T J + J Df = 0."""
         graph, states, k = self.formulas.graph, self.formulas.states, len(self.rate)
         table = gradients(graph, list(self.formulas.rates), states)
-        flat = self.evaluated([s for row in table for s in row])
+        flat = self.evaluate([s for row in table for s in row])
         columns = [flat[j::k] for j in range(k)]
         # Row i of (Df)^T J is column i of Df times J.
-        first = [self.applied(form.T, column) for column in columns]
+        first = [self.apply(form.T, column) for column in columns]
         return all(
             self.ring.vanishes(first[i][j] - first[j][i]) for i in range(k) for j in range(i)
         )
 
     def direction(self, matrix: np.ndarray, offset: np.ndarray) -> list:
         """(k) A y + b."""
-        linear = self.applied(matrix, self._variables()[1:])
+        linear = self.apply(matrix, self._variables()[1:])
         return [a + self.ring.constant(float(b)) for a, b in zip(linear, offset, strict=True)]
 
     def changes_by(self, integral: Number, matrix: np.ndarray, sign: int) -> bool:
         """Whether I(g y) = sign I(y)."""
         time, *y = self._variables()
-        (there,) = self.evaluated([integral], [time, *self.applied(matrix, y)])
-        (here,) = self.evaluated([integral])
+        (there,) = self.evaluate([integral], [time, *self.apply(matrix, y)])
+        (here,) = self.evaluate([integral])
         return self.ring.vanishes(there - sign * here)
 
-    def applied(self, matrix: np.ndarray, vector: list) -> list:
+    def apply(self, matrix: np.ndarray, vector: list) -> list:
         """A matrix of numbers times a vector of polynomials."""
         found = []
         for row in matrix:

@@ -16,11 +16,11 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import fail, finite, is_traced, numbers
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy as energy_of
-from jaxdyn.integrate.event_search.event_values import looked
+from jaxdyn.integrate.event_search.event_values import look
 from jaxdyn.integrate.events import Event, Reaches, checked_events
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from orbits.closing.sizes import sizes
 from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
 
@@ -52,15 +52,15 @@ class Completed(NamedTuple):
     @property
     def message(self) -> str:
         """The number of starts with each status, and the remedies; host only."""
-        return told(self.status, "start")
+        return outcome_text(self.status, "start")
 
 
-def told(status, noun: str) -> str:
+def outcome_text(status, noun: str) -> str:
     """The number of things with each status, and the remedies."""
     codes, counts = np.unique(np.asarray(status), return_counts=True)
     lines = zip(counts.tolist(), codes.tolist(), strict=True)
     return "\n".join(
-        f"{counted(n, noun)}: {Status(code).message if code else 'OK.'}" for n, code in lines
+        f"{number_of(n, noun)}: {Status(code).message if code else 'OK.'}" for n, code in lines
     )
 
 
@@ -104,7 +104,7 @@ def complete(
       >>> [round(float(x), 6) for x in found.y0s[0]], found.ok.tolist()
       ([0.0, 0.1, 0.490578, 0.0], [True, False])
     """
-    checked_scene(scene)
+    check_scene(scene)
     checked_events(event, len(scene.y0))
     if sign not in (None, 1, -1):
         raise fail("sign", "1 or -1", sign, "1 is the larger of two solutions.")
@@ -144,7 +144,7 @@ def _rows(scene: Scene, event: Event, given: Mapping, index: int, energy) -> tup
 
 @jax.jit
 def _values_and_rounding(scene: Scene, event: Event, t0: Array, y0s: Array):
-    seen = jax.vmap(lambda y: looked(scene.field, (event,), t0, y))(y0s)
+    seen = jax.vmap(lambda y: look(scene.field, (event,), t0, y))(y0s)
     return seen.values[:, 0], seen.rounding[:, 0]
 
 
@@ -161,7 +161,7 @@ def _check_on_section(scene: Scene, event: Event, t0: Array, y0s: Array) -> None
         raise fail("given", "starts on the section, where the event is 0", got)
 
 
-def _solved(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index: int):
+def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index: int):
     """The state (k,) and its status."""
 
     def excess(v, energy=energy):
@@ -202,7 +202,7 @@ def _over(a: Array, b: Array) -> Array:
 
 
 def _every(scene, t0, y0s, energies, sign, *, index: int):
-    solve = jax.vmap(lambda y, energy: _solved(scene, t0, y, energy, sign, index))
+    solve = jax.vmap(lambda y, energy: _solve(scene, t0, y, energy, sign, index))
     return solve(y0s, energies)
 
 

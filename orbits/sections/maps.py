@@ -21,7 +21,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, Every, Reaches, checked_events
 from jaxdyn.integrate.spans import MAX_STEPS
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from orbits.sections.completion import complete
 from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
 
@@ -188,7 +188,7 @@ def poincare_map(
       >>> float(abs(jax.numpy.linalg.det(P.jacobian([0.1, 0.0])) - 1)) < 1e-10
       True
     """
-    checked_scene(scene)
+    check_scene(scene)
     if not isinstance(event, Reaches | Every):
         remedy = "The coordinates of a section are entries of the state."
         raise fail("event", "events.Reaches or events.Every", repr(event), remedy)

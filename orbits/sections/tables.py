@@ -9,7 +9,7 @@ import numpy as np
 from rich.progress import Progress
 
 from jaxdyn import Scene, Status, _text, ensemble
-from jaxdyn._checks import fail, finite, numbers, untraced, whole
+from jaxdyn._checks import check_untraced, fail, finite, numbers, whole
 from jaxdyn._progress import doing
 from jaxdyn._records import labelled
 from jaxdyn._records.kinds import check_first
@@ -19,9 +19,9 @@ from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
-from orbits.sections.completion import Completed, told
+from orbits.sections.completion import Completed, outcome_text
 from orbits.sections.coordinates import names_of, pair
 
 #: Crossings of a start in one call of the compiled program.
@@ -91,7 +91,7 @@ class SectionPoints(NamedTuple):
     @property
     def message(self) -> str:
         """The number of starts with each status, and the remedies."""
-        return told(self.status, "start")
+        return outcome_text(self.status, "start")
 
 
 @check_first
@@ -146,8 +146,8 @@ def section(
       >>> found.qp.shape, found.counts.tolist(), bool(found.drift.max() < 1e-10)
       ((2, 8, 2), [8, 8], True)
     """
-    untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
-    checked_scene(scene)
+    check_untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
+    check_scene(scene)
     (event,) = checked_events((event,), len(scene.y0))
     n_wanted = whole("crossings", crossings)
     shown = pair(scene, event, coordinates)
@@ -169,7 +169,7 @@ def section(
         scene=scene,
         event=event,
         names=(labels[shown[0]], labels[shown[1]]),
-        qp=_wrapped(scene, table.ys, shown),
+        qp=_wrap_angles(scene, table.ys, shown),
         ts=table.ts,
         ys=table.ys,
         directions=table.directions,
@@ -235,7 +235,7 @@ def _starts(scene: Scene, starts) -> tuple[np.ndarray, np.ndarray]:
     return y0s, np.where(right, int(Status.OK), int(Status.NOT_FINITE))
 
 
-def _wrapped(scene: Scene, ys: np.ndarray, shown: tuple[int, int]) -> np.ndarray:
+def _wrap_angles(scene: Scene, ys: np.ndarray, shown: tuple[int, int]) -> np.ndarray:
     """The values of the section coordinates, angles between -pi and pi."""
     units = [scene.labels()[i][1] for i in shown]
     qp = ys[..., list(shown)]

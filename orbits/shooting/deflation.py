@@ -33,15 +33,15 @@ from jaxdyn import Scene, System
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.given import Problem, driven, repeats
-from orbits.closing.sizes import alike, coupled, sizes
-from orbits.motion import gravitates, solved
+from orbits.closing.sizes import alike, coupled_sizes, sizes
+from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.multiple import Shooting
 from orbits.shooting.outcomes import Trouble, orbit_at
-from orbits.shooting.segmentation import cut
+from orbits.shooting.segmentation import cut_into_segments
 from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
@@ -122,12 +122,12 @@ class Deflated(Strategy):
           ValueError: a known orbit does not close, or is of another system.
         """
         problem, effort, equations = search.problem, search.effort, search.equations
-        several = known(self.known, problem.scene)
+        several = known_orbits(self.known, problem.scene)
         guess = problem.guess
-        cuts = cut(equations, guess, effort.rtol, search.segments, search.angle)
+        cuts = cut_into_segments(equations, guess, effort.rtol, search.segments, search.angle)
         effort.trying("Newton's method with the known orbits deflated")
         x = cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
-        found = deflated(problem, cuts, x, several, effort)
+        found = deflate(problem, cuts, x, several, effort)
         if found.near:
             orbit = Shooting().orbit(search.at(cuts, found.x))
             at = equations.pack(orbit.y0, (), orbit.angle, 0.0, orbit.period)
@@ -143,7 +143,7 @@ class Deflated(Strategy):
         )
 
 
-def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
+def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
     """What is deflated.
 
     Raises:
@@ -155,7 +155,7 @@ def known(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
             raise fail("Deflated", "known orbits that close", got)
         if type(orbit.scene.system) is not type(scene.system) or orbit.y0.shape != scene.y0.shape:
             raise fail("Deflated", f"known orbits of {scene!r}", repr(orbit.scene))
-    return [_known(orbit) for orbit in orbits]
+    return [_known_orbit(orbit) for orbit in orbits]
 
 
 def distance(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> float:
@@ -163,7 +163,7 @@ def distance(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> f
     return min(float(np.sqrt(square)) for square, _ in _squares(equations, x, several))
 
 
-def deflated(
+def deflate(
     problem: Problem,
     equations: Equations,
     x: np.ndarray,
@@ -323,10 +323,10 @@ def _dots(system: System, y: Array) -> Array:
     return (x @ x.T)[np.triu_indices(2 * len(system.m))]
 
 
-def _known(orbit: Orbit) -> Known:
+def _known_orbit(orbit: Orbit) -> Known:
     scene, period = orbit.scene, orbit.period
     ts = np.linspace(0.0, period, _SAMPLES + 1)
-    ys = solved(scene, period, ts=ts, rtol=_RTOL, solver=orbit.solver).ys
+    ys = quick_solve(scene, period, ts=ts, rtol=_RTOL, solver=orbit.solver).ys
     scales = _scales(scene, np.asarray(ys))
     if _several_points(scene.system):
         curves = _images(scene.system, np.asarray(ys) / scales)
@@ -334,7 +334,7 @@ def _known(orbit: Orbit) -> Known:
     elif driven(scene):  # only the phases of the drive at which a period may begin
         parts = next((n for n in range(_PARTS, 1, -1) if repeats(scene, period / n)), 1)
         at = np.arange(parts) * period / parts
-        points = solved(scene, period, ts=at, rtol=_RTOL, solver=orbit.solver).ys[None]
+        points = quick_solve(scene, period, ts=at, rtol=_RTOL, solver=orbit.solver).ys[None]
         sides = jnp.zeros_like(points)
     else:
         points = ys[None, :-1]
@@ -368,7 +368,7 @@ def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
     """(k,) the scales of a known orbit from its states (s, k); sizes of entries that rest."""
     known = sizes(scene)
     ranges = alike(scene, np.ptp(ys, axis=0))
-    return coupled(scene, np.where(ranges > _RESTING * known, ranges, known))
+    return coupled_sizes(scene, np.where(ranges > _RESTING * known, ranges, known))
 
 
 def _sizes(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:

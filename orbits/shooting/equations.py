@@ -27,10 +27,10 @@ from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition
 from orbits.closing.given import drive, driven
-from orbits.motion import advanced
+from orbits.motion import advance
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import steps
-from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearised_end, scene_of
+from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearise_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -154,7 +154,7 @@ class Equations(eqx.Module):
 
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
         """x of a motion; the states between segments are those that it passes."""
-        between = self._passed([(0.0, 0.0, y0)], period, parameter, rtol)
+        between = self._states_between([(0.0, 0.0, y0)], period, parameter, rtol)
         return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
 
     def moved(self, x: np.ndarray, cuts: "Equations", rtol) -> np.ndarray:
@@ -163,10 +163,10 @@ class Equations(eqx.Module):
         angle, parameter, period = (float(number) for number in unknowns[2:])
         starts = np.asarray(pieces(self, x).start)
         known = [(*joint, y) for joint, y in zip(self._joints, starts, strict=True)]
-        between = cuts._passed(known, period, parameter, rtol)
+        between = cuts._states_between(known, period, parameter, rtol)
         return cuts.pack(starts[0], between, angle=angle, parameter=parameter, period=period)
 
-    def _passed(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
+    def _states_between(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
         """The states between segments of a motion that passes known ones.
 
         Each of these is a share of the time, a logarithmic time and a state.
@@ -181,7 +181,7 @@ class Equations(eqx.Module):
             t0 = at * part if self.driven else 0.0
             further = None if s is None or s_at is None else s - s_at
             span = (share - at) * part
-            end = advanced(scene.starting(y), span, further, t0=t0, rtol=rtol, solver=solver)
+            end = advance(scene.starting(y), span, further, t0=t0, rtol=rtol, solver=solver)
             at, s_at, y = share, s, end.y1
             between.append(np.asarray(y))
         return between
@@ -196,7 +196,7 @@ class Equations(eqx.Module):
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
             piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
-            y, _, slopes = linearised_end(self.scene, piece, rtol, make=self.make)
+            y, _, slopes = linearise_end(self.scene, piece, rtol, make=self.make)
             maps.append(np.asarray(slopes.start))
             t += span
         return np.stack(maps)
@@ -244,7 +244,7 @@ class Equations(eqx.Module):
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
         ends, status, slopes = self.passed(here, rtol, max_steps)
-        residual, jacobian = map(np.asarray, linearised(self, x, here, ends, slopes))
+        residual, jacobian = map(np.asarray, linearise(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )
@@ -252,13 +252,13 @@ class Equations(eqx.Module):
     def passed(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
         """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a Piece)."""
         if self.collocated:
-            found, slopes = steps.linearised_steps(self.scene, here, make=self.make)
+            found, slopes = steps.linearise_steps(self.scene, here, make=self.make)
             return found.end, found.status, slopes
         # One compiled program for any number of segments, run in threads on all cores.
         count = len(here.span)
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(count)]
         integrate = functools.partial(
-            linearised_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
+            linearise_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
         )
         if count == 1:  # starting a thread takes as long as a few integrations
             found = [integrate(each[0])]
@@ -267,11 +267,11 @@ class Equations(eqx.Module):
                 found = list(threads.map(integrate, each))
         return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
-    def missed(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
+    def residual(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
         """(m,) the residual at x from the segments and their ends (n, k), however computed."""
         n, k = ends.shape
         none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
-        return np.asarray(linearised(self, x, here, ends, none)[0])
+        return np.asarray(linearise(self, x, here, ends, none)[0])
 
 
 @jax.jit
@@ -290,7 +290,7 @@ def pieces(equations: Equations, x: Array) -> Piece:
 
 
 @jax.jit
-def linearised(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
+def linearise(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
     """(residual, Jacobian) at x from the segments' ends and their derivatives."""
 
     def residual(x):

@@ -13,9 +13,9 @@ from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Hold
-from orbits.closing.given import Problem, posed
+from orbits.closing.given import Problem, pose
 from orbits.closing.sizes import sizes
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting.automatic import Automatic
 from orbits.shooting.collocation.search import Collocation
@@ -104,7 +104,7 @@ def find(
     if rough or collocation is not None or unlike:
         strategy = _of_flags(strategy, rough, collocation, unlike)
     check_strategy(strategy)
-    problem = posed(
+    problem = pose(
         scene, y0=y0, period=period, lower=lower, upper=upper, closing=closing, hold=hold
     )
     effort = Effort(
@@ -164,7 +164,7 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
     best, each = (math.inf, closings[0], 0.0), sizes(scene)
     for closing in closings:
         system, y0 = scene.system, np.asarray(scene.y0)
-        end = solved(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
+        end = quick_solve(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
         end = np.asarray(end)
         angle = closing.angle(system, end, y0)
         miss = np.asarray(closing.miss(system, end, y0, np.asarray(angle)))

@@ -5,13 +5,13 @@ import dataclasses
 import equinox as eqx
 import numpy as np
 
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from orbits.orbit import Orbit
 from orbits.shooting import newton
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.recutting import finer, gains_from_cutting
-from orbits.shooting.retimed import retimed
-from orbits.shooting.segmentation import SEGMENTS_MOST, cut
+from orbits.shooting.retimed import retime
+from orbits.shooting.segmentation import SEGMENTS_MOST, cut_into_segments
 from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
@@ -27,11 +27,11 @@ class Shooting(Strategy):
         """The orbit near the guess, or the best iterate and the reason."""
         problem, equations, effort = search.problem, search.equations, search.effort
         guess, rtol = problem.guess, effort.rtol
-        cuts = cut(equations, guess, rtol, search.segments, search.angle)
+        cuts = cut_into_segments(equations, guess, rtol, search.segments, search.angle)
         x = cuts.spread(guess[:-1], guess[-1], rtol, angle=search.angle)
         lower, upper = cuts.bounds(problem.lower, problem.upper)
         closed = InUnits(cuts, x, rtol)
-        x = retimed(closed, x, lower=lower, upper=upper, goal=effort.goal)
+        x = retime(closed, x, lower=lower, upper=upper, goal=effort.goal)
         orbit = _solution(closed, x, search)
         for _ in range(0 if search.segments else _RECUTS_MOST):
             enough = cuts.segments >= SEGMENTS_MOST or effort.over
@@ -49,7 +49,7 @@ class Shooting(Strategy):
 def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
     """Newton's method on the closing equations, from a point x on."""
     equations, problem, effort = closed.equations, search.problem, search.effort
-    effort.trying(f"Newton's method in {counted(equations.segments, 'segment')}")
+    effort.trying(f"Newton's method in {number_of(equations.segments, 'segment')}")
     lower, upper = equations.bounds(problem.lower, problem.upper)
     trouble = Trouble(equations, x)
     result = newton.solve(

@@ -129,7 +129,7 @@ def solve(
     mark, stalled = _size(residual), 0
     damping, refused, noisy = _DAMPING_START, None, 0
     while accepted < max_iterations and _finite(point.residual, point.jacobian):
-        step, damping = _damped(point, bounds, damping, refused)
+        step, damping = _damp(point, bounds, damping, refused)
         new = np.clip(point.x + step * bounds.units, lower, upper)
         residual, jacobian = equations(new)
         solved = _size(point.residual) <= goal
@@ -197,7 +197,7 @@ def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int
     )
 
 
-def _damped(
+def _damp(
     point: _Point, bounds: _Bounds, damping: float, refused: _Refused | None
 ) -> tuple[np.ndarray, float]:
     """The damped step, clearly shorter than the one refused before it, and its damping."""

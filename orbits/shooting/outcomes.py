@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Status
-from orbits.motion import advanced, logarithmic_period, other_solver, solved
+from orbits.motion import advance, logarithmic_period, other_solver, quick_solve
 from orbits.orbit import CLOSED, Orbit, Outcome, gap
 from orbits.shooting.effort import TIGHT
 from orbits.shooting.equations import Equations, pieces
@@ -95,7 +95,7 @@ def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
     for y, t0, span in zip(here.start, here.t0, here.span, strict=True):
         ts = np.linspace(t0, t0 + span, _SAMPLES + 1)[1:]
         start = scene.starting(y)
-        flow = solved(start, ts[-1], t0=t0, ts=ts, rtol=_SAMPLE_RTOL, max_steps=MAX_STEPS)
+        flow = quick_solve(start, ts[-1], t0=t0, ts=ts, rtol=_SAMPLE_RTOL, max_steps=MAX_STEPS)
         far = np.maximum(far, np.abs(np.asarray(flow.ys) - here.start[0]).max(axis=0))
     return far
 
@@ -108,7 +108,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
         x = equations.unpack(result.x)
         scene = equations.scene_at(x.parameter).starting(equations.start_at(result.x))
         part = x.period / equations.closing.parts
-        status = solved(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
+        status = quick_solve(scene, part, rtol=rtol, max_steps=MAX_STEPS).status
         other = Outcome.COLLISION
         if int(status) == Status.OK:
             if equations.collocated:  # the intervals are too long for its steps
@@ -124,15 +124,15 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
         return outcome
     early = result.at_bound or result.limit
     if result.converged or (not early and _at_rounding(closed, result)):
-        return _found(closed, result)
+        return _outcome_if_joined(closed, result)
     if result.at_bound:
         return Outcome.BOUND
     return Outcome.ITERATION_LIMIT if result.limit else Outcome.NO_DESCENT
 
 
-def _found(closed: InUnits, result: Result) -> Outcome:
+def _outcome_if_joined(closed: InUnits, result: Result) -> Outcome:
     """The outcome where the segments join."""
-    if not confirmed(closed, result.x):
+    if not is_confirmed(closed, result.x):
         return Outcome.UNCONFIRMED
     orbit = orbit_at(
         closed.equations,
@@ -143,11 +143,11 @@ def _found(closed: InUnits, result: Result) -> Outcome:
         rtol=closed.rtol,
     )
     growth = max(1.0, largest(closed.transitions(result.x)))
-    known = determined(orbit, closed.equations.closing.parts * math.log10(growth))
+    known = is_determined(orbit, closed.equations.closing.parts * math.log10(growth))
     return Outcome.FOUND if known else Outcome.UNDETERMINED
 
 
-def determined(orbit: Orbit, lost: float) -> bool:
+def is_determined(orbit: Orbit, lost: float) -> bool:
     """Whether the start of an orbit, in doubles, determines it: a motion from there closes.
 
     Rounding, in sizes, grows by about `lost` decimal digits over a period.
@@ -155,11 +155,11 @@ def determined(orbit: Orbit, lost: float) -> bool:
     if lost <= _FEW_DIGITS:
         return True
     solver = other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
-    end = advanced(orbit.scene, orbit.period, orbit.s_period, rtol=TIGHT, solver=solver)
+    end = advance(orbit.scene, orbit.period, orbit.s_period, rtol=TIGHT, solver=solver)
     return int(end.status) == Status.OK and gap(orbit, end.y1) <= CLOSED
 
 
-def confirmed(closed: InUnits, x: np.ndarray) -> bool:
+def is_confirmed(closed: InUnits, x: np.ndarray) -> bool:
     """Whether the segments at x end where they should by another integrator, too.
 
     Their errors may be larger than the goal by as much as the motion lets errors grow.
@@ -173,9 +173,9 @@ def confirmed(closed: InUnits, x: np.ndarray) -> bool:
     for i in range(equations.segments):
         s = None if here.s is None else here.s[i]
         start = scene.starting(here.start[i])
-        flow = advanced(start, here.span[i], s, t0=here.t0[i], rtol=TIGHT, solver=solver)
+        flow = advance(start, here.span[i], s, t0=here.t0[i], rtol=TIGHT, solver=solver)
         ends.append(np.asarray(flow.y1))
-    off = equations.missed(x, here, np.array(ends)) / closed.units.rows
+    off = equations.residual(x, here, np.array(ends)) / closed.units.rows
     growth = max(1.0, float(np.linalg.norm(closed.transitions(x), axis=(1, 2)).max()))
     return bool(np.abs(off).max() <= _AGREEMENT * max(rtol, np.finfo(float).eps) * growth)
 

@@ -5,7 +5,7 @@ import numpy as np
 from orbits.motion import attracts
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.equations import Equations
-from orbits.shooting.segmentation import SEGMENTS_MOST, needed, with_segments
+from orbits.shooting.segmentation import SEGMENTS_MOST, segments_needed, with_segments
 
 #: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
 #: segments can reduce.
@@ -26,7 +26,7 @@ def finer(
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
     here = np.append(orbit.y0, orbit.period) if left else guess
     x = equations.spread(here[:-1], here[-1], rtol, orbit.angle)
-    finer = with_segments(equations, x, rtol, needed(equations, x, rtol))
+    finer = with_segments(equations, x, rtol, segments_needed(equations, x, rtol))
     if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
         finer = with_segments(equations, x, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
     return finer

@@ -17,7 +17,7 @@ _PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
 
 
 @np.errstate(over="ignore")  # of extreme conditions, e.g. an energy of 1e300; then x is returned
-def retimed(
+def retime(
     closed: InUnits, x: np.ndarray, *, lower: np.ndarray, upper: np.ndarray, goal: float
 ) -> np.ndarray:
     """x with the period after which its start closes, or x itself if none is near.

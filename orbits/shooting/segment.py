@@ -10,7 +10,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.integrate.spans import host_floats
-from orbits.motion import advanced
+from orbits.motion import advance
 
 #: Maximum steps of one segment: no orbit that can be found takes more, and an iteration towards a
 #: collision must not take minutes.
@@ -39,10 +39,10 @@ def end_of(
 ) -> SolveResult:
     """A segment's end, without the derivatives."""
     scene = scene_of(scene, make, piece.parameter).starting(piece.start)
-    return advanced(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
+    return advance(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
 
 
-def linearised_end(
+def linearise_end(
     scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None = None
 ):
     """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece).
@@ -55,7 +55,7 @@ def linearised_end(
 
 @functools.partial(jax.jit, static_argnames="make")
 def compiled_end(scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None):
-    """`linearised_end` for arrays alone, whatever is asked for: Python numbers recompile."""
+    """`linearise_end` for arrays alone, whatever is asked for: Python numbers recompile."""
 
     def end(at: Piece):
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)

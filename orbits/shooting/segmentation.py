@@ -14,7 +14,7 @@ from jaxdyn._checks import fail, whole
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.closing.sizes import sizes
-from orbits.motion import at_even_s, attracts, solved
+from orbits.motion import at_even_s, attracts, quick_solve
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.units import sizes_at
 
@@ -36,7 +36,9 @@ _SAMPLES_OF_SEVERAL = 512  # of each segment, if it has several
 _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
-def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0, least=1):
+def cut_into_segments(
+    equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0, least=1
+):
     """The equations in a number of segments; None for as many as the growth of errors requires.
 
     These are at least `least`.
@@ -53,7 +55,7 @@ def cut(equations: Equations, guess, rtol, segments: int | None, angle=0.0, para
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             segments = least
         else:
-            segments = max(least, needed(equations, x, rtol))
+            segments = max(least, segments_needed(equations, x, rtol))
     if whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
         return equations
     return with_segments(equations, x, rtol, segments)
@@ -88,7 +90,7 @@ def recut(
     return None if same else new
 
 
-def needed(equations: Equations, x: np.ndarray, rtol) -> int:
+def segments_needed(equations: Equations, x: np.ndarray, rtol) -> int:
     """Number of segments in which rounding anywhere in one grows little to its end."""
     maps = _fine_maps(equations, x, rtol, sizes_at(equations, x))
     fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
@@ -125,7 +127,7 @@ def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> E
     unknowns = equations.unpack(x)
     part = float(unknowns.period) / equations.closing.parts
     scene = equations.scene_at(unknowns.parameter).starting(equations.start_at(x), part)
-    ts, ys = _sampled(equations, x, rtol)
+    ts, ys = _sample(equations, x, rtol)
     if attracts(scene, ts, ys):
         s = float(logarithmic_span(scene, part))
         if np.isfinite(s):
@@ -139,7 +141,7 @@ def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> E
     return dataclasses.replace(equations, shares=shares, s_spans=None)
 
 
-def _sampled(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray]:
+def _sample(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray]:
     """(s,) times and (s, k) states of the motion at x, of each segment from its own start."""
     here = jax.tree.map(np.asarray, pieces(equations, x))
     scene = equations.scene_at(equations.unpack(x).parameter)
@@ -148,7 +150,7 @@ def _sampled(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.
     times, states = [], []
     for start, t0, span, end in zip(here.start, here.t0, here.span, ends, strict=True):
         ts = np.linspace(t0, t0 + span, samples)
-        states.append(solved(scene.starting(start), ts[-1], t0=t0, ts=ts, rtol=rtol).ys)
+        states.append(quick_solve(scene.starting(start), ts[-1], t0=t0, ts=ts, rtol=rtol).ys)
         times.append(np.linspace(end - span, end, samples))
     return np.concatenate(times), np.concatenate(states)
 

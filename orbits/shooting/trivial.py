@@ -219,7 +219,7 @@ class Monodromy:
             for i, w in enumerate(several.reshape(-1, k) * each):
                 row = w @ self.basis
                 same = self.back is None or _same(w @ self.back, later[i])
-                if leak[i] < _EXACT and same and self._kept(row @ self.m - row, row):
+                if leak[i] < _EXACT and same and self._keeps(row @ self.m - row, row):
                     found.add(name if several.ndim == 1 else f"{name} {'xyz'[i]}", row)
                 elif leak[i] < _EXACT:
                     found.others.append(row / np.linalg.norm(row))
@@ -237,7 +237,7 @@ class Monodromy:
                 or name not in later
                 or _same(back @ (np.asarray(later[name]) / self.each), move / self.each)
             )
-            if same and self._kept(self.m @ g - g, g):
+            if same and self._keeps(self.m @ g - g, g):
                 found.add(name, g)
             elif np.linalg.norm(g) > 0:
                 found.others.append(g / np.linalg.norm(g))
@@ -249,10 +249,10 @@ class Monodromy:
         symmetric = np.linalg.pinv(rows, RANK) @ rows
         for v in (self.basis.T @ (self.along / self.each[:, None])).T:
             change = self.m @ v - v
-            if self._kept(change - symmetric @ change, v):
+            if self._keeps(change - symmetric @ change, v):
                 moves.add("family", v)
 
-    def _kept(self, change: np.ndarray, direction: np.ndarray) -> bool:
+    def _keeps(self, change: np.ndarray, direction: np.ndarray) -> bool:
         size = np.linalg.norm(direction)
         most = max(CONFIRMED * float(np.linalg.norm(self.m)), SAFETY * self.doubt)
         return bool(size > 0 and np.linalg.norm(change) < most * size)
@@ -265,7 +265,7 @@ class Monodromy:
             a = np.array(rows)
             block = a @ m @ np.linalg.pinv(a, RANK)
             off = a @ m - block @ a
-            if all(self._kept(change, row) for change, row in zip(off, a, strict=True)):
+            if all(self._keeps(change, row) for change, row in zip(off, a, strict=True)):
                 return rows, np.linalg.eigvals(block)
         return [], np.zeros(0)
 
@@ -278,7 +278,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.linalg.norm(a - b) <= _TURNED * np.linalg.norm(b))
 
 
-def unnamed(reasons: Iterable[str]) -> int:
+def count_unnamed(reasons: Iterable[str]) -> int:
     """How many of the confirmed integrals the scene does not name: they follow from symmetries."""
     return sum(name.startswith(_BY_FORM) for name in reasons)
 
@@ -320,7 +320,7 @@ def _places(scene: Scene, each: np.ndarray) -> list[tuple[Array, Array]]:
     return [(jnp.asarray(t), jnp.asarray(y)) for t, y in zip(ts, y0 + noise, strict=True)]
 
 
-def _conserved(scene: Scene, t, y: Array) -> dict[str, Array]:
+def _candidates(scene: Scene, t, y: Array) -> dict[str, Array]:
     """Candidates for integrals: energy, momenta, and the momentum conjugate to each coordinate."""
     found = integrals(scene, t, y)
     canonical = scene.system.canonical(t, y)
@@ -346,7 +346,7 @@ def _local(scene: Scene, t, y: Array) -> _Local:
     """
     y = scene.system.project(t, y)
     f, slope = scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
-    slopes = jax.jacfwd(lambda *at: _conserved(scene, *at), argnums=(0, 1))(t, y)
+    slopes = jax.jacfwd(lambda *at: _candidates(scene, *at), argnums=(0, 1))(t, y)
     moves, shears = jax.jvp(lambda y: directions(scene, y), (y,), (f,))
     return _Local(
         rate=f,

@@ -25,7 +25,7 @@ from jaxdyn._checks import array, fail, positive
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
-from orbits.targets.launch import Landings, angle_of, checked_throw, followed, free_sine, landings
+from orbits.targets.launch import Landings, angle_of, are_followed, check_throw, free_sine, landings
 
 #: Courses log tan(angle / 2) at which the range is sampled, forwards; the first is 1e-17 rad. For
 #: throws that drag slows more, the first eight are stretched.
@@ -92,7 +92,7 @@ def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarr
         low, high = w_look[found, cell[found]], w_look[found, cell[found] + 1]
         w[found], fine = _tops(scene, low, high, speeds[found])
         outcome[found] = np.where(fine, Aim.FOUND, Aim.NO_CONVERGENCE)
-    lost = ~followed(look).reshape(n, m).all(axis=1)
+    lost = ~are_followed(look).reshape(n, m).all(axis=1)
     outcome = np.where(lost, Aim.LOST, outcome)
     return np.where(outcome == Aim.FOUND, w, np.nan), outcome
 
@@ -216,18 +216,18 @@ def hit(scene: Scene, x, speed) -> Hits:
       >>> [round(float(angle), 12) for angle in np.degrees(found.angles)]
       [15.0, 75.0]
     """
-    scene = checked_throw(scene)
+    scene = check_throw(scene)
     x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))
     (samples,) = courses(scene, np.array([speed]))
     look = landings(scene, samples, speed, LOOK)
     extremes, fine = turns(scene, samples, look, speed)
     if not fine.all():
-        return _missed(x, speed, Aim.NO_CONVERGENCE)
+        return _miss(x, speed, Aim.NO_CONVERGENCE)
     ends = np.sort(np.concatenate([samples, extremes]))
     ranges = landings(scene, ends, speed).x
     known = np.isfinite(ranges)
     if not known.any():
-        return _missed(x, speed, Aim.NO_RANGE if followed(look).any() else Aim.LOST)
+        return _miss(x, speed, Aim.NO_RANGE if are_followed(look).any() else Aim.LOST)
     side = np.sign(ranges - x)
     cells = np.flatnonzero(side[:-1] * side[1:] <= 0)
 
@@ -242,14 +242,14 @@ def hit(scene: Scene, x, speed) -> Hits:
         w = w[np.diff(w, prepend=-np.inf) > SAME]  # one at a boundary is found twice
         angles, times = angle_of(w), landings(scene, w, speed).t
         outcome = outcome if fine.all() else Aim.NO_CONVERGENCE
-    if not followed(look).all():
+    if not are_followed(look).all():
         outcome = Aim.LOST
     elif not len(angles) and outcome == Aim.FOUND:
         short = np.abs(ranges - x)
         # To rounding, all are equally near to a target that is very far.
         near = short <= (1 + _ROUNDING) * np.nanmin(short)
         i = int(np.argmax(np.where(near, np.sign(x) * ranges, -np.inf)))
-        return _missed(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
+        return _miss(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
     return Hits(
         x=x,
         speed=speed,
@@ -261,7 +261,7 @@ def hit(scene: Scene, x, speed) -> Hits:
     )
 
 
-def _missed(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
+def _miss(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
     return Hits(
         x=x,
         speed=speed,
@@ -292,7 +292,7 @@ def farthest(scene: Scene, speed) -> Throws:
       >>> np.round(np.degrees(best.angle), 3)
       array([45.   , 32.554, 14.994])
     """
-    scene = checked_throw(scene)
+    scene = check_throw(scene)
     speeds = positive("speed", speed, "It is a speed; the angle gives the direction.")
     shape = np.shape(speeds)
     if len(shape) > 1 or 0 in shape:
@@ -319,7 +319,7 @@ def slowest(scene: Scene, x) -> Throws:
       >>> round(float(best.speed), 6), round(float(np.degrees(best.angle)), 4)
       (7.176481, 37.8694)
     """
-    scene = checked_throw(scene)
+    scene = check_throw(scene)
     x = float(positive("x", array("x", x, ()), "Mirror the scene for throws to the left."))
     rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
     pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))
@@ -331,7 +331,7 @@ def slowest(scene: Scene, x) -> Throws:
     enough = int(np.argmax(reach >= x))
     before = enough - _BEFORE
     if reach[enough] < x or before < 0:
-        out = Aim.OUT_OF_REACH if followed(looks).all() else Aim.LOST
+        out = Aim.OUT_OF_REACH if are_followed(looks).all() else Aim.LOST
         nothing = out if reach[enough] < x else Aim.NO_RANGE
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 

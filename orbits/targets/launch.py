@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import fail, untraced
+from jaxdyn._checks import check_untraced, fail
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
-from jaxdyn.scene import checked_scene
+from jaxdyn.scene import check_scene
 from orbits.targets.steady_fall import Fall, acceleration, fall_of, fallen
-from orbits.targets.thrown import Down, Thrown, Units, direction, turned
+from orbits.targets.thrown import Down, Thrown, Units, direction, rotate
 
 RTOL = 1e-13
 _PATIENCE = 100.0  # times v / g: longer flights count as endless
@@ -54,13 +54,13 @@ def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
     """Where throws of given courses and speeds land.
 
     Args:
-      scene: see `checked_throw`.
+      scene: see `check_throw`.
       w: (n,) courses log tan(angle / 2): -inf along the first axis, 0 straight up.
       speed: (n,) launch speeds [m/s], > 0.
       rtol: tolerance of the integrations.
     """
     w, log_speed = (np.array(x, float).ravel() for x in np.broadcast_arrays(w, np.log(speed)))
-    return _in_chunks(functools.partial(_compiled, scene, np.asarray(rtol)), w, log_speed)
+    return _in_chunks(functools.partial(_landings, scene, np.asarray(rtol)), w, log_speed)
 
 
 def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
@@ -84,14 +84,14 @@ def _in_chunks(fn: Callable, *columns: np.ndarray):
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *parts)
 
 
-def checked_throw(scene: Scene) -> Scene:
+def check_throw(scene: Scene) -> Scene:
     """The scene, if it is a single point in the plane with a force at rest.
 
     Raises:
       ValueError: the scene is traced or of another kind.
     """
-    untraced("scene", scene, "Aim outside of jit, grad and vmap.")
-    scene = checked_scene(scene)
+    check_untraced("scene", scene, "Aim outside of jit, grad and vmap.")
+    scene = check_scene(scene)
     system = scene.system
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):
         raise fail(
@@ -110,7 +110,7 @@ def angle_of(w):
     return 2 * jnp.arctan(jnp.exp(w)) if isinstance(w, Array) else 2 * np.arctan(np.exp(w))
 
 
-def launched(scene: Scene, angle: float, speed: float, t1: float) -> Scene:
+def launch(scene: Scene, angle: float, speed: float, t1: float) -> Scene:
     """The scene with its point thrown at an angle [rad] with a speed [m/s], over a span [s]."""
     velocity = speed * np.array([np.cos(angle), np.sin(angle)])
     return scene.starting(np.concatenate([np.asarray(scene.y0)[:2], velocity]), t1)
@@ -144,8 +144,8 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     def at_last(here, there):
         return jnp.where(landed, here, jnp.where(falls & ~unsettled, there, jnp.nan))
 
-    t, x = at_last(t_end, end.t), at_last(turned(r, c, s)[0], turned(end.r, c, s)[0])
-    vx, vy = at_last(turned(v, c, s), turned(end.v, c, s))
+    t, x = at_last(t_end, end.t), at_last(rotate(r, c, s)[0], rotate(end.r, c, s)[0])
+    vx, vy = at_last(rotate(v, c, s), rotate(end.v, c, s))
     lost = falls & unsettled & (stop.status == Status.OK)
     return x, (t, vx, vy, jnp.where(lost, jnp.int32(Status.STEP_LIMIT), stop.status))
 
@@ -191,7 +191,7 @@ def _free_sines(scene: Scene, counts: Array, speeds: Array) -> Array:
 
 
 @jax.jit
-def _compiled(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Array) -> Landings:
+def _landings(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Array) -> Landings:
     def one(throw):
         def x(p):
             value, rest = _landing(scene, p[0], p[1], rtol)
@@ -211,6 +211,6 @@ def _compiled(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Arr
     return jax.lax.map(counted, (counts, w, log_speed))
 
 
-def followed(found: Landings) -> np.ndarray:
+def are_followed(found: Landings) -> np.ndarray:
     """(n,) whether each throw was integrated, to the ground or without end."""
     return found.status == Status.OK

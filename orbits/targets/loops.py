@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _text, scenes, simulate
-from jaxdyn._checks import array, fail, positive, untraced, whole
+from jaxdyn._checks import array, check_untraced, fail, positive, whole
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis._roots import root
 from jaxdyn.effects import CentralForce, PowerLaw
@@ -210,7 +210,7 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
     _law(law)
     r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
     depth = depth_of(law, turns, loops, r)
-    scene, half = _started(law, depth, r, m)
+    scene, half = _start(law, depth, r, m)
     orbit = find(scene, period=2 * loops * half, throw=False)
     if not orbit.ok:
         raise SearchError(
@@ -254,7 +254,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
     depth = -math.log(ratio)
     if not np.isfinite(over_pi(law, np.array([depth]), r)).all():
         raise SearchError(NOWHERE)
-    scene, half = _started(law, depth, r, m)
+    scene, half = _start(law, depth, r, m)
     return scene.starting(scene.y0, 2 * loops * half)
 
 
@@ -287,12 +287,12 @@ def _coprime(turns, loops) -> None:
 
 
 def _law(law) -> None:
-    untraced("law", law, "Find the orbit outside; see orbits.differentiable.")
+    check_untraced("law", law, "Find the orbit outside; see orbits.differentiable.")
     if not isinstance(law, CentralForce):
         raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")
 
 
-def _started(law: CentralForce, depth: float, r: float, m: float):
+def _start(law: CentralForce, depth: float, r: float, m: float):
     """The scene from its farthest point, and the time to the nearest one."""
     way = scenes.apsides(law, depth, r, m)
     speed = float(way.momentum) / (m * r)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from orbits.targets.thrown import direction, turned
+from orbits.targets.thrown import direction, rotate
 
 _NEWTONS = 400  # Newton steps to the steady velocity: each at least halves the distance
 _FORGOTTEN = 45.0  # relaxation times in which a steady velocity is reached: e^-45 of the launch
@@ -44,7 +44,7 @@ def fall_of(scene: Scene, launch: Array, length: Array) -> Fall:
     g = jnp.linalg.norm(down)
 
     def newton(_, v):
-        return v - _solved(_slope(scene, v), acceleration(scene, v))
+        return v - _solve(_slope(scene, v), acceleration(scene, v))
 
     # From large speeds Newton's method always converges: drag grows with the speed.
     steady = jax.lax.fori_loop(0, _NEWTONS, newton, launch + speed * down / g)
@@ -80,13 +80,13 @@ def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     c, s = direction(w)
 
     def gain(v, r=r, t=t):
-        return turned(acceleration(scene, turned(v, c, s), turned(r, c, s), t), c, -s)
+        return rotate(acceleration(scene, rotate(v, c, s), rotate(r, c, s), t), c, -s)
 
     slope = jax.jacfwd(gain)(v)
-    off = _solved(slope, gain(v))
+    off = _solve(slope, gain(v))
     steady = v - off
     # The remaining deviation of velocity displaces it by its integral of exp(slope t).
-    r = r - _solved(slope, off)
+    r = r - _solve(slope, off)
     up = jnp.stack([s, c])
     sinking = -jnp.sum(up * steady)
     comes = sinking > 0
@@ -110,7 +110,7 @@ def _slope(scene: Scene, velocity: Array) -> Array:
     return jax.jacfwd(lambda v: acceleration(scene, v))(velocity)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, right: Array) -> Array:
     """(2,) solution of two linear equations."""
     (a, b), (c, d) = matrix
     return jnp.stack([d * right[0] - b * right[1], a * right[1] - c * right[0]]) / (a * d - b * c)

@@ -62,7 +62,7 @@ class Thrown(System):
         """(4,) state of the point itself."""
         r, v = self.position_and_velocity(t, z)
         c, s = direction(self.course)
-        return jnp.concatenate([turned(r, c, s) + self.origin, turned(v, c, s)])
+        return jnp.concatenate([rotate(r, c, s) + self.origin, rotate(v, c, s)])
 
     def position_and_velocity(self, t: Array, z: Array) -> tuple[Array, Array]:
         """(2,) displacement and (2,) velocity, both along the launch and across."""
@@ -75,7 +75,7 @@ class Thrown(System):
     def rate(self, t, y, effects):
         c, s = direction(self.course)
         unit, state = self.units.time, self.state(t, y)
-        acceleration = turned(self.system.rate(t * unit, state, effects)[2:], c, -s)
+        acceleration = rotate(self.system.rate(t * unit, state, effects)[2:], c, -s)
         speeds = self.units.speeds(t)
         gain = (acceleration - y[2:] * self.units.speeds_rate(t)) / speeds
         return unit * jnp.concatenate([y[2:] * speeds / self.units.lengths, gain])
@@ -92,7 +92,7 @@ def direction(w: Array) -> tuple[Array, Array]:
     return jnp.where(forwards, cosine, -cosine), 2 * h / (1 + h * h)
 
 
-def turned(vector: Array, c: Array, s: Array) -> Array:
+def rotate(vector: Array, c: Array, s: Array) -> Array:
     """(2,) the vector rotated by the angle with this cosine and sine."""
     return jnp.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
 

@@ -33,7 +33,7 @@ def at(points: np.ndarray, theta) -> np.ndarray:
     return rotation(len(points), theta)[0] @ points
 
 
-def resampled(points: np.ndarray, n: int) -> np.ndarray:
+def resample(points: np.ndarray, n: int) -> np.ndarray:
     """(n, k) the same curve by another, odd number of points."""
     return at(points, angles(n))
 

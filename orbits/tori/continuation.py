@@ -53,8 +53,8 @@ class TorusFamily:
             ("held", ", ".join(held)),
             ("end", self.end),
         ]
-        what = _text.counted(len(self.members), "torus", "tori")
-        return _text.table(f"Family of {what} of {_text.called(self.members[0].scene)}", rows)
+        what = _text.number_of(len(self.members), "torus", "tori")
+        return _text.table(f"Family of {what} of {_text.title_of(self.members[0].scene)}", rows)
 
     _repr_html_ = _text.html
 
@@ -169,7 +169,7 @@ class _Chart(Chart[_Place]):
         found = refine(torus, begin, w, target, goal=goal, max_modes=max_modes)
         if not found.ok:
             return f"{found.outcome.name}: {found.message}"
-        same = found.unknowns.resampled(len(torus.points))
+        same = found.unknowns.resample(len(torus.points))
         return Correction(self.metric.coordinates(same), 0, found)
 
     def tangent(self, last: _Place, found: Correction) -> np.ndarray:
@@ -177,7 +177,7 @@ class _Chart(Chart[_Place]):
         return secant / np.linalg.norm(secant)
 
     def member(self, last: _Place, found: Correction, tangent: np.ndarray) -> _Place:
-        before = last.torus.unknowns.resampled(len(found.solution.points))
+        before = last.torus.unknowns.resample(len(found.solution.points))
         pairs = zip(before, found.solution.unknowns, strict=True)
         secant = Unknowns(*(new - old for old, new in pairs))
         return _Place(found.solution, _unit(secant, self.metric), guessed=False)

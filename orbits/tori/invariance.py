@@ -23,7 +23,7 @@ from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation import newton
 from orbits.closing.sizes import alike, sizes
-from orbits.shooting.segment import Piece, linearised_end
+from orbits.shooting.segment import Piece, linearise_end
 from orbits.tori import circle
 
 _STEPS = 15
@@ -43,7 +43,7 @@ class Unknowns(NamedTuple):
     rotation: float
     time: float
 
-    def packed(self) -> np.ndarray:
+    def pack(self) -> np.ndarray:
         """(N k + 2,) all of them."""
         return np.concatenate([self.points.ravel(), [self.rotation, self.time]])
 
@@ -52,9 +52,9 @@ class Unknowns(NamedTuple):
         points = self.points + step[:-2].reshape(self.points.shape)
         return Unknowns(points, self.rotation + float(step[-2]), self.time + float(step[-1]))
 
-    def resampled(self, n: int) -> "Unknowns":
+    def resample(self, n: int) -> "Unknowns":
         """With n points."""
-        return self._replace(points=circle.resampled(self.points, n))
+        return self._replace(points=circle.resample(self.points, n))
 
 
 class Metric(NamedTuple):
@@ -74,7 +74,7 @@ class Metric(NamedTuple):
         most = np.abs(near.points).max(axis=0)
         return cls(alike(scene, np.maximum(sizes(scene), most)), near.time / (2 * math.pi))
 
-    def packed(self, n: int) -> np.ndarray:
+    def pack(self, n: int) -> np.ndarray:
         """(n k + 2,) the units of unknowns with n points."""
         return np.append(np.tile(self.each, n), [1.0, self.time])
 
@@ -136,7 +136,7 @@ def solve(
     scene: Scene, start: Unknowns, conditions: Conditions, rtol: float, metric: Metric
 ) -> Solved:
     """The invariant circle near a start, by Newton's method with the exact Jacobian."""
-    units = metric.packed(len(start.points))
+    units = metric.pack(len(start.points))
 
     def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _equations(scene, start.moved(units * x), conditions, rtol, metric)
@@ -152,19 +152,18 @@ def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:
     """The largest error of invariance between the points, where the equation was not imposed."""
     n = len(found.points)
     theta = circle.angles(n) + math.pi / n
-    ends, *_ = mapped(scene, circle.at(found.points, theta), found.time, rtol)
+    ends, *_ = flow_map(scene, circle.at(found.points, theta), found.time, rtol)
     off = ends - circle.at(found.points, theta + found.rotation)
     return float(np.abs(off / metric.each).max())
 
 
-def mapped(scene: Scene, points: np.ndarray, time: float, rtol: float):
+def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
     """States (N, k) after a time, and their derivatives by the start (N, k, k) and the time (N, k).
 
     Entries that turn are followed to the turn nearest to their start. NaN where a motion ends.
     """
     done = [
-        linearised_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol)
-        for y in points
+        linearise_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
     ]
     ends, _, slopes = (list(x) for x in zip(*done, strict=True))
     ends = points + np.asarray(_differences(scene, np.array(ends), points))
@@ -182,13 +181,13 @@ def _equations(
     """Residual and Jacobian of the invariance equation and the conditions, all in units."""
     points, rho, time = now
     n, k = points.shape
-    ends, by_start, by_time = mapped(scene, points, time, rtol)
+    ends, by_start, by_time = flow_map(scene, points, time, rtol)
     back, slope = circle.rotation(n, circle.angles(n) - rho)
     residual = back @ ends - points
     by_points = np.einsum("ij,jab->iajb", back, by_start).reshape(n * k, n * k) - np.eye(n * k)
     columns = [by_points, -(slope @ ends).reshape(-1, 1), (back @ by_time).reshape(-1, 1)]
-    jacobian, units = np.concatenate(columns, axis=1), metric.packed(n)
-    fixed = conditions.rows @ now.packed() - conditions.values
+    jacobian, units = np.concatenate(columns, axis=1), metric.pack(n)
+    fixed = conditions.rows @ now.pack() - conditions.values
     residual = np.concatenate([residual.ravel() / units[:-2], fixed])
     jacobian = np.concatenate([jacobian / units[:-2, None], conditions.rows]) * units
     if conditions.energy is None:

@@ -79,9 +79,9 @@ class Torus:
             ("circle", f"{len(self.points) // 2} modes, invariant to {_text.brief(self.error)}"),
             ("outcome", f"{self.outcome.name}: {self.message}"),
         ]
-        return _text.table(f"Torus of {_text.called(self.scene)}", rows)
+        return _text.table(f"Torus of {_text.title_of(self.scene)}", rows)
 
-    @_text.pictured
+    @_text.with_picture
     def _repr_html_(self):
         from orbits.drawing import tori
 

@@ -55,7 +55,7 @@ def refine(
             return found
         if modes == max_modes or not np.isfinite(off):
             return dataclasses.replace(found, outcome=TorusOutcome.NOT_SMOOTH)
-        now = done.unknowns.resampled(2 * min(math.ceil(_MORE * modes), max_modes) + 1)
+        now = done.unknowns.resample(2 * min(math.ceil(_MORE * modes), max_modes) + 1)
 
 
 def _torus(like: Torus, found: Unknowns) -> Torus:
@@ -89,13 +89,13 @@ def _conditions(
         rows, values = [*rows, np.append(nothing, [1.0, 0.0])], [*values, target[1]]
     else:
         _, tangent, _, lengths = target
-        along = lengths.row(tangent.resampled(n))
-        rows, values = [*rows, along], [*values, along @ start.resampled(n).packed()]
+        along = lengths.row(tangent.resample(n))
+        rows, values = [*rows, along], [*values, along @ start.resample(n).pack()]
     if like.held == "drive":
         rows, values = [*rows, duration], [*values, now.time / metric.time]
     else:
         # Not moved along the flow.
-        reference = start.resampled(n).points
+        reference = start.resample(n).points
         flow = np.asarray(_rates(like.scene, reference)) / metric.each
         flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each
         rows = [*rows, np.append(flow.ravel(), [0.0, 0.0])]

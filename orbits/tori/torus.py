@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxdyn import Scene, _checks, _text
 from jaxdyn._records.kinds import check_first
-from orbits.analysis.monodromy import returned, tangents_in
+from orbits.analysis.monodromy import return_in_basis, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
 from orbits.closing.sizes import largest_entry, sizes
@@ -73,7 +73,7 @@ def torus(
       >>> found.ok, found.error < 1e-11
       (True, True)
     """
-    _checks.untraced("orbit", orbit, "Tori are found on the host.")
+    _checks.check_untraced("orbit", orbit, "Tori are found on the host.")
     amplitude = float(_checks.positive("amplitude", amplitude, "It is the norm of a state."))
     _checks.positive("goal", goal, "It is an error in the sizes of the entries.")
     _checks.whole("max_modes", max_modes, FEWEST_MODES)
@@ -84,7 +84,7 @@ def torus(
     y0 = np.asarray(orbit.y0)
     turns = np.exp(1j * circle.angles(n))[:, None]
     start = Unknowns(y0 + amplitude * (turns * w).real, nu, orbit.period)
-    held = _held(orbit.scene)
+    held = _held_quantity(orbit.scene)
     level = mean_energy(orbit.scene, y0[None])[0] if held == "energy" else math.nan
     target = ("amplitude", amplitude) if rotation is None else ("rotation", float(rotation))
     blank = Torus(
@@ -113,13 +113,13 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
     if pair >= len(on_circle):
         raise _checks.fail(
             "orbit",
-            f"at least {_text.counted(pair + 1, 'pair')} of multipliers on the unit circle",
+            f"at least {_text.number_of(pair + 1, 'pair')} of multipliers on the unit circle",
             f"{len(on_circle)}",
             "Tori surround elliptic orbits; orbits.stability has the multipliers.",
         )
     each = sizes(orbit.scene)
     basis = tangents_in(orbit.scene, each)
-    m = returned(orbit, orbit.rtol, basis, each).m
+    m = return_in_basis(orbit, orbit.rtol, basis, each).m
     values, vectors = np.linalg.eig(m)
     i = int(np.argmin(np.abs(values - on_circle[pair])))
     w = each * (basis @ vectors[:, i])
@@ -127,7 +127,7 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
     return float(np.angle(on_circle[pair])), w / np.linalg.norm(w)
 
 
-def _held(scene: Scene) -> str:
+def _held_quantity(scene: Scene) -> str:
     if driven(scene):
         return "drive"
     return "energy" if scene.has_energy else "time"

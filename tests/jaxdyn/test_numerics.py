@@ -9,7 +9,7 @@ import pytest
 
 from jaxdyn._numerics import (
     in_one_kernel,
-    materialised,
+    materialise,
     rough_power,
     runtime_one,
     safe_norm,
@@ -86,7 +86,7 @@ def test_two_sum_returns_what_rounding_left_out():
 
 def test_materialised_changes_no_bit():
     x = jnp.asarray(RNG.normal(size=50) * 10.0 ** RNG.integers(-300, 300, 50))
-    kept = jax.jit(lambda x, t: materialised(x, runtime_one(t)))(x, -3.7)
+    kept = jax.jit(lambda x, t: materialise(x, runtime_one(t)))(x, -3.7)
     np.testing.assert_array_equal(kept, x)
 
 

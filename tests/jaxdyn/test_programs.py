@@ -9,7 +9,7 @@ from jax import lax
 
 from jaxdyn import _programs
 from jaxdyn.solvers.formulas import formulas
-from jaxdyn.solvers.formulas.simplified import simplified
+from jaxdyn.solvers.formulas.simplified import simplify
 
 
 def looped(y):
@@ -45,6 +45,6 @@ def test_a_loop_of_an_unknown_version_is_evaluated_as_it_stands(monkeypatch):
         assert _programs.loop(SimpleNamespace(params=unknown)) is None
     monkeypatch.setattr(formulas, "loop", lambda eqn: None)
     y = jnp.array([0.3, 0.7])
-    found = simplified(lambda t, y: looped(y))
+    found = simplify(lambda t, y: looped(y))
     assert "scan" in str(jax.make_jaxpr(found)(0.0, y))
     np.testing.assert_allclose(found(0.0, y), [6 * 0.7, 3 * 0.7 + 0.3], rtol=1e-15)

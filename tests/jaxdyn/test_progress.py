@@ -4,13 +4,13 @@ import threading
 
 import jax
 
-from jaxdyn._progress import doing, each, told
+from jaxdyn._progress import doing, each, listening
 from jaxdyn.accuracy import timing
 
 
 def heard(work):
     found = []
-    with told(lambda what, done, total: found.append((what, done, total))):
+    with listening(lambda what, done, total: found.append((what, done, total))):
         work()
     return found
 
@@ -35,7 +35,7 @@ def test_nobody_listens_by_default_or_afterwards_or_elsewhere():
 
 
 def test_the_rounds_of_timing_are_told():
-    found = heard(lambda: timing.interleaved({"a": lambda: None}, 3))
+    found = heard(lambda: timing.interleave({"a": lambda: None}, 3))
     assert [done for _, done, total in found if total == 3] == [0, 1, 2]
 
 

@@ -1,7 +1,7 @@
 """Whether a search found all zeros in a box: a comparison with interval bisection.
 
-`bisected` gives the boxes that hold exactly one zero each, and those that it cannot decide.
-`judged` says whether each zero that is proved to exist was found, and what the others may hold.
+`bisect` gives the boxes that hold exactly one zero each, and those that it cannot decide.
+`judge` says whether each zero that is proved to exist was found, and what the others may hold.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.isolation import Isolation, isolate
 from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
@@ -51,7 +51,7 @@ class Proof(NamedTuple):
         return np.clip(boxes.mean(axis=2), self.box.low, self.box.high)
 
 
-def bisected(field: Field, t: Array, box: Box) -> Proof:
+def bisect(field: Field, t: Array, box: Box) -> Proof:
     """Interval bisection for the equilibria of a field in a box."""
     try:
         low = jnp.asarray(box.low)
@@ -73,7 +73,7 @@ def _at_rest(found: Formulas, box: Box) -> Box:
     return Box(np.where(zero, 0.0, box.low), np.where(zero, 0.0, box.high))
 
 
-def judged(
+def judge(
     proof: Proof, field: Field, t: Array, ys: np.ndarray, jumps: np.ndarray
 ) -> tuple[bool, str]:
     """Whether zeros (s, k) are all in a box, and why, or why not, as text.
@@ -112,8 +112,8 @@ def _doubt(proof: Proof, field: Field, t: Array, ys: np.ndarray) -> str:
         return f"the search did not reach the equilibrium that exists near {_list(box, missed)}"
     if found.size > _POINT_SIZE:
         return (
-            f"interval bisection could not decide {counted(len(found.open), 'box', 'boxes')} of up "
-            f"to {found.size:.1g} of the whole in size, as is usual along a curve of equilibria "
+            f"interval bisection could not decide {number_of(len(found.open), 'box', 'boxes')} of "
+            f"up to {found.size:.1g} of the whole in size, as is usual along a curve of equilibria "
             "and with many unknowns"
         )
     places = _places(box, found.open)

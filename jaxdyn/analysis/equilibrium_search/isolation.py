@@ -64,14 +64,14 @@ def isolate(formulas: Formulas, low: np.ndarray, high: np.ndarray) -> Isolation:
         small |= budget < 0
         single.append(np.stack([lows, highs])[:, :, one])
         left.append(np.stack([lows, highs])[:, :, small & ~none & ~one])
-        lows, highs = _halved(*(x[:, ~(none | one | small)] for x in (lows, highs)), size)
+        lows, highs = _halve(*(x[:, ~(none | one | small)] for x in (lows, highs)), size)
     boxes = (np.concatenate(part, axis=2) for part in (single, left))
     single, left = (field.boxes(part) for part in boxes)
     widths = (left[:, field.free, 1] - left[:, field.free, 0]) / size if len(left) else [0.0]
     return Isolation(single, left, float(np.max(widths)))
 
 
-def _halved(lows: np.ndarray, highs: np.ndarray, size: np.ndarray) -> tuple:
+def _halve(lows: np.ndarray, highs: np.ndarray, size: np.ndarray) -> tuple:
     """Each box cut in two across its longest side."""
     widest = np.argmax((highs - lows) / size[:, None], axis=0)
     across = np.arange(len(size))[:, None] == widest
@@ -107,7 +107,7 @@ class _Equations:
             )
             inputs[node] = Dual(Interval(*ends), Interval(slope, slope))
         found = enclosures(self.rates, inputs, cells)
-        return _stacked([x.value for x in found]), _stacked([x.slope for x in found])
+        return _stack([x.value for x in found]), _stack([x.slope for x in found])
 
     def examine(self, lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(cells,) which boxes provably hold no zero, and which exactly one."""
@@ -115,24 +115,24 @@ class _Equations:
         radius = _OVERLAP * (highs - lows) / 2
         value, slope = self._bounds(Interval(centre - radius, centre + radius))
         with np.errstate(all="ignore"):
-            none = _excluded(value)
+            none = _excludes_zero(value)
             middle, _ = self._bounds(Interval(centre, centre))
             mean = middle
             for j in range(len(centre)):
                 part = Interval(slope.low[:, j], slope.high[:, j])
                 mean = add(mean, multiply(part, Interval(-radius[None, j], radius[None, j])))
-            none |= _excluded(mean)
+            none |= _excludes_zero(mean)
             if len(self.rates) != len(self.free):
                 return none, np.zeros_like(none)
             outside, inside = _krawczyk(middle, slope, radius)
             return none | outside, inside & ~none & ~outside
 
 
-def _stacked(parts: list[Interval]) -> Interval:
+def _stack(parts: list[Interval]) -> Interval:
     return Interval(np.stack([x.low for x in parts]), np.stack([x.high for x in parts]))
 
 
-def _excluded(bounds: Interval) -> np.ndarray:
+def _excludes_zero(bounds: Interval) -> np.ndarray:
     return np.any((bounds.low > 0) | (bounds.high < 0), axis=0)
 
 

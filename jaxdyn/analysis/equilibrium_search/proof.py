@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 from jaxdyn import _text
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.balls.enclosed import Enclosed
 
 
@@ -36,8 +36,8 @@ class EquilibriaProof:
             (f"{i + 1}", ", ".join(f"{n} = {x}" for n, x in zip(self.names, point, strict=True)))
             for i, point in enumerate(self.points)
         ]
-        rows = [*_text.cut(rows), ("boxes", f"{self.discarded} discarded"), ("by", self.reason)]
-        count = counted(len(self.points), "equilibrium", "equilibria")
+        rows = [*_text.shorten(rows), ("boxes", f"{self.discarded} discarded"), ("by", self.reason)]
+        count = number_of(len(self.points), "equilibrium", "equilibria")
         title = f"Proved: exactly {count}" if self.proved else f"Not proved: at least {count}"
         return _text.table(title, rows)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box
 from jaxdyn.balls.decimals import decimal
@@ -16,7 +16,7 @@ from jaxdyn.scene import Scene
 _NAMED = 5  # undecided boxes in words
 
 
-def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
+def prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     """All equilibria of a scene in a box at time t.
 
     Raises:
@@ -27,8 +27,8 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     left = tuple(tuple(decimal(x) for x in cell) for cell in found.left)
     if left:
         reason = (
-            f"{counted(len(left), 'box', 'boxes')} could not be decided, near {_named(left)}: the "
-            "Jacobian is singular there, or the rate is not smooth, or the box is too large. "
+            f"{number_of(len(left), 'box', 'boxes')} could not be decided, near {_places(left)}: "
+            "the Jacobian is singular there, or the rate is not smooth, or the box is too large. "
             "Prove a smaller box."
         )
     else:
@@ -39,7 +39,7 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
         if found.corners:
             corners = [[decimal(x) for x in box] for box in found.corners]
             reason += (
-                f" Near {_named(corners)} a length is 0 and the rate jumps: 0 is excluded in all "
+                f" Near {_places(corners)} a length is 0 and the rate jumps: 0 is excluded in all "
                 "directions of its unit vector, and at the point itself."
             )
     return EquilibriaProof(
@@ -53,5 +53,5 @@ def proved(scene: Scene, t: float, box: Box) -> EquilibriaProof:
     )
 
 
-def _named(boxes: Sequence[Sequence[Enclosed]]) -> str:
+def _places(boxes: Sequence[Sequence[Enclosed]]) -> str:
     return "; ".join(", ".join(f"{float(x.mid):.6g}" for x in box) for box in boxes[:_NAMED])

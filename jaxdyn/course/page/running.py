@@ -40,10 +40,10 @@ def run(name: str, *, check: bool = True) -> Run:
       name: of the page.
       check: whether to run its long checks as well.
     """
-    return _timed(importlib.import_module(f"jaxdyn.course.{name}"), check)
+    return _time(importlib.import_module(f"jaxdyn.course.{name}"), check)
 
 
-def _timed(module: ModuleType, check: bool) -> Run:
+def _time(module: ModuleType, check: bool) -> Run:
     page, begin = Page(), time.perf_counter()
     module.solve(page)
     longer = getattr(module, "check", None)
@@ -55,7 +55,7 @@ def _timed(module: ModuleType, check: bool) -> Run:
 def report(page: Page) -> list[str]:
     """The lines that say what a page found, with rich's markup."""
     wide = max((len(number.name) for number in page.numbers), default=0)
-    lines = [f"  {escape(n.name):{wide}}  {escape(written(n))}" for n in page.numbers]
+    lines = [f"  {escape(n.name):{wide}}  {escape(text_of_number(n))}" for n in page.numbers]
     for check in page.checks:
         mark = "[green]holds[/green]" if check.holds else "[red]fails[/red]"
         figure = f"{check.route}, {check.figure}" if check.figure else check.route
@@ -66,7 +66,7 @@ def report(page: Page) -> list[str]:
 def record(found: Run) -> dict:
     """What a run found, for a JSON object."""
     return {
-        "numbers": [{"name": n.name, "value": written(n)} for n in found.page.numbers],
+        "numbers": [{"name": n.name, "value": text_of_number(n)} for n in found.page.numbers],
         "checks": [_check(check) for check in found.page.checks],
         "holds": found.page.holds,
         "seconds": round(found.seconds, 3),
@@ -82,7 +82,7 @@ def _check(check: Check) -> dict:
     return {**check._asdict(), **numbers, "figure": check.figure}
 
 
-def written(number: Number) -> str:
+def text_of_number(number: Number) -> str:
     """The value of a number with its unit."""
     if isinstance(number.value, str):
         return f"{number.value} {number.unit}".rstrip()
@@ -109,7 +109,7 @@ def show(solve: Callable[[Page], None]) -> None:
     """
     configure()
     console = Console(highlight=False, soft_wrap=True)
-    page = _timed(sys.modules[solve.__module__], check=True).page
+    page = _time(sys.modules[solve.__module__], check=True).page
     for line in report(page):
         console.print(line)
     for path in pictures(page, Path(f"{Path(solve.__code__.co_filename).stem}.png")):

@@ -48,7 +48,7 @@ def flip_period(wobble: float) -> float:
 
 def _flips(wobble: float) -> tuple[Figure, ...]:
     period = flip_period(wobble)
-    motion = _followed(flipping(wobble), _PERIODS * period)
+    motion = _motion(flipping(wobble), _PERIODS * period)
     y = motion.ys[-1]
     # omega_3 is 0 after whole periods; this is by how much the motion is past that.
     late = float(y[-1] / motion.scene.rate(motion.ts[-1], y)[-1])
@@ -65,7 +65,7 @@ def _flips(wobble: float) -> tuple[Figure, ...]:
 
 def _orthogonal() -> tuple[Figure, ...]:
     span = 4000 * flip_period(0.1)
-    motion = _followed(flipping(0.1, "matrix"), span)
+    motion = _motion(flipping(0.1, "matrix"), span)
     R = np.asarray(energy.along(pose, motion).R_wb)
     off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max()
     other = simulate(flipping(0.1), span, samples=2, rtol=_RTOL, max_steps=_MOST)
@@ -77,7 +77,7 @@ def _orthogonal() -> tuple[Figure, ...]:
     )
 
 
-def _followed(scene: Scene, t1: float) -> Trajectory:
+def _motion(scene: Scene, t1: float) -> Trajectory:
     return simulate(scene, t1, samples=_SAMPLES, rtol=_RTOL, max_steps=_MOST)
 
 

@@ -46,7 +46,7 @@ def true_time(scene: Scene, ys: np.ndarray, name: str, digits: float) -> float:
     return float(ts[max(int(np.argmax(wrong)) - 1, 0)]) if wrong.any() else float(ts[-1])
 
 
-def _trusted(make: Callable[[], Scene], name: str) -> tuple[Figure, ...]:
+def _figures(make: Callable[[], Scene], name: str) -> tuple[Figure, ...]:
     ts, _ = reference(name)
     scene, figures = make(), []
     for rtol in _TOLERANCES:
@@ -70,16 +70,16 @@ CASES = (
     Case(
         "chaos-double",
         "The time to which digits of a double pendulum can be trusted is reported, and right.",
-        functools.partial(_trusted, double_pendulum, "double"),
+        functools.partial(_figures, double_pendulum, "double"),
     ),
     Case(
         "chaos-triple",
         "The time to which digits of a triple pendulum can be trusted is reported, and right.",
-        functools.partial(_trusted, triple_pendulum, "triple"),
+        functools.partial(_figures, triple_pendulum, "triple"),
     ),
     Case(
         "chaos-eight",
         "The time to which digits of a perturbed eight can be trusted is reported, and right.",
-        functools.partial(_trusted, perturbed_eight, "eight"),
+        functools.partial(_figures, perturbed_eight, "eight"),
     ),
 )

@@ -61,7 +61,7 @@ def _skates() -> tuple[Figure, ...]:
     return tuple(figures)
 
 
-def framed(pairs: tuple[tuple[int, int], ...]) -> Scene:
+def frame(pairs: tuple[tuple[int, int], ...]) -> Scene:
     """Four points at the corners of a square, joined by rods, turning and thrown."""
     ends = np.array(pairs)
     length = np.linalg.norm(_SQUARE[ends[:, 0]] - _SQUARE[ends[:, 1]], axis=1)
@@ -71,7 +71,7 @@ def framed(pairs: tuple[tuple[int, int], ...]) -> Scene:
 
 
 def _rods() -> tuple[Figure, ...]:
-    plain, doubled = framed(_SIDES), framed((*_SIDES, (1, 3), (0, 1)))
+    plain, doubled = frame(_SIDES), frame((*_SIDES, (1, 3), (0, 1)))
     ends = [solve(scene, 2.0, rtol=_RTOL).y1 for scene in (plain, doubled)]
     report = constraints.conditioning(doubled, 0.0, doubled.y0)
     return (

@@ -149,15 +149,15 @@ def _grazing() -> tuple[Figure, ...]:
     )
     return (
         Figure("time of a touch 1e-9 m deep", relative_error([touched.t], [when]), _BOUND),
-        Figure("a touch 1e-9 m too high seen", float(_seen(ball, above)), 0),
-        Figure("a touch 1e-12 m deep missed", float(not _seen(ball, 1.25 - 1e-12)), 0),
-        Figure("a touch 1e-12 m too high seen", float(_seen(ball, 1.25 + 1e-12)), 0),
+        Figure("a touch 1e-9 m too high seen", float(_reaches(ball, above)), 0),
+        Figure("a touch 1e-12 m deep missed", float(not _reaches(ball, 1.25 - 1e-12)), 0),
+        Figure("a touch 1e-12 m too high seen", float(_reaches(ball, 1.25 + 1e-12)), 0),
         Figure("a swing 1e-9 rad too far missed", float(not inside.happened), 0),
         Figure("a swing 1e-9 rad too short seen in 20 periods", float(outside.happened), 0),
     )
 
 
-def _seen(scene: Scene, height: float) -> bool:
+def _reaches(scene: Scene, height: float) -> bool:
     return until(scene, Reaches(1, height), 3.0, rtol=_RTOL).happened
 
 

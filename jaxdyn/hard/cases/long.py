@@ -46,7 +46,7 @@ def energy_errors(motion: Trajectory) -> np.ndarray:
     return np.abs(found / found[0] - 1)
 
 
-def _kept(
+def _figures(
     make: Callable[[], Scene], period: float, solver: Method, steps: float
 ) -> tuple[Figure, ...]:
     span, dt = _PERIODS * period, period / steps
@@ -92,17 +92,17 @@ CASES = (
     Case(
         "million-periods-kepler",
         "The energy of a Kepler orbit has a bounded error over a million periods.",
-        functools.partial(_kept, _ORBIT, math.tau, KAHAN_LI8, 25.3),
+        functools.partial(_figures, _ORBIT, math.tau, KAHAN_LI8, 25.3),
     ),
     Case(
         "million-periods-pendulum",
         "The energy of a pendulum has a bounded error over a million periods.",
-        functools.partial(_kept, swinging, 4 * complete(math.cos(0.5)), GAUSS12, 6.3),
+        functools.partial(_figures, swinging, 4 * complete(math.cos(0.5)), GAUSS12, 6.3),
     ),
     Case(
         "million-periods-eight",
         "The energy of the figure eight has a bounded error over a million periods.",
-        functools.partial(_kept, three_body, EIGHT_PERIOD, KAHAN_LI8, 25.3),
+        functools.partial(_figures, three_body, EIGHT_PERIOD, KAHAN_LI8, 25.3),
     ),
     Case(
         "square-root-growth",

@@ -48,7 +48,7 @@ _DRAWS_AT_LIMIT = 6
 _LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
 
 
-def measured(
+def measure(
     run: Run, scene: Scene, ts: Array, tolerance: np.ndarray, names: Names, by=None
 ) -> tuple[Any, Estimate]:
     """The solution at a tolerance, and its error estimated from a finer one and from rounding.
@@ -63,7 +63,7 @@ def measured(
     """
     rungs = _rungs(run, by or run, scene, tolerance)
     floor = rounding(by or run, scene, rungs.fine, rungs.finer)
-    return rungs.result, _estimated(rungs, scene, ts, floor, names)
+    return rungs.result, _estimate(rungs, scene, ts, floor, names)
 
 
 class _Rungs(NamedTuple):
@@ -91,11 +91,11 @@ def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
     return _Rungs(result=result, fine=fine, beside=beside, tolerance=tolerance, finer=finer)
 
 
-def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
+def _estimate(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
     """The estimate from these solutions, where rounding moves the states by `floor` (s, k)."""
     ys, fine = np.asarray(rungs.result.ys), rungs.fine
     off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
-    error = _expected(np.abs(off), floor, ys, finer=2)
+    error = _expected_error(np.abs(off), floor, ys, finer=2)
     kind, solver, other = names
     return Estimate(
         ts=ts,
@@ -110,7 +110,7 @@ def _estimated(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names:
     )
 
 
-def reached(
+def reach(
     run: Run, scene: Scene, ts: Array, digits: float, solver: str, refuse: bool
 ) -> tuple[Any, Estimate]:
     """The solution with this many digits at all times, or the best, and its estimate.
@@ -143,7 +143,7 @@ def reached(
         rungs = _rungs(run, run, scene, np.full(2, rtol))
         if floor is None:
             floor = _limit(run, scene, rungs, digits)
-        result, found = rungs.result, _estimated(rungs, scene, ts, floor, names)
+        result, found = rungs.result, _estimate(rungs, scene, ts, floor, names)
         missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
         short = found.most_digits < digits
         if not (missed > 1 or short) or rtol <= FINEST:
@@ -165,7 +165,7 @@ def reached(
     return result, found
 
 
-def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
+def halve_steps(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
     """The error of a solution with equal steps h, estimated from h / 2 and h / 4.
 
     Differences of the three show the order p; the first and the last differ by (1 - 4^-p) times
@@ -177,7 +177,7 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
         order = float(np.log2(moved[0] / moved[1]))
     falls = 1 - 4.0 ** -max(order, _MIN_ORDER)
     floor = rounding(run, scene, ys[2], np.array([h / 4]))
-    error = _expected(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
+    error = _expected_error(np.abs(gaps(scene, ys[0], ys[2])) / falls, floor, ys[0], finer=1)
     return Estimate(
         ts=ts,
         ys=ys[0],
@@ -191,7 +191,7 @@ def halved(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estimate:
     )
 
 
-def _tightened(tolerance: np.ndarray) -> np.ndarray:
+def _tighten(tolerance: np.ndarray) -> np.ndarray:
     """A thousandth of the tolerance, its relative part not below the finest.
 
     At the finest one it is changed by a rounding, so that the steps differ.
@@ -215,7 +215,7 @@ def _finer(
     A thousandth of the tolerance; less where that takes hardly more steps, as when the span is
     shorter than the first step; more where it is too small for the scene.
     """
-    ys, fine = None, _tightened(tolerance)
+    ys, fine = None, _tighten(tolerance)
     while True:
         result = run(scene, fine)
         if not np.isfinite(np.asarray(result.ys)).all():
@@ -226,7 +226,7 @@ def _finer(
         ys, used = np.asarray(result.ys), fine
         if result.steps >= _STEPS_RATIO * steps or fine[0] <= FINEST * _COARSENING:
             return ys, used
-        fine = _tightened(fine)
+        fine = _tighten(fine)
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)
 
 
@@ -245,7 +245,7 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
     return rounding(run, scene, fine, finer, draws=_DRAWS_AT_LIMIT)
 
 
-def _expected(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
+def _expected_error(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: int) -> np.ndarray:
     """(s, k) expected size of the error of states `ys` that are a gap from the mean of finer ones.
 
     All have rounding errors of root mean square `floor`; the states `ys` also have the error of

@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, checked_events
 from jaxdyn.integrate.flow import flow
@@ -29,7 +29,7 @@ from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
-from jaxdyn.solvers.choice import checked_method
+from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
 
 #: Crossings found by one call of the program where all are wanted.
@@ -60,7 +60,7 @@ class Crossings(NamedTuple):
     @property
     def message(self) -> str:
         """The number of crossings, and how the motion ended; host only."""
-        return f"{counted(int(self.count), 'crossing')}. {Status(int(self.status)).message}"
+        return f"{number_of(int(self.count), 'crossing')}. {Status(int(self.status)).message}"
 
 
 @check_first
@@ -119,13 +119,13 @@ def crossings(
     """
     t0, t1 = span(scene, t1, t0)
     (event,) = checked_events((event,), len(scene.y0))
-    method = checked_method(scene, solver, several=True)
+    method = check_method(scene, solver, several=True)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     given = scene, event, t0, t1, limits(options)
     rows = None if most is None else _checks.whole("most", most)
     if rows is None:
         remedy = "Pass most=, a number of rows that does not depend on the motion."
-        _checks.untraced("scene and times", given, remedy)
+        _checks.check_untraced("scene and times", given, remedy)
 
     def run(held_to, method: Method) -> Crossings:
         held_to = jax.tree.map(jnp.asarray, held_to)
@@ -161,7 +161,7 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
 
 
 @eqx.filter_custom_jvp
-def _found(
+def _find(
     field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
 ) -> tuple[Crossings, Array]:
     """The crossings, and the number of steps that are left of the limit."""
@@ -170,11 +170,11 @@ def _found(
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
-@_found.def_jvp
-def _found_jvp(primals, tangents, *, method, rows):
+@_find.def_jvp
+def _find_jvp(primals, tangents, *, method, rows):
     field, event, y0, t0, _, _, limits = primals
     d_field, d_event, d_y0, d_t0, _, _, _ = tangents
-    found, left = _found(*primals, method=method, rows=rows)
+    found, left = _find(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # Only as far as the last crossing: the motion may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
@@ -198,7 +198,7 @@ def _found_jvp(primals, tangents, *, method, rows):
     return (found, left), (tangents, None)
 
 
-_compiled = eqx.filter_jit(_found)
+_compiled = eqx.filter_jit(_find)
 
 
 def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_search.event_values import bends, looked, values
+from jaxdyn.integrate.event_search.event_values import bends, look, values
 
 #: Roundings of state and time by which a value at a start on an event may miss zero.
 _ROUNDINGS = 16
@@ -43,7 +43,7 @@ class Beginning(NamedTuple):
     def of(cls, field, events: tuple, t: Array, y: Array) -> "Beginning":
         """At (t, y); `field` has ``rate(t, y)`` and a ``system``."""
         rate = field.rate(t, y)
-        here = looked(field, events, t, y)
+        here = look(field, events, t, y)
         return cls(
             t=t,
             y=y,

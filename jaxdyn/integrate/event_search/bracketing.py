@@ -19,7 +19,7 @@ _SAFETY = 4.0
 _CUBIC_ERROR_DIVISOR = 384.0
 
 
-def settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
+def are_settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
     """(s - 1, E) whether each of E functions crosses zero between samples only as its sides say.
 
     Args:
@@ -65,7 +65,7 @@ class Stretch(NamedTuple):
 
         Args:
           fourth: size of the fourth derivatives.
-          before: signs of the values at the first sample, see `settled`.
+          before: signs of the values at the first sample, see `are_settled`.
           after: signs at the second one.
           noise: values up to this are rounding.
         """

@@ -19,14 +19,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.beginning import Beginning
-from jaxdyn.integrate.event_search.bracketing import settled
+from jaxdyn.integrate.event_search.bracketing import are_settled
 from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions
-from jaxdyn.integrate.event_search.root_refinement import Bracket, landed, polished
+from jaxdyn.integrate.event_search.root_refinement import Bracket, land, polish
 from jaxdyn.integrate.march import Before, march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.sizes import allowed
+from jaxdyn.solvers.sizes import allowed_error
 from jaxdyn.status import Status
 
 #: Parts of a step, or of a panel of it, at which events are sampled besides its beginning. Not
@@ -98,16 +98,16 @@ def first_crossing(
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
-    hs, ys = polished(sight, seen.t0, seen.y0, seen.bracket)
+    hs, ys = polish(sight, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _AT_ONCE)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
-    h, y = landed(sight, which, seen.t0, hs[which], ys[:, which], towards)
+    h, y = land(sight, which, seen.t0, hs[which], ys[:, which], towards)
     # A step is checked at its end; of the shorter one to the event only this is known.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
-    size = StepControl.norm(step.error / allowed(limits.tolerance, sizes, seen.y0, y))
+    size = StepControl.norm(step.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
     unseen = (out.status == int(Status.OK)) & (seen.unseen | (moved & ~(size < _TRUSTED_ERROR)))
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
@@ -190,7 +190,7 @@ class _Lookout(Watch):
         first = memory.beginning.sides(self.sight.events, h, self.wanted)
         first = jnp.where(self.sides == 0, first, self.sides)
         side = jnp.where(memory.begun, memory.end.side, first)
-        survey = self._surveyed(keep, begin, y0, h, memory, side)
+        survey = self._survey(keep, begin, y0, h, memory, side)
         low, high, towards = survey.bracket
         bracket = Bracket(low * h, high * h, towards)
         begun = jnp.ones((), bool)
@@ -201,7 +201,7 @@ class _Lookout(Watch):
         over = memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
         return memory, over | memory.unseen
 
-    def _surveyed(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
+    def _survey(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
         """The step after all its panels, or after the one in which something happens first."""
         begin = memory.end._replace(part=jnp.zeros_like(t), side=side)
         start = _Survey(
@@ -212,13 +212,13 @@ class _Lookout(Watch):
 
         def panel(survey: _Survey) -> _Survey:
             looks = self._looks(t, y, h, survey.begin, survey.end)
-            new = _judged(survey, looks, h, self.wanted, most)
+            new = _judge(survey, looks, h, self.wanted, most)
             if self.clocks is None:
                 return new
             # Half of the panel first, where not all that happens in it can be seen.
             begin = survey.begin.part
             width = survey.end - begin
-            hidden = self.clocks.hidden(t + begin * h, t + survey.end * h) & (width > _MIN_PANEL)
+            hidden = self.clocks.hide(t + begin * h, t + survey.end * h) & (width > _MIN_PANEL)
             half = survey._replace(n=survey.n + 1, end=begin + 0.5 * width)
             return jax.tree.map(lambda a, b: jnp.where(hidden, a, b), half, new)
 
@@ -241,12 +241,12 @@ class _Lookout(Watch):
         return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 
 
-def _judged(survey: _Survey, looks: _Look, h: Array, wanted: Array, most: int) -> _Survey:
+def _judge(survey: _Survey, looks: _Look, h: Array, wanted: Array, most: int) -> _Survey:
     """The next panel, or the first stretch of this one that has to be refined."""
     width = survey.end - survey.begin.part
     exhausted = (width < _MIN_PANEL) | (survey.n >= most)
     s = looks.side
-    known = settled(h * looks.part, looks.g, looks.slope, s, looks.noise) | exhausted
+    known = are_settled(h * looks.part, looks.g, looks.slope, s, looks.noise) | exhausted
     across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))
     unclear, n = _first(~known), len(_LOOK_PLACES)
     hit = _first(across)

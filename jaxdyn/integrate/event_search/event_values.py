@@ -67,7 +67,7 @@ def sizes(system: System, y: Array) -> Array:
     return jnp.max(jnp.where(units[:, None] == units[None, :], jnp.abs(y)[None, :], 0.0), axis=1)
 
 
-def looked(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> Looked:
+def look(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> Looked:
     """The events of a motion at (t, y); an entry that has been larger (`size`) is known less."""
     rows, terms = _terms(field, events, t, y)
     eps = jnp.finfo(y.dtype).eps
@@ -150,7 +150,7 @@ class Clocks(eqx.Module):
         plan = plan_of(_Values(events), k, waves=True)
         return cls(events, plan) if plan.hides and not plan.size else None
 
-    def hidden(self, t0: Array, t1: Array) -> Array:
+    def hide(self, t0: Array, t1: Array) -> Array:
         """Whether () the values may do more between two times than a few looks show."""
         system, none = _Values(self.events), jnp.zeros(0)
         return hides_in_time(self.plan, system, t0, t1, none, jnp.zeros(()), _FEW_WAVES)
@@ -257,7 +257,7 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
       y: (k,) state then.
       direction: () 1 forwards in time, -1 backwards.
     """
-    here = looked(field, events, t, y, sizes(field.system, y0))
+    here = look(field, events, t, y, sizes(field.system, y0))
     time = jnp.abs(t0) + jnp.abs(t)
     off = _COINCIDENCE_ROUNDINGS * (here.rounding + time * here.speeds)
     wanted = directions(events)

@@ -54,7 +54,7 @@ class _Polish(NamedTuple):
     y: Array  # (k, E) the states at the last look
 
 
-def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
+def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
     Newton's method safeguarded by its bracket: bisection where its steps are not halved. The search
@@ -124,7 +124,7 @@ def polished(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Arra
     return jnp.where(found, end.h, jnp.inf), end.y
 
 
-def landed(
+def land(
     sight: Sight, which: Array, t0: Array, h: Array, y: Array, towards: Array
 ) -> tuple[Array, Array]:
     """Time after t0 and state of an event, moved onto it as far as it is not beyond then.

@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn._programs import CALLS, Loop, called, loop
+from jaxdyn._programs import CALLS, Loop, inner_program, loop
 from jaxdyn.solvers.formulas.composed import COMPOSED
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
@@ -46,7 +46,7 @@ _CALCULATIONS: dict[str, Callable] = {
 }
 
 
-def rearranged(name: str, params: dict, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+def rearrange(name: str, params: dict, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
     """What an operation makes of arrays, of any objects, if it only rearranges their entries.
 
     Args:
@@ -95,10 +95,10 @@ def rearranged(name: str, params: dict, args: Sequence[np.ndarray]) -> list[np.n
     return None
 
 
-def calculated(eqn, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
+def calculate(eqn, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
     """The results of an equation of a jaxpr for known numbers; None for other operations."""
     name, kind = eqn.primitive.name, eqn.outvars[0].aval.dtype
-    found = rearranged(name, eqn.params, args)
+    found = rearrange(name, eqn.params, args)
     if found is None and name == "iota":
         shape, along = eqn.params["shape"], eqn.params["dimension"]
         sizes = [-1 if i == along else 1 for i in range(len(shape))]
@@ -143,14 +143,14 @@ def by_jax(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
     return [np.asarray(x) for x in (found if primitive.multiple_results else [found])]
 
 
-def moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """What one of `MOVES` makes of its arguments."""
     name, params = eqn.primitive.name, dict(eqn.params)
     n = MOVES[name] or len(args)
     entries, places = args[:n], args[n:]
     if any(x.dtype == object for x in places):
         raise NotElementary(f"{name} at indices known only at run time")
-    found = rearranged(name, params, [*(x.astype(object) for x in entries), *places])
+    found = rearrange(name, params, [*(x.astype(object) for x in entries), *places])
     if found is not None:
         return found
     # It is applied to the indices of all entries, to see where each goes.
@@ -167,7 +167,7 @@ def moved(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     return [np.asarray(pool[x], object) for x in found]
 
 
-def converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
+def convert(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
     """An array of another type: real numbers."""
     if kind == wanted:
         return x
@@ -176,7 +176,7 @@ def converted(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> 
     return elementwise(graph.real, [x])
 
 
-def folded(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+def fold(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Sums along axes, or what another operation makes of several numbers."""
     kept = [i for i in range(x.ndim) if i not in axes]
     n = math.prod(x.shape[i] for i in axes)
@@ -187,7 +187,7 @@ def folded(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) 
     return found
 
 
-def multiplied(graph: Graph, a, b, contracted, batched) -> np.ndarray:
+def multiply(graph: Graph, a, b, contracted, batched) -> np.ndarray:
     """Products of matrices: batch axes, then free ones of a, then free ones of b."""
 
     def as_matrices(x, batch, last):
@@ -277,7 +277,7 @@ def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Form
     return _formulas_of(Graph(exact=True), program, t, y, known)
 
 
-def traced(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.ndarray]:
+def trace(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.ndarray]:
     """What a function of arrays returns for arrays of nodes and known numbers.
 
     Args:
@@ -292,17 +292,17 @@ def traced(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.nda
     shapes = [jax.ShapeDtypeStruct(x.shape, float) for x in inputs]
     program = jax.make_jaxpr(function)(*shapes)
     _check_program(program)
-    consts = [_taken(graph, c) for c in program.consts]
-    return _interpreted(graph, program.jaxpr, consts, list(inputs))
+    consts = [_inputs(graph, c) for c in program.consts]
+    return _interpret(graph, program.jaxpr, consts, list(inputs))
 
 
 def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
     _check_program(program)
-    time = graph.given(t, moving=True)
-    states = [graph.given(y[i], moving=True) for i in range(len(y))]
+    time = graph.input(t, moving=True)
+    states = [graph.input(y[i], moving=True) for i in range(len(y))]
     inputs = [objects([time], ()), objects(states, y.shape), *known]
-    consts = [_taken(graph, c) for c in program.consts]
-    (rates,) = _interpreted(graph, program.jaxpr, consts, inputs)
+    consts = [_inputs(graph, c) for c in program.consts]
+    (rates,) = _interpret(graph, program.jaxpr, consts, inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
 
@@ -317,12 +317,12 @@ def _check_program(closed) -> None:
                     raise NotElementary(f"{eqn.primitive.name} of {kind}")
 
 
-def _taken(graph: Graph, x) -> np.ndarray:
+def _inputs(graph: Graph, x) -> np.ndarray:
     """An array of known numbers as it is; of others, one node for each."""
     if not isinstance(x, jax.core.Tracer):
         return _as_known(graph, np.asarray(x))
     flat = x.ravel()
-    return objects([graph.given(flat[i]) for i in range(x.size)], x.shape)
+    return objects([graph.input(flat[i]) for i in range(x.size)], x.shape)
 
 
 def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
@@ -330,7 +330,7 @@ def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
     return x.astype(object) if graph.exact and x.dtype == np.float64 else x
 
 
-def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+def _interpret(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
     values: dict[Any, np.ndarray] = dict(zip(jaxpr.constvars, consts, strict=True))
     values |= dict(zip(jaxpr.invars, inputs, strict=True))
 
@@ -339,42 +339,42 @@ def _interpreted(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.nda
         return _as_known(graph, np.asarray(atom.val)) if is_literal else values[atom]
 
     for eqn in jaxpr.eqns:
-        found = _applied(graph, eqn, [read(a) for a in eqn.invars])
+        found = _apply(graph, eqn, [read(a) for a in eqn.invars])
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [read(a) for a in jaxpr.outvars]
 
 
-def _applied(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """Results of one equation of a jaxpr."""
     name, params = eqn.primitive.name, eqn.params
     if name in CALLS:
-        inner = called(eqn)
-        consts = [_taken(graph, c) for c in inner.consts]
-        return _interpreted(graph, inner.jaxpr, consts, args)
+        inner = inner_program(eqn)
+        consts = [_inputs(graph, c) for c in inner.consts]
+        return _interpret(graph, inner.jaxpr, consts, args)
     if not any(x.dtype == object for x in args):
-        known = calculated(eqn, args) or by_jax(eqn.primitive, params, args)
+        known = calculate(eqn, args) or by_jax(eqn.primitive, params, args)
         return [_as_known(graph, x) for x in known]
     if name == "scan" and (known := loop(eqn)) is not None:
-        return _written_out(graph, eqn, known, args)
+        return _unroll(graph, eqn, known, args)
     if name == "cond" and args[0].dtype != object:
         # As where a program depends on the platform.
         inner = params["branches"][int(args[0])]
-        consts = [_taken(graph, c) for c in inner.consts]
-        return _interpreted(graph, inner.jaxpr, consts, args[1:])
+        consts = [_inputs(graph, c) for c in inner.consts]
+        return _interpret(graph, inner.jaxpr, consts, args[1:])
     if name in MOVES:
-        return moved(eqn, args)
+        return move(eqn, args)
     if name in _SAME:
         return args
     if name == "convert_element_type":
         kinds = eqn.invars[0].aval.dtype, np.dtype(params["new_dtype"])
-        return [converted(graph, args[0], *kinds)]
+        return [convert(graph, args[0], *kinds)]
     _check_kinds(eqn)
     if name in _FOLDED:
         binary, of_none = _FOLDED[name]
         op = _scalar(graph, binary, {}, 1)
-        return [folded(op, of_none, args[0], tuple(params["axes"]))]
+        return [fold(op, of_none, args[0], tuple(params["axes"]))]
     if name == "dot_general":
-        return [multiplied(graph, *args, *params["dimension_numbers"])]
+        return [multiply(graph, *args, *params["dimension_numbers"])]
     return [elementwise(_scalar(graph, name, params, len(args) - 1), args)]
 
 
@@ -391,20 +391,20 @@ def _check_kinds(eqn) -> None:
             raise NotElementary(f"{name} of {kind}")
 
 
-def _written_out(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.ndarray]:
+def _unroll(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.ndarray]:
     """A loop of known length."""
     body, length, n, m = known.body, known.length, known.consts, known.carry
     consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
     if length > _LONGEST_LOOP:
         raise NotElementary(f"a loop of {length} rounds")
-    inner = [_taken(graph, c) for c in body.consts]
+    inner = [_inputs(graph, c) for c in body.consts]
     if not length:
         return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
     rows = []
     for i in range(length):
         at = length - 1 - i if known.reverse else i
         row = [np.asarray(x[at]) for x in xs]
-        found = _interpreted(graph, body.jaxpr, inner, [*consts, *carry, *row])
+        found = _interpret(graph, body.jaxpr, inner, [*consts, *carry, *row])
         carry = found[:m]
         rows.append(found[m:])
     if known.reverse:

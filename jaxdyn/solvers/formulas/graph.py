@@ -5,7 +5,8 @@ within a step (masses, lengths) are distinguished from moving ones: a product is
 front of a list of moving ones, a sum collects equal products, and a - b and b - a differ by a
 factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
 product of velocities, sines and cosines is one node, however the rate was written, and terms that
-cancel vanish. `shortest.ordered` splits them into products of two factors again, and shares those.
+cancel vanish. `shortest.topological_order` splits them into products of two factors again, and
+shares those.
 """
 
 import functools
@@ -66,7 +67,7 @@ FUNCTIONS = {
 }
 
 
-def split(a: Number) -> tuple[Number, Node | None]:
+def split_factor(a: Number) -> tuple[Number, Node | None]:
     """A number as a steady factor times a moving node, if any."""
     if not isinstance(a, Node) or not a.moving:
         return a, None
@@ -135,7 +136,7 @@ class Graph:
         """Number of nodes."""
         return self._count
 
-    def given(self, value: Array, moving: bool = False) -> Node:
+    def input(self, value: Array, moving: bool = False) -> Node:
         """A number known only at run time."""
         return self._new("input" if moving else "given", (), moving, value)
 
@@ -165,12 +166,12 @@ class Graph:
         self._unite_squares(terms)
         left = [(c, m) for m, c in terms.items() if not _is(c, 0)]
         if len(left) < 2:
-            return self._scaled(*(left[0] if left else (0.0, None)))
+            return self._scale(*(left[0] if left else (0.0, None)))
         return self.node("sum", *(x for term in left for x in term))
 
     def _terms(self, a: Number) -> dict[Node | None, Number]:
         """Moving terms of a sum and their steady factors; the steady part is under None."""
-        c, m = split(a)
+        c, m = split_factor(a)
         if m is None or m.op != "sum":
             return {m: c}
         parts = zip(m.args[::2], m.args[1::2], strict=True)
@@ -197,21 +198,21 @@ class Graph:
 
     def mul(self, a: Number, b: Number) -> Number:
         """A product, steady factors in front."""
-        (c, m), (d, n) = split(a), split(b)
+        (c, m), (d, n) = split_factor(a), split_factor(b)
         c = self._steady("mul", c, d)
         if m is None or n is None:
-            return self._scaled(c, n if m is None else m)
-        (e, m), (f, n) = self._signed(m), self._signed(n)
+            return self._scale(c, n if m is None else m)
+        (e, m), (f, n) = self._sign_and_rest(m), self._sign_and_rest(n)
         c = self._steady("mul", e * f, c)
         for one, other in ((m, n), (n, m)):
             if self.expanding and _better_multiplied_out(one, other):
                 self.expanded = True
-                return self.mul(c, self._multiplied_out(one, other))
+                return self.mul(c, self._multiply_out(one, other))
         # In an order that is the same in each process, for the compile cache.
         factors = sorted((*factors_of(m), *factors_of(n)), key=lambda node: node.index)
-        return self._scaled(c, self.node("product", *factors))
+        return self._scale(c, self.node("product", *factors))
 
-    def _signed(self, m: Node) -> tuple[float, Node]:
+    def _sign_and_rest(self, m: Node) -> tuple[float, Node]:
         """A sign and the rest of a factor; of a sum the form that a - b and b - a share."""
         if m.op != "sum":
             return 1.0, m
@@ -221,24 +222,24 @@ class Graph:
         parts = ((self._steady("mul", sign, c), term) for c, term in terms)
         return sign, self.node("sum", *(x for part in parts for x in part))
 
-    def _multiplied_out(self, terms: Node, factor: Node) -> Number:
+    def _multiply_out(self, terms: Node, factor: Node) -> Number:
         parts = zip(terms.args[::2], terms.args[1::2], strict=True)
-        return functools.reduce(self.add, (self.mul(self._scaled(c, m), factor) for c, m in parts))
+        return functools.reduce(self.add, (self.mul(self._scale(c, m), factor) for c, m in parts))
 
     def div(self, a: Number, b: Number) -> Number:
         """A quotient, steady factors in front."""
-        (c, m), (d, n) = split(a), split(b)
+        (c, m), (d, n) = split_factor(a), split_factor(b)
         c = self._steady("div", c, d)
         if n is None:
-            return self._scaled(c, m)
-        sign, n = self._signed(n)
+            return self._scale(c, m)
+        sign, n = self._sign_and_rest(n)
         c = self._steady("mul", sign, c)
         power = broken_power(n)
         # A ball around a direction, r / |r|, is smaller as a quotient.
         if power is not None and (not self.exact or (m is None and n.op == "product")):
             base, exponent = power
-            return self.mul(self._scaled(c, m), self.node("pow", base, -exponent))
-        return self._scaled(c, self.node("div", 1.0 if m is None else m, n))
+            return self.mul(self._scale(c, m), self.node("pow", base, -exponent))
+        return self._scale(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
         """a to the power of a steady n."""
@@ -260,7 +261,7 @@ class Graph:
                 return float(FUNCTIONS[op](a))
         a = self._in_one_form(a)
         if op in ("sin", "cos"):
-            c, m = split(a)
+            c, m = split_factor(a)
             if m is not None and not isinstance(c, Node) and c < 0:
                 found = self.function(op, self.neg(a))
                 return self.neg(found) if op == "sin" else found
@@ -275,12 +276,12 @@ class Graph:
         return node
 
     def _in_one_form(self, a: Number) -> Number:
-        """The number, with sums as in `_signed`."""
-        c, m = split(a)
+        """The number, with sums as in `_sign_and_rest`."""
+        c, m = split_factor(a)
         if m is None:
             return a
-        sign, m = self._signed(m)
-        return self._scaled(self._steady("mul", sign, c), m)
+        sign, m = self._sign_and_rest(m)
+        return self._scale(self._steady("mul", sign, c), m)
 
     def compare(self, op: str, *args: Number) -> Number:
         """A condition, or a logical operation on conditions."""
@@ -298,7 +299,7 @@ class Graph:
         """A boolean or an integer as a real number."""
         return self.node("real", a) if isinstance(a, Node) else float(a)
 
-    def _scaled(self, c: Number, m: Node | None) -> Number:
+    def _scale(self, c: Number, m: Node | None) -> Number:
         if m is None or _is(c, 0):
             return c
         return m if _is(c, 1) else self.node("scale", c, m)

@@ -10,16 +10,16 @@ from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 from jaxdyn.solvers.formulas.graph import STEADY, Graph, Node, Number
 
 
-def ordered(graph: Graph, results: list[Number]) -> list[Node]:
+def topological_order(graph: Graph, results: list[Number]) -> list[Node]:
     """Nodes that the results depend on, except inputs, each after its operands.
 
     Products of several factors are split into products of two.
     """
-    _split(graph, [node for node in _needed(results) if node.op == "product"])
-    return [node for node in _needed(results) if node.op != "input"]
+    _factor_out(graph, [node for node in _reachable(results) if node.op == "product"])
+    return [node for node in _reachable(results) if node.op != "input"]
 
 
-def _needed(results: list[Number]) -> list[Node]:
+def _reachable(results: list[Number]) -> list[Node]:
     found: dict[Node, None] = {}
     waiting: collections.deque[tuple[Number | None, bool]] = collections.deque()
     waiting.extend((x, False) for x in results)
@@ -37,7 +37,7 @@ def _needed(results: list[Number]) -> list[Node]:
     return list(found)
 
 
-def _split(graph: Graph, products: list[Node]) -> None:
+def _factor_out(graph: Graph, products: list[Node]) -> None:
     """Factor the pair that most products share out of all of them, repeatedly."""
     long = {node: list(node.args) for node in products if len(node.args) > 2}
     there = {node.args for node in products}
@@ -84,10 +84,12 @@ def shortest(program: ClosedJaxpr, t: Array, y: Array, smooth: bool) -> tuple[Fo
       NotElementary: see `formulas`.
     """
     found = formulas(program, t, y, smooth=smooth)
-    best = found, ordered(found.graph, found.rates)
+    best = found, topological_order(found.graph, found.rates)
     if found.graph.expanded:
         plain = formulas(program, t, y, expanding=False, smooth=smooth)
-        best = min(best, (plain, ordered(plain.graph, plain.rates)), key=lambda x: products(x[1]))
+        best = min(
+            best, (plain, topological_order(plain.graph, plain.rates)), key=lambda x: products(x[1])
+        )
     return best
 
 

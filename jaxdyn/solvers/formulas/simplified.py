@@ -8,7 +8,7 @@ from jaxtyping import Array
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import Node, NotElementary, Number
 from jaxdyn.solvers.formulas.shortest import shortest
-from jaxdyn.solvers.formulas.values import Value, known, value
+from jaxdyn.solvers.formulas.values import Value, constant, value
 from jaxdyn.solvers.method import Rate, programs
 
 #: Numbers of a state up to which formulas are taken if there are any. More may be points in
@@ -34,7 +34,7 @@ _MOST_MOVING = 200
 _AGREED = frozenset({"stop_gradient"})
 
 
-def simplified(rate: Rate) -> Rate:
+def simplify(rate: Rate) -> Rate:
     """The same rate by its formulas, for few numbers and where it has any.
 
     Rates composed of parts, or derived from energies, contain products with zeros, sums that
@@ -66,7 +66,7 @@ def simplified(rate: Rate) -> Rate:
         values: dict[Node, Value] = {n: n.value for n in (formulas.time, *formulas.states)}
 
         def at(a: Number) -> Value:
-            return values[a] if isinstance(a, Node) else known(a)
+            return values[a] if isinstance(a, Node) else constant(a)
 
         for node in nodes:
             values[node] = value(node, at)

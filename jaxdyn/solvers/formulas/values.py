@@ -27,7 +27,7 @@ def value(node: Node, at: Callable[[Number], Value]) -> Value:
     return _VALUES[node.op](*(at(a) for a in node.args))
 
 
-def known(a: float | int | bool) -> Value:
+def constant(a: float | int | bool) -> Value:
     """The value of a number known when the program is compiled."""
     return np.bool_(a) if isinstance(a, bool) else np.float64(a)
 
@@ -55,7 +55,7 @@ def minus(a: Value, b: Value) -> Value:
     return lax.neg(b) if a is None else lax.sub(a, b)
 
 
-def weighted(terms: list[tuple[Value, Value]]) -> Value:
+def weighted_sum(terms: list[tuple[Value, Value]]) -> Value:
     """A sum of terms with their factors."""
     found = None
     for factor, term in terms:
@@ -66,7 +66,7 @@ def weighted(terms: list[tuple[Value, Value]]) -> Value:
     return found
 
 
-def selected(which: Value, no: Value, yes: Value) -> Array:
+def select(which: Value, no: Value, yes: Value) -> Array:
     """One of two."""
     no, yes = (jnp.asarray(0.0 if x is None else x) for x in (no, yes))
     return lax.select(which, yes, no)
@@ -74,7 +74,7 @@ def selected(which: Value, no: Value, yes: Value) -> Array:
 
 def _sum(node: Node, at: Callable[[Number], Value]) -> Value:
     parts = zip(node.args[::2], node.args[1::2], strict=True)
-    return weighted([(at(c), np.float64(1.0) if m is None else at(m)) for c, m in parts])
+    return weighted_sum([(at(c), np.float64(1.0) if m is None else at(m)) for c, m in parts])
 
 
 def _power(a: Value, n: Value) -> Array:
@@ -87,7 +87,7 @@ def _power(a: Value, n: Value) -> Array:
 
 _VALUES: dict[str, Callable[..., Value]] = {
     **{"scale": times, "mul": times, "product": times, "add": plus, "div": lax.div},
-    **{"sqrt": lax.sqrt, "exp": lax.exp, "log": lax.log, "pow": _power, "select": selected},
+    **{"sqrt": lax.sqrt, "exp": lax.exp, "log": lax.log, "pow": _power, "select": select},
     **{"sin": lax.sin, "cos": lax.cos, "tanh": lax.tanh},
     **{"lt": lax.lt, "le": lax.le, "gt": lax.gt, "ge": lax.ge, "eq": lax.eq, "ne": lax.ne},
     **{"and": lax.bitwise_and, "or": lax.bitwise_or, "not": lax.bitwise_not},

@@ -35,7 +35,7 @@ from jaxdyn.solvers.method import (
     Rate,
     grows_from,
     operations,
-    traced_once,
+    trace_once,
 )
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor import terms
@@ -228,7 +228,7 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
     return Series(products(nodes), not any(map(_ends, nodes)), moving)
 
 
-_series_of = traced_once(_series)
+_series_of = trace_once(_series)
 
 
 def _hides(node: Node) -> bool:

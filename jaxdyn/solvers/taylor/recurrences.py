@@ -25,7 +25,7 @@ from jaxdyn._numerics import runtime_one
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import Node, Number
 from jaxdyn.solvers.formulas.values import Value as Coefficient
-from jaxdyn.solvers.formulas.values import known, minus, plus, selected, times, value, weighted
+from jaxdyn.solvers.formulas.values import constant, minus, plus, select, times, value, weighted_sum
 
 
 def solution(
@@ -35,7 +35,7 @@ def solution(
 
     Args:
       formulas: those of the rate.
-      nodes: the required nodes, in order (`shortest.ordered`).
+      nodes: the required nodes, in order (`shortest.topological_order`).
       order: number of terms of each entry besides the first.
       h: () the step.
     """
@@ -74,7 +74,7 @@ class _Series:
     def at(self, a: Number, k: int) -> Coefficient:
         """Coefficient k of a node or of a known number."""
         if not isinstance(a, Node):
-            return known(a) if k == 0 else None
+            return constant(a) if k == 0 else None
         found = self.coefficients[a]
         return found[k] if k < len(found) else None
 
@@ -102,7 +102,7 @@ class _Series:
         """The sum of a_j b_(k-j) for j from first to last."""
         return self._total(self.at, a, b, k, range(first, last + 1))
 
-    def sloped(self, a: Number, b: Number, k: int, last: int) -> Coefficient:
+    def slope_product(self, a: Number, b: Number, k: int, last: int) -> Coefficient:
         """The sum of j a_j b_(k-j) for j from 1 to last."""
         return self._total(self.slope, a, b, k, range(1, last + 1))
 
@@ -122,7 +122,7 @@ class _Series:
 
 def _sum(s: _Series, node: Node, k: int) -> Coefficient:
     parts = zip(node.args[::2], node.args[1::2], strict=True)
-    return weighted([(s.at(c, 0), s.at(m, k)) for c, m in parts if m is not None])
+    return weighted_sum([(s.at(c, 0), s.at(m, k)) for c, m in parts if m is not None])
 
 
 def _scale(s: _Series, node: Node, k: int) -> Coefficient:
@@ -148,13 +148,13 @@ def _sqrt(s: _Series, node: Node, k: int) -> Coefficient:
 def _pow(s: _Series, node: Node, k: int) -> Coefficient:
     # a w' = n a' w, for any n.
     a, n = node.args
-    grown = times(lax.add(s.at(n, 0), np.float64(1.0)), s.sloped(a, node, k, k))
+    grown = times(lax.add(s.at(n, 0), np.float64(1.0)), s.slope_product(a, node, k, k))
     return times(minus(times(s.part(k), grown), s.product(a, node, k, 1, k)), s.inverse(a))
 
 
 def _log(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
-    known = times(s.part(k), s.sloped(node, a, k, k - 1))
+    known = times(s.part(k), s.slope_product(node, a, k, k - 1))
     return times(minus(s.at(a, k), known), s.inverse(a))
 
 
@@ -163,7 +163,7 @@ def _growing(factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
 
     def rule(s: _Series, node: Node, k: int) -> Coefficient:
         (a,) = node.args
-        return times(s.part(k), times(np.float64(sign), s.sloped(a, factor(node), k, k)))
+        return times(s.part(k), times(np.float64(sign), s.slope_product(a, factor(node), k, k)))
 
     return rule
 
@@ -175,7 +175,7 @@ def _partner(node: Node) -> Node:
 
 def _select(s: _Series, node: Node, k: int) -> Coefficient:
     which, no, yes = node.args
-    return selected(s.at(which, 0), s.at(no, k), s.at(yes, k))
+    return select(s.at(which, 0), s.at(no, k), s.at(yes, k))
 
 
 _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {

@@ -23,7 +23,7 @@ from jaxdyn.cli.shared import (
     number,
     read,
 )
-from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
+from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, open_file, rest_start
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -73,7 +73,7 @@ def curve_command(
     with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, both = orbits.families.parameters.maker_of_two(name, values, (first, second))
-        log = kept(save_to, name, chosen, (first, second))
+        log = open_file(save_to, name, chosen, (first, second))
         options = {"within": limits, "step": step, "members": members, "path": log}
         if from_orbit is None:
             begin = rest_start(name, values, start)

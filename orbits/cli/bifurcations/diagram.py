@@ -18,7 +18,7 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, kept, rest_start
+from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, open_file, rest_start
 
 
 def diagram_command(
@@ -57,7 +57,7 @@ def diagram_command(
             step=step,
             orbit_members=members,
             report=lambda family: out.print(str(family)),
-            path=kept(save_to, name, chosen, (parameter,)),
+            path=open_file(save_to, name, chosen, (parameter,)),
         )
         if as_object:
             out.result({"scene": name, "parameter": parameter} | as_json(found))

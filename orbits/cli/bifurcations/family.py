@@ -23,9 +23,9 @@ from jaxdyn.cli.shared import (
     number,
     read,
 )
-from orbits.cli.bifurcations.shared import kept
+from orbits.cli.bifurcations.shared import open_file
 from orbits.cli.printed import print_family
-from orbits.cli.shared import QuantityOption, SaveOption, not_found, numbers, printed
+from orbits.cli.shared import QuantityOption, SaveOption, not_found, numbers, printer
 
 _REMEDY = (
     "Give another --period, or find it with `orbits find`, which has more options, and pass its "
@@ -85,8 +85,8 @@ def family_command(
             down=down,
             within=bounds,
             energies=levels,
-            report=_followed(out, members),
-            path=kept(part, name, chosen, [parameter] if parameter else []),
+            report=_reporter(out, members),
+            path=open_file(part, name, chosen, [parameter] if parameter else []),
         )
         family = orbits.files.family_files.listing(found, parameter)
         if as_object:
@@ -130,7 +130,7 @@ def _first(
     if from_orbit is not None:
         return orbits.load(from_orbit)[0]
     scene = jaxdyn.scenes.catalogue.entry(name).make(**values)
-    return orbits.discovery.nearby.searched(scene, period, report=printed(out))
+    return orbits.discovery.nearby.searched(scene, period, report=printer(out))
 
 
 def _bounds(option: str, text: str | None) -> tuple[float, float]:
@@ -142,7 +142,7 @@ def _bounds(option: str, text: str | None) -> tuple[float, float]:
     return bounds[0], bounds[1]
 
 
-def _followed(out: Screen, most: int) -> Callable[["orbits.families.family.Member"], None]:
+def _reporter(out: Screen, most: int) -> Callable[["orbits.families.family.Member"], None]:
     """A callback that prints a line for each member as it is found."""
     passed = itertools.count(1)
 

@@ -8,13 +8,13 @@ import typer
 
 import jaxdyn
 from jaxdyn._text import fail
-from jaxdyn.cli.shared import written
+from jaxdyn.cli.shared import output_option
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import numbers
 
 KeepOption = Annotated[
     Path | None,
-    written(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
+    output_option(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
 ]
 
 
@@ -47,7 +47,7 @@ def bounds(option: str, text: str) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def kept(
+def open_file(
     path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
 ) -> "jaxdyn.continuation.checkpoint.Log | None":
     """The file of a continuation, with a note of which scenes it is of."""

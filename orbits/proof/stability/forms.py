@@ -40,7 +40,7 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
     if chosen is None:
         return []
     null = null / np.outer(each, each)[above]
-    basis = _recognised(np.linalg.solve(null[:, chosen].T, null).tolist())
+    basis = _as_fractions(np.linalg.solve(null[:, chosen].T, null).tolist())
     if basis is None:
         return []
     found = []
@@ -69,7 +69,7 @@ def _slopes(system: ClosingEquations) -> list[np.ndarray]:
     return found
 
 
-def _recognised(rows: list[list[float]]) -> list[list[Fraction]] | None:
+def _as_fractions(rows: list[list[float]]) -> list[list[Fraction]] | None:
     """The same numbers as fractions; None if one is not near a simple one."""
     found = [[Fraction(x).limit_denominator(_LARGEST) for x in row] for row in rows]
     pairs = zip(itertools.chain(*rows), itertools.chain(*found), strict=True)

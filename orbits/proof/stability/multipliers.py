@@ -2,7 +2,7 @@
 
 Multipliers that are 1 by an integral or a symmetry come in defective groups, whose computed values
 would be as uncertain as a root of the rounding. Where the reason of each is known as a vector, the
-matrix is `reduced` to the others, which are simple. Where only their number is, the characteristic
+matrix is `reduce` to the others, which are simple. Where only their number is, the characteristic
 polynomial is divided by x - 1 as often.
 """
 
@@ -16,7 +16,7 @@ from orbits.proof.closing_equations import inverse
 _NEWTON_STEPS = 30
 
 
-def reduced(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat:
+def reduce(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat:
     """(k - n - m, ...) how a matrix acts on a kernel modulo directions in it.
 
     Args:
@@ -42,11 +42,11 @@ def reduced(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_ma
     return arb_mat(moved[m : k - n])
 
 
-def deflated(matrix: arb_mat, unit: int) -> list[arb]:
+def deflate(matrix: arb_mat, unit: int) -> list[arb]:
     """Coefficients of the characteristic polynomial divided by (x - 1)^unit, lowest first."""
     coefficients = matrix.charpoly().coeffs()
     for _ in range(unit):
-        coefficients, _ = _divided(coefficients)
+        coefficients, _ = _divide(coefficients)
     return coefficients
 
 
@@ -56,7 +56,7 @@ def multiplicity(matrix: arb_mat, error: float) -> int:
     count = 0
     while len(coefficients) > 1:
         size = max(abs(float(c.mid())) for c in coefficients)
-        quotient, rest = _divided(coefficients)
+        quotient, rest = _divide(coefficients)
         if not abs(float(rest.mid())) <= error * size:
             break
         coefficients, count = quotient, count + 1
@@ -72,10 +72,10 @@ def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
         found = polynomial.roots(tol=error)
     except (ValueError, ZeroDivisionError):
         return []
-    return [_sharpened(polynomial, z) for z in found]
+    return [_sharpen(polynomial, z) for z in found]
 
 
-def _sharpened(polynomial: acb_poly, z: acb) -> acb:
+def _sharpen(polynomial: acb_poly, z: acb) -> acb:
     """A narrower enclosure of the root in a ball, by interval Newton steps.
 
     The root lies in mid z - p(mid z) / p'(z), as it does in z.
@@ -90,7 +90,7 @@ def _sharpened(polynomial: acb_poly, z: acb) -> acb:
     return z
 
 
-def _divided(coefficients: list[arb]) -> tuple[list[arb], arb]:
+def _divide(coefficients: list[arb]) -> tuple[list[arb], arb]:
     """The quotient by x - 1 and the remainder, by Horner's rule."""
     quotient: list[arb] = []
     carry = arb(0)

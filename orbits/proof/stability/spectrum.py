@@ -18,9 +18,9 @@ import numpy as np
 from jaxdyn.balls.arithmetic import acb, arb_mat, precision
 from jaxdyn.balls.tube import NotEnclosed
 from orbits.proof.closing_equations import ClosingEquations
-from orbits.proof.krawczyk import enclosed
+from orbits.proof.krawczyk import enclosing_tube
 from orbits.proof.stability import multipliers
-from orbits.proof.stability.structure import Prescribed, Structure, prescribed
+from orbits.proof.stability.structure import Prescribed, Structure, prescribe
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +60,7 @@ def spectrum(
         for i in system.unknowns:
             centre[i] = numbers[i].mid()
         with contextlib.suppress(NotEnclosed):
-            slopes = enclosed(system, centre, numbers, digits, bits, digits).slopes
+            slopes = enclosing_tube(system, centre, numbers, digits, bits, digits).slopes
         return _of(system, numbers, slopes, known)
 
 
@@ -69,8 +69,8 @@ def _of(system: ClosingEquations, numbers: list, slopes: arb_mat, known: Structu
         matrix = system.monodromy(slopes, numbers)
         trivial = Prescribed([], [], [])
         if system.drive is None:
-            trivial = prescribed(system, numbers, known)
-        matrix = multipliers.reduced(matrix, trivial.rows, trivial.directions)
+            trivial = prescribe(system, numbers, known)
+        matrix = multipliers.reduce(matrix, trivial.rows, trivial.directions)
         values = multipliers.roots(matrix.charpoly().coeffs())
     except (ArithmeticError, np.linalg.LinAlgError):  # no inverse, or no bounds
         return Spectrum([], "undecided")

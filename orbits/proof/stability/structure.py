@@ -120,7 +120,7 @@ def _pairs(theorems: Theorems, integrals: list[Number], turned: list):
                 break
 
 
-def prescribed(system: ClosingEquations, numbers: list, known: Structure) -> Prescribed:
+def prescribe(system: ClosingEquations, numbers: list, known: Structure) -> Prescribed:
     """What is proved to prescribe multipliers, of an orbit whose rate does not depend on time."""
     start = system.start(numbers)
     flow = [arb(x) for x in system.field.rate(arb(0), start)]
@@ -140,7 +140,7 @@ def prescribed(system: ClosingEquations, numbers: list, known: Structure) -> Pre
             pairs = zip(slopes[i], group, strict=True)
             candidates.append(
                 [
-                    _Direction(product(inverse, x), known.theorems.applied(inverse, p))
+                    _Direction(product(inverse, x), known.theorems.apply(inverse, p))
                     for x, p in pairs
                 ]
             )
@@ -176,7 +176,7 @@ def _in_kernel(
 
     They are conserved, as the direction's flow commutes with that of the rate.
     """
-    known = theorems.evaluated(zeros)
+    known = theorems.evaluate(zeros)
     return all(
         theorems.is_zero(row, direction.everywhere, known)
         or theorems.returns_to_zero(row, direction.everywhere, system.generator)

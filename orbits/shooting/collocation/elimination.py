@@ -41,7 +41,7 @@ class _Round(NamedTuple):
     chain: Chain
 
 
-def condensed(chain: Chain) -> tuple[Chain, list[_Round]]:
+def condense(chain: Chain) -> tuple[Chain, list[_Round]]:
     """One equation for the two ends of a chain, and how the states between follow from them."""
     rounds = []
     while len(chain.rest) > 1:
@@ -69,7 +69,7 @@ def condensed(chain: Chain) -> tuple[Chain, list[_Round]]:
     return chain, rounds
 
 
-def expanded(
+def expand(
     rounds: list[_Round],
     first: np.ndarray,
     last: np.ndarray,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxdyn import Scene, Status
 from jaxdyn.solvers import RADAU9
 from orbits.closing.sizes import sizes
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.shooting.collocation import steps
 from orbits.shooting.equations import Equations, pieces
 
@@ -74,7 +74,7 @@ def first_guess(equations: Equations, guess: np.ndarray, tolerance: float) -> Gu
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
     if _any_start(equations):
-        ys = _passed(equations, scene, np.linspace(0.0, span, _SAMPLES))
+        ys = _states_at(equations, scene, np.linspace(0.0, span, _SAMPLES))
         speeds = np.abs(np.asarray(_rates(scene, ys)) / _scales(ys)).max(axis=1)
         if not np.isfinite(speeds).all():
             return None
@@ -97,7 +97,7 @@ def _returning(equations: Equations, scene: Scene, span: float) -> float:
     """The time near a span after which the motion comes nearest to closing."""
     best, error = span, np.inf
     for _ in range(_RETURNS_MOST):
-        end = _passed(equations, scene, np.array([0.0, span]))[-1]
+        end = _states_at(equations, scene, np.array([0.0, span]))[-1]
         rows = equations.closing.rows(sizes(scene))
         miss, slope = (np.asarray(x) / rows for x in _closing(equations, scene.y0, end))
         if not np.linalg.norm(miss) < error:
@@ -130,36 +130,36 @@ def _first_mesh(equations: Equations, scene: Scene, span: float, tolerance: floa
     """
     ts = np.linspace(0.0, span, _SAMPLES)
     for _ in range(_SAMPLINGS):
-        ys = _passed(equations, scene, ts)
+        ys = _states_at(equations, scene, ts)
         path = np.abs(np.diff(ys / _scales(ys), axis=0)).max(axis=1)
         if not np.isfinite(path).all():
             return None
         even = _BY_TIME * np.diff(ts) / span + (1 - _BY_TIME) * path / max(path.sum(), 1e-300)
-        ts = _divided(ts, even, _SAMPLES - 1)
-    ts = _divided(ts, np.ones(_SAMPLES - 1), _FIRST)
+        ts = _divide(ts, even, _SAMPLES - 1)
+    ts = _divide(ts, np.ones(_SAMPLES - 1), _FIRST)
     for _ in range(_SAMPLINGS):
-        mesh = Mesh(shares=np.diff(ts) / span, states=_passed(equations, scene, ts)[:-1])
+        mesh = Mesh(shares=np.diff(ts) / span, states=_states_at(equations, scene, ts)[:-1])
         here = on(equations, mesh)
         period = span * equations.closing.parts
         x = here.pack(scene.y0, mesh.states[1:], angle=0.0, parameter=0.0, period=period)
         found = quality(here, x)
         if found.errors.max() <= tolerance and found.growth.max() <= _GROWTH_MOST:  # no NaN
             break
-        ts = _divided(ts, *found.needed(tolerance))
+        ts = _divide(ts, *found.density(tolerance))
     return mesh
 
 
-def _passed(equations: Equations, scene: Scene, ts: np.ndarray) -> np.ndarray:
+def _states_at(equations: Equations, scene: Scene, ts: np.ndarray) -> np.ndarray:
     """(n, k) states at times (n,) of the scene's motion."""
     solver = RADAU9 if equations.stiff else None
-    return np.asarray(solved(scene, ts[-1], ts=ts, rtol=_SAMPLE_RTOL, solver=solver).ys)
+    return np.asarray(quick_solve(scene, ts[-1], ts=ts, rtol=_SAMPLE_RTOL, solver=solver).ys)
 
 
 def is_stiff(equations: Equations, guess: np.ndarray) -> bool:
     """Whether the default method takes too many steps for the motion from a guess (k + 1,)."""
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
-    flow = solved(scene, span, rtol=_SAMPLE_RTOL, max_steps=STEPS_MOST)
+    flow = quick_solve(scene, span, rtol=_SAMPLE_RTOL, max_steps=STEPS_MOST)
     return int(flow.status) == Status.STEP_LIMIT
 
 
@@ -180,13 +180,13 @@ class Quality(NamedTuple):
     errors: np.ndarray
     growth: np.ndarray
 
-    def needed(self, tolerance: float) -> tuple[np.ndarray, int]:
+    def density(self, tolerance: float) -> tuple[np.ndarray, int]:
         """The density (n,) of new intervals on each old one, and their number."""
         errors = np.where(np.isfinite(self.errors), self.errors, 1.0)
         density = (errors / (_BELOW * tolerance)) ** (1 / (2 * steps.NODES + 1))
         growth = np.where(np.isfinite(self.growth), self.growth, 1.0)
         density = np.maximum(density, np.log(np.maximum(growth, 1.0)) / np.log(_GROWTH_WANTED))
-        density = _smoothed(np.maximum(density, _SPARSEST))
+        density = _smooth(np.maximum(density, _SPARSEST))
         number = _UNIT * np.ceil(_SPARE * density.sum() / _UNIT)
         return density, int(min(number, _MOST))
 
@@ -196,12 +196,12 @@ def quality(equations: Equations, x: np.ndarray) -> Quality:
     here = pieces(equations, x)
     scales = _scales(np.asarray(here.start))
     errors = steps.local_errors(equations.scene, here, make=equations.make)
-    _, slopes = steps.linearised_steps(equations.scene, here, make=equations.make)
+    _, slopes = steps.linearise_steps(equations.scene, here, make=equations.make)
     growth = np.asarray(slopes.start) * scales / scales[:, None]
     return Quality((errors / scales).max(axis=1), np.linalg.norm(growth, axis=(1, 2)))
 
 
-def refined(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None:
+def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None:
     """A mesh whose steps have errors below a tolerance; None if they have them already.
 
     Args:
@@ -214,7 +214,7 @@ def refined(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | Non
         return None
     old = np.append(0.0, np.cumsum(equations.shares))
     old /= old[-1]
-    new = _divided(old, *found.needed(tolerance))
+    new = _divide(old, *found.density(tolerance))
     return Mesh(shares=np.diff(new), states=_states(equations, x, old, new[:-1]))
 
 
@@ -225,10 +225,10 @@ def _states(equations: Equations, x: np.ndarray, old: np.ndarray, at: np.ndarray
     nodes = np.asarray(found.nodes)
     interval = np.clip(np.searchsorted(old, at, side="right") - 1, 0, len(old) - 2)
     share = (at - old[interval]) / np.diff(old)[interval]
-    return steps.interpolated(np.asarray(here.start)[interval], nodes[interval], share)
+    return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], share)
 
 
-def _divided(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
+def _divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
     """(number + 1,) times that divide (n + 1,) times into parts of equal weight (n,)."""
     grown = np.append(0.0, np.cumsum(weights))
     new = np.interp(np.linspace(0.0, grown[-1], number + 1), grown, ts)
@@ -236,7 +236,7 @@ def _divided(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
     return new
 
 
-def _smoothed(density: np.ndarray) -> np.ndarray:
+def _smooth(density: np.ndarray) -> np.ndarray:
     """Densities of neighbouring intervals differ by `_NEIGHBOURS` at most."""
     for _ in range(len(density)):
         beside = np.maximum(

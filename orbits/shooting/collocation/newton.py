@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from orbits.shooting.collocation import steps as gauss
-from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+from orbits.shooting.collocation.elimination import Chain, condense, expand
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations, boundary, pieces
 from orbits.shooting.newton import Iteration, Result
@@ -46,8 +46,8 @@ def scales_of(equations: Equations, x: np.ndarray) -> Scales:
     all_of_x = equations.pack(
         largest, between, angle=1.0, parameter=1.0, period=x[-1] / (2 * np.pi)
     )
-    _, by_x, _ = map(np.asarray, _linearised_boundary(equations, x, states[0]))
-    changes = by_x * all_of_x[_shared(equations)]
+    _, by_x, _ = map(np.asarray, _boundary_slopes(equations, x, states[0]))
+    changes = by_x * all_of_x[_shared_places(equations)]
     closing = equation_units(equations, equations.closing.rows(largest), changes)
     return Scales(state=largest, x=all_of_x, closing=closing)
 
@@ -104,7 +104,7 @@ def solve(
 
 def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     here = jax.tree.map(np.asarray, pieces(equations, x))
-    found, slopes = gauss.linearised_steps(equations.scene, here, make=equations.make)
+    found, slopes = gauss.linearise_steps(equations.scene, here, make=equations.make)
     left, end = np.asarray(slopes.start), np.asarray(found.end)
     by = _by_shared(equations, x)
     shared = sum(
@@ -122,7 +122,7 @@ def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     chain = Chain(
         left=rows * left * scales.state,
         right=np.broadcast_to(-np.eye(k), left.shape),
-        shared=rows * shared * scales.x[_shared(equations)],
+        shared=rows * shared * scales.x[_shared_places(equations)],
         rest=rest / scales.state,
     )
     closing = np.asarray(boundary(equations, x, here.start[0], end[-1])) / scales.closing
@@ -131,10 +131,10 @@ def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
 
 def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     """(n,) the shortest change of x that solves the linearised equations."""
-    places = _shared(equations)
+    places = _shared_places(equations)
     unit = scales.x[places]
-    top, rounds = condensed(point.chain)
-    start, by_x, by_end = map(np.asarray, _linearised_boundary(equations, point.x, point.end))
+    top, rounds = condense(point.chain)
+    start, by_x, by_end = map(np.asarray, _boundary_slopes(equations, point.x, point.end))
     first = start * unit / scales.state[:, None]  # of dy[0], by the shared unknowns
     rows = np.vstack(
         [
@@ -155,7 +155,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     steps = []
     for i, move in enumerate(moves):
         dg, last = move[: len(places)], move[len(places) :]
-        states = expanded(rounds, first @ dg, last, dg, homogeneous=i > 0)
+        states = expand(rounds, first @ dg, last, dg, homogeneous=i > 0)
         step = np.zeros(len(point.x))
         step[places] = dg
         step[_between(equations)] = states[1:-1].ravel()
@@ -187,7 +187,7 @@ def _between(equations: Equations) -> slice:
     return slice(p, p + (equations.segments - 1) * k)
 
 
-def _shared(equations: Equations) -> np.ndarray:
+def _shared_places(equations: Equations) -> np.ndarray:
     """Places in x of the other unknowns: the start, which the ends share, and the last ones."""
     inside = _between(equations)
     n = inside.stop + equations.closing.turns + (equations.make is not None) + 1
@@ -197,14 +197,14 @@ def _shared(equations: Equations) -> np.ndarray:
 @jax.jit
 def _by_shared(equations: Equations, x):
     """Derivatives of the pieces (n) by the shared unknowns (s,)."""
-    places = _shared(equations)
+    places = _shared_places(equations)
     return jax.jacfwd(lambda u: pieces(equations, x.at[places].set(u)))(x[places])
 
 
 @jax.jit
-def _linearised_boundary(equations: Equations, x, end):
+def _boundary_slopes(equations: Equations, x, end):
     """Derivatives of the start by the shared unknowns, of the boundary by them and by the end."""
-    places = _shared(equations)
+    places = _shared_places(equations)
 
     def start(u):
         return equations.start(x.at[places].set(u))

@@ -8,9 +8,9 @@ import numpy as np
 
 from jaxdyn import System
 from jaxdyn._checks import fail
-from jaxdyn._text import counted
+from jaxdyn._text import number_of
 from orbits.closing.given import Problem
-from orbits.motion import solved
+from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.collocation import newton
 from orbits.shooting.collocation.mesh import (
@@ -20,7 +20,7 @@ from orbits.shooting.collocation.mesh import (
     is_stiff,
     on,
     quality,
-    refined,
+    refine,
 )
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
@@ -64,7 +64,7 @@ class Collocation(Strategy):
         if search.segments is not None:
             raise fail("segments", "none with collocation", search.segments)
         equations = dataclasses.replace(equations, stiff=is_stiff(equations, problem.guess))
-        found = _searched(problem, equations, effort)
+        found = _search(problem, equations, effort)
         if found is None:  # the motion from the guess ends early
             x = equations.pack(problem.guess[:-1], (), 0.0, 0.0, problem.guess[-1])
             return orbit_at(
@@ -102,7 +102,7 @@ class Collocation(Strategy):
 def _stiff(problem: Problem, equations: Equations) -> bool:
     """Whether stability, not accuracy, limits the steps along the guess."""
     scene, part = problem.scene, problem.guess[-1] / equations.closing.parts
-    flow = solved(scene, part, rtol=_COARSE_RTOL, max_steps=STEPS_MOST)
+    flow = quick_solve(scene, part, rtol=_COARSE_RTOL, max_steps=STEPS_MOST)
     return bool(flow.stiff)
 
 
@@ -122,16 +122,16 @@ class _Found(NamedTuple):
     trouble: Trouble
 
 
-def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found | None:
+def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | None:
     tolerance = _STEP_SHARE * effort.goal
     guess = first_guess(equations, problem.guess, tolerance)
     if guess is None:
         return None
     mesh, period, angle, done = guess.mesh, guess.period, 0.0, 0
-    trouble = Trouble(*_placed(equations, mesh, angle, period))
+    trouble = Trouble(*_place(equations, mesh, angle, period))
     for _ in range(_MESHES_MOST):
-        here, x = _placed(equations, mesh, angle, period)
-        effort.trying(f"collocation in {counted(here.segments, 'step')}")
+        here, x = _place(equations, mesh, angle, period)
+        effort.trying(f"collocation in {number_of(here.segments, 'step')}")
         lower, upper = here.bounds(problem.lower, problem.upper)
         result = newton.solve(
             here,
@@ -143,7 +143,7 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
         done += result.iterations
         if not np.isfinite(result.residual).all() or effort.over:
             break
-        mesh = refined(here, result.x, tolerance)
+        mesh = refine(here, result.x, tolerance)
         if mesh is None:
             break
         unknowns = here.unpack(result.x)
@@ -152,7 +152,7 @@ def _searched(problem: Problem, equations: Equations, effort: Effort) -> _Found 
     return _Found(here, dataclasses.replace(result, iterations=done), error, trouble)
 
 
-def _placed(
+def _place(
     equations: Equations, mesh: Mesh, angle: float, period: float
 ) -> tuple[Equations, np.ndarray]:
     """The equations on a mesh, and x of the motion on it."""

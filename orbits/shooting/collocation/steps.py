@@ -78,22 +78,22 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
       make: see `Equations`.
       nodes: number of nodes.
     """
-    ends = _guessed_ends(pieces)
+    ends = _guess_ends(pieces)
     return jax.vmap(lambda piece, end: _step(scene, make, piece, end, rule(nodes)))(pieces, ends)
 
 
 @functools.partial(jax.jit, static_argnames=("make", "nodes"))
-def linearised_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
+def linearise_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
     """The steps, and derivatives of their ends by each field of the pieces (a Piece)."""
 
     def each(piece: Piece, end: Array):
         step = _step(scene, make, piece, end, rule(nodes))
         return step, _slopes(scene, make, piece, step.nodes, rule(nodes))
 
-    return jax.vmap(each)(pieces, _guessed_ends(pieces))
+    return jax.vmap(each)(pieces, _guess_ends(pieces))
 
 
-def _guessed_ends(pieces: Piece) -> Array:
+def _guess_ends(pieces: Piece) -> Array:
     """(n, k) where the intervals end if each leads to the next and the last goes on straight."""
     starts, spans = pieces.start, pieces.span
     last = starts[-1] + (starts[-1] - starts[-2]) * spans[-1] / spans[-2]
@@ -107,7 +107,7 @@ def local_errors(scene: Scene, pieces: Piece, *, make: Make | None) -> np.ndarra
     return np.abs(np.asarray(many - few))
 
 
-def interpolated(start: np.ndarray, nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
+def interpolate(start: np.ndarray, nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
     """(n, k) the polynomials through starts (n, k) and nodes (n, m, k), at shares (n,)."""
     points = np.append(0.0, rule(nodes.shape[1]).c)
     values = np.concatenate([start[:, None], nodes], axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn._records.captured import captured
+from jaxdyn._records.captured import captures
 
 STIFFNESS = 2.0
 COUNTED = {"calls": 0}
@@ -145,19 +145,19 @@ PLACES = [
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.__name__)
 def test_a_number_is_remembered_wherever_it_is_kept(place):
     function, change = place()
-    before = captured("rate", function)
-    assert captured("rate", function) == before
+    before = captures("rate", function)
+    assert captures("rate", function) == before
     change()
-    assert captured("rate", function) != before
+    assert captures("rate", function) != before
 
 
 def test_a_number_of_a_function_that_is_called_is_remembered(monkeypatch):
     def rate(t, y):
         return [y[1], _law(y[0])]
 
-    before = captured("rate", rate)
+    before = captures("rate", rate)
     monkeypatch.setitem(globals(), "STIFFNESS", 5.0)
-    assert captured("rate", rate) != before
+    assert captures("rate", rate) != before
 
 
 def test_what_a_function_counts_in_is_left_out():
@@ -170,9 +170,9 @@ def test_what_a_function_counts_in_is_left_out():
         owner.calls = 1.0
         return [y[1], -owner.k * y[0]]
 
-    before = captured("rate", rate)
+    before = captures("rate", rate)
     rate(0.0, [1.0, 0.0])
-    assert captured("rate", rate) == before
+    assert captures("rate", rate) == before
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn._records.captured import _MOST_KEPT, _kept, captured
+from jaxdyn._records.captured import _MOST_KEPT, _kept, captures
 from jaxdyn.effects import Spring
 from jaxdyn.integrate import events
 from jaxdyn.integrate.phase import END, Exit, Phase
@@ -230,5 +230,5 @@ def test_a_copy_of_a_record_with_another_field_is_made_anew(lower):
 
 def test_values_kept_at_hand_do_not_pile_up():
     for _ in range(_MOST_KEPT + 2):
-        captured("rate", lambda t, y: LEVEL * y)
+        captures("rate", lambda t, y: LEVEL * y)
     assert len(_kept) <= _MOST_KEPT

@@ -8,7 +8,7 @@ from helpers import EXACT, Arm, gap, refusal
 
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis.equilibria import Equilibria, equilibria, equilibrium
-from jaxdyn.analysis.equilibrium_search.completeness import bisected, judged
+from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
 from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy
 from jaxdyn.analysis.linearize import modes
 from jaxdyn.effects import UniformGravity
@@ -219,10 +219,10 @@ class Flat(Effect):
 @pytest.mark.slow
 def test_a_equilibrium_that_exists_but_was_not_reached_is_told():
     field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
-    proof = bisected(field, jnp.zeros(()), box)
+    proof = bisect(field, jnp.zeros(()), box)
     found = equilibria(spring_mass(), [-3, -3], [3, 3], starts=64)
     assert found.complete
-    complete, certainty = judged(proof, field, jnp.zeros(()), found.states[:-1], np.zeros((0, 4)))
+    complete, certainty = judge(proof, field, jnp.zeros(()), found.states[:-1], np.zeros((0, 4)))
     assert not complete
     assert "did not reach the equilibrium that exists near" in certainty
 

@@ -175,7 +175,7 @@ def test_the_width_decreases_with_the_digits_and_with_the_step():
     assert widths[2] < 1e-19 * widths[1]
     bounds = Disc(radius=arb(1), state=[arb(1)], start=[arb(1)])
     for order in (5, 20):
-        long, short = (float(bounds.left_out(arb(q), order)[0]) for q in (0.25, 0.125))
+        long, short = (float(bounds.remainder(arb(q), order)[0]) for q in (0.25, 0.125))
         assert np.isclose(long / short, 2.0 ** (order + 1) * (1 - 0.125) / (1 - 0.25), rtol=1e-12)
 
 
@@ -197,7 +197,7 @@ def test_a_coefficient_that_was_cut_off_is_not_read_as_zero():
 def test_no_series_is_summed_outside_of_its_disc():
     bounds = Disc(radius=arb(1), state=[arb(1)], start=[arb(1)])
     for q in (arb(1), arb(3), arb(0.5, 1), arb("nan")):
-        assert not bounds.left_out(q, 10)[0].is_finite()
+        assert not bounds.remainder(q, 10)[0].is_finite()
     with pytest.raises(NotEnclosed):
         _tube(_field(lambda t, y: [y[0] ** 2], 1), [1.0], -5.0)
 
@@ -260,7 +260,7 @@ def test_what_a_series_leaves_out_is_within_the_bound_and_not_much_less():
         h = part * radius
         exact = h ** (order + 1) / (1 - h)  # of the motion from 1, and of its derivative (1 - h)^-2
         slope = (order + 2) * exact + exact * h / (1 - h)
-        assert exact < float(bounds.left_out(arb(part), order)[0])
+        assert exact < float(bounds.remainder(arb(part), order)[0])
         (row,) = bounds.left_out_of_slopes(arb(part), order)
         assert slope < float(row[0]) < 1e6 * slope * radius ** -(order + 1)
 

@@ -13,7 +13,7 @@ from jaxdyn.analysis import work_by_effect
 from jaxdyn.analysis.regularised import LogarithmicTime
 from jaxdyn.drawing.contents import in_time, paths
 from jaxdyn.drawing.curves import CURVE_SAMPLES
-from jaxdyn.drawing.strokes import coiled, dashpot, grounds
+from jaxdyn.drawing.strokes import coil, dashpot, grounds
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.phases import END, Exit, Phase, simulate_phases
 from jaxdyn.scenes.satellites import ANTENNAS, SatelliteSketch, antenna_trace
@@ -216,13 +216,13 @@ def test_the_disk_touches_the_ground_where_its_contact_path_is():
 def test_springs_reach_from_end_to_end_with_coils_that_stretch():
     for end in ([3.0, 4.0], [1.0, 2.0, 2.0]):
         ends = np.array([np.zeros(len(end)), end])
-        short, long = coiled(ends, 0.1), coiled(2 * ends, 0.1)
+        short, long = coil(ends, 0.1), coil(2 * ends, 0.1)
         np.testing.assert_array_equal(short[[0, -1]], ends)
         assert short.shape == long.shape
         along = ends[1] / np.linalg.norm(ends[1])
         off = short - (short @ along)[:, None] * along
         np.testing.assert_allclose(np.linalg.norm(off, axis=1).max(), 0.1, rtol=1e-9)
-    assert np.isfinite(coiled(np.zeros((2, 2)), 0.1)).all()
+    assert np.isfinite(coil(np.zeros((2, 2)), 0.1)).all()
 
 
 def test_a_dashpot_joins_its_ends():

@@ -21,7 +21,7 @@ def test_a_high_legend_makes_the_figure_grow_and_leaves_the_panel_its_height():
         ax = figure.add_subplot()
         for i in range(names):
             ax.plot([0.0, 1.0], label=f"a long name with number {i}")
-        figures.legend_below(figure, figures.named(ax))
+        figures.legend_below(figure, figures.legend_entries(ax))
         figure.draw_without_rendering()
         assert figure.legends[0].get_window_extent().y0 >= 0.0
         return ax.get_window_extent().height / figure.dpi

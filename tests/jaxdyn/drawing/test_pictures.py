@@ -17,7 +17,7 @@ from jaxdyn.drawing.animation import _pace
 from jaxdyn.drawing.curves import CURVE_SAMPLES
 from jaxdyn.drawing.figures import PALETTE
 from jaxdyn.drawing.panels import colours, limits
-from jaxdyn.drawing.solid import _taken
+from jaxdyn.drawing.solid import _extent
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches
@@ -381,7 +381,7 @@ def test_solid_figures_fill_their_space(stretch):
     figure = drawing.trajectory(_made_up(scene, places))
     figure.draw_without_rendering()
     (ax,) = figure.axes
-    taken, whole = _taken(ax), figure.bbox
+    taken, whole = _extent(ax), figure.bbox
     assert taken.x0 >= 0
     assert taken.x1 <= whole.x1
     assert taken.y0 >= figure.legends[0].get_window_extent().y1

@@ -145,7 +145,7 @@ def test_only_pages_whose_sources_changed_run_again(site, monkeypatch):
     assert path.stat().st_mtime_ns == before
     monkeypatch.setattr(records, "digest", lambda source: "another")
     with pytest.raises(AssertionError):
-        records.kept(site.folder, "circling_bodies", path, never)
+        records.keep(site.folder, "circling_bodies", path, never)
 
 
 def test_a_record_is_made_again_where_it_is_damaged_or_lacks_a_picture(tmp_path, monkeypatch):
@@ -157,7 +157,7 @@ def test_a_record_is_made_again_where_it_is_damaged_or_lacks_a_picture(tmp_path,
         return {"drawings": [{"file": "a.png"}]}
 
     def again():
-        records.kept(tmp_path, "a", tmp_path, make)
+        records.keep(tmp_path, "a", tmp_path, make)
         return len(made)
 
     assert again() == 1
@@ -169,7 +169,7 @@ def test_a_record_is_made_again_where_it_is_damaged_or_lacks_a_picture(tmp_path,
         (tmp_path / ".records" / "a.json").write_text(text)
         before = len(made)
         assert again() == before + 1
-    assert records.stored(tmp_path, "b") is None
+    assert records.stored_record(tmp_path, "b") is None
 
 
 def test_a_change_of_what_makes_records_changes_their_digest_and_rendering_does_not():
@@ -288,7 +288,7 @@ def test_docstrings_become_lists_and_coloured_examples():
     inline = texts.prose("Like this:\n\n>>> 1 + 1\n2\n\nand so on.")
     assert '<pre class="code">' in inline
     assert "blockquote" not in inline
-    linked = texts.linked("<code>orbits.find</code>", reference.urls(), "../")
+    linked = texts.link("<code>orbits.find</code>", reference.urls(), "../")
     assert linked == '<a href="../reference/orbits.html#orbits.find"><code>orbits.find</code></a>'
 
 
@@ -304,10 +304,10 @@ def test_a_page_of_parts_shows_all_of_them_and_holds_where_they_do():
         {"title": "A", "text": "a", "tables": [1], "holds": True},
         {"title": "B", "text": "b", "tables": [2], "drawings": [3], "holds": False},
     ]
-    page = exhibits.joined(parts)
+    page = exhibits.join(parts)
     assert (page["title"], page["text"], page["holds"]) == ("A", "a", False)
     assert (page["tables"], page["drawings"], page["cases"]) == ([1, 2], [3], [])
-    assert exhibits.joined(parts[:1])["holds"]
+    assert exhibits.join(parts[:1])["holds"]
 
 
 def test_every_hard_case_is_in_one_part_of_its_page():

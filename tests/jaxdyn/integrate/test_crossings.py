@@ -12,7 +12,7 @@ from scipy import optimize
 from jaxdyn import Scene, Status, scenes, solvers
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.event_search.bracketing import settled
+from jaxdyn.integrate.event_search.bracketing import are_settled
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.scene import Effect
 
@@ -252,7 +252,7 @@ def test_a_start_at_rest_on_an_event():
 def test_what_is_settled_has_no_hidden_crossings():
     rng = np.random.default_rng(18)
     times, fine = np.array([0.0, 0.23, 0.49, 0.77, 1.0]), np.linspace(0, 1, 4001)
-    judge, unsettled = jax.jit(settled), 0
+    judge, unsettled = jax.jit(are_settled), 0
     for _ in range(300):
         a, w, p = rng.normal(size=3), rng.uniform(0, 8, 3), rng.uniform(0, 2 * np.pi, 3)
         shift = rng.uniform(-2, 2)

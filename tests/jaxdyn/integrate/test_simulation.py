@@ -18,7 +18,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.phases import pieces_of
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.trajectory import explained, raise_unless_ok
+from jaxdyn.integrate.trajectory import explanation, raise_unless_ok
 from jaxdyn.scenes.particles import straightness
 from jaxdyn.scenes.springs import wildness
 from jaxdyn.solvers import (
@@ -136,7 +136,7 @@ def test_the_method_follows_the_effects():
 def _ends(motion, status: Status, reached: int) -> None:
     assert int(motion.status) == status
     assert not motion.ok
-    assert motion.message == explained(status, motion.scene)
+    assert motion.message == explanation(status, motion.scene)
     assert jnp.isfinite(motion.ys[:reached]).all()
     assert jnp.isnan(motion.ys[reached:]).all()
 

@@ -10,7 +10,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.scales import Groups
 from jaxdyn.solvers import KAHAN_LI8, VERNER9
-from jaxdyn.solvers.sizes import allowed, grown
+from jaxdyn.solvers.sizes import allowed_error, grow
 
 
 @pytest.mark.parametrize("solver", [None, VERNER9], ids=["Nystrom", "Verner"])
@@ -49,15 +49,15 @@ def test_steps_do_not_depend_on_the_direction_or_the_origin_of_time():
 
 def test_a_given_absolute_tolerance_is_in_the_units_of_the_state():
     tolerance, y = jnp.array([0.1, 1.0, 0.0]), jnp.array([10.0, -20.0])
-    np.testing.assert_allclose(allowed(tolerance, y, y, 0 * y), [2.0, 3.0], rtol=1e-15)
+    np.testing.assert_allclose(allowed_error(tolerance, y, y, 0 * y), [2.0, 3.0], rtol=1e-15)
 
 
 def test_the_default_one_is_in_the_sizes_of_the_motion():
     tolerance, y = jnp.array([0.1, 0.0, 0.1]), jnp.array([10.0, 0.0])
-    np.testing.assert_allclose(allowed(tolerance, jnp.array([30.0, 2.0]), y, y), [4.0, 0.2])
+    np.testing.assert_allclose(allowed_error(tolerance, jnp.array([30.0, 2.0]), y, y), [4.0, 0.2])
     alone, together = Groups((0, 1), (np.inf, np.inf)), Groups((0, 0), (np.inf, np.inf))
-    np.testing.assert_array_equal(grown(alone, jnp.array([3.0, 1.0]), -y), [10.0, 1.0])
-    np.testing.assert_array_equal(grown(together, jnp.array([3.0, 1.0]), -y), [10.0, 10.0])
+    np.testing.assert_array_equal(grow(alone, jnp.array([3.0, 1.0]), -y), [10.0, 1.0])
+    np.testing.assert_array_equal(grow(together, jnp.array([3.0, 1.0]), -y), [10.0, 10.0])
 
 
 def test_tangents_are_measured_by_the_largest_entry_of_their_column_in_the_sizes_of_the_state():
@@ -65,10 +65,10 @@ def test_tangents_are_measured_by_the_largest_entry_of_their_column_in_the_sizes
     sizes = jnp.zeros((3, 2)).at[:, 0].set(jnp.array([10.0, 0.1, 0.0]))
     y = jnp.array([[10.0, 100.0], [-0.1, 2.0], [0.0, 5.0]])
     # The second entry is 20 sizes; the third never moves, and is measured by itself.
-    found = grown(groups, sizes, y)
+    found = grow(groups, sizes, y)
     np.testing.assert_allclose(found, [[10.0, 200.0], [0.1, 2.0], [0.0, 5.0]])
     tolerance = jnp.array([0.1, 1.0, 0.0])
-    wide = allowed(tolerance, found, y, 0 * y)
+    wide = allowed_error(tolerance, found, y, 0 * y)
     np.testing.assert_allclose(wide, [[2.0, 21.0], [1.01, 1.2], [1.0, 1.5]])
 
 
@@ -85,13 +85,13 @@ def test_samples_are_ends_of_shorter_steps():
     assert to == 0.4
     samples, to = samples.towards(ts, jnp.array(0.4), jnp.array(2.0))
     assert to == 0.5
-    samples = samples.taken(ts, to, 2 * y)
+    samples = samples.take(ts, to, 2 * y)
     samples, to = samples.towards(ts, jnp.array(0.4), samples.aim)
     assert to == 0.6
-    samples = samples.taken(ts, to, 3 * y)  # both that are equal
+    samples = samples.take(ts, to, 3 * y)  # both that are equal
     samples, to = samples.towards(ts, jnp.array(0.4), samples.aim)
     assert to == 2.0  # one at the end is the step itself
-    samples = samples.taken(ts, to, 4 * y)
+    samples = samples.take(ts, to, 4 * y)
     np.testing.assert_array_equal(samples.ys[:, 0], [1.0, 2.0, 3.0, 3.0, 4.0, np.nan])
 
 

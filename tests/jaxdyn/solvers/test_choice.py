@@ -12,7 +12,7 @@ from jaxdyn import Scene, ensemble, scenes, simulate
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
-from jaxdyn.integrate.simulation import _compiled, solve
+from jaxdyn.integrate.simulation import _compiled_flow, solve
 from jaxdyn.solvers import (
     NYSTROM12,
     STOERMER18,
@@ -366,10 +366,10 @@ def test_new_numbers_and_tolerances_do_not_compile_again():
     other = jaxdyn.ode(lorenz, [1.0, 2.0, 1.0], 2.0, params=NUMBERS | {"rho": 20.0})
     for first, more in ((1e-10, (1e-8, 1e-12)), (1e-5, (2e-6, 1e-3))):
         solve(LORENZ, 2.0, rtol=first)
-        programs = _compiled._cache_size()
+        programs = _compiled_flow._cache_size()
         for rtol in more:
             solve(other, 1.5, rtol=rtol)
-        assert _compiled._cache_size() == programs
+        assert _compiled_flow._cache_size() == programs
 
 
 @pytest.mark.slow

@@ -32,7 +32,7 @@ from jaxdyn.solvers import (
     from_diffrax,
     to_diffrax,
 )
-from orbits.motion import advanced
+from orbits.motion import advance
 
 
 def _forced(t, y):
@@ -175,7 +175,7 @@ CALLS = {
         next(ensemble.stream(COUNTED, [np.ones((2, 4))], solver=solver, chunk=2, threads=1)).y1
     ),
     "fixed_steps": lambda solver: convergence.fixed_steps(COUNTED, steps=5, method=solver),
-    "advanced": lambda solver: advanced(COUNTED, 1.0, rtol=1e-9, solver=solver).y1,
+    "advanced": lambda solver: advance(COUNTED, 1.0, rtol=1e-9, solver=solver).y1,
 }
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxdyn._programs import CALLS, called
-from jaxdyn.solvers.formulas.formulas import calculated, rearranged
+from jaxdyn._programs import CALLS, inner_program
+from jaxdyn.solvers.formulas.formulas import calculate, rearrange
 
 X = np.arange(24.0).reshape(2, 3, 4)
 MOVES = [
@@ -33,9 +33,9 @@ def moved(closed, args) -> list:
     for eqn in closed.jaxpr.eqns:
         given = [np.asarray(a.val) if hasattr(a, "val") else values[a] for a in eqn.invars]
         if eqn.primitive.name in CALLS:
-            found = moved(called(eqn), given)
+            found = moved(inner_program(eqn), given)
         else:
-            found = rearranged(eqn.primitive.name, eqn.params, given)
+            found = rearrange(eqn.primitive.name, eqn.params, given)
         assert found is not None, eqn
         values |= dict(zip(eqn.outvars, found, strict=True))
     return [values[out] for out in closed.jaxpr.outvars]
@@ -62,7 +62,7 @@ def test_calculations_and_what_is_left_to_jax():
     values = dict(zip(closed.jaxpr.invars, [X[0, 0, :3]], strict=True))
     for eqn in closed.jaxpr.eqns:
         args = [np.asarray(a.val) if hasattr(a, "val") else values[a] for a in eqn.invars]
-        found = calculated(eqn, args)
+        found = calculate(eqn, args)
         found = eqn.primitive.bind(*args, **eqn.params) if found is None else found
         found = found if isinstance(found, list) else [found]
         values |= dict(zip(eqn.outvars, found, strict=True))
@@ -70,5 +70,5 @@ def test_calculations_and_what_is_left_to_jax():
         assert values[out].dtype == wanted.dtype
         assert (values[out] == wanted).all()
     (eqn,) = jax.make_jaxpr(jnp.sin)(1.0).jaxpr.eqns
-    assert calculated(eqn, [np.ones(())]) is None
-    assert rearranged("sin", {}, [np.ones(())]) is None
+    assert calculate(eqn, [np.ones(())]) is None
+    assert rearrange("sin", {}, [np.ones(())]) is None

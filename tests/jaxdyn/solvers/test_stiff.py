@@ -9,7 +9,7 @@ from helpers import SOLVED, gap, kepler, kepler_state
 import jaxdyn
 from jaxdyn import Status, scenes, simulate, solvers
 from jaxdyn.integrate.events import Reaches, until
-from jaxdyn.integrate.simulation import _compiled, solve
+from jaxdyn.integrate.simulation import _compiled_flow, solve
 from jaxdyn.solvers.choice import default_solver
 
 
@@ -139,9 +139,9 @@ def test_the_switch_is_said_and_compiles_only_what_it_needs():
     assert jnp.array_equal(chosen.ys, motion.ys)
     assert (int(chosen.steps), chosen.warning) == (int(motion.steps), "")
     # A method that is asked for goes on, in the program of the default.
-    programs = _compiled._cache_size()
+    programs = _compiled_flow._cache_size()
     explicit = simulate(CHASED, 1e-4, samples=2, solver=default_solver(CHASED))
-    assert _compiled._cache_size() == programs
+    assert _compiled_flow._cache_size() == programs
     assert int(explicit.steps) > 1000
     assert not explicit.switched
 

@@ -25,7 +25,7 @@ from jaxdyn.solvers import (
 )
 from jaxdyn.solvers.choice import reason
 from jaxdyn.solvers.formulas.graph import NotElementary
-from jaxdyn.solvers.formulas.shortest import ordered, products
+from jaxdyn.solvers.formulas.shortest import products, topological_order
 from jaxdyn.solvers.taylor.recurrences import solution
 from jaxdyn.solvers.taylor.terms import _CAUTION
 from jaxdyn.status import Status
@@ -65,7 +65,7 @@ FUNCTIONS = {
 
 def series(rate, t, y, order=ORDER) -> np.ndarray:
     found = formulas_of(rate, jnp.asarray(t), jnp.asarray(y))
-    found = solution(found, ordered(found.graph, found.rates), order, jnp.ones(()))
+    found = solution(found, topological_order(found.graph, found.rates), order, jnp.ones(()))
     return np.array([[0.0 if x is None else float(x) for x in row] for row in found])
 
 
@@ -180,7 +180,7 @@ def _driven_by_a_whole_number(n, truth):
     found = formulas_of(
         lambda t, y: y * n.astype(float) + truth.astype(float), jnp.zeros(()), jnp.ones(1)
     )
-    return solution(found, ordered(found.graph, found.rates), 2, jnp.ones(()))[0]
+    return solution(found, topological_order(found.graph, found.rates), 2, jnp.ones(()))[0]
 
 
 def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
@@ -284,7 +284,7 @@ def test_equal_formulas_are_computed_once():
         return jnp.stack([2.0 * c * s, s * c * 3.0 + 0.0 * y[1] ** 3])
 
     found = formulas_of(rate, jnp.zeros(()), jnp.ones(2))
-    assert products(ordered(found.graph, found.rates)) == 3  # cosine, sine, their product
+    assert products(topological_order(found.graph, found.rates)) == 3  # cosine, sine, their product
 
 
 def _r2(y):
@@ -305,7 +305,7 @@ INVERSE_CUBES = {
 def test_an_inverse_cube_of_a_distance_is_one_power(name):
     rate, y = lambda t, y: 3.0 * INVERSE_CUBES[name](y), jnp.array([0.6, 0.8])
     found = formulas_of(rate, jnp.zeros(()), y)
-    ops = [node.op for node in ordered(found.graph, found.rates)]
+    ops = [node.op for node in topological_order(found.graph, found.rates)]
     assert ops.count("pow") == 1
     assert {"sqrt", "div"}.isdisjoint(ops)
     by_logarithm = lambda t, y: 3.0 * y * jnp.exp(-1.5 * jnp.log(_r2(y)))  # noqa: E731
@@ -323,7 +323,7 @@ def test_a_difference_and_its_opposite_are_one_formula():
 
     y = np.array([0.3, 0.7])
     found = formulas_of(rate, jnp.zeros(()), jnp.asarray(y))
-    ops = [node.op for node in ordered(found.graph, found.rates)]
+    ops = [node.op for node in topological_order(found.graph, found.rates)]
     assert (ops.count("sin"), ops.count("cos"), ops.count("product")) == (1, 1, 2)
     x = y[0] - 2 * y[1]
     exact = np.array([np.sin(x) + x * x, -np.sin(x) * np.cos(x) + x * x])
@@ -339,7 +339,7 @@ def test_products_that_only_the_way_to_a_formula_had_are_not_taken_for_there():
 
     y = np.array([0.3, 0.8, 1.5])
     found = formulas_of(rate, jnp.zeros(()), jnp.asarray(y))
-    ops = [node.op for node in ordered(found.graph, found.rates)]
+    ops = [node.op for node in topological_order(found.graph, found.rates)]
     assert ops.count("product") == 5
     exact = y[2] ** 2 * np.sin(y[1] - y[0])
     assert series(rate, 0.0, y, order=1)[2, 1] == pytest.approx(exact, rel=1e-14)
@@ -353,7 +353,7 @@ def test_products_that_cancel_and_squares_that_sum_to_one_are_gone():
         return jnp.stack([same + u, s * (u * u * c + 0.5) - c * (u * u * s) + 3 * (c * c + s * s)])
 
     found = formulas_of(rate, jnp.zeros(()), jnp.ones(2))
-    assert [node.op for node in ordered(found.graph, found.rates)].count("product") == 0
+    assert [node.op for node in topological_order(found.graph, found.rates)].count("product") == 0
     exact = np.array([1.0, 3.0 + 0.5 * np.sin(1.0)])
     assert series(rate, 0.0, np.ones(2), order=1)[:, 1] == pytest.approx(exact)
 

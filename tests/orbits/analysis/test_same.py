@@ -14,7 +14,7 @@ from jaxdyn.analysis import energy
 from jaxdyn.effects import LinearDrag, PairGravity
 from jaxdyn.integrate.simulation import solve
 from orbits import Orbit, Outcome
-from orbits.analysis.words import canonical, spelled
+from orbits.analysis.words import canonical, spell
 from orbits.discovery.plane import IN_LINE
 from orbits.discovery.seeds import row
 from orbits.motion import gravitates
@@ -135,7 +135,7 @@ def test_every_published_row_has_its_word(row):
 
 def test_words():
     assert orbits.analysis.syzygies(published(ROWS[0])) == (2, 3, 1, 2, 3, 1)
-    assert spelled((1, 3)) == "a"
+    assert spell((1, 3)) == "a"
     assert canonical("") == canonical("aA") == canonical("abBA") == ""
     assert canonical("BabA") == "ABab"
     with pytest.raises(ValueError, match="word: expected letters a, b, A, B"):

@@ -200,7 +200,7 @@ def test_refined_guesses_are_on_the_cycles():
         np.array([3.0, 1.3, 0.2]),
         np.ones(3),
     )
-    found = screen.refined(two_cycles(), orbits.PLAIN, guesses)
+    found = screen.refine(two_cycles(), orbits.PLAIN, guesses)
     assert list(found.index[:2]) == [0, 1]
     np.testing.assert_allclose(np.hypot(*found.y0s[:2].T), [1.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(found.periods[:2], PERIODS[::-1], atol=1e-6)

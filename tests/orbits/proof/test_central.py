@@ -12,7 +12,7 @@ import orbits
 from jaxdyn.balls.arithmetic import arb
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.effects import PowerLaw
-from orbits.proof.posing import posed_equations
+from orbits.proof.posing import equations_of
 from orbits.proof.theorems import Theorems, missing
 from orbits.targets import loops
 
@@ -28,7 +28,7 @@ def _rosette():
 
 
 def test_ellipses_need_the_laplace_vector_and_rosettes_do_not():
-    ellipse, rosette = map(posed_equations, (_ellipse(), _rosette()))
+    ellipse, rosette = map(equations_of, (_ellipse(), _rosette()))
     assert (missing(ellipse), missing(rosette)) == ("", "")
     # Three of the four are independent: Laplace's vector has a length by the other two.
     assert len(ellipse.integrals) == 3
@@ -51,7 +51,7 @@ def test_nothing_is_proved_where_the_centre_is_not_excluded():
 
 
 def _without_tubes():
-    system = posed_equations(_rosette())
+    system = equations_of(_rosette())
     formulas, _ = scene_formulas(_ellipse().scene)
     return dataclasses.replace(system, formulas=formulas)
 

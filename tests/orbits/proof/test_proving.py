@@ -17,9 +17,9 @@ from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
 from orbits.proof import checking
-from orbits.proof.posing import posed_equations
-from orbits.proof.proving import certified
-from orbits.proof.refinement import solved
+from orbits.proof.posing import equations_of
+from orbits.proof.proving import certify
+from orbits.proof.refinement import solve
 
 
 def _van_der_pol(mu=1.0, period=6.66):
@@ -92,10 +92,10 @@ def test_a_forced_oscillator_has_the_exact_period_of_its_drive():
 
 
 def _box_about(orbit, moved: float, radius: float, digits=30, bits=None):
-    system = posed_equations(orbit)
-    numbers, lost = solved(system, digits)
+    system = equations_of(orbit)
+    numbers, lost = solve(system, digits)
     numbers[system.unknowns[0]] += arb(moved)
-    return certified(orbit, system, numbers, radius, digits + lost, bits=bits)
+    return certify(orbit, system, numbers, radius, digits + lost, bits=bits)
 
 
 @pytest.mark.slow
@@ -107,16 +107,16 @@ def test_a_box_without_the_orbit_is_not_proved():
 @pytest.mark.slow
 def test_a_box_that_is_too_narrow_for_its_centre_is_widened():
     orbit = _cycle()
-    system = posed_equations(orbit)
-    numbers, lost = solved(system, 36.0)
+    system = equations_of(orbit)
+    numbers, lost = solve(system, 36.0)
     off = list(numbers)
     with precision(300):
         off[system.unknowns[0]] = off[system.unknowns[0]] + arb(3e-20)
-    proof = certified(orbit, system, off, 1e-20, 30 + lost)
+    proof = certify(orbit, system, off, 1e-20, 30 + lost)
     assert proof.proved
     assert 3e-20 < float(proof.radius) < 1e-17
     # A stored certificate is checked with its own radius.
-    again = certified(orbit, system, off, 1e-20, 30 + lost, bits=proof.bits)
+    again = certify(orbit, system, off, 1e-20, 30 + lost, bits=proof.bits)
     assert not again.proved
 
 

@@ -17,7 +17,7 @@ from jaxdyn import scenes
 from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
 from orbits.proof import posing, proving
-from orbits.proof.posing import posed_equations
+from orbits.proof.posing import equations_of
 from orbits.proof.stability import multipliers, structure
 from orbits.proof.stability.forms import forms_of
 
@@ -36,7 +36,7 @@ def _first_row():
 @functools.cache
 def _cycle():
     rate = lambda t, y: [y[1], (1 - y[0] ** 2) * y[1] - y[0]]  # noqa: E731
-    return posed_equations(orbits.find(jaxdyn.ode(rate, [2.0, 0.0], 6.66)))
+    return equations_of(orbits.find(jaxdyn.ode(rate, [2.0, 0.0], 6.66)))
 
 
 def _system(rate, y0, **more):
@@ -60,7 +60,7 @@ def _system(rate, y0, **more):
 
 
 def test_the_form_of_reduced_coordinates_has_their_masses():
-    (form,) = forms_of(posed_equations(_first_row()))
+    (form,) = forms_of(equations_of(_first_row()))
     # Kinetic energy p'^2 / 4 + 3 q'^2 / 4: masses 1/2 and 3/2.
     masses = [Fraction(1), Fraction(1), Fraction(3), Fraction(3)]
     wanted = np.kron([[0, 1], [-1, 0]], np.diag(masses))
@@ -87,7 +87,7 @@ def test_forms_that_are_singular_alone_are_added():
 
 
 def test_a_form_with_other_masses_is_refused():
-    system = posed_equations(_first_row())
+    system = equations_of(_first_row())
     (form,) = forms_of(system)
     wrong = form.copy()
     wrong[2, 6], wrong[6, 2] = 2 * form[2, 6], -2 * form[2, 6]
@@ -101,11 +101,11 @@ def _prescribed(orbit, system):
     forms = [np.asarray(own)] if own is not None else forms
     known = structure.structure(system, posing.integrals_of(system, orbit.scene), [], forms)
     with precision(200):
-        return structure.prescribed(system, system.centre(), known)
+        return structure.prescribe(system, system.centre(), known)
 
 
 def test_integrals_have_their_directions_by_the_form():
-    found = _prescribed(_first_row(), posed_equations(_first_row()))
+    found = _prescribed(_first_row(), equations_of(_first_row()))
     assert (len(found.rows), len(found.directions)) == (2, 2)
 
 
@@ -155,19 +155,19 @@ def test_multipliers_near_one_are_enclosed_beside_those_that_are_one():
         rows = basis.inv().tolist()[4:]
         directions = basis.transpose().tolist()[:2]
         exact = acb(c, s)
-        reduced = multipliers.reduced(matrix, rows, directions)
+        reduced = multipliers.reduce(matrix, rows, directions)
         values = multipliers.roots(reduced.charpoly().coeffs())
         assert len(values) == 2
         assert any(z.contains(exact) for z in values)
         assert max(float(z.rad()) for z in values) < 1e-34
-        divided = multipliers.roots(multipliers.deflated(matrix, 4))
+        divided = multipliers.roots(multipliers.deflate(matrix, 4))
         assert all(any(z.overlaps(w) for w in divided) for z in values)
 
 
 def test_vectors_that_depend_on_each_other_reduce_nothing():
     matrix = arb_mat([[1, 0, 0], [0, 1, 0], [0, 0, 2]])
     with pytest.raises(ArithmeticError):
-        multipliers.reduced(matrix, [], [[arb(1), arb(0), arb(0)], [arb(2), arb(0), arb(0)]])
+        multipliers.reduce(matrix, [], [[arb(1), arb(0), arb(0)], [arb(2), arb(0), arb(0)]])
 
 
 @pytest.mark.slow

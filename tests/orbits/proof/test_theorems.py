@@ -16,8 +16,8 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
 from orbits.proof import posing, proving
 from orbits.proof.one_curve import on_one_curve
-from orbits.proof.posing import posed_equations
-from orbits.proof.proving import certified
+from orbits.proof.posing import equations_of
+from orbits.proof.proving import certify
 from orbits.proof.stability import spectrum, structure
 from orbits.proof.theorems import Theorems, missing
 
@@ -37,7 +37,7 @@ def _cycle():
 
 @functools.cache
 def _closure():
-    return posed_equations(_cycle())
+    return equations_of(_cycle())
 
 
 def test_a_drive_below_the_rounding_is_seen_in_the_formulas():
@@ -72,7 +72,7 @@ def test_hyperbolic_functions_have_their_identities():
 @pytest.mark.slow
 def test_spared_equations_need_integrals_that_do_not_depend_on_each_other():
     swing = orbits.find(scenes.pendulum(angle=2.0), period=2.7, hold="theta")
-    system = posed_equations(swing)
+    system = equations_of(swing)
     assert (list(system.integrals), len(system.spared)) == (["energy"], 1)
     with precision(100):
         end = numbers = [arb(x) for x in system.values]
@@ -117,15 +117,15 @@ def test_equilibria_and_negative_periods_are_no_orbits():
     period = arb(orbit.period)
     # The origin is the only state nearby that returns after this time: it never leaves.
     held = dataclasses.replace(system, held=(2,))
-    still = certified(orbit, held, [arb(0), arb(0), period], 1e-12, 20, bits=200)
+    still = certify(orbit, held, [arb(0), arb(0), period], 1e-12, 20, bits=200)
     assert (still.proved, "equilibrium" in still.reason) == (False, True)
     assert "More digits do not help" in still.reason
     assert "Try more digits" not in still.reason
-    numbers, lost = proving.solved(system, 20)
+    numbers, lost = proving.solve(system, 20)
     backward = [
         -x if name == "period" else x for x, name in zip(numbers, system.names, strict=True)
     ]
-    again = certified(orbit, system, backward, 1e-12, 20 + lost, bits=200)
+    again = certify(orbit, system, backward, 1e-12, 20 + lost, bits=200)
     assert not again.proved
 
 

@@ -13,7 +13,7 @@ import orbits
 from jaxdyn import scenes
 from orbits import Outcome
 from orbits.shooting.collocation import steps
-from orbits.shooting.collocation.elimination import Chain, condensed, expanded
+from orbits.shooting.collocation.elimination import Chain, condense, expand
 from orbits.shooting.finding import AUTOMATIC
 
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
@@ -33,12 +33,12 @@ def test_elimination_solves_the_equations_of_all_intervals(n):
     k, g = 3, 2
     sizes = [(n, k, k), (n, k, k), (n, k, g), (n, k)]
     chain = Chain(*(random.standard_normal(size) for size in sizes))
-    top, rounds = condensed(chain)
+    top, rounds = condense(chain)
     first, shared = random.standard_normal(k), random.standard_normal(g)
     last = -np.linalg.solve(
         top.right[0], top.left[0] @ first + top.shared[0] @ shared + top.rest[0]
     )
-    dy = expanded(rounds, first, last, shared)
+    dy = expand(rounds, first, last, shared)
     left = np.einsum("nij,nj->ni", chain.left, dy[:-1])
     right = np.einsum("nij,nj->ni", chain.right, dy[1:])
     missed = left + right + chain.shared @ shared + chain.rest
@@ -51,7 +51,7 @@ def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
     spans = jnp.array([3.0, 6.0])
     starts = jnp.array([[1.0, 0.0]] * 2)
     pieces = steps.Piece(start=starts, t0=jnp.zeros(2), span=spans, parameter=jnp.zeros(2))
-    found, slopes = steps.linearised_steps(scene, pieces, make=None)
+    found, slopes = steps.linearise_steps(scene, pieces, make=None)
     errors = np.abs(found.end - jnp.stack([jnp.cos(spans), -jnp.sin(spans)], axis=1)).max(axis=1)
     assert 16.0 < np.log2(errors[1] / errors[0]) < 18.0  # 17 of a step
     estimates = steps.local_errors(scene, pieces, make=None).max(axis=1)

@@ -40,7 +40,7 @@ def unknowns(orbit):
 def away(orbit, other):
     """The distance of an orbit from another one."""
     return deflation.distance(
-        equations(orbit), unknowns(orbit), deflation.known([other], orbit.scene)
+        equations(orbit), unknowns(orbit), deflation.known_orbits([other], orbit.scene)
     )
 
 
@@ -51,7 +51,7 @@ def well():
 
 @pytest.mark.slow
 def test_the_slope_is_that_of_log_m(well):
-    (known,) = deflation.known([well], well.scene)
+    (known,) = deflation.known_orbits([well], well.scene)
     here = equations(well)
     at = np.array([0.05, 0.2, 0.3, 0.1, 6.4])
 
@@ -67,7 +67,7 @@ def test_the_slope_is_that_of_log_m(well):
 
 def test_the_newton_step_of_m_f_is_that_of_f_times_a_number(well):
     """By Sherman and Morrison's formula, against the step of the deflated equations themselves."""
-    several = deflation.known([well], well.scene)
+    several = deflation.known_orbits([well], well.scene)
     here = equations(well, (LEVEL,))
     at = np.array([0.05, 0.2, 0.3, 0.1, 6.4])
     found = here(at, 1e-11)

@@ -17,7 +17,7 @@ from jaxdyn.status import Status
 from orbits.analysis import evidence
 from orbits.discovery.plane import IN_LINE
 from orbits.motion import logarithmic_period
-from orbits.orbit import relocated
+from orbits.orbit import relocate
 from orbits.shooting.equations import Equations
 from orbits.shooting.segmentation import with_segments
 
@@ -91,7 +91,7 @@ def test_where_a_motion_has_no_logarithmic_time_its_orbit_has_none(close):
     assert logarithmic_period(close.scene) == close.s_period
     assert logarithmic_period(repelling) is None
     assert logarithmic_period(close.scene.starting(close.y0, np.nan)) is None
-    assert relocated(close, repelling).s_period is None
+    assert relocate(close, repelling).s_period is None
 
 
 @pytest.mark.slow

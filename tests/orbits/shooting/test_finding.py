@@ -241,10 +241,10 @@ def test_an_orbit_that_doubles_do_not_hold_is_none(growth, found):
 def test_an_orbit_that_another_integrator_does_not_confirm_is_none(off, found, monkeypatch):
     # No rate is known on which the two are sure to disagree: the second one is made to.
     def advanced(*args, **options):
-        flow = motion.advanced(*args, **options)
+        flow = motion.advance(*args, **options)
         return eqx.tree_at(lambda f: f.y1, flow, flow.y1 + off)
 
-    monkeypatch.setattr(outcomes, "advanced", advanced)
+    monkeypatch.setattr(outcomes, "advance", advanced)
     orbit = orbits.find(van_der_pol(), throw=False)
     assert orbit.ok == found
     assert orbit.outcome == (Outcome.FOUND if found else Outcome.UNCONFIRMED)

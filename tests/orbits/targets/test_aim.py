@@ -19,7 +19,7 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.ballistics import best_angle
 from orbits import drawing
 from orbits.targets import aim
-from orbits.targets.launch import landings, launched
+from orbits.targets.launch import landings, launch
 
 SPEEDS = np.logspace(-2, 8, 200)
 DRAG, G = 0.01, 9.81
@@ -209,7 +209,7 @@ def test_drags_at_speeds_from_1e_6_to_1e12(drags):
     assert best.ok
     for angle, u, x, t in zip(best.angle, speeds, best.x, best.t, strict=True):
         # The plain scene from the origin, whose short throws keep their digits.
-        thrown = launched(scene.starting([0.0, 0.0, 0.0, 0.0]), angle, u, t)
+        thrown = launch(scene.starting([0.0, 0.0, 0.0, 0.0]), angle, u, t)
         end = np.asarray(solve(thrown, t, rtol=1e-13, atol=1e-40).y1)
         assert np.abs(end[:2] - [x, 0.0]).max() < 1e-11 * x
         # The best angle is the middle of a parabola, up to its cubic term.
@@ -294,7 +294,7 @@ def test_all_angles_are_found_in_wind(scene):
         assert len(found.angles) == np.sum((dense[1:] - x) * (dense[:-1] - x) < 0)
         assert found.ok == bool(len(found.angles))
         for angle, t in zip(found.angles, found.times, strict=True):
-            end = solve(launched(scene, angle, 12.0, t), t, rtol=1e-13).y1  # the plain scene
+            end = solve(launch(scene, angle, 12.0, t), t, rtol=1e-13).y1  # the plain scene
             assert np.abs(np.asarray(end[:2]) - [2.0 + x, 1.0]).max() < SOLVED * 10
 
 
@@ -368,7 +368,7 @@ def test_a_steady_fall_that_something_disturbs_is_not_taken_for_one():
 
 def steep_by_simulation(scene):
     angle = float(2 * np.arctan(np.exp(-0.1)))
-    thrown = launched(scene, angle, 1e3, 2e3)
+    thrown = launch(scene, angle, 1e3, 2e3)
     stop = events.until(thrown, events.Reaches(1, 0.0, -1), 2e3, rtol=1e-12)
     return float(stop.y[0])
 

@@ -60,7 +60,7 @@ def test_curves_are_interpolated_rotated_and_differentiated_exactly():
     assert gap(values @ points, curve(x)) < 1e-14
     exact = np.stack([-np.sin(x) - 1.2 * np.cos(4 * x), 2 * np.cos(2 * x)], axis=1)
     assert gap(slopes @ points, exact) < 1e-13
-    assert gap(circle.resampled(points, 15), curve(circle.angles(15))) < 1e-14
+    assert gap(circle.resample(points, 15), curve(circle.angles(15))) < 1e-14
     assert gap(circle.harmonic(points), np.array([1.0, 0.0])) < 1e-15
 
 
