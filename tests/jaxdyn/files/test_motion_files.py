@@ -405,10 +405,16 @@ def test_a_file_that_older_versions_wrote_is_read(path):
     assert "a digest at its end, got none" in refusal(lambda: jaxdyn.load(path))
 
 
-@pytest.mark.parametrize("content", [b"", b"PK", bytes(1000), b"{}", b"PK\x05\x06" + bytes(18)])
+@pytest.mark.parametrize("content", [b"", b"PK", bytes(1000), b"PK\x05\x06" + bytes(18)])
 def test_what_is_no_archive_is_refused(content, path):
     path.write_bytes(content)
     assert "path: expected an archive" in refusal(lambda: jaxdyn.load(path))
+
+
+def test_json_without_a_kind_is_refused(path):
+    path.write_bytes(b"{}")
+    said = refusal(lambda: jaxdyn.load(path))
+    assert "path: expected a file of a kind that is read here" in said
 
 
 def test_folders_and_devices_are_refused(tmp_path):
