@@ -31,6 +31,17 @@ def test_a_problem_is_found_by_its_name_and_written_as_json(command):
     assert all(check["holds"] for check in found["checks"])
 
 
+@pytest.mark.slow
+def test_long_checks_are_named_and_run_where_they_are_asked_for(command):
+    words = ("jaxdyn", "course", "37")
+    short, whole = command(*words), command(*words, "--check")
+    assert (short.code, whole.code) == (0, 0)
+    assert "`jaxdyn course 37 --check`" in short.out
+    assert "--check`" not in whole.out
+    assert short.out.count("holds") < whole.out.count("holds")
+    assert "(a) The centre moves" in short.out
+
+
 def test_code_is_printed_where_it_is_asked_for(command):
     assert "def solve(page: Page)" in command("jaxdyn", "course", "4", "--code").out
 
