@@ -56,7 +56,7 @@ def number_of(n: int, noun: str, plural: str = "") -> str:
       noun: the singular.
       plural: the plural; the noun with an s by default.
     Example:
-      >>> counted(1, "loop"), counted(0, "loop"), counted(2, "family", "families")
+      >>> number_of(1, "loop"), number_of(0, "loop"), number_of(2, "family", "families")
       ('1 loop', '0 loops', '2 families')
     """
     return f"{n} {noun if n == 1 else plural or noun + 's'}"

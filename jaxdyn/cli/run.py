@@ -67,10 +67,7 @@ def run_command(
 ) -> None:
     """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
     check_title(title, plot, series, options="--plot or --series")
-    if seconds is not None and animate is None:
-        raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
-    remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
-    whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
+    _check_numbers(samples, seconds, animate)
     chosen = scene_settings(name, settings)
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
@@ -97,6 +94,13 @@ def run_command(
         if not jaxdyn.files.tables.arrived(motion):
             out.print(f"[red]stopped[/red]: {motion.message}")
             raise typer.Exit(STOPPED)
+
+
+def _check_numbers(samples: int, seconds: float | None, animate: Path | None) -> None:
+    if seconds is not None and animate is None:
+        raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
+    remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
+    whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
 
 
 def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None:

@@ -30,12 +30,12 @@ class Squares:
         for one in known:
             if not (isinstance(one, HybridOrbit) and one.ok):
                 got = getattr(one, "message", type(one).__name__)
-                raise fail("unlike", "chains of legs that close", got)
+                raise fail("Deflated", "known chains of legs that close", got)
             legs = [leg.scene for leg in one.legs]
             starts = [np.asarray(x.y0) for x in legs if type(x.system) is type(scene.system)]
             starts = [y for y in starts if y.shape == scene.y0.shape]
             if not starts:
-                raise fail("unlike", f"chains of {scene!r}", repr(one.legs[0].scene))
+                raise fail("Deflated", f"known chains of {scene!r}", repr(one.legs[0].scene))
             self._known.append((starts, one.period))
 
     def __call__(self, x: np.ndarray) -> list[tuple[float, np.ndarray]]:

@@ -4,6 +4,7 @@ Newton's method on the equations of `equations`, in units.
 """
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -24,10 +25,12 @@ from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
-from orbits.shooting.deflation import SAME, Walk, away
+from orbits.shooting.deflation import SAME, Deflated, Walk, away
 from orbits.shooting.effort import Effort
 from orbits.shooting.finding import GOAL, RTOL
+from orbits.shooting.multiple import Shooting
 
+_SHOOTING = Shooting()
 _SHORTEST = 0.02  # of its guess: a shorter leg has vanished
 
 
@@ -48,12 +51,13 @@ def find_hybrid(
     *,
     events: int = 1,
     closes: Callable[[Array, Array], Array] | None = None,
+    strategy: Shooting | Deflated = _SHOOTING,
     goal: float = GOAL,
     rtol: float = RTOL,
     max_iterations: int = 60,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
-    unlike: Sequence[HybridOrbit] = (),
     throw: bool = True,
+    unlike: Sequence[HybridOrbit] = (),
 ) -> HybridOrbit:
     """The periodic chain of legs near a guess.
 
@@ -67,15 +71,16 @@ def find_hybrid(
       events: with phases, how many of them a period has: the motion from `y0` is followed so far.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
+      strategy: ``orbits.Shooting()``, or ``orbits.Deflated(known)`` for another chain than known
+        ones from the same guess. These are told by the starts of their legs and their periods, so
+        they should begin with an event.
       goal: largest closing error of a solution, in units of what changes of the states by their
         sizes make of it.
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
-      unlike: known chains: another one is sought from the same guess, by Newton's method with these
-        deflated. They are told by the starts of their legs and their periods, so they should begin
-        with an event.
       throw: raise if none was found.
+      unlike: deprecated, ``strategy=orbits.Deflated(known)``.
     Returns:
       The chain; of a family of them the one nearest to the guess.
     Raises:
@@ -118,10 +123,26 @@ def find_hybrid(
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
     effort = Effort(goal, rtol, max_iterations, report)
-    found = _solve(Chain(legs, closes, path=path), start, times, effort, unlike)
+    found = _solve(Chain(legs, closes, path=path), start, times, effort, _known(strategy, unlike))
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
+
+
+def _known(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit]) -> Sequence[Any]:
+    """The chains that are deflated."""
+    if unlike:
+        told = (
+            "unlike of orbits.find_hybrid is now strategy=orbits.Deflated(known); the old argument "
+            "goes with the next version."
+        )
+        warnings.warn(told, DeprecationWarning, stacklevel=3)
+        strategy = Deflated(unlike)
+    if isinstance(strategy, Deflated):
+        return strategy.known
+    if not isinstance(strategy, Shooting):
+        raise fail("strategy", "orbits.Shooting() or orbits.Deflated(known)", repr(strategy))
+    return ()
 
 
 def _solve(
@@ -129,7 +150,7 @@ def _solve(
     start: np.ndarray,
     times: np.ndarray,
     effort: Effort,
-    unlike: Sequence[HybridOrbit],
+    known: Sequence[Any],
 ) -> HybridOrbit:
     """The chain near a start (k,) and spans (n,) by Newton's method, or the best iterate."""
     x = chain.pack(start, times)
@@ -145,8 +166,8 @@ def _solve(
     shortest = chain.pack(np.full(len(start), -np.inf), _SHORTEST * times)
     bounds = shortest, np.full(len(x), np.inf)
     squares = None
-    if unlike:
-        squares = Squares(chain, unlike, each[0])
+    if known:
+        squares = Squares(chain, known, each[0])
         walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
         x = away(walk, x).x
     result = newton.solve(

@@ -21,7 +21,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -110,10 +110,10 @@ class Deflated(Strategy):
     The orbits of a family are unlike each other: hold the energy of a conservative scene.
 
     Attributes:
-      known: the known orbits.
+      known: the known orbits; for `orbits.find_hybrid` chains of legs.
     """
 
-    known: Sequence[Orbit]
+    known: Sequence[Any]
 
     def orbit(self, search: Search) -> Orbit:
         """An orbit unlike the known ones, or the best iterate and the reason.

@@ -164,11 +164,11 @@ def test_the_phases_are_searched_and_not_compiled_again_for_other_numbers():
 def test_the_other_gait_is_found_with_the_first_one_deflated():
     walker = scenes.simplest_walker(slope=0.009)
     long = _found(walker)
-    short = _found(walker, unlike=[long])
+    short = _found(walker, strategy=orbits.Deflated([long]))
     assert short.outcome == orbits.Outcome.FOUND
     assert not orbits.same_orbit(long, short)
     np.testing.assert_allclose(float(short.y0[0]), 0.1939373698, atol=1e-9)
-    third = _found(walker, unlike=[long, short], throw=False)
+    third = _found(walker, strategy=orbits.Deflated([long, short]), throw=False)
     assert third.outcome == orbits.Outcome.NO_OTHER
 
 
@@ -176,19 +176,29 @@ def test_where_there_is_no_other_that_is_said():
     wheel = scenes.rimless_wheel()
     roll = _found(wheel)
     with pytest.raises(orbits.SearchError, match="No orbit unlike the known ones"):
-        _found(wheel, unlike=[roll])
+        _found(wheel, strategy=orbits.Deflated([roll]))
 
 
 @pytest.mark.parametrize(
     ("known", "message"),
     [
-        (lambda: 1.0, "unlike: expected chains of legs that close, got float"),
-        (lambda: _found(scenes.rimless_wheel()), "unlike: expected chains of Scene simplest_walk"),
+        (lambda: 1.0, "Deflated: expected known chains of legs that close, got float"),
+        (lambda: _found(scenes.rimless_wheel()), "Deflated: expected known chains of Scene simpl"),
     ],
 )
 def test_what_is_no_known_chain_is_refused(known, message):
     with pytest.raises(ValueError, match=message):
-        _found(scenes.simplest_walker(), unlike=[known()])
+        _found(scenes.simplest_walker(), strategy=orbits.Deflated([known()]))
+
+
+def test_the_argument_of_the_version_before_warns_and_others_are_refused():
+    wheel = scenes.rimless_wheel()
+    roll = _found(wheel)
+    with pytest.warns(DeprecationWarning, match="strategy=orbits.Deflated") as warned:
+        _found(wheel, unlike=[roll], throw=False)
+    assert warned[0].filename == __file__
+    with pytest.raises(ValueError, match=r"strategy: expected orbits.Shooting\(\) or orbits.Defl"):
+        _found(wheel, strategy=orbits.Descent())
 
 
 def test_a_walker_in_other_units_has_the_same_gait_and_verdict():
