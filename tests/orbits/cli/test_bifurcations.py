@@ -50,7 +50,7 @@ def test_a_run_is_kept_shown_and_resumed(curve, command, tmp_path):
     words = ("--parameters", "rho,sigma", *WORDS, "--save", path)
     assert curve(*words)[0] == 0
     lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join(lines[:7]) + lines[7][:40])  # it was killed in the first curve
+    path.write_text("".join(lines[:4]) + lines[4][:40])  # it was killed in the first curve
     code, out, _ = command("orbits", "show", path, "--json")
     assert code == 0
     (part,) = json.loads(out)["curves"]
