@@ -88,14 +88,6 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
     Raises:
       ValueError: `path` is no such file of this version, it is damaged or edited, its scene names
         a class that is not imported, or 64-bit floats are off.
-    Example:
-      >>> import tempfile, jaxdyn
-      >>> motion = jaxdyn.simulate(jaxdyn.scenes.pendulum(), 1.0, samples=5)
-      >>> with tempfile.TemporaryDirectory() as folder:
-      ...     motion.save(f"{folder}/swing.npz")
-      ...     back = jaxdyn.load(f"{folder}/swing.npz")
-      >>> bool((back.ys == motion.ys).all()), back.scene.name
-      (True, 'pendulum')
     """
     _checks.float64()
     record, arrays, digested = archives.read(path, RECORD, _REMEDY)

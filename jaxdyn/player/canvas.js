@@ -6,6 +6,20 @@ var JaxdynCanvas = (() => {
   const COILS = 9, LEAD = 0.12; // of a drawn spring
   const HUNG = [[0, 0], [-0.6, 0.9], [-1, 0.9], [1, 0.9], [0.6, 0.9]];
 
+  // How a box in space is looked at: turned about the vertical, tilted, and enlarged.
+  class Turn {
+    constructor() {
+      Object.assign(this, { azimuth: 0.6, height: 0.4, zoom: 1 });
+    }
+    rotate(azimuth, height) {
+      this.azimuth += azimuth;
+      this.height = Math.min(1.57, Math.max(-1.57, this.height + height));
+    }
+    enlarge(by) {
+      this.zoom = Math.min(20, Math.max(0.1, this.zoom * by));
+    }
+  }
+
   // From space to the canvas [px]: axes to one scale or two, or a box that can be turned.
   class View {
     constructor(box, equal, width, height, turn) {
@@ -253,5 +267,5 @@ var JaxdynCanvas = (() => {
     canvas.height = Math.round(canvas.clientHeight * ratio);
   }
 
-  return { KINDS, View, Paper, disc, fitted, line, ticks, written };
+  return { KINDS, Turn, View, Paper, disc, fitted, line, ticks, written };
 })();

@@ -5,7 +5,7 @@
 "use strict";
 
 (() => {
-  const { KINDS, View, Paper, disc, fitted, line } = JaxdynCanvas;
+  const { KINDS, Turn, View, Paper, disc, fitted, line } = JaxdynCanvas;
   const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 60, SHORTEST = 4; // [s] of spans in real time, at pace 1; longer ones in LONG, others in SHORTEST
   const LONG = 12;
@@ -102,7 +102,7 @@
       this.dim = Math.max(2, this.flat);
       this.labels = this.flat === 1 ? [...d.axes.named, ""] : d.axes.named;
       this.count = d.motions;
-      this.turn = { azimuth: 0.6, height: 0.4, zoom: 1 };
+      this.turn = new Turn();
       this.pace = 1;
       this.trail = 0.25;
       this.playing = false;
@@ -539,13 +539,12 @@
     }
 
     turned(azimuth, height) {
-      this.turn.azimuth += azimuth;
-      this.turn.height = Math.min(1.57, Math.max(-1.57, this.turn.height + height));
+      this.turn.rotate(azimuth, height);
       this.draw();
     }
 
     zoomed(by) {
-      this.turn.zoom = Math.min(20, Math.max(0.1, this.turn.zoom * by));
+      this.turn.enlarge(by);
       this.draw();
     }
 

@@ -4,7 +4,7 @@
 "use strict";
 
 (() => {
-  const { KINDS, View, Paper, disc, fitted, line } = JaxdynCanvas;
+  const { KINDS, Turn, View, Paper, disc, fitted, line } = JaxdynCanvas;
   const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
@@ -75,7 +75,7 @@
       this.motions = this.data.motions.map(decode);
       this.several = this.motions.length > 1 && !this.data.choose;
       this.shown = this.several ? this.motions : [this.motions[0]];
-      this.turn = { azimuth: 0.6, height: 0.4, zoom: 1 };
+      this.turn = new Turn();
       this.pace = 1;
       this.trail = 0.25;
       this.playing = false;
@@ -215,13 +215,12 @@
     }
 
     turned(azimuth, height) {
-      this.turn.azimuth += azimuth;
-      this.turn.height = Math.min(1.57, Math.max(-1.57, this.turn.height + height));
+      this.turn.rotate(azimuth, height);
       this.draw();
     }
 
     zoomed(by) {
-      this.turn.zoom = Math.min(20, Math.max(0.1, this.turn.zoom * by));
+      this.turn.enlarge(by);
       this.draw();
     }
 

@@ -285,7 +285,7 @@ def test_a_tolerance_too_loose_shows_in_the_bars_and_the_verdict():
 CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
 
 
-def testrotation_numbers_come_by_pairs():
+def test_rotation_numbers_come_by_pairs():
     values = np.array([2.0, CIRCLE[2], CIRCLE[3], 0.5, CIRCLE[0], CIRCLE[1]])
     numbers = rotation_numbers(values, np.full(6, 1e-10))
     assert numbers[0] is None
