@@ -53,6 +53,14 @@ _AHEAD = 2.0**-20
 _HORIZON = 2.0**10
 #: Roundings of a state by which a rate is looked at beside it.
 _PERTURBED = 4.0
+#: Times the rate that is the motion's: where there is more, rounding is that of another place.
+_FASTER = 16.0
+#: Of a rate: what rounding makes of it, if it is nothing else.
+_ALL_ROUNDING = 2.0**-7
+#: Of a rate: what rounding makes of any. Held to the tightest tolerances it may be less.
+_USUAL = 2.0**-40
+#: Rounds in which what rounding makes of a rate is looked at.
+_NOISE_LOOKS = 4
 #: Times that noise at which a rate is more than rounding.
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
@@ -150,7 +158,8 @@ class Scales(NamedTuple):
     Attributes:
       sizes: (k,) of the entries of its state.
       time: () that in which it changes.
-      noise: (k,) what a few roundings of the state make of each rate, if that is known.
+      noise: (k,) what a few roundings of the state make of each rate, where that is a notable part
+        of it; None if that is not known.
     """
 
     sizes: Array
@@ -184,36 +193,49 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     if groups.known:
         return _by_its_change(field, groups, t0, y0, here, span, ahead)
     weights, rounds = _weights(len(y0)), len(_PLAN)
+    off, zero = rounding(y0), jnp.zeros_like(y0)
 
     def again(carry):
-        n, *_, grows = carry
-        return (n < rounds) | (grows & (n < rounds + len(y0)))
+        return carry[1] < _NOISE_LOOKS
 
     def round_(carry):
-        n, u, before, tau, step, rate, _ = carry
+        n, look, u, before, tau, step, rate, then, noise, grows = carry
+        sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
+        look = lax.select(sizing, look, look + 1)
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        t = t0 + now.later * tau * ahead
-        f, by_u = jax.jvp(lambda y: field.rate(t, y), (y0 + now.aside * along,), (along,))
-        rate = lax.select(n == 0, f, rate)
+        # For its rounding, a little later in the motion, twice; at the start; and beside it.
+        far, rounded = (look == 1) | (look == 2), (look == 2) | (look == 3)
+        t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
+        way = LATER * tau * ahead * far.astype(float) * rate
+        aside = now.aside * sizing.astype(float) * along
+        at = y0 + aside + way + tau * noise * (look == 4).astype(float)
+        at = at + at * off * rounded.astype(float)
+        f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
+        rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
+        gap = _finite(f - lax.select(look == 2, then, rate))
+        counts = (look > 1) & _as_fast(f, gap, tau, u)
+        noise = lax.select(counts, lax.max(noise, _notable(groups, gap, f)), noise)
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
         shrink = 1.0 / lax.max(1.0, now.shrinks * step * _most(carried, u))
         by_rate = now.first / _or(_most(moved, u), 1 / span) + now.time * tau
         by_others = now.product + now.step * shrink * step
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
-        new = lax.select(new < np.inf, new, u)
+        new = lax.select(sizing & (new < np.inf), new, u)
         growth = lax.sqrt(lax.sqrt(_most(new, before)))  # per product; a power compiles long
         tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
         before = lax.select(n == _PRODUCTS_BEFORE, new, before)
         step = lax.select(n <= _MEASURED, tau, shrink * step)
-        return n + 1, new, before, tau, step, rate, ((new > 0) & (u == 0)).any()
+        n = n + sizing.astype(n.dtype)
+        grows = ((new > 0) & (u == 0)).any()
+        return n, look, new, before, tau, step, rate, then, noise, grows
 
-    zero = jnp.zeros_like(y0)
-    begin = jnp.zeros((), int), here, zero, span, span, zero, jnp.ones((), bool)
-    _, sizes, _, tau, _, rate, _ = lax.while_loop(again, round_, begin)
-    return Scales(sizes, tau), rate
+    start, none = jnp.zeros((), int), jnp.zeros((), int)
+    begin = start, none, here, zero, span, span, zero, zero, zero, jnp.ones((), bool)
+    _, _, sizes, _, tau, _, rate, _, noise, _ = lax.while_loop(again, round_, begin)
+    return Scales(sizes, tau, noise), rate
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -395,48 +417,61 @@ def _slopes(field: Any, t: Array, ys: Array) -> Array:
 def _by_its_change(
     field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
 ) -> tuple[Scales, Array]:
-    """`at_start` for groups that are known, of sizes `here` (k,); two looks at the rate."""
-    off = y0 * (_PERTURBED * jnp.finfo(y0.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y0)))
+    """`at_start` for groups that are known, of sizes `here` (k,); looks at the rate.
+
+    First at the start, twice a little after it, at both but for rounding, and beside the start by
+    what that makes of it; then twice later in the motion, the second time but for rounding, which
+    may be more there, and again beside the start.
+    """
+    off = rounding(y0)
+
+    def motion(f: Array, then: Array, noise: Array, horizon: Array) -> tuple[Array, Array]:
+        noise = groups.largest(noise)
+
+        def known(x: Array) -> Array:
+            return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
+
+        change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
+        moves, turns = groups.largest(jnp.stack([known(lax.abs(f)), change], -1)).T
+        turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
+        # What is rounding beside the way of the motion is as good as zero: no time is read from it.
+        way = jnp.finfo(y0.dtype).eps * horizon * moves
+        there = lax.select(here > way, here, jnp.zeros_like(here))
+        speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
+        begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
+        speed = lax.reduce_max(lax.max(speeds, begins), (0,))
+        tau = 1 / lax.max(speed, 1 / span)
+        return tau, groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
 
     def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
-        """At the start, twice after it, at both but for rounding, and beside it by its noise."""
-        first, then, noise, horizon, moving = carry
-        h = _AHEAD * horizon
-        once, one, both, rounded, aside = ((n == i).astype(float) for i in range(1, 6))
-        later, rounded = once + one + both, rounded + both
-        at = y0 + later * h * ahead * first + rounded * off + aside * horizon * noise
-        rate = field.rate(t0 + later * h * ahead, at)
-        first, then = lax.select(n == 0, rate, first), lax.select(n == 2, rate, then)
+        first, then, later, noise, most, horizon, moving = carry
+        soon = (n == 1) | (n == 2) | (n == 3)
+        rounded, far = (n == 3) | (n == 4) | (n == 7), (n == 6) | (n == 7)
+        tau, sizes = motion(first, then, noise, horizon)
+        time = ahead * (_AHEAD * horizon * soon.astype(float) + LATER * tau * far.astype(float))
+        aside = horizon * noise * (n == 5).astype(float) + tau * most * (n == 8).astype(float)
+        at = y0 + time * first + aside
+        rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span is left.
         slowest = _most(here, groups.largest(lax.abs(rate)))
-        slowest = lax.select(moving, slowest, lax.sqrt(h * slowest))
+        slowest = lax.select(moving, slowest, lax.sqrt(_AHEAD * horizon * slowest))
         new = ((n == 0) | ((n == 1) & ~moving)) & (slowest > 0)
+        moving = (slowest > 0) & (n == 0) | moving & (n > 0)
         horizon = lax.select(new, lax.min(horizon, _HORIZON * slowest), horizon)
-        gap = _finite(rate - lax.select(n == 3, then, first))
-        noise = lax.select(n > 2, lax.max(noise, gap), noise)
-        return (first, then, noise, horizon, (slowest > 0) & (n == 0) | moving & (n > 0)), None
+        first = lax.select(n == 0, rate, first)
+        then, later = lax.select(n == 2, rate, then), lax.select(n == 6, rate, later)
+        gap = _finite(rate - lax.select(n == 3, then, lax.select(n == 7, later, first)))
+        noise = lax.select((n > 2) & (n < 6), lax.max(noise, gap), noise)
+        counts = (n > 2) & (n != 6) & (~far | _as_fast(rate, gap, tau, sizes))
+        most = lax.select(counts, lax.max(most, _notable(groups, gap, rate)), most)
+        return (first, then, later, noise, most, horizon, moving), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
-    begin = zero, zero, zero, span, jnp.ones((), bool)
-    (f, then, noise, horizon, _), _ = lax.scan(look, begin, jnp.arange(6))
-    noise = groups.largest(noise)
-
-    def known(x: Array) -> Array:
-        return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
-
-    change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
-    moves, turns = groups.largest(jnp.stack([known(lax.abs(f)), change], -1)).T
-    turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
-    # What is rounding beside the way of the motion is as good as zero: no time is read from it.
-    way = jnp.finfo(y0.dtype).eps * horizon * moves
-    there = lax.select(here > way, here, jnp.zeros_like(here))
-    speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
-    begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
-    speed = lax.reduce_max(lax.max(speeds, begins), (0,))
-    tau = 1 / lax.max(speed, 1 / span)
-    sizes = groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
-    return Scales(sizes, tau, noise), f
+    begin = zero, zero, zero, zero, zero, span, jnp.ones((), bool)
+    (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(9))
+    tau, sizes = motion(f, then, noise, horizon)
+    return Scales(sizes, tau, most), f
 
 
 class _Round(NamedTuple):
@@ -478,6 +513,21 @@ _PLAN = np.array(
 )
 
 
+def rounding(y: Array) -> np.ndarray:
+    """(k,) a few roundings of each entry of a state, as a part of it, of either sign."""
+    return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
+
+
+def notable(gap: Array, rate: Array) -> Array:
+    """What rounding makes of a rate, where that is more of it than of any; else 0."""
+    return lax.select(gap > _USUAL * rate, gap, jnp.zeros_like(gap))
+
+
+def _notable(groups: Groups, gap: Array, rate: Array) -> Array:
+    """(k,) `notable` in groups."""
+    return notable(*groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T)
+
+
 def _weights(k: int) -> np.ndarray:
     """(k,) generic weights of either sign; 1 for a single entry."""
     if k == 1:
@@ -489,6 +539,18 @@ def _weights(k: int) -> np.ndarray:
 def _finite(x: Array) -> Array:
     """The absolute values, 0 for those that are not finite."""
     return jnp.where(jnp.isfinite(x), jnp.abs(x), 0.0)
+
+
+def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
+    """() whether a place is as fast as the motion: not a singularity, which has other rounding.
+
+    What is rounding, since a gap of rounding is as large as the rate, says nothing about it.
+    """
+    moved = tau * lax.abs(rate)
+    return (
+        _most(lax.select(gap < _ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
+        < _FASTER
+    )
 
 
 def _most(a: Array, b: Array) -> Array:

@@ -16,10 +16,11 @@ the size of the state's, whatever the units of entries and of perturbed numbers.
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.scales import LATER, Groups, at_start
+from jaxdyn.scales import LATER, Groups, at_start, notable, rounding
 
 #: The part of the scales at the start that counts until the motion has shown its own. They are what
 #: an entry gets to in the time of the motion, unless others stop it before.
@@ -38,7 +39,7 @@ class Begun(NamedTuple):
       sizes: (k, ...) of the entries.
       time: () that in which the motion changes.
       rate: (k,) there, of the state alone; (k, ...) where steps have one length.
-      noise: (k,) what rounding makes of the rate of the state, if that is known.
+      noise: (k, ...) what rounding makes of the rate, if that is known.
     """
 
     sizes: Array
@@ -64,25 +65,45 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate, scales.noise)
     beside, later = PART * sizes, t0 + LATER * jnp.sign(t1 - t0) * scales.time
-    looks = (t0, y - beside), (later, y + beside)
-    there = jnp.maximum(*(_rates_at(with_tangents, t, y0, state) for t, state in looks))
+    there, noise = _rates_beside(with_tangents, y0, jnp.stack([t0, later]), beside)
     wide = (PART * scales.time * there).reshape(len(y), -1)
     tangents = _of_tangents(sizes, wide[:, 1:])
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
-    return Begun(grow(field.groups, wide, y0), scales.time, rate, scales.noise)
+    of_state = jnp.zeros_like(y) if scales.noise is None else scales.noise
+    noise = noise.reshape(len(y), -1).at[:, 0].set(of_state).reshape(y0.shape)
+    return Begun(grow(field.groups, wide, y0), scales.time, rate, noise)
 
 
-def _rates_at(field: Any, t: Array, y: Array, state: Array) -> Array:
-    """(k, ...) magnitudes of the rates of a state with tangents at another state (k,).
+def _rates_beside(field: Any, y: Array, ts: Array, beside: Array) -> tuple[Array, Array]:
+    """(k, ...) magnitudes of the rates of a state with tangents beside it, and of their rounding.
 
     Tangents that begin as zero, in a force that is zero there and then as well, may grow by any
     power of time. They have the size of what moves them a little further on: measured by
     themselves, each step would be too long, or, where that zero is rounding, too short.
+
+    Args:
+      field: has ``rate``.
+      y: (k, ...) the state with its tangents.
+      ts: (2,) times.
+      beside: (k,) how far from the state it is looked at, down at the first time, up at the second.
     """
     flat = y.reshape(len(y), -1)
-    moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
-    rates = jnp.abs(field.rate(t, moved))
-    return jnp.where(jnp.isfinite(rates), rates, 0.0)
+
+    def look(at: tuple[Array, Array, Array]) -> Array:
+        t, sign, rounded = at
+        state = (flat[:, 0] + sign * beside) * (1.0 + rounding(y) * rounded)
+        moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
+        rates = field.rate(t, moved)
+        return jnp.where(jnp.isfinite(rates), rates, 0.0)
+
+    # A loop, so that the rate is compiled once.
+    before, before_rounded, after, after_rounded = jax.lax.map(
+        look,
+        (jnp.repeat(ts, 2), jnp.array([-1.0, -1.0, 1.0, 1.0]), jnp.array([0.0, 1.0, 0.0, 1.0])),
+    )
+    rates = jnp.maximum(jnp.abs(before), jnp.abs(after))
+    gap = jnp.maximum(jnp.abs(before_rounded - before), jnp.abs(after_rounded - after))
+    return rates, notable(gap, rates)
 
 
 def above_noise(start: Begun, tolerance: Array) -> Begun:
@@ -93,10 +114,12 @@ def above_noise(start: Begun, tolerance: Array) -> Begun:
     """
     if start.noise is None:
         return start
-    share = tolerance[2]
-    least = jnp.where(share > 0, _NOISE * start.time * start.noise / share, 0.0)
-    flat = start.sizes.reshape(len(least), -1)
-    flat = jnp.concatenate([jnp.maximum(flat[:, :1], least[:, None]), flat[:, 1:]], axis=1)
+    share, k = tolerance[2], len(start.sizes)
+    least = jnp.where(share > 0, _NOISE * start.time * start.noise / share, 0.0).reshape(k, -1)
+    flat = start.sizes.reshape(k, -1)
+    state = jnp.maximum(flat[:, :1], least[:, :1])
+    tangents = jnp.maximum(flat[:, 1:], _of_tangents(state[:, 0], least[:, 1:]))
+    flat = jnp.concatenate([state, tangents], axis=1)
     return start._replace(sizes=flat.reshape(start.sizes.shape))
 
 

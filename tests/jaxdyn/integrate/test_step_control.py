@@ -1,10 +1,15 @@
 """Step control: steps follow the tolerance, samples find their nodes, singularities end it."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import gap, kepler, kepler_state
 
+import jaxdyn
+from jaxdyn import scenes
+from jaxdyn.analysis.regularised import regularised
 from jaxdyn.integrate.observing import Samples
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.step_control import StepControl
@@ -113,3 +118,37 @@ def test_samples_out_of_order_are_refused_where_they_cannot_be_checked():
     ts = jnp.array([2.0, 1.0, 3.0])
     ys = solve(kepler(0.3), 5.0, ts=ts).ys
     np.testing.assert_array_equal(jnp.isnan(ys[:, 0]), [False, True, False])
+
+
+def at_rest_but_for_rounding():
+    # The slider's acceleration cancels, to a rounding that grows from 0 as the table turns.
+    scene = scenes.turntable(speed=0.0, formulation="lagrange")
+    plain = jaxdyn.ode(lambda t, y: scene.rate(t, y), scene.y0)
+    return [pytest.param(scene, id="units"), pytest.param(plain, id="no units")]
+
+
+@pytest.mark.parametrize("scene", at_rest_but_for_rounding())
+def test_an_entry_that_rounding_alone_moves_asks_for_no_steps(scene):
+    out = solve(scene, 10.0, rtol=1e-13, max_steps=1000)
+    np.testing.assert_allclose(out.y1, [10.0, 0.0, 1.0, 0.0], rtol=1e-12, atol=1e-13)
+    assert out.steps < 20
+
+
+def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
+    # In logarithmic time G acts through the energy at the start alone: elsewhere it cancels.
+    three = scenes.three_body()
+    three = three.starting(three.y0 + np.linspace(0.0, 0.1, 12))
+
+    def slow(G):
+        return regularised(eqx.tree_at(lambda scene: scene.effects[0].G, three, G))
+
+    def end(G):
+        return solve(slow(G), 3.0, max_steps=1000).y1
+
+    def from_start(y0):
+        return solve(slow(0.7).starting(y0), 3.0).y1
+
+    start, moved = jax.jvp(lambda G: slow(G).y0, (0.7,), (1.0,))
+    _, by_G = jax.jvp(end, (0.7,), (1.0,))
+    _, expected = jax.jvp(from_start, (start,), (moved,))
+    np.testing.assert_allclose(by_G, expected, rtol=1e-8)
