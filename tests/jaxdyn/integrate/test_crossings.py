@@ -92,9 +92,10 @@ def dips_found(scene, weight, solver, rtol):
     low = until(scene, Turns(weight), rtol=rtol, solver=solver)
     least = Signal(weight, jnp.asarray(0.0)).value(low.t, low.y)
     stops = [until(scene, Signal(weight, least + d), rtol=rtol, solver=solver) for d in DEPTHS]
-    # The signal may start below the higher levels; then it crosses them after the minimum.
+    # The signal may start below the higher levels; then it crosses them after the minimum. Places
+    # have theirs where velocities are zero up to the error of a step.
     return [
-        bool(s.happened) and abs(s.t - low.t) < 9 * np.sqrt(d)
+        bool(s.happened) and abs(s.t - low.t) < 9 * np.sqrt(d) + 0.01 * rtol
         for s, d in zip(stops, DEPTHS, strict=True)
     ]
 

@@ -13,7 +13,7 @@ from jaxdyn import Scene, scenes
 from jaxdyn.effects import QuadraticDrag, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.solvers import NYSTROM12, VERNER9, stepper
+from jaxdyn.solvers import NYSTROM12, VERNER9, method
 
 #: y0 (4), mass, g, drag, t0, t1, ts (2): every number that a flow depends on.
 NUMBERS = jnp.array([0.0, 0.0, 4.0, 5.0, 2.0, 9.81, 0.3, 0.1, 1.1, 0.4, 0.9])
@@ -147,7 +147,7 @@ def test_compensated_summation_lowers_the_error_of_long_runs(pair, monkeypatch):
         return float(jnp.sqrt(jnp.mean(x * x)))
 
     compensated = root_mean_square(errors(pair))
-    monkeypatch.setattr(stepper, "two_sum", lambda total, carry, step: (total + step, carry))
+    monkeypatch.setattr(method, "two_sum", lambda total, carry, step: (total + step, carry))
     plain = root_mean_square(errors(dataclasses.replace(pair)))  # a new pair compiles anew
     assert compensated < 0.5 * plain
 
