@@ -162,9 +162,10 @@ def test_files_name_only_classes_that_are_known_then():
     # Classes are looked up among those that are loaded: with lazy packages too few could be.
     code = """
 import importlib, pkgutil
-from jaxdyn.files import records
-from jaxdyn.files.scene_records import KINDS
-def known(): return {f"{c.__module__}.{c.__name__}" for c in records._classes(KINDS).values()}
+from jaxdyn.files import codec
+def known():
+    classes = codec._known_classes((codec.Scene, *codec.PARTS)).values()
+    return {f"{cls.__module__}.{cls.__name__}" for cls in classes}
 before = known()
 import jaxdyn
 for package in (jaxdyn.scenes, jaxdyn.effects, jaxdyn.formulations, jaxdyn.mechanisms):

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn.files import records
+from jaxdyn.files.codec import decode_fields, encode
 from jaxdyn.files.digests import DAMAGED
-from jaxdyn.files.typed import typed_fields
+from jaxdyn.files.layout import Layout
 from orbits.analysis.evidence import closure
 from orbits.analysis.report import Report, as_json, report
 from orbits.hybrid.legs import HybridOrbit, Leg
@@ -24,13 +24,12 @@ from orbits.hybrid.phases import Phases, legs_of
 from orbits.hybrid.search import Comes, check_legs
 from orbits.orbit import Outcome
 
-FORMAT = "jaxdyn-chain"
-VERSION = 1
+LAYOUT = Layout("jaxdyn-chain", 1, "orbits.save")
 #: Largest closing error of a chain by the legs that are given with its file.
 _HOLDS = 1e-6
 
 
-class _Stored(NamedTuple):
+class ChainFile(NamedTuple):
     """The entries of a file besides its format and version.
 
     Attributes:
@@ -50,14 +49,14 @@ class _Stored(NamedTuple):
 
 def save(path: str | Path, orbit: HybridOrbit, claims: Report | None) -> None:
     """See `orbits.save`."""
-    known = _Stored(
+    known = ChainFile(
         path=list(orbit.path),
         starts=[np.asarray(leg.scene.y0).tolist() for leg in orbit.legs],
         spans=orbit.spans.tolist(),
         rtol=float(orbit.rtol),
         claims=as_json(report(orbit) if claims is None else claims),
     )
-    records.write(path, {"format": FORMAT, "version": VERSION, **known._asdict()})
+    LAYOUT.write(path, encode(known))
 
 
 def load(
@@ -66,9 +65,7 @@ def load(
     closes: Callable[[Array, Array], Array] | None,
 ) -> tuple[HybridOrbit, dict[str, Any]]:
     """See `orbits.load`."""
-    record = records.read(path, FORMAT, VERSION)
-    rest = {name: x for name, x in record.items() if name not in ("format", "version")}
-    known = _Stored(**typed_fields(rest, _Stored, "file", DAMAGED))
+    known = ChainFile(**decode_fields(LAYOUT.read(path), ChainFile, "file", DAMAGED))
     given = legs_of(legs, tuple(known.path))
     check_legs(given)
     sizes = [len(leg.scene.labels()) for leg in given]

@@ -7,9 +7,8 @@ from typing import Any, overload
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn.files import records
 from jaxdyn.files.digests import DAMAGED
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.layout import Layout, format_of
 from orbits.analysis.report import Report, as_json, report
 from orbits.files import chain_files, encoding
 from orbits.hybrid.legs import HybridOrbit, Leg
@@ -20,13 +19,9 @@ from orbits.proof.refined import Refined
 
 Closes = Callable[[Array, Array], Array]
 
-FORMAT = "jaxdyn-orbit"
-VERSION = 5
-_OLDER = {4: False}
+LAYOUT = Layout("jaxdyn-orbit", 5, "--save, or orbits.save,", {4: False})
 #: Claims of more digits and of a proof, where a file has them.
 REFINED, CERTIFICATE = "refined", "certificate"
-REMEDY = "Give the path of a file that --save, or orbits.save, wrote."
-_KEYS = {"format", "version", "claims"} | encoding.KEYS
 
 
 def save(
@@ -58,26 +53,7 @@ def save(
         name = REFINED if isinstance(orbit, Refined) else CERTIFICATE
         orbit, more = orbit.orbit, {name: orbit.as_json()}
     claims = report(orbit) if claims is None else claims
-    records.write(
-        path,
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            **encoding.encode(orbit),
-            "claims": as_json(claims) | more,
-        },
-    )
-
-
-def kind_of(path: str | Path) -> str | None:
-    """The format that a file says it has; None if it says none.
-
-    Raises:
-      ValueError: it is no file of JSON.
-    """
-    record = parsed(content(path, MAX_BYTES, REMEDY), str(path), REMEDY)
-    kind = record.get("format") if isinstance(record, dict) else None
-    return kind if isinstance(kind, str) else None
+    LAYOUT.write(path, encoding.encode_orbit(orbit) | {"claims": as_json(claims) | more})
 
 
 @overload
@@ -100,13 +76,11 @@ def load(path, legs=None, *, closes=None):
     """
     if legs is not None:
         return chain_files.load(path, legs, closes)
-    if kind_of(path) == chain_files.FORMAT:
+    if format_of(path, LAYOUT.remedy) == chain_files.LAYOUT.format:
         remedy = "Give those of the search: orbits.load(path, legs)."
         raise fail("legs", "the legs or the phases of the chain in the file", "none", remedy)
-    record = records.read(path, FORMAT, VERSION, _OLDER)
-    if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)
-    orbit, claims = encoding.decode(record), record["claims"]
+    record = LAYOUT.read(path)
+    claims = record.pop("claims", None)
     if not isinstance(claims, dict):
         raise fail("file", "claims by name", type(claims).__name__, DAMAGED)
-    return orbit, claims
+    return encoding.decode_orbit(record), claims
