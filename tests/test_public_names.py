@@ -150,6 +150,15 @@ def test_importing_the_packages_loads_nothing():
     assert run_python(code) == "set()"
 
 
+def test_modules_that_moved_into_the_course_are_found_and_warn():
+    for package, old, new in (
+        (jaxdyn.studies, "upright", "jaxdyn.hard.cases.shaken"),
+        (orbits.hybrid, "hopping", "jaxdyn.course.eccentric_cylinder"),
+    ):
+        with pytest.warns(DeprecationWarning, match=f"{old} is now {new}; the old name goes"):
+            assert getattr(package, old).__name__ == new
+
+
 def test_the_version_is_that_of_the_package():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["project"]["dynamic"] == ["version"]

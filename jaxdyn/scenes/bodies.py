@@ -2,7 +2,7 @@
 
 Each scene can represent the attitude by a quaternion, a matrix or Euler angles, so that the three
 can be compared. Steady motions and their stability are in `jaxdyn.analysis.precession` and
-`jaxdyn.studies.sleeping_top`.
+`jaxdyn.analysis.precession.critical_spin`.
 
 Where the course is ambiguous or misprinted:
 
