@@ -78,7 +78,7 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 #: missing.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/_records/pickled.py", "cloudpickle"),
+    ("jaxdyn/_records/record.py", "cloudpickle"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
     ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),
 }

@@ -1,8 +1,7 @@
 """Piecewise-smooth periodic motions: smooth legs joined by events.
 
 `legs` defines such a motion, `phases` makes its legs of the phases of a scene, `equations` are its
-equations, `search` solves them, `known` has distances from known ones, `margins` says how far it is
-from grazing.
+equations, `search` solves them, also unlike known ones, `margins` says how far it is from grazing.
 
 May import: `shooting`.
 
