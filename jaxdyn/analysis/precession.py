@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._arguments import arrays
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.newton_euler import NewtonEuler

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.analysis.floquet import Chart, chart, edges
 from jaxdyn.analysis.monodromy import RTOL, monodromy
 from jaxdyn.hard.case import Case, Figure, absolute_error
