@@ -64,8 +64,8 @@ def encode(value: Any, without: tuple[str, ...] = ()) -> Any:
       ValueError: it is of another kind, or a scene with a function or a number that is not finite.
     Example:
       >>> import numpy as np
-      >>> encode({"a": (1.0, float("nan")), "b": np.eye(2), "c": np.array([1j])})["b"]
-      [[1.0, 0.0], [0.0, 1.0]]
+      >>> encode({"a": (1.0, float("nan")), "b": np.eye(2)})
+      {'a': [1.0, None], 'b': [[1.0, 0.0], [0.0, 1.0]]}
     """
     if isinstance(value, enum.Enum):
         return value.value

@@ -72,8 +72,6 @@ def hidden_integrals(scene: Scene, t, y: Array) -> dict[str, Array]:
     return vector | tensor
 
 
-# ---- Square closing equations posed for an orbit: what is held, and which equations are spared
-
 # ---- The exact period of a drive: of a rate that depends on time by sines and cosines of w t + c
 
 _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with one number w."
