@@ -17,6 +17,7 @@ fields are filled in: nothing that a file names is imported, called or unpickled
 import contextlib
 import dataclasses
 import enum
+import functools
 import inspect
 import math
 import reprlib
@@ -144,7 +145,7 @@ def _field_names(cls: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls) if field.init)
 
 
-def decode(value: Any, hint: Any, name: str, remedy: str) -> Any:
+def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False) -> Any:
     """A value of JSON as its annotation says.
 
     Args:
@@ -153,6 +154,7 @@ def decode(value: Any, hint: Any, name: str, remedy: str) -> Any:
         or a bare ``dict`` for what is read later.
       name: of the value, for the message.
       remedy: what to do where it is of another type, for the message.
+      lines: whether texts may have several lines, and what else is not printed as it stands.
     Raises:
       ValueError: it is of another type, or a text that is not printable in one line.
     Example:
@@ -160,16 +162,17 @@ def decode(value: Any, hint: Any, name: str, remedy: str) -> Any:
       [1.0, nan]
     """
     kinds, origin = typing.get_args(hint), typing.get_origin(hint)
+    inner = functools.partial(decode, name=name, remedy=remedy, lines=lines)
     if hint is Any:
         return value
-    if isinstance(hint, types.UnionType):
+    if origin in (types.UnionType, typing.Union):
         if value is None and types.NoneType in kinds:
             return None
         *kinds, last = (kind for kind in kinds if kind is not types.NoneType)
         for kind in kinds:
             with contextlib.suppress(ValueError):
-                return decode(value, kind, name, remedy)
-        return decode(value, last, name, remedy)
+                return inner(value, kind)
+        return inner(value, last)
     if hint is float:
         if _is_number(value):
             return _decode_number(value)
@@ -181,19 +184,20 @@ def decode(value: Any, hint: Any, name: str, remedy: str) -> Any:
     elif origin is dict:
         if isinstance(value, dict):
             of_keys, of_values = kinds
-            return {
-                decode(key, of_keys, name, remedy): decode(x, of_values, name, remedy)
-                for key, x in value.items()
-            }
+            return {inner(key, of_keys): inner(x, of_values) for key, x in value.items()}
     elif hint in (bool, int, str, dict):
-        if type(value) is hint and (hint is not str or value.isprintable()):
+        if type(value) is hint and (hint is not str or lines or value.isprintable()):
             return value
     elif origin in (tuple, list):
         if isinstance(value, list):
             several = kinds[:1] * len(value) if kinds[-1] is ... or len(kinds) < 2 else kinds
             if len(several) == len(value):
                 pairs = zip(value, several, strict=True)
-                return origin(decode(x, kind, name, remedy) for x, kind in pairs)
+                return origin(inner(x, kind) for x, kind in pairs)
+    elif hint is tuple:  # of whatever is plain
+        if isinstance(value, list):
+            nested = int | float | str
+            return tuple(inner(x, tuple if isinstance(x, list) else nested) for x in value)
     elif isinstance(value, dict) and isinstance(hint, type):
         return hint(**decode_fields(value, hint, name, remedy))
     raise fail(name, str(hint) if kinds else hint.__name__, reprlib.repr(value), remedy)
@@ -381,7 +385,7 @@ def _decode_static(item: Any, hint: Any, name: str) -> Any:
     """What a static field holds: it is plain, and programs are compiled for it."""
     if isinstance(item, dict) or hint is Any:
         raise fail(name, "numbers and texts", reprlib.repr(item))
-    found = decode(item, hint, name, "")
+    found = decode(item, hint, name, "", lines=True)  # such as the text of a model
     if not all(math.isfinite(x) for x in jax.tree.leaves(found) if isinstance(x, float)):
         raise fail(name, "finite numbers", reprlib.repr(item))
     return found

@@ -136,7 +136,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
 
 def _chunks(records: list[dict[str, Any]]) -> dict[int, Chunk]:
     """The chunks of lines by number, the first one of each."""
-    found = [decode(record, Chunk, "path", DAMAGED) for record in records]
+    found = [decode(record, Chunk, "path", DAMAGED, lines=True) for record in records]
     for find in (find for chunk in found for find in chunk.finds):
         if not (np.isfinite([*find.y0, find.period]).all() and find.closing in (0, 1)):
             raise fail("path", "finite starts and periods, closings 0 or 1", "others", DAMAGED)

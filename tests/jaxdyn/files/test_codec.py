@@ -4,7 +4,7 @@ import dataclasses
 import enum
 import json
 import math
-from typing import ClassVar
+from typing import ClassVar, Optional
 
 import equinox as eqx
 import jax
@@ -30,6 +30,14 @@ class Named(Effect):
     pairs: tuple[tuple[int, int], ...] = eqx.field(static=True)
     label: str = eqx.field(static=True)
     flag: bool = eqx.field(static=True)
+    velocity_dependent: ClassVar[bool] = False
+
+
+class Bare(Effect):
+    """A user's effect whose annotations say little."""
+
+    places: tuple = eqx.field(static=True)
+    text: Optional[str] = eqx.field(static=True)  # noqa: UP045
     velocity_dependent: ClassVar[bool] = False
 
 
@@ -248,3 +256,14 @@ def test_a_scene_holds_finite_numbers_and_empty_arrays():
     effect = Named(np.zeros((0, 3)), jnp.asarray(0.5), None, (), (), "none", False)
     back = through_text(effect, Effect)
     assert (back.table.shape, back.rest, back.pairs) == ((0, 3), (), ())
+
+
+def test_static_fields_may_be_plain_tuples_and_texts_of_several_lines():
+    for text in ("par k=4\nx'=v\n", None):
+        effect = Bare((1, (2.5, "x"), ()), text)
+        back = through_text(effect, Effect)
+        assert (back.places, back.text) == (effect.places, text)
+    record = encode(Bare((1,), None))
+    for wrong in ([True], [None], [{}], {}, "x"):
+        with pytest.raises(ValueError, match=r"^record\.places: expected"):
+            decode_part(record | {"places": wrong}, Effect, "record")

@@ -48,6 +48,12 @@ def test_an_orbit_with_its_claims(name):
     assert report.period == pytest.approx(2 * np.pi, rel=1e-12)
 
 
+def test_an_orbit_of_a_written_scene():
+    orbit, _ = orbits.load(FILES / "written.json")  # whose text has several lines
+    assert orbits.verify(FILES / "written.json")[1] == []
+    assert orbit.period == pytest.approx(6.66328685932313, rel=1e-13)  # van der Pol's, mu = 1
+
+
 def test_a_chain():
     walker = scenes.simplest_walker()
     report, wrong = orbits.verify(FILES / "chain.json", scenes.phases_of(walker))
