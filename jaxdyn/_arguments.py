@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import is_plain
+from jaxdyn._checks import is_plain
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable)

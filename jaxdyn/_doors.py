@@ -1,8 +1,8 @@
 """The front door of a package: names that have moved or changed, and folders it does not list.
 
 A name that has moved keeps its old place for one minor version, where it warns; so does an old name
-of what has another now. Folders that few
-need, such as the gallery, are reached as attributes, but are not among the public names.
+of what has another now. Folders that few need, such as the gallery, are reached as attributes, but
+are not among the public names.
 """
 
 import importlib
@@ -21,6 +21,7 @@ def attribute_getter(
     *,
     moved: Mapping[str, str] | None = None,
     renamed: Mapping[str, str] | None = None,
+    modules: Mapping[str, str] | None = None,
     folders: Collection[str] = (),
 ) -> Callable[[str], Any]:
     """The ``__getattr__`` of a package.
@@ -30,10 +31,13 @@ def attribute_getter(
       listed: finds the public names.
       moved: the module, below the package, of each name that has moved.
       renamed: the new name of each that has another one.
+      modules: of each module that has moved, the module in which its names are.
       folders: those that are no public names.
     """
     new = {old: (package, name) for old, name in (renamed or {}).items()}
     new |= {name: (f"{package}.{place}", name) for name, place in (moved or {}).items()}
+
+    new |= {name: (place, "") for name, place in (modules or {}).items()}
 
     def __getattr__(name: str) -> Any:
         if name in folders:
@@ -41,8 +45,10 @@ def attribute_getter(
         if name not in new:
             return listed(name)
         place, now = new[name]
-        told = f"{package}.{name} is now {place}.{now}; the old name goes with the next version."
+        whole = f"{place}.{now}".rstrip(".")
+        told = f"{package}.{name} is now {whole}; the old name goes with the next version."
         warnings.warn(told, DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(place), now)
+        found = importlib.import_module(place)
+        return getattr(found, now) if now else found
 
     return __getattr__

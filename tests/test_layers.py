@@ -39,9 +39,8 @@ BELOW = {
         "jaxdyn/chaos",
         "jaxdyn/continuation",
     ),
-    "jaxdyn/studies": ("jaxdyn/accuracy", "jaxdyn/scenes"),
-    "jaxdyn/hard": ("jaxdyn/studies", "jaxdyn/ensemble"),
-    "jaxdyn/course": ("jaxdyn/studies", "jaxdyn/hard", "jaxdyn/drawing"),
+    "jaxdyn/hard": ("jaxdyn/accuracy", "jaxdyn/scenes", "jaxdyn/ensemble"),
+    "jaxdyn/course": ("jaxdyn/hard", "jaxdyn/drawing"),
     "jaxdyn/player": ("jaxdyn/drawing", "jaxdyn/symbolic"),
     "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player", "jaxdyn/symbolic"),
     "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic"),
@@ -79,7 +78,7 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 #: missing.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/_records/pickled.py", "cloudpickle"),
+    ("jaxdyn/_records/record.py", "cloudpickle"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
     ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),
 }

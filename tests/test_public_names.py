@@ -150,6 +150,15 @@ def test_importing_the_packages_loads_nothing():
     assert run_python(code) == "set()"
 
 
+def test_modules_that_moved_into_the_course_are_found_and_warn():
+    for package, old, new in (
+        (jaxdyn.studies, "upright", "jaxdyn.hard.cases.shaken"),
+        (orbits.hybrid, "hopping", "jaxdyn.course.eccentric_cylinder"),
+    ):
+        with pytest.warns(DeprecationWarning, match=f"{old} is now {new}; the old name goes"):
+            assert getattr(package, old).__name__ == new
+
+
 def test_the_version_is_that_of_the_package():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["project"]["dynamic"] == ["version"]
@@ -162,9 +171,10 @@ def test_files_name_only_classes_that_are_known_then():
     # Classes are looked up among those that are loaded: with lazy packages too few could be.
     code = """
 import importlib, pkgutil
-from jaxdyn.files import records
-from jaxdyn.files.scene_records import KINDS
-def known(): return {f"{c.__module__}.{c.__name__}" for c in records._classes(KINDS).values()}
+from jaxdyn.files import codec
+def known():
+    classes = codec._known_classes((codec.Scene, *codec.PARTS)).values()
+    return {f"{cls.__module__}.{cls.__name__}" for cls in classes}
 before = known()
 import jaxdyn
 for package in (jaxdyn.scenes, jaxdyn.effects, jaxdyn.formulations, jaxdyn.mechanisms):

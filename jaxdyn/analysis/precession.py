@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._arguments import arrays
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose
@@ -249,3 +249,25 @@ def _real_roots(a: Array, b: Array, c: Array, linear: Array) -> Array:
 def _real_sqrt(x: Array) -> Array:
     """The root of x; below 0 both it and its derivative are NaN."""
     return jnp.sqrt(jnp.where(x < 0, jnp.nan, x))
+
+
+# ---- upright tops
+
+
+def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
+    """Slowest total spin () [rad/s] of a stable sleeping top.
+
+    2 sqrt(I m g d) / I_3, with I about the pivot. Above it an almost upright top also has two
+    steady precessions, below it none. `steady.linearize_steady` decides it for any steady motion.
+    """
+    return 2 * jnp.sqrt((I1 + m * d * d) * m * g * d) / I3
+
+
+def slowest_relative_spin(*, m, d, I1, I3, g=9.81) -> Array:
+    """Slowest spin () [rad/s] relative to the precessing frame, almost upright.
+
+    2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where steady
+    precession exists at any spin. The limit of stability is `critical_spin`, not this.
+    """
+    excess = jnp.maximum(I1 + m * d * d - I3, 0.0)
+    return 2 * safe_sqrt(excess * m * g * d) / I3

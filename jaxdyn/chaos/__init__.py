@@ -2,8 +2,8 @@
 
 `lyapunov` computes the Lyapunov exponents of one motion with the frame of tangents of
 `stretching`; `spectrum` is their record, with error bars. `indicators` has MEGNO, SALI and GALI
-for many starts at once, whose tangents are those of `deviations`; `maps` computes them over two
-numbers. `frequencies` resolves a motion into its frequencies.
+for many starts at once; `maps` computes them over two numbers. `frequencies` resolves a motion into
+its frequencies.
 
 May import: `ensemble`, `analysis`.
 

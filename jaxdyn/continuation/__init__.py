@@ -11,9 +11,8 @@ of a family, by their defining equations in `defining`; `normal_forms` has their
 `kinds` the names of all special points.
 
 `two_parameters` poses curves of folds and Hopf points in two parameters by the equations of
-`augmented`, `codimension_two` finds the special points on them, and `curve` holds both;
-`second_lyapunov` is the coefficient of Bautin points. All are followed in the `units` of their
-points.
+`augmented`, `codimension_two` finds the special points on them, and `curve` holds both. All are
+followed in the `units` of their points.
 
 May import: `analysis`, `files`.
 

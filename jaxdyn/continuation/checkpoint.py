@@ -11,6 +11,7 @@ which the steps of two runs are mixed is refused.
 import contextlib
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,12 +20,11 @@ import numpy as np
 
 from jaxdyn._checks import fail
 from jaxdyn.files import journal
-from jaxdyn.files.typed import plain, typed
+from jaxdyn.files.codec import decode, encode
+from jaxdyn.files.layout import Layout
 
-FORMAT = "jaxdyn-continuation"
-VERSION = 2
 _UNNUMBERED = 1  # the version whose steps have no numbers
-REMEDY = "Give the path of a file that a continuation wrote with path=."
+LAYOUT = Layout("jaxdyn-continuation", 3, "a continuation", {_UNNUMBERED: True, 2: True})
 OTHER = "The file was edited or damaged, or its scenes are others."
 #: What the walks of this package are.
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
@@ -66,11 +66,11 @@ class Codec(NamedTuple):
 def of_fields(cls: type) -> Codec:
     """The codec of a dataclass of numbers, texts and arrays, which has units."""
 
-    def decode(record: Any) -> Any:
+    def unpack(record: Any) -> Any:
         whole = {**EARLIER, **record} if isinstance(record, dict) else record
-        return typed(whole, cls, "file", OTHER)
+        return decode(whole, cls, "file", OTHER)
 
-    return Codec(plain, decode)
+    return Codec(encode, unpack)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,11 +96,12 @@ class Begin:
     walk: int = 0
 
     def same(self, other: "Begin") -> bool:
-        """Whether it begins the same walk: with a first member that is the same to rounding."""
+        """Whether it begins the same walk: with a first member and step the same to rounding."""
         a, b = self.place, other.place
-        alike = (self.what, self.step, self.about) == (other.what, other.step, other.about)
+        alike = (self.what, self.about) == (other.what, other.about)
+        step = math.isclose(self.step, other.step, rel_tol=_SAME)
         near = a.shape == b.shape and np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max())
-        return alike and bool(near)
+        return alike and step and bool(near)
 
 
 @dataclasses.dataclass
@@ -136,13 +137,9 @@ class Log:
           ValueError: it is another file, was edited, cannot be written, or another program writes
             it.
         """
-        header = {"format": FORMAT, "version": VERSION}
-        try:
-            self._file = journal.Journal(path, header, REMEDY, _PATIENCE)
-        except journal.NotAJournal as error:
-            raise _another(path) from error
+        self._file = journal.Journal(path, LAYOUT, {}, _PATIENCE)
         self._note: dict = {}
-        self.walks, self.notes = _read_walks(path, self._file.records)
+        self.walks, self.notes = _read_walks(self._file.header, self._file.records)
 
     def with_note(self, **note: Any) -> "Log":
         """The same file, in which walks begin with a note."""
@@ -159,7 +156,7 @@ class Log:
         first = begin.first
         number, record = len(self.walks), codec.encode(first)
         begin = dataclasses.replace(begin, walk=number, first=record, note=self._note)
-        self._file.add({"begin": plain(begin)})
+        self._file.add({"begin": encode(begin)})
         self.walks.append(Walk(begin))
         return first, Checkpoint(self._file, begin.walk, codec, [], "")
 
@@ -190,7 +187,7 @@ class Checkpoint:
     def add(self, advance: Advance) -> None:
         """Add a step; it is on the disk when this returns."""
         step = advance.map(self._codec.encode)
-        self._file.add({"walk": self._walk, "number": self._number, "step": plain(step)})
+        self._file.add({"walk": self._walk, "number": self._number, "step": encode(step)})
         self._number += 1
 
     def finish(self, end: str) -> None:
@@ -230,44 +227,36 @@ def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[d
     Raises:
       ValueError: it is another file, was edited, or has no walk of these kinds.
     """
-    try:
-        records = journal.records(journal.whole_lines(Path(path), REMEDY))
-    except journal.NotAJournal as error:
-        raise _another(path) from error
-    walks, notes = _read_walks(path, records)
+    walks, notes = _read_walks(*journal.read(path, LAYOUT))
     found = [walk for walk in walks if walk.begin.what in whats]
     if not found:
         got = f"{path}, which has " + (", ".join(sorted({x.begin.what for x in walks})) or "none")
-        raise fail("path", f"a file of {' or '.join(whats)}", got, REMEDY)
+        raise fail("path", f"a file of {' or '.join(whats)}", got, LAYOUT.remedy)
     return found, notes
 
 
-def _read_walks(path: str | Path, records: list[dict]) -> tuple[list[Walk], list[dict]]:
+def _read_walks(header: dict, records: list[dict]) -> tuple[list[Walk], list[dict]]:
     walks: list[Walk] = []
     notes: list[dict] = []
-    header, *rest = records or [{}]
-    version = header.get("version")
-    if header.get("format") != FORMAT or version not in (_UNNUMBERED, VERSION):
-        raise _another(path)
-    for record in rest:
+    for record in records:
         if "begin" in record:
-            begin = typed(record["begin"], Begin, "file", OTHER)
+            begin = decode(record["begin"], Begin, "file", OTHER)
             _check_number("walks", begin.walk, len(walks))
             walks.append(Walk(begin))
         elif "note" in record:
-            notes.append(typed(record["note"], dict, "file", OTHER))
+            notes.append(decode(record["note"], dict, "file", OTHER))
         else:
-            number = typed(record.get("walk"), int, "file", OTHER)
+            number = decode(record.get("walk"), int, "file", OTHER)
             if not 0 <= number < len(walks):
                 raise fail("file", "steps of a walk that has begun", f"one of {number}", OTHER)
             if "step" in record:
                 steps = walks[number].steps
-                if version != _UNNUMBERED:
-                    number = typed(record.get("number"), int, "file", OTHER)
+                if header["version"] != _UNNUMBERED:
+                    number = decode(record.get("number"), int, "file", OTHER)
                     _check_number("steps", number, len(steps))
-                steps.append(typed(record["step"], Advance, "file", OTHER))
+                steps.append(decode(record["step"], Advance, "file", OTHER))
             else:
-                walks[number].end = typed(record.get("ended"), str, "file", OTHER)
+                walks[number].end = decode(record.get("ended"), str, "file", OTHER)
     return walks, notes
 
 
@@ -275,8 +264,3 @@ def _check_number(what: str, number: int, expected: int) -> None:
     if number != expected:
         got = f"number {number} in the place of {expected}"
         raise fail("file", f"{what} in order", got, _MIXED)
-
-
-def _another(path: str | Path) -> ValueError:
-    wanted = f"a {FORMAT} file of version {VERSION}"
-    return fail("path", wanted, f"{path}, which is another or was edited", REMEDY)

@@ -24,7 +24,7 @@ from jaxdyn.continuation.branch import Correction, Place
 from jaxdyn.continuation.curve import CurvePoint, MakeOfTwo, WithSecond
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.newton import Solution
-from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
+from jaxdyn.continuation.normal_forms import lyapunov_coefficients
 from jaxdyn.continuation.units import ChartInUnits, Units
 from jaxdyn.scales import Groups
 

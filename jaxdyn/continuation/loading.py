@@ -66,7 +66,8 @@ def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:
     """Refuse scenes of which a point is no equilibrium."""
     try:
         units = units_of(make, point)
-        scene, here = units.scene(make), units.inward(point).x
+        with np.errstate(all="ignore"):  # numbers of a file may be too large for their units
+            scene, here = units.scene(make), units.inward(point).x
         entries = len(point.state)
         size = float(np.abs(scene(*here[entries:]).rate(jnp.zeros(()), here[:entries])).max())
     except (TypeError, ValueError, IndexError) as error:

@@ -41,7 +41,6 @@ from jaxdyn.analysis import precession, steady
 from jaxdyn.course.page import Page, largest, show
 from jaxdyn.drawing.figures import PALETTE, blank, style
 from jaxdyn.formulations import rigid
-from jaxdyn.studies import sleeping_top
 
 PROBLEM = 59
 TOPIC = "rigid bodies in space"
@@ -71,9 +70,9 @@ def solve(page: Page) -> None:
     leans = jnp.stack([precession.tilts(tops["slow"]), precession.tilts(tops["fast"])])
     page.equal("a: Simulated, both keep their lean", leans, jnp.full((2, 400), lean), within=1e-11)
 
-    slowest = sleeping_top.critical_spin(**TOP)
+    slowest = precession.critical_spin(**TOP)
     page.number("b: slowest omega_3 with steady precession almost upright", slowest, "rad/s")
-    relative = sleeping_top.slowest_relative_spin(**TOP)
+    relative = precession.slowest_relative_spin(**TOP)
     page.number("b: slowest omega_s with steady precession almost upright", relative, "rad/s")
     spins = jnp.array([0.999, 1.001]) * slowest
     exists = jnp.isfinite(precession.top_roots(1e-5, spins, total=True, **TOP).precession)

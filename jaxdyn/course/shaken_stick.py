@@ -24,6 +24,14 @@ sways about upright and never leans more than 0.271 rad in 5 s. The base then ac
 
 with the conditions x = (l / 2) sin(theta), y = -A cos(w t) + (l / 2) cos(theta), which are
 differentiated twice. They give the same motion.
+
+(d) Near upright, with tau = w t / 2, that is Mathieu's equation
+
+    theta'' + (a - 2 q cos(2 tau)) theta = 0,   a = -4 g / (L w^2),   q = 2 A / L.
+
+It is stable between the characteristic values a_0(q) and b_1(q), and in thin tongues between a_n(q)
+and b_(n+1)(q) at large amplitudes. Fast shaking of small amplitude, averaged over a period, is
+stable from (A w)^2 = 2 g L on, where a_0 = -q^2 / 2.
 """
 
 import jax.numpy as jnp
@@ -32,7 +40,7 @@ from scipy import special
 
 from jaxdyn import drawing, ode, scenes, simulate
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.studies import upright
+from jaxdyn.hard.cases import shaken
 
 PROBLEM = 29
 TOPIC = "pendulums and linkages"
@@ -58,27 +66,27 @@ def solve(page: Page) -> None:
     page.number("largest angle from upright in 5 s", np.sqrt(most.value), "rad")
     page.number("largest acceleration of the base", 0.1 * 60.0**2, "m/s^2")
 
-    edges = upright.stability_edges(60.0)
+    edges = shaken.stability_edges(60.0)
     page.number("smallest and largest amplitude A that hold it up at 60 rad/s", edges, "m")
-    limit = upright.averaged_limit(60.0)
+    limit = shaken.averaged_limit(60.0)
     page.number("smallest A by averaging over fast shaking, sqrt(2 g L) / w", limit, "m")
-    a, q = upright.mathieu_numbers(edges, 60.0)
+    a, q = shaken.mathieu_numbers(edges, 60.0)
     known = np.array([special.mathieu_a(0, q[0]), special.mathieu_b(1, q[1])])
     page.equal("The edges are Mathieu's a_0 and b_1", known, [a, a], within=1e-9)
 
     frequencies = np.linspace(20.0, 100.0, 33)
-    chart = upright.upright_chart(np.linspace(0.0, 0.4, 33), frequencies)
+    chart = shaken.upright_chart(np.linspace(0.0, 0.4, 33), frequencies)
     names = ("amplitude of the base [m]", "frequency of the base [rad/s]")
     figure = drawing.stability_chart(chart, names=names)
-    figure.axes[0].plot(frequencies, upright.averaged_limit(frequencies), "k--")
+    figure.axes[0].plot(frequencies, shaken.averaged_limit(frequencies), "k--")
     look = "Upright is stable in the blue band; the dashed line is the averaged limit."
     page.draw(figure, look)
-    shaken = {
+    motions = {
         A: simulate(scenes.shaken_pendulum(amplitude=A), 2.0, samples=601)
         for A in (0.03, 0.05, 0.06, 0.07, 0.1, 0.2)
     }
     page.play(
-        shaken, "Below 0.06 m the stick falls, above it sways upright.", choose="amplitude [m]"
+        motions, "Below 0.06 m the stick falls, above it sways upright.", choose="amplitude [m]"
     )
 
 

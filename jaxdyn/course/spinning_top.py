@@ -29,18 +29,30 @@ omega_3 s + m g d = 0, which are real, so that deviations do not grow, where ome
 2 sqrt(I m g d) / I_3: exactly where steady precession near upright exists.
 """
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import lagrangian, scenes, simulate
 from jaxdyn.analysis import energy, precession
+from jaxdyn.analysis.linearize import classify, jacobian
 from jaxdyn.course.page import Page, largest, show
 from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
-from jaxdyn.studies import sleeping_top
+from jaxdyn.integrate.simulation import solve as integrate
 
 PROBLEM = 61
 TOPIC = "rigid bodies in space"
+
+_TILT_ENTRIES = np.array([0, 1, 3, 4])  # of the state: the two angles that tilt, and their rates
+_MIN_GROWTH = 1e-7  # in units of the spin; double eigenvalues are accurate to 1e-9
+#: A sleeping top is released at the first of these tilts [rad] and has fallen at the second.
+_RELEASED, _FALLEN = 1e-5, 1e-2
+#: In units of 2 I_1 / (I_3 omega), the time of growth far below the critical spin.
+_WATCHED_SPAN = 1500.0
+_WATCHED_SAMPLES = 4000
 
 TOP = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5, "g": 9.81}
 
@@ -86,9 +98,9 @@ def solve(page: Page) -> None:
     by_hand = by_euler(0.7, 5.0, 2.0, 90.0)
     statement = "Lagrange's equations are Euler's, as written above"
     page.equal(statement, rate, by_hand, within=1e-10, route="second formulation")
-    limit = sleeping_top.critical_spin(**TOP)
+    limit = precession.critical_spin(**TOP)
     page.number("slowest omega_3 at which the upright top is stable", limit, "rad/s")
-    by_eigenvalues = sleeping_top.critical_spin_by_linearisation(**TOP)
+    by_eigenvalues = critical_spin_by_linearisation(**TOP)
     page.equal("By eigenvalues", by_eigenvalues / limit, 1.0, within=1e-9, route="linearisation")
 
     figure = blank(9.0, 3.4)
@@ -109,12 +121,65 @@ def solve(page: Page) -> None:
 def check(page: Page) -> None:
     """The limit of stability by simulation, and how far a slower top falls."""
     limit = page["slowest omega_3 at which the upright top is stable"]
-    by_simulation = sleeping_top.critical_spin_by_simulation(**TOP)
+    by_simulation = critical_spin_by_simulation(**TOP)
     page.equal("By simulation", by_simulation / limit, 1.0, within=1e-4, route="simulation")
     falling = scenes.top(1e-6, spin=0.9 * limit, **TOP)
     lowest = largest(falling, lambda t, y: -rigid.pose(falling, t, y).R_wb[2, 2], 3.5)
     depth = np.cos(np.arccos(-lowest.value) / 2)
     page.equal("Below it falls to cos(theta / 2) = spin / limit", depth, 0.9, within=1e-7)
+
+
+def critical_spin_by_linearisation(**top_numbers) -> float:
+    """The spin where the eigenvalues of the upright top turn real, on the host.
+
+    Args:
+      top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.
+    """
+    guess = float(precession.critical_spin(**top_numbers))
+
+    def unstable(spin):
+        # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
+        # enter the rates: the motion has eigenvalues like an equilibrium.
+        scene = scenes.top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
+        a = jacobian(scene, scene.y0)[_TILT_ENTRIES, :][:, _TILT_ENTRIES]
+        return classify(a).eigenvalues[0].real > _MIN_GROWTH * spin
+
+    return _threshold(unstable, guess, 45)
+
+
+def critical_spin_by_simulation(**top_numbers) -> float:
+    """The same to a few parts in 1e5, from tops released almost upright, on the host.
+
+    Below the critical spin such a top falls to cos(theta / 2) = spin / critical spin and rises
+    again, for any small initial tilt; above, it stays upright.
+
+    Args:
+      top_numbers: m, d, I1, I3, g of `scenes.bodies.top`.
+    """
+    guess = float(precession.critical_spin(**top_numbers))
+    scene = scenes.top(_RELEASED, spin=guess, **top_numbers)
+    body: Any = scene.system
+    inertia = rigid.inertia_matrix(body.matter)
+    t1 = _WATCHED_SPAN * 2 * inertia[0, 0] / (inertia[2, 2] * guess)
+    ts = jnp.linspace(0.0, t1, _WATCHED_SAMPLES)
+
+    @jax.jit
+    def unstable(spin):
+        y0 = scenes.top(_RELEASED, spin=spin, **top_numbers).y0
+        ys = integrate(scene.starting(y0), t1, ts=ts, rtol=1e-11).ys
+        axis = jax.vmap(body.pose)(ys).R_wb[..., 2]
+        return jnp.min(axis[:, 2]) < jnp.cos(_FALLEN)
+
+    return _threshold(unstable, guess, 20)
+
+
+def _threshold(unstable, guess: float, halvings: int) -> float:
+    low, high = 0.3 * guess, 3.0 * guess
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        below = unstable(middle)
+        low, high = (middle, high) if below else (low, middle)
+    return (low + high) / 2
 
 
 if __name__ == "__main__":

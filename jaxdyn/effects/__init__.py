@@ -1,8 +1,8 @@
 """Effects: what acts on material points, one file a family.
 
-`gravity` (uniform, and between pairs), `drag` (drag and dry friction), `central` (central forces),
-`links` (springs, dashpots, networks of springs), `prescribed` (given functions of time). `pairs`
-sums over pairs of bodies, `_parts` checks what effects have in common.
+`gravity` (uniform, and between all pairs of bodies), `drag` (drag and dry friction), `central`
+(central forces), `links` (springs, dashpots, networks of springs), `prescribed` (given functions of
+time). `_parts` checks what effects have in common.
 
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
 effect are array leaves; the points that it acts on are fixed when it is made.

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._numerics import safe_norm, safe_sqrt, square_norm
 from jaxdyn.effects._parts import at_least_zero, vector_or_zero
 from jaxdyn.scene import Effect, Points

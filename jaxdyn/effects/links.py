@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects._parts import (
     at_least_zero,

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.effects._parts import point_number
 from jaxdyn.scene import Effect, Points
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxdyn._floats import as_float, floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.scene import Field, Scene, System
 

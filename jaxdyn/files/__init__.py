@@ -1,8 +1,8 @@
 """What is written and read: paths, scenes as JSON, motions as archives and as tables.
 
-`input_files` reads, `output_files` and `image_files` check paths before the work, `records` turns
-scenes into JSON and back, `scene_records` checks what it reads; `typed` makes other records of
-JSON, `journal` keeps them in files that grow line by line, for one program or several in turn.
+`input_files` reads, `output_files` and `image_files` check paths before the work. The `codec`
+turns values of every kind, arrays and scenes among them, into JSON and back; the `layout` says what
+a file is, and writes documents; a `journal` grows line by line, by one program or several in turn.
 `loading` reads a file of any kind by what it says it is, with readers that packages register.
 `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV and
 JSON, `data_frames` for pandas. All that is read again ends with one of the `digests`, by which any
@@ -20,17 +20,16 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     [
         "archives",
+        "codec",
         "data_frames",
         "digests",
         "image_files",
         "input_files",
         "journal",
+        "layout",
         "loading",
         "motion_files",
         "output_files",
-        "records",
-        "scene_records",
         "tables",
-        "typed",
     ],
 )

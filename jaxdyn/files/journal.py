@@ -2,7 +2,8 @@
 
 Each line is on the disk when `Journal.add` returns, and ends with a digest of the rest: a file that
 was edited is refused, and an incomplete last line is ignored. A lock beside the file is held while
-a line is added, so that several programs may add lines in turn, and by `Journal.alone`.
+a line is added, so that several programs may add lines in turn, and by `Journal.alone`. The first
+line is the header of the file's `layout`.
 """
 
 import contextlib
@@ -17,56 +18,57 @@ import filelock
 from jaxdyn._text import fail
 from jaxdyn.files.digests import digest_of_values, has_digest, json_text
 from jaxdyn.files.input_files import content, parsed
+from jaxdyn.files.layout import Layout
 from jaxdyn.files.output_files import append, replace, target_of, unwritable, writable
 
 MAX_BYTES = 2**30  # larger files are refused
 _BEGIN = b'{"'  # of each line
 
 
-class NotAJournal(ValueError):
-    """Raised where a file has lines that a journal does not have."""
-
-
 class Journal:
     """A file of records, to which more are added.
 
     Attributes:
-      records: those that the file had when it was opened, its first line among them.
+      header: its first line.
+      records: the other lines that the file had when it was opened.
     """
 
-    def __init__(self, path: str | Path, header: dict[str, Any], remedy: str, patience: float):
-        """Begin a file with a header, or open the one that is there.
+    def __init__(self, path: str | Path, layout: Layout, about: dict[str, Any], patience: float):
+        """Begin a file, or open the one that is there.
 
         Args:
           path: of the file.
-          header: its first record.
-          remedy: what to do where the file cannot be read, for the message.
+          layout: what it is.
+          about: what else its first line says.
           patience: how long to wait for other programs that write the file [s].
         Raises:
-          NotAJournal: it is another file, or was edited.
-          ValueError: it cannot be written, or another program writes it.
+          ValueError: it is another file, was edited, cannot be written, or another program writes
+            it.
         """
         self._path = writable(path)
         # Held by all threads of this program, since reports may come from any.
         lock = _lock_of(self._path)
         self._lock = filelock.FileLock(lock, timeout=patience, thread_local=False)
         with self._hold_lock():
-            self.records, self._size = self._open(json_text(header), remedy)
+            self.header, *self.records = self._open(json_text(layout.header | about), layout)
 
-    def _open(self, first: bytes, remedy: str) -> tuple[list[dict[str, Any]], int]:
-        """The records of the file, which begins with this line if it is new, and its size."""
-        lines = whole_lines(self._path, remedy)
+    def _open(self, first: bytes, layout: Layout) -> list[dict[str, Any]]:
+        """The lines of the file, which begins with this one if it is new."""
+        data = _whole_lines(self._path, layout.format, layout.remedy) or first
+        found = _records(data, self._path, layout.format, layout.remedy)
+        # Before anything of a file is lost that is another.
+        layout.check(found[0], "path")
         try:
-            if lines:
-                os.truncate(self._path, len(lines))
+            if data is not first:
+                os.truncate(self._path, len(data))
             elif self._path.exists() and not first.startswith(self._path.read_bytes()):
-                raise NotAJournal("no whole line")
+                raise _damaged(self._path, layout.format, layout.remedy, "no whole line")
             else:
                 replace(self._path, first)
         except OSError as error:
             raise unwritable(self._path, error) from error
-        lines = lines or first
-        return records(lines), len(lines)
+        self._size = len(data)
+        return found
 
     def add(self, record: dict[str, Any]) -> None:
         """Add a record; it is on the disk when this returns."""
@@ -123,20 +125,36 @@ def _lock_of(path: Path) -> Path:
     return target.with_name(f"{target.name}.lock")
 
 
-def whole_lines(path: Path, remedy: str) -> bytes:
-    """The content of a file up to its last line break; nothing where there is no file.
+def read(path: str | Path, layout: Layout) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The first line of a file and the others; also while it is written.
 
     Raises:
-      NotAJournal: what follows is not the beginning of a line.
+      ValueError: it is another file, or was edited.
     """
+    header, *rest = lines(path, layout.format, layout.remedy)
+    layout.check(header, "path")
+    return header, rest
+
+
+def lines(path: str | Path, kind: str, remedy: str) -> list[dict[str, Any]]:
+    """The lines of a file of some kind, which is not checked.
+
+    Raises:
+      ValueError: it does not grow by lines, or was edited.
+    """
+    return _records(_whole_lines(Path(path), kind, remedy), path, kind, remedy)
+
+
+def _whole_lines(path: Path, kind: str, remedy: str) -> bytes:
+    """The content of a file up to its last line break; nothing where there is no file."""
     data = content(path, MAX_BYTES, remedy) if path.exists() else b""
     size = data.rfind(b"\n") + 1
     # A file system may have made room for a line that a lost machine did not write.
     rest = data[size:].rstrip(b"\0")
     if size and not (rest.startswith(_BEGIN) or _BEGIN.startswith(rest)):
-        raise NotAJournal("something after its last line")
+        raise _damaged(path, kind, remedy, "something after its last line")
     if _is_whole(data[size:-1]):
-        raise NotAJournal("another byte for a line break")
+        raise _damaged(path, kind, remedy, "another byte for a line break")
     return data[:size]
 
 
@@ -148,16 +166,12 @@ def _is_whole(data: bytes) -> bool:
         return False
 
 
-def records(data: bytes) -> list[dict[str, Any]]:
-    """The records of lines, without their digests.
-
-    Raises:
-      NotAJournal: a line is no object of JSON with finite numbers, or its digest is another.
-    """
+def _records(data: bytes, path: str | Path, kind: str, remedy: str) -> list[dict[str, Any]]:
+    """The records of lines, without their digests."""
     try:
         return [_record(each + b"\n") for each in data.removesuffix(b"\n").split(b"\n")]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise NotAJournal(str(error)) from error
+        raise _damaged(path, kind, remedy, str(error)) from error
 
 
 def _record(line: bytes) -> dict[str, Any]:
@@ -168,3 +182,8 @@ def _record(line: bytes) -> dict[str, Any]:
     if not digested and claimed != digest_of_values(record):
         raise KeyError("digest")
     return record
+
+
+def _damaged(path: str | Path, kind: str, remedy: str, why: str) -> ValueError:
+    got = f"'{path}', which is another or was edited ({why[:80]})"
+    return fail("path", f"a {kind} file", got, remedy)

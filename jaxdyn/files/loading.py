@@ -11,10 +11,10 @@ from typing import Any
 
 from jaxdyn._text import fail
 from jaxdyn.files import journal
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.input_files import content
+from jaxdyn.files.layout import format_of
 
 _REMEDY = "Give the path of a file that this library wrote."
-_ARCHIVE = b"PK"  # the first bytes of an archive of NumPy
 _MOTION = "jaxdyn-motion"
 _CONTINUATION = "jaxdyn-continuation"
 #: "module:function" that reads files of a kind. Files of continuations have kinds of branches.
@@ -69,29 +69,12 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
 
 def _kinds(path: str | Path) -> list[str]:
     """What a file says that it is; several for the file of a continuation."""
-    data = content(path, journal.MAX_BYTES, _REMEDY, "path")
-    if data.startswith(_ARCHIVE) or not data.startswith(b"{"):
-        return [_MOTION]  # whose reader says what is wrong with it
-    first = data[: data.find(b"\n") + 1]
-    if not first.rstrip().endswith(b"}"):
-        if len(data) > MAX_BYTES:
-            raise fail("path", f"at most {MAX_BYTES} bytes", "more", _REMEDY)
-        first = data
-    header = parsed(first, str(path), _REMEDY)
-    kind = header.get("format") if isinstance(header, dict) else None
-    if not isinstance(kind, str):
-        return []
+    if not content(path, journal.MAX_BYTES, _REMEDY, "path").startswith(b"{"):
+        return [_MOTION]  # an archive, or what its reader says is none
+    kind = format_of(path, _REMEDY, "path", journal.MAX_BYTES)
     if kind != _CONTINUATION:
-        return [kind]
-    begun = [record["begin"] for record in _records(path) if "begin" in record]
+        return [] if kind is None else [kind]
+    begun = [record["begin"] for record in journal.lines(path, kind, _REMEDY) if "begin" in record]
     return [f"{kind} of {begin.get('what')}" for begin in begun if isinstance(begin, dict)] or [
         f"{kind} of equilibria"  # which has none yet
     ]
-
-
-def _records(path: str | Path) -> list[dict[str, Any]]:
-    try:
-        return journal.records(journal.whole_lines(Path(path), _REMEDY))
-    except journal.NotAJournal as error:
-        got = f"{path}, which is damaged or was edited ({error})"
-        raise fail("path", "the file of a continuation", got, _REMEDY) from error

@@ -14,7 +14,9 @@ import numpy as np
 from jaxdyn import _checks, solvers
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
-from jaxdyn.files import archives, records, scene_records
+from jaxdyn.files import archives
+from jaxdyn.files.codec import decode_scene, encode
+from jaxdyn.files.layout import Layout
 from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
@@ -22,9 +24,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
-FORMAT = "jaxdyn-motion"
-VERSION = 2
-_UNDIGESTED = 1  # the version without a digest of all bytes
+LAYOUT = Layout("jaxdyn-motion", 2, "`motion.save`", {1: False})
 RECORD = "motion.json"
 _REMEDY = "Give the path of a file that `motion.save` wrote; if it is one, it is damaged."
 #: Methods by their names in files.
@@ -73,7 +73,7 @@ def save(path: str | Path, motion: Trajectory | HybridTrajectory) -> None:
         found = _take(_arrays(piece), _first(piece).scene, piece.error is not None)
         arrays |= {prefix + name: x for name, x in found.items()}
     record = {"pieces": list(map(_record, pieces.values())), "chain": chain}
-    archives.write(path, RECORD, {"format": FORMAT, "version": VERSION, **record}, arrays)
+    archives.write(path, RECORD, LAYOUT.header | record, arrays)
 
 
 def load(path: str | Path) -> Trajectory | HybridTrajectory:
@@ -91,11 +91,8 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
     """
     _checks.float64()
     record, arrays, digested = archives.read(path, RECORD, _REMEDY)
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise _refusal(f"format {FORMAT!r}", "another")
-    if record.get("version") not in (_UNDIGESTED, VERSION):
-        raise _refusal(f"version {VERSION}", repr(record.get("version"))[:40])
-    if not digested and record["version"] != _UNDIGESTED:
+    LAYOUT.check(record, "path")
+    if not digested and record["version"] not in LAYOUT.older:
         raise _refusal("a digest at its end", "none")
     try:
         motion = _decode(record, arrays)
@@ -143,7 +140,7 @@ def _record(piece: Trajectory) -> dict[str, Any]:
         remedy = "Save dataclasses.replace(motion, method=None), which only loses a warning."
         raise fail("method", "one of jaxdyn.solvers", piece.method.name, remedy)
     return {
-        "scene": records.encode(_first(piece).scene),
+        "scene": encode(_first(piece).scene),
         "method": piece.method and piece.method.name,
         "error": piece.error and {word: getattr(piece.error, word) for word in _WORDS},
     }
@@ -203,7 +200,7 @@ def _piece(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory:
     method, words = record["method"], record["error"]
     if method is not None and method not in _METHODS:
         raise _refusal("a method of jaxdyn.solvers", repr(method)[:40])
-    scene = scene_records.decode(record["scene"], _REMEDY)
+    scene = decode_scene(record["scene"], _REMEDY)
     found = {name: jnp.asarray(x) for name, x in _take(arrays, scene, words is not None).items()}
     if method is not None and "dt" not in found:
         raise _refusal("the step dt of a method of fixed step", "none")

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.formulations.constrained import DRIFTS, Constrained
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.mechanism import Mechanism

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import refuse_narrow
+from jaxdyn._checks import refuse_narrow
 from jaxdyn._records.captured import PASS_AS_PARAMS
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._shapes import check_force, total_force
 from jaxdyn.scene import Points, System
 

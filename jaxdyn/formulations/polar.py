@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._shapes import total_force
 from jaxdyn.scene import Points, System
 

@@ -19,7 +19,7 @@ from jaxdyn.gallery import poster
 from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import write
 from jaxdyn.gallery.texts import duration
-from jaxdyn.studies import upright
+from jaxdyn.hard.cases import shaken
 from orbits.drawing import diagram as diagram_picture
 from orbits.drawing import family as family_picture
 from orbits.drawing import manifold as manifold_picture
@@ -166,7 +166,7 @@ def _diagram():
 
 
 def _chart():
-    chart = upright.upright_chart(np.linspace(0.02, 0.5, 80), np.linspace(5.0, 80.0, 80))
+    chart = shaken.upright_chart(np.linspace(0.02, 0.5, 80), np.linspace(5.0, 80.0, 80))
     return drawing.stability_chart(chart, names=("amplitude [m]", "frequency [rad/s]"))
 
 

@@ -20,8 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import fail
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float, fail
 from jaxdyn._records.kinds import check_first
 
 _FACTOR = re.compile(r"\s*\*?\s*(?:(\d+\.?\d*)|([A-Za-z]+)(?:_([a-z]+))?)\s*")

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxdyn import _checks
 from jaxdyn._arguments import arrays
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
 from jaxdyn.geometry.frames import checked_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross

@@ -3,7 +3,7 @@
 `case` says what a case is, the folder `cases` has them, `collection` lists them all, `elliptic` has
 integrals that several use.
 
-May import: `studies`, `ensemble`.
+May import: `accuracy`, `scenes`, `ensemble`.
 
 One more case is one entry of `CASES` in the file of its topic in `cases`: a name, what must hold,
 and a function that returns numbers with their bounds. Name and sentence are literals, which `jaxdyn

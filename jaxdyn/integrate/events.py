@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
@@ -252,13 +252,14 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
     events = checked_events(events, len(scene.y0))
     sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
     method = check_method(scene, options.solver, several=True)
-    traced = _checks.is_traced((scene, events, sides, t0, t1, limits(options)))
+    held_to = limits(options)
+    traced = _checks.is_traced((scene, events, sides, t0, t1, held_to))
 
     def run(held_to, method: Method) -> Stop:
         held_to = jax.tree.map(jnp.asarray, held_to)
         return _compiled(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
 
-    return switching(run, options, method, traced=traced)[0]
+    return switching(run, held_to, method, default=options.solver is None and not traced)[0]
 
 
 def checked_events(events, k: int) -> tuple[Event, ...]:

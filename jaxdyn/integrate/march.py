@@ -20,8 +20,7 @@ from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.sizes import Begun
-from jaxdyn.solvers.stepper import Stepper, is_stiff
-from jaxdyn.solvers.stepping import Stepping
+from jaxdyn.solvers.stepper import Stepper, Stepping, is_stiff
 from jaxdyn.status import Status
 from jaxdyn.system import Record
 

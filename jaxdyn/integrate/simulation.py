@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.notes import notes_on
 from jaxdyn.integrate.adjoint import adjoint_flow
@@ -29,10 +29,9 @@ from jaxdyn.integrate.spans import (
     filling,
     host_floats,
     limits,
-    no_times,
-    quickly_passed,
     sampled_span,
 )
+from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.switching import switching
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
@@ -116,8 +115,9 @@ def simulate(
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
-        method = _check_method(scene, options, dt)
-        result, switched = _solve(scene, (t0, t1, ts), options, method, dt=dt)
+        held_to = limits(options, dt)  # checked before, as the choice of a method uses them
+        method = check_method(scene, solver, dt, rtol=rtol)
+        result, switched = _solve(scene, (t0, t1, ts), held_to, method, default=solver is None)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
@@ -149,14 +149,14 @@ def _to_digits(
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
-        held_to = options._replace(rtol=rtol, atol=Share(atol))
-        return _solve(scene, span, held_to, method, noise=noise)[0]
+        held_to = limits(options._replace(rtol=rtol, atol=Share(atol)))
+        return _solve(scene, span, held_to, method, default=default, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.
-    loose = options._replace(rtol=_LOOSE_RTOL)
-    _, switched = _solve(scene, span, loose, method, noise=QUIET)
+    loose, default = limits(options._replace(rtol=_LOOSE_RTOL)), options.solver is None
+    _, switched = _solve(scene, span, loose, method, default=default, noise=QUIET)
     if switched:
-        method, options = RADAU9, options._replace(solver=RADAU9)
+        method, default = RADAU9, False
     return *error_estimate.reach(run, scene, span[-1], digits, method.name, refuse), switched
 
 
@@ -214,55 +214,44 @@ def solve(
       with variational equations in 60 digits.)
     """
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    method = _check_method(scene, options, dt)
+    held_to = limits(options, dt)
+    method = check_method(scene, solver, dt, rtol=rtol)
     _checks.flag("fixed", fixed)
     _checks.flag("adjoint", adjoint)
-    extras = {"dt": dt, "fixed": fixed, "adjoint": adjoint, "noise": noise}
-    return _solve(scene, (t0, t1, ts), options, method, **extras)[0]
-
-
-def _check_method(scene: Scene, options: SolverOptions, dt) -> Method:
-    """The method; tolerances, step and limits are checked before, as its choice uses them."""
-    limits(options, dt)
-    return check_method(scene, options.solver, dt, rtol=options.rtol)
+    extras = {"default": solver is None, "fixed": fixed, "adjoint": adjoint, "noise": noise}
+    return _solve(scene, (t0, t1, ts), held_to, method, **extras)[0]
 
 
 def _solve(
     scene: Scene,
     span: Span,
-    options: SolverOptions,
+    held_to: Limits,
     method: Method,
     *,
-    dt=None,
+    default: bool,
     fixed: bool = False,
     adjoint: bool = False,
     noise: Noise | None = None,
 ) -> tuple[SolveResult, bool]:
     """The result of `solve` by a method, and whether `RADAU9` took over.
 
-    It may where the options name no solver, so that the method is the default.
+    It may where the method is the default, and nothing is traced.
     """
-    t0, t1, ts = span
-    y0, n = as_float(scene.y0), len(ts)
+    y0, n = as_float(scene.y0), len(span[-1])
     field = FixedField(scene.field) if fixed else scene.field
     field = field if noise is None else RoundedField(field, noise)
     # A search through the scene's numbers takes half as long as an empty program.
     numbers = () if noise is None and notes_on(scene) is not None else (field,)
-    held_to = options.rtol, options.atol, options.max_steps, dt, options.max_step, options.breaks
-    traced = any(map(_checks.is_traced, (*numbers, y0, t0, t1, ts, *held_to)))
+    traced = any(map(_checks.is_traced, (*numbers, y0, *span, *held_to)))
+    t0, t1, ts = (host_floats(x, "time") for x in span)
     if traced:
-        method = method if options.solver is not None else within_trace(scene, method)
-        t0, t1, ts = (host_floats(x) for x in (t0, t1, ts))
-    else:
-        t0, t1 = quickly_passed(t0), quickly_passed(t1)
-        ts = np.asarray(ts, float) if n else no_times()
-        if n and not adjoint:
-            # NaN is never reached; derivatives would see it, and traces recompile anyway.
-            given, ts = ts, np.full(n + filling(n, y0.size), np.nan)
-            ts[:n] = given
+        method = within_trace(scene, method) if default else method
+    elif n and not adjoint:
+        # NaN is never reached; derivatives would see it, and traces recompile anyway.
+        ts = np.append(ts, np.full(filling(n, y0.size), np.nan))
     march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
-    out, switched = switching(run, options, method, traced=traced, dt=dt)
+    out, switched = switching(run, held_to, method, default=default and not traced)
     if not switched and len(ts) == n:
         return out, False
     # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, refuse_unreal, too_large
+from jaxdyn._checks import as_float, refuse_unreal, too_large
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
@@ -59,10 +59,15 @@ class SolverOptions(NamedTuple):
     breaks: Any = ()
 
 
-def host_floats(x) -> Array | np.ndarray:
+def host_floats(x, name: str = "number") -> Array | np.ndarray:
     """x in 64-bit floats, on the host if it has a value."""
-    # NumPy for concrete values: a jnp operation on the host costs as much as a short solve.
-    return jnp.asarray(x, float) if _checks.is_traced(x) else np.asarray(x, float)
+    if _checks.is_traced(x):
+        return jnp.asarray(x, float)
+    refuse_unreal(x, name)
+    try:
+        return np.asarray(x, float)  # a jnp operation costs as much as a short solve
+    except OverflowError as error:
+        raise too_large(name, x) from error
 
 
 def tolerances(rtol, atol) -> Array | np.ndarray:
@@ -128,7 +133,9 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
 
 
 def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
-    return _on_device(np.linspace(t1 if n == 1 else t0, t1, n))
+    # Kept for later calls, so it must not belong to a trace that happens to be under way.
+    with jax.ensure_compile_time_eval():
+        return jax.device_put(np.linspace(t1 if n == 1 else t0, t1, n))
 
 
 #: To get them to the device takes as long as five empty programs.
@@ -153,20 +160,23 @@ def _check_memory(scene: Scene, samples: int) -> None:
         )
 
 
-def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
+def limits(options: SolverOptions, dt=None) -> Limits:
     """The limits of a solve, checked: the step if `dt` is given, else the tolerances.
 
     Args:
       options: tolerances and the number of steps.
       dt: step length of a method of fixed step.
-      max_limited: largest net number of steps that stability limits.
     """
-    _checks.float64()  # or those that are kept would have half of their digits for good
+    most = options.max_steps
+    if _checks.is_traced(most):
+        most = jnp.stack([most, jnp.asarray(_ANY)])
+    else:
+        most = np.array([_checks.whole("max_steps", most), _ANY])
     if dt is not None:
-        return Limits(step_length(dt), _most(options.max_steps, max_limited))
-    given = options.rtol, options.atol, options.max_steps, max_limited
-    known = all(x is None or type(x) is float or type(x) is int for x in given)
-    found = (_known_limits if known else _limits)(*given)
+        remedy = "It is the length of a step, also backwards in time."
+        length = _checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy)
+        return Limits(host_floats(length)[None], most)
+    found = Limits(tolerances(options.rtol, options.atol), most)
     # `np.size` alone takes as long as all other checks.
     breaks = options.breaks
     if options.max_step is None and (
@@ -181,57 +191,6 @@ def limits(options: SolverOptions, dt=None, max_limited: int = _ANY) -> Limits:
     remedy = "Times at which the rate changes."
     breaks = _checks.array("breaks", breaks, (None,), remedy) if np.size(breaks) else ()
     return found._replace(max_step=longest, breaks=breaks)
-
-
-def _limits(rtol, atol, max_steps, max_limited: int) -> Limits:
-    return Limits(tolerances(rtol, atol), _most(max_steps, max_limited))
-
-
-@functools.lru_cache(typed=True)  # the checks take as long as half an empty program
-def _known_limits(*given) -> Limits:
-    return Limits(*map(_on_device, _limits(*given)))
-
-
-@functools.cache
-def no_times() -> Array:
-    """(0,) no times, on the device: a NumPy array takes 1 to 5 us to get there with each call."""
-    return _on_device(np.zeros(0))
-
-
-@functools.cache
-def _zero() -> Array:
-    return _on_device(np.zeros(()))
-
-
-def _on_device(x: np.ndarray) -> Array:
-    # Kept for later calls, so it must not belong to a trace that happens to be under way.
-    with jax.ensure_compile_time_eval():
-        return jax.device_put(x)
-
-
-def quickly_passed(t) -> Array | np.ndarray:
-    """() a time with a value, as what a compiled call takes in the least time."""
-    if type(t) is float and t == 0.0:
-        return _zero()
-    if isinstance(t, jax.Array) and t.dtype == float and not t.weak_type:
-        return t
-    refuse_unreal(t, "time")
-    try:
-        return np.asarray(t, float)
-    except OverflowError as error:
-        raise too_large("time", t) from error
-
-
-def _most(max_steps, max_limited: int) -> Array | np.ndarray:
-    if _checks.is_traced(max_steps):
-        return jnp.stack([max_steps, jnp.asarray(max_limited)])
-    return np.array([_checks.whole("max_steps", max_steps), max_limited])
-
-
-def step_length(dt) -> Array | np.ndarray:
-    """(1,) a step of fixed length, checked."""
-    remedy = "It is the length of a step, also backwards in time."
-    return host_floats(_checks.positive("dt", _checks.array("dt", dt, (), remedy), remedy))[None]
 
 
 def filling(n: int, k: int) -> int:

@@ -11,6 +11,7 @@ from typing import ClassVar, NamedTuple
 
 import diffrax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import rough_power, square_norm
@@ -51,6 +52,10 @@ class Limits(NamedTuple):
     def with_steps(self, left: Array) -> "Limits":
         """The same with another number of steps."""
         return self._replace(max_steps=jnp.stack([left, self.max_steps[1]]))
+
+    def until_stiff(self, most: int) -> "Limits":
+        """The same with another net number of steps that stability limits; not inside a trace."""
+        return self._replace(max_steps=np.array([self.max_steps[0], most]))
 
 
 def _mean_square(y: Array) -> Array:

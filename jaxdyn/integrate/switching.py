@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.spans import SolverOptions, limits
+from jaxdyn.integrate.step_control import Limits
 from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.status import Status
 
@@ -33,30 +33,29 @@ R = TypeVar("R", bound=Ended)
 
 
 def switching(
-    run: Callable[..., R], options: SolverOptions, method: Method, *, traced: bool, dt=None
+    run: Callable[..., R], limits: Limits, method: Method, *, default: bool
 ) -> tuple[R, bool]:
     """The result of a run, and whether `RADAU9` took over because the motion is stiff.
 
     Where the default is no pair and its steps collapse, that of its tangents takes over before.
 
-    That may be where the options name no solver, and outside of traces. The motion then starts
-    again: to go on where the explicit method stopped would save the steps so far, and take a
-    second path for samples, events and failures.
+    The motion then starts again: to go on where the explicit method stopped would save the steps so
+    far, and take a second path for samples, events and failures.
 
     Args:
       run: takes `Limits`, and a `Method` as ``method``.
-      options: tolerances, solver, and the number of steps.
+      limits: tolerances and the number of steps.
       method: the solver, or the default.
-      traced: whether a value is, on which the run depends.
-      dt: step length of a method of fixed step.
+      default: whether another may take over: nobody asked for this one, and no value is traced on
+        which the run depends.
     """
-    if options.solver is not None or traced:
-        return run(limits(options, dt), method=method), False
-    limited = limits(options, max_limited=MOST_LIMITED)
+    if not default:
+        return run(limits, method=method), False
+    limited = limits.until_stiff(MOST_LIMITED)
     first = run(limited, method=method)
     if _checks.is_traced(first.status):
         # A trace is under way that none of the values is part of.
-        return run(limits(options), method=method), False
+        return run(limits, method=method), False
     # By NumPy, as int() of a JAX array takes three times as long as an empty program.
     status = np.asarray(first.status).item()
     pair = method.for_tangents
@@ -65,4 +64,4 @@ def switching(
         status = np.asarray(first.status).item()
     if status != Status.STIFF:
         return first, False
-    return run(limits(options), method=RADAU9), True
+    return run(limits, method=RADAU9), True

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._numerics import smooth
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose

@@ -23,7 +23,7 @@ from jaxtyping import Array
 from numpy.polynomial import legendre
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.effects import CentralForce
 
 _ROUNDING = 1e-14  # of 3 + n, below which it is 0

@@ -2,7 +2,7 @@
 
 Each scene can represent the attitude by a quaternion, a matrix or Euler angles, so that the three
 can be compared. Steady motions and their stability are in `jaxdyn.analysis.precession` and
-`jaxdyn.studies.sleeping_top`.
+`jaxdyn.analysis.precession.critical_spin`.
 
 Where the course is ambiguous or misprinted:
 
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float, floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion, RotationMatrix
 from jaxdyn.formulations.newton_euler import NewtonEuler

@@ -12,7 +12,7 @@ import math
 import jax.numpy as jnp
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.mechanisms.disk import FLAT, Disk

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.prescribed import Path, Prescribed
 from jaxdyn.geometry.euler import SEQUENCES, matrix_from_euler

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.choice import Embedding, route
 from jaxdyn.mechanisms.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import Embedding, route
 from jaxdyn.formulations.constrained import Constrained

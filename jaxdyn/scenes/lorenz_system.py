@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 

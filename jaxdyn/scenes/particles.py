@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints

@@ -10,7 +10,7 @@ import math
 import jax.numpy as jnp
 
 from jaxdyn import _checks
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.choice import Embedding, route
 from jaxdyn.formulations.mechanism import TIES

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.scenes.sections import DRAWN

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Effect, Scene, System
 from jaxdyn.scenes.ready_made import ready_made

@@ -16,7 +16,7 @@ import dataclasses
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._floats import floats
+from jaxdyn._checks import floats
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.mechanisms.skates import LagrangeSkates, Skated
 from jaxdyn.scene import Scene

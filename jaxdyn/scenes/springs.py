@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.effects import Dashpot, LinearDrag, Spring, StepForce, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import Trajectory, single

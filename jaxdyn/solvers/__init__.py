@@ -16,11 +16,10 @@
   ``diffrax.Kvaerno5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
-diffrax calls it, with compensated sums), `stepping` (the loop over steps), `sizes` (in which a
-tolerance is absolute by default), `pairs`,
-`order_conditions` (corrections of rounded tables), `compositions`, `gauss`, `radau`, `stoermer`,
-the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps several motions at once,
-`perturbed` magnifies rounding errors.
+diffrax calls it, with compensated sums, and the loop over steps), `sizes` (in which a tolerance is
+absolute by default), `pairs` (with corrections of rounded tables), `compositions`, `gauss`,
+`radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps
+several motions at once, `perturbed` magnifies rounding errors.
 `intervals` and `enclosures` bound the values of formulas over boxes in doubles, for equilibria;
 proofs of orbits use `balls`.
 

@@ -26,7 +26,7 @@ from jaxdyn.solvers.formulas.graph import (
     NotElementary,
     Number,
 )
-from jaxdyn.solvers.formulas.shortest import topological_order
+from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.symbolic.parameters import parameters, rebuild
 
 #: Nodes above which no function is written.

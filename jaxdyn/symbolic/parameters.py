@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.field import Field
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Field, Scene
 
 
 class Parameters(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
-from jaxdyn.files.typed import typed
+from jaxdyn.files.codec import decode
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
 from orbits.analysis.identity import has_normal_form, identify, normal_form
@@ -159,7 +159,7 @@ def from_json(record: Any, remedy: str) -> Report:
     Raises:
       ValueError: it has other entries than `as_json` writes, or some of another type.
     """
-    found = typed(record, Report, "claims", remedy)
+    found = decode(record, Report, "claims", remedy)
     pairs = all(len(z) == 2 for z in found.multipliers)
     if not (pairs and (found.normal_form is None or len(found.normal_form.y0) > 1)):
         raise fail("claims", "multipliers as pairs, and a start", "others", remedy)

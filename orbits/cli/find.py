@@ -93,7 +93,7 @@ def find_command(
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         if save_to:
-            jaxdyn.files.records.encode(scene)  # or refuse before the search what no file holds
+            jaxdyn.files.codec.encode(scene)  # or refuse before the search what no file holds
         orbit = orbits.discovery.nearby.searched(
             scene,
             period,

@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, choice, fail, positive
-from jaxdyn._floats import as_float
+from jaxdyn._checks import array, as_float, choice, fail, positive
 from jaxdyn._records.record import Record
 from jaxdyn.analysis import energy as energies
 

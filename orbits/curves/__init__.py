@@ -1,8 +1,8 @@
 """Curves of special orbits in two parameters.
 
 `following` poses folds, branch points, period doublings and torus points to the branch engine, by
-the equations of `extended` in the units of `units`; `steps` makes a point with its multipliers and
-tests, `special` finds the points of codimension two between two, and `curve` holds both;
+the equations of `extended` in the units of `units`, and finds the points of codimension two
+between two; `steps` makes a point with its multipliers and tests, and `curve` holds all;
 `checkpoint` keeps them in a file, and reads it.
 
 May import: `families`.

@@ -10,8 +10,7 @@ from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Walk, walks_in
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.files import records
-from jaxdyn.files.typed import plain, typed, typed_fields
+from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Return
 from orbits.closing.symmetry import Symmetry
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
@@ -44,30 +43,30 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
 def codec(extended: Extended) -> Codec:
     """The codec of points, whose orbits are those at the unknowns of the equations."""
 
-    def encode(point: OrbitCurvePoint) -> dict[str, Any]:
+    def pack(point: OrbitCurvePoint) -> dict[str, Any]:
         orbit = point.orbit
         known = {"residual": float(orbit.residual), "iterations": int(orbit.iterations)}
-        return plain(point, ("orbit",)) | {"orbit": known}
+        return encode(point, ("orbit",)) | {"orbit": known}
 
-    def decode(record: Any) -> OrbitCurvePoint:
+    def unpack(record: Any) -> OrbitCurvePoint:
         if not isinstance(record, dict) or "orbit" not in record:
             raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "orbit"}
-        fields = typed_fields(EARLIER | rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
+        fields = decode_fields(EARLIER | rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)
-        known = typed(record["orbit"], Closed, "file", OTHER)
+        known = decode(record["orbit"], Closed, "file", OTHER)
         return OrbitCurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
 
-    return Codec(encode, decode)
+    return Codec(pack, unpack)
 
 
 def about(extended: Extended) -> dict[str, Any]:
     """What tells the equations of a curve from others, besides the scenes."""
     return {
         "kind": str(extended.kind),
-        "closing": records.encode(extended.closing),
+        "closing": encode(extended.closing),
         "driven": extended.driven,
         "segments": extended.segments,
         "k": extended.k,
@@ -94,9 +93,9 @@ class _About(NamedTuple):
 
 
 def _curve(walk: Walk, make: MakeOfTwo) -> OrbitCurve:
-    known = typed(walk.begin.about, _About, "file", OTHER)
-    closing = records.decode(known.closing, "closing", (Return, Symmetry))
-    if not isinstance(closing, Return) or known.kind not in VECTORS or known.segments < 1:
+    known = decode(walk.begin.about, _About, "file", OTHER)
+    closing = decode_part(known.closing, Return, "closing", (Symmetry,), OTHER)
+    if known.kind not in VECTORS or known.segments < 1:
         raise fail("file", "a curve of special orbits", "another", OTHER)
     extended = Extended(make=make, **known._replace(closing=closing)._asdict())
     found = read(walk, codec(extended))

@@ -17,13 +17,14 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files import journal
+from jaxdyn.files.codec import decode, encode
+from jaxdyn.files.digests import DAMAGED
+from jaxdyn.files.layout import Layout
 from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Closing
 from orbits.orbit import Orbit, Outcome
 
-FORMAT = "jaxdyn-search"
-VERSION = 3
-_REMEDY = "Give the path of a file that a search wrote."
+LAYOUT = Layout("jaxdyn-search", 3, "a search")
 _PATIENCE = 60.0  # [s]; others write for milliseconds
 _ALIKE = 1e-6  # relative: invariants that differ by more belong to different orbits
 _ONE = 1e-8  # relative: starts this close are the same
@@ -60,16 +61,6 @@ class Find:
     multiplier: float
     label: str
 
-    @classmethod
-    def of(cls, record: dict[str, Any]) -> "Find":
-        """The inverse of `dataclasses.asdict`."""
-        y0 = tuple(record["y0"])
-        if not (all(_is(x, float) for x in y0) and record["closing"] in (0, 1)):
-            raise TypeError("a numeric start and a closing of 0 or 1")
-        if not all(_is(record[f.name], f.type) for f in dataclasses.fields(cls) if f.name != "y0"):
-            raise TypeError("fields of the right types")
-        return cls(**{**record, "y0": y0})
-
     def orbit(self, scene: Scene, closings: tuple[Closing, ...], rtol: float) -> Orbit:
         """The find as an orbit of the scene searched."""
         closing = closings[self.closing]
@@ -100,14 +91,6 @@ class Chunk:
     counts: dict[str, int]
     finds: tuple[Find, ...]
 
-    @classmethod
-    def of(cls, record: dict[str, Any]) -> "Chunk":
-        """The chunk of a line."""
-        number, counts, finds = (record[key] for key in ("number", "counts", "finds"))
-        if not (_is(number, int) and all(_is(n, int) for n in counts.values())):
-            raise TypeError("numbers of chunks and samples")
-        return cls(number, counts, tuple(map(Find.of, finds)))
-
 
 class File:
     """Chunks written to a file; without a path they are only kept in memory."""
@@ -123,16 +106,13 @@ class File:
         self._file = None
         if path is None:
             return
-        header = {"format": FORMAT, "version": VERSION, **what}
-        try:
-            self._file = journal.Journal(path, header, _REMEDY, _PATIENCE)
-        except journal.NotAJournal as error:
-            raise _another(path) from error
-        found, self.chunks = _parse(path, self._file.records)
+        self._file = journal.Journal(path, LAYOUT, what, _PATIENCE)
+        header, found = LAYOUT.header | what, self._file.header
         if found != json.loads(json.dumps(header)):
             odd = sorted(k for k in {*found, *header} if found.get(k) != header.get(k))
             remedy = "Give another path, or the arguments of the search that started this file."
             raise fail("path", "a file of this search", f"one with another {odd[0]}", remedy)
+        self.chunks = _chunks(self._file.records)
 
     def add(self, chunk: Chunk) -> None:
         """Add a chunk, unless it is there already."""
@@ -140,7 +120,7 @@ class File:
             return
         self.chunks[chunk.number] = chunk
         if self._file is not None:
-            self._file.add(dataclasses.asdict(chunk))
+            self._file.add(encode(chunk))
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
@@ -149,36 +129,18 @@ def read(path: str | Path) -> tuple[dict[str, Any], list[Chunk]]:
     Raises:
       ValueError: the file was not written by a search, or was edited.
     """
-    try:
-        records = journal.records(journal.whole_lines(Path(path), _REMEDY))
-    except journal.NotAJournal as error:
-        raise _another(path) from error
-    header, chunks = _parse(path, records)
+    header, records = journal.read(path, LAYOUT)
+    chunks = _chunks(records)
     return header, [chunks[number] for number in sorted(chunks)]
 
 
-def _parse(
-    path: str | Path, records: list[dict[str, Any]]
-) -> tuple[dict[str, Any], dict[int, Chunk]]:
-    try:
-        header, *chunks = records
-        if (header["format"], header["version"]) != (FORMAT, VERSION):
-            raise KeyError("format")
-        found = {chunk.number: chunk for chunk in reversed([Chunk.of(chunk) for chunk in chunks])}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise _another(path) from error
-    return header, found
-
-
-def _another(path: str | Path) -> ValueError:
-    wanted = f"a {FORMAT} file of version {VERSION}"
-    return fail("path", wanted, f"{path}, which is another or was edited", _REMEDY)
-
-
-def _is(value: Any, kind: type) -> bool:
-    """Whether a JSON value is of a type; an integer is a float too."""
-    kinds = (float, int) if kind is float else (kind,)
-    return type(value) in kinds
+def _chunks(records: list[dict[str, Any]]) -> dict[int, Chunk]:
+    """The chunks of lines by number, the first one of each."""
+    found = [decode(record, Chunk, "path", DAMAGED, lines=True) for record in records]
+    for find in (find for chunk in found for find in chunk.finds):
+        if not (np.isfinite([*find.y0, find.period]).all() and find.closing in (0, 1)):
+            raise fail("path", "finite starts and periods, closings 0 or 1", "others", DAMAGED)
+    return {chunk.number: chunk for chunk in reversed(found)}
 
 
 def distinct(

@@ -22,7 +22,7 @@ from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
-from jaxdyn.files import records
+from jaxdyn.files.codec import encode
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.given import pose
@@ -226,7 +226,7 @@ def _check(plan: Plan) -> None:
 def _header(plan: Plan) -> dict[str, Any]:
     """The description that identifies a search."""
     names = ("samples", "chunk", "seed", "shortest", "longest", "windows", "close", "rtol")
-    encoded = {"scene": records.encode(plan.scene), "closing": records.encode(plan.closing)}
+    encoded = {"scene": encode(plan.scene), "closing": encode(plan.closing)}
     first = plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)
     return {
         **encoded,

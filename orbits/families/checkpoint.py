@@ -9,8 +9,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Walk
-from jaxdyn.files import records
-from jaxdyn.files.typed import plain, typed, typed_fields
+from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Closing
 from orbits.closing.given import driven
 from orbits.closing.symmetry import Symmetry
@@ -42,26 +41,26 @@ class _Cuts(NamedTuple):
 def codec(surface: Surface) -> Codec:
     """The codec of members, whose orbits are those at points of a surface of solutions."""
 
-    def encode(member: Member) -> dict[str, Any]:
-        point = plain(member.point, _NOT_NUMBERS)
+    def pack(member: Member) -> dict[str, Any]:
+        point = encode(member.point, _NOT_NUMBERS)
         cuts = member.point.equations
         if cuts is not surface.equations:
-            point |= plain({_CUTS: _Cuts(cuts.shares, cuts.s_spans)})
-        return plain(member, _POINT) | {"point": point}
+            point |= encode({_CUTS: _Cuts(cuts.shares, cuts.s_spans)})
+        return encode(member, _POINT) | {"point": point}
 
-    def decode(record: Any) -> Member:
+    def unpack(record: Any) -> Member:
         if not isinstance(record, dict) or "point" not in record:
             raise fail("file", "a member with a point", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "point"}
-        fields = typed_fields(rest, Member, "file", OTHER, _POINT)
+        fields = decode_fields(rest, Member, "file", OTHER, _POINT)
         numbers, cuts = record["point"], surface.equations
         if isinstance(numbers, dict) and _CUTS in numbers:
-            given = typed(numbers[_CUTS], _Cuts, "file", OTHER)
+            given = decode(numbers[_CUTS], _Cuts, "file", OTHER)
             cuts = dataclasses.replace(cuts, shares=given.shares, s_spans=given.s_spans)
             numbers = {name: x for name, x in numbers.items() if name != _CUTS}
         old = _without_units(numbers)
         without = (*_NOT_NUMBERS, *(_UNITS if old else ()))
-        known = typed_fields(numbers, Point, "file", OTHER, without)
+        known = decode_fields(numbers, Point, "file", OTHER, without)
         if old:
             point = surface.point(**known)
             fields |= _in_units(point, fields)
@@ -71,7 +70,7 @@ def codec(surface: Surface) -> Codec:
             point = Point(**known, equations=cuts, jacobian=none)
         return Member(**fields, point=point, orbit=surface.at(point).orbit(point))
 
-    return Codec(encode, decode)
+    return Codec(pack, unpack)
 
 
 def _without_units(point: Any) -> bool:
@@ -103,7 +102,7 @@ def about(surface: Surface) -> dict[str, Any]:
         legs = len(equations.legs)
         return {"legs": legs, "path": path, "closes": closes, "rtol": float(surface.rtol)}
     return {
-        "closing": records.encode(equations.closing),
+        "closing": encode(equations.closing),
         "conditions": [type(condition).__name__ for condition in equations.conditions],
         "along": equations.make is not None,
         "shares": list(equations.shares),
@@ -133,11 +132,11 @@ def family(walk: Walk, make: Make) -> Family:
     Raises:
       ValueError: its orbits do not close in these scenes.
     """
-    known = typed(walk.begin.about, _About, "file", OTHER)
-    closing = records.decode(known.closing, "closing", (Closing, Symmetry))
+    known = decode(walk.begin.about, _About, "file", OTHER)
+    closing = decode_part(known.closing, Closing, "closing", (Symmetry,), OTHER)
     place = walk.begin.place
     x = place[: place.size // 2]
-    if not isinstance(closing, Closing) or known.conditions or not known.along or x.size < 3:
+    if known.conditions or not known.along or x.size < 3:
         raise fail("file", "a family in a parameter, without conditions", "another", OTHER)
     scene = make(jnp.asarray(x[-2]))
     k = len(scene.labels())

@@ -6,7 +6,7 @@ from jaxdyn._checks import fail
 from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, walks_in
 from jaxdyn.continuation.loading import equilibria
-from jaxdyn.files.typed import typed
+from jaxdyn.files.codec import decode
 from orbits.families.checkpoint import ORBITS, family
 from orbits.families.diagram import DOUBLINGS, FAILURE, Diagram, Failure, place_of
 from orbits.shooting.segment import Make
@@ -30,7 +30,7 @@ def load(path: str | Path, make: Make) -> Diagram:
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
     rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]
-    depths = [typed(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
+    depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
     families = tuple(family(walk, make) for walk in around)
     special = [point for each in (*rests, *families) for point in each.special]
     failures = []
@@ -38,5 +38,5 @@ def load(path: str | Path, make: Make) -> Diagram:
         at = [x for x in special if place_of(x).items() <= note.items()]
         if not at:
             raise fail("file", "failures at special points", "others", OTHER)
-        failures.append(Failure(at[0], typed(note[FAILURE], str, FAILURE, OTHER)))
+        failures.append(Failure(at[0], decode(note[FAILURE], str, FAILURE, OTHER)))
     return Diagram(rests, families, tuple(depths), tuple(failures))

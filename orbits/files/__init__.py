@@ -2,7 +2,7 @@
 
 `orbit_files` writes and reads orbits, `chain_files` chains of legs, `family_files` families;
 `encoding` turns an orbit into plain JSON and back for both, and refuses what is none;
-`jaxdyn.files.records` refuses all that is not plain data. `contents` tells what a file holds,
+`jaxdyn.files.codec` refuses all that is not plain data. `contents` tells what a file holds,
 `verify` recomputes the claims of an orbit file.
 
 May import: `families`, `proof`.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
+from jaxdyn.files.layout import format_of
 from orbits.analysis.report import Report, from_json
 from orbits.files import family_files, orbit_files
 from orbits.files.family_files import Listing
@@ -39,12 +40,13 @@ def contents(path: str | Path) -> Claimed | Listing:
       ValueError: it is neither an orbit file nor a family file of this version, or its data is
         invalid.
     """
-    kind = orbit_files.kind_of(path)
-    if kind == family_files.FORMAT:
+    orbit, family = orbit_files.LAYOUT, family_files.LAYOUT
+    found = format_of(path, orbit.remedy)
+    if found == family.format:
         return family_files.load(path)
-    if kind != orbit_files.FORMAT:
-        wanted = f"format {orbit_files.FORMAT!r} or {family_files.FORMAT!r}"
-        raise fail("file", wanted, repr(kind)[:40], orbit_files.REMEDY)
+    if found != orbit.format:
+        wanted = f"format {orbit.format!r} or {family.format!r}"
+        raise fail("file", wanted, repr(found)[:40], orbit.remedy)
     orbit, claims = orbit_files.load(path)
     refined, certificate = (
         claims.pop(name, None) for name in (orbit_files.REFINED, orbit_files.CERTIFICATE)

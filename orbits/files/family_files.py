@@ -2,26 +2,31 @@
 
 import dataclasses
 import math
-import reprlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.files import records
+from jaxdyn.files.codec import decode_fields, encode
 from jaxdyn.files.digests import DAMAGED
+from jaxdyn.files.layout import Layout
 from orbits.families.family import Family, Member
-from orbits.files import encoding
+from orbits.files.encoding import decode_orbit, encode_orbit
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
-FORMAT = "jaxdyn-family"
-VERSION = 4
-_OLDER = {3: True}
+LAYOUT = Layout("jaxdyn-family", 4, "family_files.save", {3: True})
 _VERDICTS = ("stable", "unstable", "undecided")
-_KEYS = {"format", "version", "parameter", "end", "members", "special"}
-_ENTRY_KEYS = {"orbit", "parameter", "energy", "verdict", "kind"}
+
+
+class FamilyFile(NamedTuple):
+    """The entries of a file; see `Listing`."""
+
+    parameter: str | None
+    end: str
+    members: list[dict]
+    special: list[dict]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,19 +82,14 @@ def save(path: str | Path, family: Listing) -> None:
     Raises:
       ValueError: the folder does not exist, or a scene holds a function.
     """
-    record = {"format": FORMAT, "version": VERSION} | as_json(family)
-    records.write(path, record)
+    LAYOUT.write(path, as_json(family))
 
 
 @check_first
 def as_json(family: Listing) -> dict[str, Any]:
     """The list as a JSON object; NaN becomes null."""
-    return {
-        "parameter": family.parameter,
-        "end": family.end,
-        "members": [_record(entry) for entry in family.members],
-        "special": [_record(entry) for entry in family.special],
-    }
+    members, special = ([*map(_record, each)] for each in (family.members, family.special))
+    return encode(FamilyFile(family.parameter, family.end, members, special))
 
 
 def load(path: str | Path) -> Listing:
@@ -98,17 +98,14 @@ def load(path: str | Path) -> Listing:
     Raises:
       ValueError: not a readable family file of this version, or its data is invalid.
     """
-    record = records.read(path, FORMAT, VERSION, _OLDER)
-    if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)
-    name, end = record["parameter"], record["end"]
-    texts = [end] if name is None else [end, name]
-    if not all(isinstance(text, str) and text.isprintable() for text in texts):
-        raise fail("file", "a parameter's name and a reason for the end", "others", DAMAGED)
-    members, special = (_entries(record[key], name) for key in ("members", "special"))
+    known = FamilyFile(**decode_fields(LAYOUT.read(path), FamilyFile, "file", DAMAGED))
+    members, special = (
+        tuple(_decode(record, known.parameter) for record in each)
+        for each in (known.members, known.special)
+    )
     if not members:
         raise fail("file", "at least one member", "none", DAMAGED)
-    return Listing(parameter=name, members=members, special=special, end=end)
+    return Listing(known.parameter, members, special, known.end)
 
 
 def _entry(member: Member) -> Entry:
@@ -122,40 +119,20 @@ def _entry(member: Member) -> Entry:
 
 
 def _record(entry: Entry) -> dict[str, Any]:
-    return {
-        "orbit": encoding.encode(entry.orbit),
-        "parameter": _number(entry.parameter),
-        "energy": _number(entry.energy),
-        "verdict": entry.verdict,
-        "kind": entry.kind,
-    }
+    return {"orbit": encode_orbit(entry.orbit)} | encode(entry, ("orbit",))
 
 
-def _number(x: float) -> float | None:
-    return x if math.isfinite(x) else None
-
-
-def _entries(several: Any, parameter: str | None) -> tuple[Entry, ...]:
-    if not isinstance(several, list):
-        raise fail("file", "a list of orbits", type(several).__name__, DAMAGED)
-    return tuple(_decode(record, parameter) for record in several)
-
-
-def _decode(record: Any, parameter: str | None) -> Entry:
-    if not isinstance(record, dict) or record.keys() != _ENTRY_KEYS:
-        raise fail("file", f"orbits with {sorted(_ENTRY_KEYS)}", "others", DAMAGED)
-    value, energy, verdict, kind = (record[k] for k in ("parameter", "energy", "verdict", "kind"))
-    orbit = encoding.decode(record["orbit"])
-    has_energy = orbit.scene.has_energy
-    numbers = [energy] * has_energy + [value] * (parameter is not None)
-    if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in numbers):
-        raise fail("file", "numbers for energy and parameter", reprlib.repr(numbers), DAMAGED)
-    if verdict not in _VERDICTS or kind not in (None, *Kind):
-        raise fail("file", "a verdict and a kind", reprlib.repr((verdict, kind)), DAMAGED)
-    return Entry(
-        orbit=orbit,
-        parameter=math.nan if parameter is None else float(value),
-        energy=float(energy) if has_energy else math.nan,
-        verdict=verdict,
-        kind=None if kind is None else Kind(kind),
-    )
+def _decode(record: dict, parameter: str | None) -> Entry:
+    orbit = decode_orbit(record.get("orbit"))
+    rest = {name: x for name, x in record.items() if name != "orbit"}
+    entry = Entry(orbit, **decode_fields(rest, Entry, "file", DAMAGED, ("orbit",)))
+    if parameter is None:
+        entry = dataclasses.replace(entry, parameter=math.nan)
+    if not orbit.scene.has_energy:
+        entry = dataclasses.replace(entry, energy=math.nan)
+    numbers = [entry.energy] * orbit.scene.has_energy + [entry.parameter] * (parameter is not None)
+    if not all(map(math.isfinite, numbers)):
+        raise fail("file", "numbers for energy and parameter", numbers, DAMAGED)
+    if entry.verdict not in _VERDICTS:
+        raise fail("file", f"one of {', '.join(_VERDICTS)}", repr(entry.verdict)[:40], DAMAGED)
+    return entry

@@ -1,32 +1,111 @@
 """Orbit files: an orbit with all that is claimed of it, written and read."""
 
+import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from jaxdyn.files import records
+from jaxdyn.files.codec import decode_fields, encode
 from jaxdyn.files.digests import DAMAGED
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.layout import Layout, format_of
+from orbits.analysis.evidence import closure
 from orbits.analysis.report import Report, as_json, report
-from orbits.files import chain_files, encoding
+from orbits.files import encoding
 from orbits.hybrid.legs import HybridOrbit, Leg
-from orbits.hybrid.phases import Phases
-from orbits.orbit import Orbit
+from orbits.hybrid.phases import Phases, legs_of
+from orbits.hybrid.search import Comes, check_legs
+from orbits.orbit import Orbit, Outcome
 from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
 
+# ---- Files of chains of legs: their numbers with all that is claimed of them
+#
+# A file holds no functions, and so no events and changes: the legs, or the phases, are given again
+# when it is read, and refused if the chain does not close by them.
+
+CHAIN_LAYOUT = Layout("jaxdyn-chain", 1, "orbits.save")
+#: Largest closing error of a chain by the legs that are given with its file.
+_HOLDS = 1e-6
+
+
+class ChainFile(NamedTuple):
+    """The entries of a file besides its format and version.
+
+    Attributes:
+      path: see `HybridOrbit`.
+      starts: of the legs.
+      spans: of the legs.
+      rtol: see `HybridOrbit`.
+      claims: what is claimed of the chain.
+    """
+
+    path: list[tuple[str, int]]
+    starts: list[list[float]]
+    spans: list[float]
+    rtol: float
+    claims: dict
+
+
+def _save_chain(path: str | Path, orbit: HybridOrbit, claims: Report | None) -> None:
+    """See `orbits.save`."""
+    known = ChainFile(
+        path=list(orbit.path),
+        starts=[np.asarray(leg.scene.y0).tolist() for leg in orbit.legs],
+        spans=orbit.spans.tolist(),
+        rtol=float(orbit.rtol),
+        claims=as_json(report(orbit) if claims is None else claims),
+    )
+    CHAIN_LAYOUT.write(path, encode(known))
+
+
+def _load_chain(
+    path: str | Path,
+    legs: Sequence[Leg] | Phases,
+    closes: Callable[[Array, Array], Array] | None,
+) -> tuple[HybridOrbit, dict[str, Any]]:
+    """See `orbits.load`."""
+    known = ChainFile(**decode_fields(CHAIN_LAYOUT.read(path), ChainFile, "file", DAMAGED))
+    given = legs_of(legs, tuple(known.path))
+    check_legs(given)
+    sizes = [len(leg.scene.labels()) for leg in given]
+    stored = [len(start) for start in known.starts]
+    if stored != sizes or len(known.spans) != len(given):
+        wanted = f"{len(stored)} legs of states with {stored} entries, those of the file"
+        raise fail("legs", wanted, f"{len(given)} of {sizes}", "Files hold no functions.")
+    numbers = np.concatenate([*known.starts, known.spans])
+    if not (np.isfinite(numbers).all() and min(known.spans) > 0 and 0 < known.rtol < 1):
+        raise fail("file", "finite starts, spans > 0 and 0 < rtol < 1", "others", DAMAGED)
+    found = HybridOrbit(
+        legs=tuple(
+            dataclasses.replace(leg, scene=leg.scene.starting(np.array(start), span))
+            for leg, start, span in zip(given, known.starts, known.spans, strict=True)
+        ),
+        closes=Comes(given[0].scene) if closes is None else closes,
+        residual=math.nan,
+        outcome=Outcome.FOUND,
+        iterations=0,
+        rtol=known.rtol,
+        path=tuple(known.path),
+    )
+    off = closure(found)
+    if not off <= _HOLDS:
+        got = f"others, by which the chain misses its closing by {off:.1e}"
+        raise fail("legs", "the legs or phases of the file, and its `closes`", got, DAMAGED)
+    return found, known.claims
+
+
+# ---- Orbit files: an orbit with all that is claimed of it, written and read
+
 Closes = Callable[[Array, Array], Array]
 
-FORMAT = "jaxdyn-orbit"
-VERSION = 5
-_OLDER = {4: False}
+LAYOUT = Layout("jaxdyn-orbit", 5, "--save, or orbits.save,", {4: False})
 #: Claims of more digits and of a proof, where a file has them.
 REFINED, CERTIFICATE = "refined", "certificate"
-REMEDY = "Give the path of a file that --save, or orbits.save, wrote."
-_KEYS = {"format", "version", "claims"} | encoding.KEYS
 
 
 def save(
@@ -47,7 +126,7 @@ def save(
         function.
     """
     if isinstance(orbit, HybridOrbit):
-        chain_files.save(path, orbit, claims)
+        _save_chain(path, orbit, claims)
         return
     if not isinstance(orbit, Orbit | Refined | Certificate):
         remedy = "The path comes first: orbits.save(path, orbit)."
@@ -58,26 +137,7 @@ def save(
         name = REFINED if isinstance(orbit, Refined) else CERTIFICATE
         orbit, more = orbit.orbit, {name: orbit.as_json()}
     claims = report(orbit) if claims is None else claims
-    records.write(
-        path,
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            **encoding.encode(orbit),
-            "claims": as_json(claims) | more,
-        },
-    )
-
-
-def kind_of(path: str | Path) -> str | None:
-    """The format that a file says it has; None if it says none.
-
-    Raises:
-      ValueError: it is no file of JSON.
-    """
-    record = parsed(content(path, MAX_BYTES, REMEDY), str(path), REMEDY)
-    kind = record.get("format") if isinstance(record, dict) else None
-    return kind if isinstance(kind, str) else None
+    LAYOUT.write(path, encoding.encode_orbit(orbit) | {"claims": as_json(claims) | more})
 
 
 @overload
@@ -99,14 +159,12 @@ def load(path, legs=None, *, closes=None):
         not close by these legs.
     """
     if legs is not None:
-        return chain_files.load(path, legs, closes)
-    if kind_of(path) == chain_files.FORMAT:
+        return _load_chain(path, legs, closes)
+    if format_of(path, LAYOUT.remedy) == CHAIN_LAYOUT.format:
         remedy = "Give those of the search: orbits.load(path, legs)."
         raise fail("legs", "the legs or the phases of the chain in the file", "none", remedy)
-    record = records.read(path, FORMAT, VERSION, _OLDER)
-    if record.keys() != _KEYS:
-        raise fail("file", f"the entries {sorted(_KEYS)}", sorted(record), DAMAGED)
-    orbit, claims = encoding.decode(record), record["claims"]
+    record = LAYOUT.read(path)
+    claims = record.pop("claims", None)
     if not isinstance(claims, dict):
         raise fail("file", "claims by name", type(claims).__name__, DAMAGED)
-    return orbit, claims
+    return encoding.decode_orbit(record), claims

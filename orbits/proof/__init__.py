@@ -1,12 +1,12 @@
 """Orbits to any number of digits, and proofs that they exist.
 
 `closing_equations` states the closing equations as a square system and why a zero of it is an
-orbit, `posing` sets that system up for an orbit, `hidden` has integrals of laws whose orbits all
-close, `drives` finds the exact period of a periodic forcing. `refinement` solves it; `refined` is
-the result. `krawczyk` tests that a box has exactly one zero, `theorems` proves the identities that
-this rests on, the folder `stability` encloses the multipliers, `one_curve` tells choreographies
-from other orbits; `proving` does all of it, `certificate` is the result, and `checking` does it
-again from a file.
+orbit, `posing` sets that system up for an orbit, with the integrals of laws whose orbits all close
+and the exact period of a periodic forcing. `refinement` solves it; `refined` is the result.
+`krawczyk` tests that a box has exactly one zero, `theorems` proves the identities that this rests
+on, the folder `stability` encloses the multipliers; `proving` does all of it, and tells
+choreographies from other orbits, `certificate` is the result, and `checking` does it again from a
+file.
 
 May import: `analysis`. The results, `refined` and `certificate`, are plain data; all else needs
 python-flint, ``pip install 'jaxdyn[proof]'``.

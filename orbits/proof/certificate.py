@@ -8,7 +8,7 @@ from typing import Any
 from jaxdyn import _text
 from jaxdyn._checks import fail
 from jaxdyn.balls.enclosed import Enclosed
-from jaxdyn.files.typed import typed_fields
+from jaxdyn.files.codec import decode_fields
 from orbits.orbit import Orbit
 
 #: What a record may ask to be calculated again: more than `prove` takes for 1000 digits.
@@ -130,7 +130,7 @@ class Certificate:
         except (KeyError, TypeError, AttributeError) as error:
             raise fail("certificate", "multipliers and held numbers", "others", remedy) from error
         plain = {**record, "multipliers": pairs, "held": held, "units": units}
-        found = typed_fields(plain, cls, "certificate", remedy, without=("orbit",))
+        found = decode_fields(plain, cls, "certificate", remedy, without=("orbit",))
         if found["proved"] and (found["period"] is None or len(found["y0"]) != len(orbit.y0)):
             raise fail("certificate", "enclosures of the start and the period", "others", remedy)
         certificate = cls(orbit=orbit, **found)

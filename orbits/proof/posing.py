@@ -1,17 +1,23 @@
 """Square closing equations posed for an orbit: what is held, and which equations are spared."""
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterator
+from fractions import Fraction
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy as energies
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.solvers.formulas.graph import Number
+from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.graph import Node, Number
+from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.system import System
 from orbits.closing.closings import Closing, Return, Reversal
 from orbits.closing.given import driven
@@ -20,8 +26,110 @@ from orbits.closing.symmetry import Symmetry
 from orbits.motion import sample
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations, float_matrix, power_of_2
-from orbits.proof.drives import drive_period
-from orbits.proof.hidden import hidden_integrals
+
+# ---- Integrals of the two central laws whose bounded motions all close (Bertrand's theorem)
+#
+# With a = -w(r) r, of one point at r with velocity v:
+#
+#     Laplace's vector   v x (r x v) + (a . r) r     is conserved if a = -k r / |r|^3,
+#     Fradkin's tensor   v v^T + w r r^T             is conserved if a = -k r,
+#
+# the first also divided by k. Both are written with the acceleration itself, so no strength is
+# needed; which of them is conserved is left to `posing` and `theorems`. Their orbits are as many as
+# starts, and their closing equations depend on each other by these integrals.
+#
+# Reference: Goldstein, Poole, Safko (2002), Classical Mechanics, section 3.9; Fradkin (1965),
+# American Journal of Physics 33, 207.
+
+_STATES = (4, 6)  # lengths of [r, v] of one point in a plane or in space
+
+
+def hidden_integrals(scene: Scene, t, y: Array) -> dict[str, Array]:
+    """The entries of both, each (), by name, if a state may be [r, v] of one point; else {}.
+
+    Example:
+      >>> from jaxdyn.effects import PowerLaw
+      >>> from orbits.targets import loops
+      >>> scene = loops.closed(PowerLaw(1.0, -2.0), 1, 1).scene
+      >>> found = hidden_integrals(scene, 0.0, scene.y0)
+      >>> list(found)[:2], abs(float(found["Laplace's vector y"])) < 1e-30
+      (["Laplace's vector x", "Laplace's vector y"], True)
+    """
+    if len(y) not in _STATES or not scene.second_order:
+        return {}
+    r, v = jnp.split(y, 2)
+    a = scene.rate(t, y)[len(r) :]
+    falls = jnp.dot(a, r)
+    # v x (r x v) = (v . v) r - (r . v) v
+    laplace = jnp.dot(v, v) * r - jnp.dot(r, v) * v + falls * r
+    weight = -falls / jnp.dot(r, r)
+    axes = "xyz"[: len(r)]
+    vector = {f"Laplace's vector {axes[i]}": x for i, x in enumerate(laplace)}
+    pairs = itertools.combinations_with_replacement(range(len(r)), 2)
+    tensor = {
+        f"Fradkin's tensor {axes[i]}{axes[j]}": v[i] * v[j] + weight * r[i] * r[j] for i, j in pairs
+    }
+    return vector | tensor
+
+
+# ---- The exact period of a drive: of a rate that depends on time by sines and cosines of w t + c
+
+_REMEDY = "The rate may depend on time t by sines and cosines of w t + c with one number w."
+
+
+def drive_period(formulas: Formulas, period: float) -> tuple[float, int]:
+    """(w, n) such that 2 pi n / w is a period of the rate, exactly, and the float given, about.
+
+    Raises:
+      ValueError: time occurs otherwise than in sines and cosines of w t + c with a known float w,
+        or `period` is no multiple of the common period.
+    """
+    frequencies = {abs(w) for w in _frequencies(formulas)}
+    if not frequencies:
+        raise fail("scene", "a drive by sines and cosines", "another", _REMEDY)
+    slowest = min(frequencies)
+    turns = round(period * slowest / (2 * math.pi))
+    for w in frequencies:
+        cycles = turns * Fraction(w) / Fraction(slowest)
+        if turns < 1 or cycles.denominator != 1:
+            raise fail("period", f"a multiple of that of cos({w} t)", period, _REMEDY)
+    if abs(2 * math.pi * turns / slowest - period) > 1e-8 * period:
+        raise fail("period", f"a multiple of {2 * math.pi / slowest}", period, _REMEDY)
+    return slowest, turns
+
+
+def _frequencies(formulas: Formulas) -> list[float]:
+    time, found = formulas.time, []
+    inside: dict[Node, float] = {time: 1.0}
+    for node in topological_order(formulas.graph, formulas.rates):
+        slopes = [inside.get(a) for a in node.args if isinstance(a, Node)]
+        if all(slope is None for slope in slopes):
+            continue
+        slope = _slope(node, inside)
+        if node.op in ("sin", "cos"):
+            found.append(inside[node.args[0]])
+        elif slope is None:
+            raise fail("scene", "a drive by sines and cosines of w t + c", node.op, _REMEDY)
+        else:
+            inside[node] = slope
+    return found
+
+
+def _slope(node: Node, inside: dict[Node, float]) -> float | None:
+    """The known w of a node w t + c."""
+    if node.op == "scale" and isinstance(node.args[0], float):
+        found = Fraction(node.args[0]) * Fraction(inside[node.args[1]])
+        return float(found) if Fraction(float(found)) == found else None
+    if node.op == "sum":
+        pairs = list(zip(node.args[::2], node.args[1::2], strict=True))
+        ours = [(c, m) for c, m in pairs if m in inside]
+        steady = all(m is None or m in inside for _, m in pairs)
+        if steady and len(ours) == 1 and ours[0][0] == 1.0:
+            return inside[ours[0][1]]
+    return None
+
+
+# ---- Square closing equations posed for an orbit: what is held, and which equations are spared
 
 #: Digits of the motion from which Jacobians in doubles and the rank are taken.
 ROUGH_DIGITS = 16.0

@@ -12,19 +12,76 @@ from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
 from jaxdyn.balls.motion import bits_of
-from jaxdyn.balls.tube import SLOPE_DIGITS
+from jaxdyn.balls.tube import SLOPE_DIGITS, NotEnclosed, tube
+from jaxdyn.formulations.newton import FreePoints
+from orbits.closing.closings import choreography
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.certificate import Certificate
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.krawczyk import Test, krawczyk_test
-from orbits.proof.one_curve import on_one_curve
-from orbits.proof.posing import equations_of, integrals_of
+from orbits.proof.posing import equations_of, integrals_of, table
 from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solve
 from orbits.proof.stability import multipliers
 from orbits.proof.stability.forms import forms_of
 from orbits.proof.stability.spectrum import Spectrum, spectrum
 from orbits.proof.stability.structure import structure
 from orbits.proof.theorems import missing
+
+# ---- Whether equal bodies of an orbit follow one curve at equal times apart: a choreography
+
+_DIGITS = 30.0  # of where bodies are within a period
+
+
+def on_one_curve(
+    scene: Scene, system: ClosingEquations, numbers: list[arb], bits: int
+) -> bool | None:
+    """Whether equal bodies follow one curve at equal times apart; None if not proved, or not asked.
+
+    On such a curve, after the n-th part of any period each body is where one of them was at first,
+    in whichever order they follow.
+    """
+    points = scene.points(jnp.zeros(()), scene.y0) if scene.has_points else None
+    other = system.drive is not None or system.reversals is not None
+    if points is None or other or not isinstance(scene.system, FreePoints):
+        return None
+    n, d = points.r.shape
+    if n < 2 or 2 * n * d != len(scene.y0) or not np.array_equal(points.m, points.m[:1].repeat(n)):
+        return None
+    if system.generator is not None:
+        return None
+    tables = [table(one.symmetry, np.eye(len(scene.y0), dtype=int)) for one in choreography(n, d)]
+    if any(np.array_equal(system.goal, one) for one in tables):
+        return True
+    if system.parts != 1:
+        return None
+    doing("enclosing where the bodies are after a part of the period")
+    try:
+        first, *_ = _bodies(_after_part(system, numbers, n, bits), n)
+    except NotEnclosed:
+        return None
+    with precision(bits):
+        bodies = _bodies(system.start(numbers), n)
+    apart = all(any(not a.overlaps(b) for a, b in zip(first, x, strict=True)) for x in bodies)
+    return False if apart else None
+
+
+def _after_part(system: ClosingEquations, numbers: list[arb], n: int, bits: int) -> list[arb]:
+    """(k) the state after the n-th part of the period."""
+    with precision(bits):
+        starts, period = system.start(numbers), system.period(numbers) / n
+        at = system.field, arb(0), [x.mid() for x in starts], starts
+        span = period.mid(), period
+        return tube(*at, span, _DIGITS, bits, sizes=system.sizes).box
+
+
+def _bodies(state: list[arb], n: int) -> list[list[arb]]:
+    """Position and velocity of each of n bodies, from a state [r, v]."""
+    d = len(state) // (2 * n)
+    at = [state[i : i + d] for i in range(0, len(state), d)]
+    return [at[i] + at[n + i] for i in range(n)]
+
+
+# ---- The proof that a periodic orbit exists, is locally unique, and is stable or unstable
 
 _BOX = 10.0  # digits by which a box is wider than the centre is known
 _LEAST_RADIUS = 1e-300  # of a box, a float

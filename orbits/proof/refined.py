@@ -8,7 +8,7 @@ import numpy as np
 from jaxdyn import _text
 from jaxdyn._checks import fail
 from jaxdyn.analysis.eigenvalues import Eigenvalues, map_verdict
-from jaxdyn.files.typed import typed_fields
+from jaxdyn.files.codec import decode_fields
 from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
 
@@ -104,7 +104,7 @@ class Refined:
     @classmethod
     def from_json(cls, orbit: Orbit, record: Any, remedy: str) -> "Refined":
         """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
-        found = typed_fields(record, cls, "refined", remedy, without=("orbit",))
+        found = decode_fields(record, cls, "refined", remedy, without=("orbit",))
         if len(found["y0"]) != len(orbit.y0):
             raise fail("refined", f"{len(orbit.y0)} numbers of the start", len(found["y0"]), remedy)
         return cls(orbit=orbit, **found)

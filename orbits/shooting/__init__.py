@@ -1,13 +1,12 @@
 """How the closing equations are solved: Newton's method, segments, logarithmic time.
 
 `finding` has `orbits.find`, which looks for an orbit by a `strategy`: `multiple` by Newton's method
-in segments, `descent` from a rough guess, `deflation` away from known orbits, the folder
-`collocation` on a mesh, `automatic` by one and then another. `equations` has the residual and its
-Jacobian, of the segments that `segment` integrates; `newton` is Newton's method and `outcomes` says
-how it ended; `segmentation` decides on the number and the places of segments, `recutting` on more
-of them; `effort` has the tolerances and step limits of the search; `retimed` handles starts that
-need only another period; `units` makes the equations dimensionless; `trivial` finds the directions
-with multipliers of 1.
+in segments, also from starts that need only another period, `descent` from a rough guess,
+`deflation` away from known orbits, the folder `collocation` on a mesh, `automatic` by one and then
+another. `equations` has the residual and its Jacobian, of the segments that `segment` integrates;
+`newton` is Newton's method and `outcomes` says how it ended; `segmentation` decides on the number
+and the places of segments; `effort` has the tolerances and step limits of the search; `units` makes
+the equations dimensionless; `trivial` finds the directions with multipliers of 1.
 
 May import: `orbits`, that is the files at the top level.
 

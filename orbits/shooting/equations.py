@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
 from orbits.closing.conditions import Condition

@@ -6,14 +6,119 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn._text import number_of
-from orbits.orbit import Orbit
+from orbits.motion import attracts
+from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
+from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
-from orbits.shooting.recutting import finer, gains_from_cutting
-from orbits.shooting.retimed import retime
-from orbits.shooting.segmentation import SEGMENTS_MOST, cut_into_segments
+from orbits.shooting.segmentation import (
+    SEGMENTS_MOST,
+    cut_into_segments,
+    segments_needed,
+    with_segments,
+)
 from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
+
+# ---- More segments for an orbit whose residual is rounding that they may reduce
+
+#: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
+#: segments can reduce.
+_CLEAN_SHARE = 0.1
+#: Largest relative difference of two spans of logarithmic time of the same motion.
+_SPAN_MISMATCH = 0.01
+#: Residual below which Newton's method stalls for no other reason than rounding.
+_ROUNDING_STALLS = 1e-6
+
+
+def finer(
+    equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
+) -> Equations:
+    """More segments: close encounters inside a segment amplify rounding.
+
+    The cut is along the guess as long as the orbit is near it, else along the orbit.
+    """
+    left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
+    here = np.append(orbit.y0, orbit.period) if left else guess
+    x = equations.spread(here[:-1], here[-1], rtol, orbit.angle)
+    finer = with_segments(equations, x, rtol, segments_needed(equations, x, rtol))
+    if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
+        finer = with_segments(equations, x, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
+    return finer
+
+
+def gains_from_cutting(orbit: Orbit, cuts: Equations, goal: float) -> bool:
+    """Whether the residual is rounding that more segments may reduce."""
+    if not orbit.ok:
+        return orbit.outcome == Outcome.NO_DESCENT and orbit.residual < _ROUNDING_STALLS
+    if orbit.residual <= _CLEAN_SHARE * goal:
+        return False
+    if cuts.s_period is None:
+        return attracts(orbit.scene)
+    return _other_motion(orbit.s_period, cuts.s_period)
+
+
+def _other_motion(a: float | None, b: float | None) -> bool:
+    """Whether two spans of logarithmic time are those of different motions."""
+    return a is not b if a is None or b is None else abs(a / b - 1) > _SPAN_MISMATCH
+
+
+# ---- Guesses whose start is periodic already, so that only the period has to be found
+#
+# Newton's method finds one member of a family near the guess, and an error of the guessed period
+# alone makes it change the start as well. If the given start closes after a time near the guessed
+# period, that orbit is the one requested.
+
+_STEPS_MOST = 10  # convergence is quadratic
+#: Share of the residual that may remain after a step of the period alone: more means that the
+#: start is not periodic.
+_SHARE_LEFT_MOST = 0.7
+_PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
+
+
+@np.errstate(over="ignore")  # of extreme conditions, e.g. an energy of 1e300; then x is returned
+def retime(
+    closed: InUnits, x: np.ndarray, *, lower: np.ndarray, upper: np.ndarray, goal: float
+) -> np.ndarray:
+    """x with the period after which its start closes, or x itself if none is near.
+
+    Everything but the start may change: the period, the states between segments, the angle of a
+    relative orbit. A start that is not periodic costs one integration: the linearised equations
+    then have no solution in these unknowns.
+
+    Args:
+      closed: the closing equations.
+      x: (n,) the guess.
+      lower: (n,) lower bounds of x.
+      upper: (n,) upper bounds of x.
+      goal: largest entry of the residual of an orbit.
+    """
+    equations, units = closed.equations, closed.units.x
+    free = np.arange(len(x)) >= len(equations.closing.free(len(equations.scene.y0)))
+    free[-1] = not equations.driven
+    new = x
+    for _ in range(_STEPS_MOST if free.any() else 0):
+        residual, jacobian = closed(new)
+        if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+            break
+        if np.abs(residual).max() <= goal:
+            return new
+        slopes = jacobian[:, free]
+        step = np.linalg.lstsq(slopes, -residual, rcond=None)[0]
+        if np.linalg.norm(residual + slopes @ step) > _SHARE_LEFT_MOST * np.linalg.norm(residual):
+            break
+        new = new.copy()
+        new[free] += step * units[free]
+        if not ((lower <= new) & (new <= upper)).all() or not _near(new[-1] / x[-1]):
+            break
+    return x
+
+
+def _near(factor: float) -> bool:
+    return 1 / _PERIOD_FACTOR_MOST < factor < _PERIOD_FACTOR_MOST
+
+
+# ---- Newton's method on the closing equations, in as many segments as rounding requires
 
 #: Largest number of new cuts: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6

@@ -18,7 +18,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
-from jaxdyn.files.typed import plain, typed, typed_fields
+from jaxdyn.files.codec import decode, decode_fields, encode
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
 from orbits.tori.record import Torus
@@ -197,15 +197,15 @@ class _Problem(BranchProblem[_Place]):
         return _Chart(self, member.guessed)
 
     def codec(self) -> Codec:
-        def encode(member: _Place) -> dict[str, Any]:
-            return plain(member._replace(torus=plain(member.torus, _SAME)))
+        def pack(member: _Place) -> dict[str, Any]:
+            return encode(member._replace(torus=encode(member.torus, _SAME)))
 
-        def decode(record: Any) -> _Place:
-            torus, *rest = typed(record, _Record, "file", OTHER)
-            known = typed_fields(torus, Torus, "file", OTHER, _SAME)
+        def unpack(record: Any) -> _Place:
+            torus, *rest = decode(record, _Record, "file", OTHER)
+            known = decode_fields(torus, Torus, "file", OTHER, _SAME)
             return _Place(dataclasses.replace(self.first, **known), *rest)
 
-        return Codec(encode, decode)
+        return Codec(pack, unpack)
 
     def about(self) -> dict[str, Any]:
         return {"goal": float(self.goal), "max_modes": self.max_modes, "held": self.first.held}

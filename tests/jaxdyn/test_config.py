@@ -70,9 +70,9 @@ def test_configure_appends_to_the_users_flags_once():
 
 _OF_THE_FUTURE = """
 import os, subprocess, warnings
-from jaxdyn import _flags
+from jaxdyn import _config
 {before}
-_flags.release = lambda: "99.1.2"
+_config.release = lambda: "99.1.2"
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     {call}
@@ -107,9 +107,9 @@ def test_configure_leaves_out_what_a_new_jaxlib_does_not_know():
 
 def test_this_jaxlib_knows_all_flags_that_are_set_here():
     code = """
-from jaxdyn import _flags
+from jaxdyn import _config
 from jaxdyn.gallery import compiling
-assert tuple(map(int, _flags.release().split(".")[:2])) <= _flags.TESTED, "test and raise it"
+assert tuple(map(int, _config.release().split(".")[:2])) <= _config.TESTED, "test and raise it"
 compiling.configure_quickly()
 import jax
 print(len(jax.devices("cpu")))

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 from jaxdyn import Effect, Scene, scenes, simulate, solve
 from jaxdyn.effects import UniformGravity
-from jaxdyn.field import VectorField
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import VectorField
 
 SWING = scenes.double_pendulum()
 TIMES = np.linspace(0.0, 2.0, 5)

@@ -12,7 +12,7 @@ from helpers import EXACT, gap
 from jaxtyping import Array
 
 from jaxdyn import Effect, System, scenes
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.system import Record
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.simulation import solve

@@ -121,7 +121,8 @@ def crossings(
     (event,) = checked_events((event,), len(scene.y0))
     method = check_method(scene, solver, several=True)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    given = scene, event, t0, t1, limits(options)
+    held_to = limits(options)
+    given = scene, event, t0, t1, held_to
     rows = None if most is None else _checks.whole("most", most)
     if rows is None:
         remedy = "Pass most=, a number of rows that does not depend on the motion."
@@ -139,7 +140,8 @@ def crossings(
             return _every(rest, scene.y0, t0, none, held_to)
         return rest(scene.y0, t0, none, held_to, rows)[0]
 
-    found, _ = switching(run, options, method, traced=_checks.is_traced(given))
+    default = solver is None and not _checks.is_traced(given)
+    found, _ = switching(run, held_to, method, default=default)
     if throw:
         raise_unless_ok(found.status, scene)
     return found

@@ -1,8 +1,8 @@
 """A rate as scalar formulas: what a vector field calculates, number by number, in normal form.
 
 `graph` has the nodes, `formulas` runs through a rate's program with one in place of each number,
-`shortest` has the formulas with the fewest products, in an order for computation, `values`
-evaluates them, `simplified` is a rate that is evaluated by them. `composed` has functions made of
+`values` evaluates them; `simplified` has the formulas with the fewest products, in an order for
+computation, and a rate that is evaluated by them. `composed` has functions made of
 others, for arithmetic with more digits.
 
 One more function with a Taylor series is a row of `FUNCTIONS` in `graph`, a value in `values` and

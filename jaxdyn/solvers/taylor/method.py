@@ -28,7 +28,7 @@ from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import FUNCTIONS, Node, NotElementary
-from jaxdyn.solvers.formulas.shortest import is_guarded, products, shortest
+from jaxdyn.solvers.formulas.simplified import is_guarded, products, shortest
 from jaxdyn.solvers.method import (
     Advance,
     Method,

@@ -120,7 +120,7 @@ def _check_outputs(
     if quantity is not None:
         orbits.analysis.quantities.check_quantity(quantity, scene)
     if save_to:
-        jaxdyn.files.records.encode(scene)
+        jaxdyn.files.codec.encode(scene)
 
 
 def _first(

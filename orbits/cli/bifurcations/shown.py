@@ -19,7 +19,7 @@ _REMEDY = "A file of scenes of your own is read by orbits.curves.load or orbits.
 def is_continuation(file: Path) -> bool:
     """Whether a file keeps families or curves."""
     with open(file, "rb") as opened:
-        return jaxdyn.continuation.checkpoint.FORMAT.encode() in opened.readline(200)
+        return jaxdyn.continuation.checkpoint.LAYOUT.format.encode() in opened.readline(200)
 
 
 def show_continuation(file: Path, plot: Path | None, title: str | None, out: Screen) -> None:
@@ -31,7 +31,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     if found is None:
         got = "one that a program wrote, which does not name its scene"
         raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
-    note = jaxdyn.files.typed.typed(found, Noted, "file", jaxdyn.continuation.checkpoint.OTHER)
+    note = jaxdyn.files.codec.decode(found, Noted, "file", jaxdyn.continuation.checkpoint.OTHER)
     settings = [f"{key}={value}" for key, value in note.settings.items()]
     own = _scene_files.is_in_file(note.scene)
     if own and not note.scene.endswith(_scene_files.TEXT):
@@ -48,7 +48,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         make, _ = orbits.families.parameters.maker(note.scene, values, parameter)
         _show_diagram(orbits.families.load(file, make), note, plot, title, out)
     else:
-        both = jaxdyn.files.typed.typed(
+        both = jaxdyn.files.codec.decode(
             note.parameters, tuple[str, str], "file", jaxdyn.continuation.checkpoint.OTHER
         )
         make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)

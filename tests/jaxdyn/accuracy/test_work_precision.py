@@ -10,8 +10,8 @@ from jaxdyn import drawing, scenes, solvers
 from jaxdyn.accuracy import quantities
 from jaxdyn.accuracy import work_precision as work
 from jaxdyn.accuracy.timing import Times
+from jaxdyn.course import two_masses_and_rod
 from jaxdyn.integrate import events
-from jaxdyn.studies import rod_or_spring
 
 TOLERANCES = (1e-4, 1e-8, 1e-12)
 FEW = {"tolerances": TOLERANCES, "rounds": 1}
@@ -222,7 +222,7 @@ def test_the_command_refuses_in_one_line(accuracy_command, words, message):
 
 @pytest.mark.slow
 def test_problem_21_the_rod_takes_less_than_a_stiff_spring():
-    rows = {row.name: row for row in rod_or_spring.compare((1e2, 1e4), t1=10.0, rounds=1)}
+    rows = {row.name: row for row in two_masses_and_rod.compare((1e2, 1e4), t1=10.0, rounds=1)}
     for row in rows.values():
         assert row.error <= 1e-9
         assert row.seconds > 0

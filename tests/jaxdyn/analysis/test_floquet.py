@@ -15,7 +15,7 @@ from jaxdyn import drawing, scenes
 from jaxdyn.analysis import floquet
 from jaxdyn.analysis.monodromy import monodromy
 from jaxdyn.effects import LinearDrag
-from jaxdyn.studies import upright
+from jaxdyn.hard.cases import shaken
 
 AMPLITUDES, FREQUENCIES = np.linspace(0.01, 0.9, 30), np.linspace(4.0, 80.0, 25)
 
@@ -30,8 +30,8 @@ def mathieu_stable(a, q):
 @pytest.mark.slow
 def test_problem_29_the_chart_is_mathieus(uniform):
     numbers = {"length": 1.2, "g": 5.0, "uniform": uniform}
-    chart = upright.upright_chart(AMPLITUDES, FREQUENCIES, **numbers)
-    a, q = upright.mathieu_numbers(AMPLITUDES[:, None], FREQUENCIES[None], **numbers)
+    chart = shaken.upright_chart(AMPLITUDES, FREQUENCIES, **numbers)
+    a, q = shaken.mathieu_numbers(AMPLITUDES[:, None], FREQUENCIES[None], **numbers)
     expected = mathieu_stable(*np.broadcast_arrays(a, q))
     assert 100 < expected.sum() < 650  # both kinds are there
     assert np.array_equal(chart.verdict == "stable", expected)
@@ -41,7 +41,7 @@ def test_problem_29_the_chart_is_mathieus(uniform):
 
 def _characteristic(curve, frequency: float) -> float:
     """The amplitude of a stick of length 1 at which Mathieu's number a lies on a curve of q."""
-    a, least = (float(x) for x in upright.mathieu_numbers(1e-3, frequency))
+    a, least = (float(x) for x in shaken.mathieu_numbers(1e-3, frequency))
     return brentq(lambda q: curve(q) - a, least, 3.0, xtol=1e-15) / least * 1e-3
 
 
@@ -49,10 +49,10 @@ def _characteristic(curve, frequency: float) -> float:
 def test_the_edges_are_characteristic_values_and_tend_to_the_averaged_limit():
     excess = []
     for frequency in (20.0, 40.0, 80.0):
-        edge, upper = upright.stability_edges(frequency)
+        edge, upper = shaken.stability_edges(frequency)
         assert abs(edge - _characteristic(partial(mathieu_a, 0), frequency)) < SOLVED
         assert abs(upper - _characteristic(partial(mathieu_b, 1), frequency)) < SOLVED
-        excess.append(edge / float(upright.averaged_limit(frequency)) - 1)
+        excess.append(edge / float(shaken.averaged_limit(frequency)) - 1)
     assert excess[0] > 0
     assert abs(excess[1] / excess[2] - 4) < 0.1  # relative correction q^2 7 / 64, q ~ 1 / w
 
@@ -60,7 +60,7 @@ def test_the_edges_are_characteristic_values_and_tend_to_the_averaged_limit():
 @pytest.mark.slow
 def test_the_matrix_is_that_of_the_linear_equation():
     numbers = {"length": 1.1, "g": 9.0, "uniform": False}
-    scene, period = upright.Upright(jnp.asarray(1.1), jnp.asarray(9.0), False)(
+    scene, period = shaken.Upright(jnp.asarray(1.1), jnp.asarray(9.0), False)(
         jnp.asarray(0.2), jnp.asarray(30.0)
     )
     found = floquet.multipliers(scene, period)
@@ -75,7 +75,7 @@ def test_the_matrix_is_that_of_the_linear_equation():
     assert gap(np.sort_complex(found.multipliers), np.sort_complex(np.linalg.eigvals(expected))) < (
         10 * found.bars.max()
     )
-    chart = upright.upright_chart([0.1, 0.2], [30.0], **numbers)
+    chart = shaken.upright_chart([0.1, 0.2], [30.0], **numbers)
     assert gap(chart.monodromy[1, 0], found.monodromy) < 1e-9
     assert gap(monodromy(scene, period=period), found.monodromy) < SOLVED
 
@@ -143,10 +143,13 @@ def test_new_numbers_do_not_compile_again():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: upright.upright_chart([0.1], [0.0]), "frequencies: expected > 0"),
-        (lambda: upright.upright_chart([0.1], [1.0], length=-1.0), "length: expected > 0"),
-        (lambda: upright.upright_chart([], [1.0]), "grid: expected at least one number each way"),
-        (lambda: upright.upright_chart(0.1, [1.0]), "first: expected shape"),
+        (lambda: shaken.upright_chart([0.1], [0.0]), "frequencies: expected > 0"),
+        (lambda: shaken.upright_chart([0.1], [1.0], length=-1.0), "length: expected > 0"),
+        (
+            lambda: shaken.upright_chart([], [1.0]),
+            "grid: expected at least one number each way",
+        ),
+        (lambda: shaken.upright_chart(0.1, [1.0]), "first: expected shape"),
         (lambda: floquet.multipliers(scenes.oscillator, 1.0), "scene: expected a Scene"),
         (
             lambda: floquet.multipliers(scenes.oscillator(), 1.0, rtol=0.5),
@@ -173,7 +176,7 @@ def test_what_is_refused(call, message):
 
 @pytest.mark.slow
 def test_the_picture_shows_each_verdict(tmp_path):
-    chart = upright.upright_chart([0.05, 0.1, 0.4], [20.0, 60.0])
+    chart = shaken.upright_chart([0.05, 0.1, 0.4], [20.0, 60.0])
     file = tmp_path / "chart.png"
     figure = drawing.stability_chart(chart, file, names=("amplitude [m]", "frequency [rad/s]"))
     assert file.stat().st_size > 1000

@@ -9,6 +9,7 @@ from helpers import gap
 
 from jaxdyn import Scene, simulate
 from jaxdyn.analysis import precession
+from jaxdyn.analysis.precession import critical_spin
 from jaxdyn.analysis.steady import linearize_steady
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -16,7 +17,6 @@ from jaxdyn.scene import Effect
 from jaxdyn.scenes.bodies import top
 from jaxdyn.scenes.disks import rolling_disk
 from jaxdyn.scenes.skates import one_skate
-from jaxdyn.studies.sleeping_top import critical_spin
 
 TOP = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5}
 THETA, SPIN = 0.5, 200.0

@@ -127,7 +127,7 @@ def test_another_file_is_refused_and_left_alone(tmp_path):
     path = tmp_path / "notes.txt"
     for content in (b"my notes", b"my notes\n", b'{"format": "jaxdyn-search", "version": 3}\n'):
         path.write_bytes(content)
-        with pytest.raises(ValueError, match="expected a jaxdyn-continuation file of version 2"):
+        with pytest.raises(ValueError, match="expected a jaxdyn-continuation file"):
             family(path, members=2)
         assert path.read_bytes() == content
     with pytest.raises(ValueError, match="path: expected a file in a folder that exists"):

@@ -7,8 +7,7 @@ import pytest
 import jaxdyn
 from jaxdyn import drawing
 from jaxdyn.continuation import CodimensionTwo, Kind
-from jaxdyn.continuation.normal_forms import first_lyapunov
-from jaxdyn.continuation.second_lyapunov import lyapunov_coefficients
+from jaxdyn.continuation.normal_forms import first_lyapunov, lyapunov_coefficients
 
 
 def _imperfect(p, q):

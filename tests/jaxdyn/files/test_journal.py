@@ -13,14 +13,16 @@ import pytest
 from jaxdyn.files import journal
 from jaxdyn.files.digests import json_text
 from jaxdyn.files.journal import Journal
+from jaxdyn.files.layout import Layout
 
-HEADER = {"format": "x"}
+LAYOUT = Layout("x", 1, "a test")
 LONGEST = 100.0  # [s] that a process may take
 #: Waits for a line on its input with the file to itself.
 _HOLDS = """
 import sys
 from jaxdyn.files.journal import Journal
-file = Journal(sys.argv[1], {"format": "x"}, "", 60.0)
+from jaxdyn.files.layout import Layout
+file = Journal(sys.argv[1], Layout("x", 1, "a test"), {}, 60.0)
 with file.alone():
     file.add({"number": -1})
     print("alone", flush=True)
@@ -29,14 +31,15 @@ with file.alone():
 _ADDS = """
 import sys
 from jaxdyn.files.journal import Journal
-file = Journal(sys.argv[1], {"format": "x"}, "", 60.0)
+from jaxdyn.files.layout import Layout
+file = Journal(sys.argv[1], Layout("x", 1, "a test"), {}, 60.0)
 for number in range(150):
     file.add({"by": sys.argv[2], "number": number, "more": [number] * 2000})
 """
 
 
 def opened(path: Path, patience: float = 0.2) -> Journal:
-    return Journal(path, HEADER, "", patience)
+    return Journal(path, LAYOUT, {}, patience)
 
 
 def run(code: str, *args) -> subprocess.Popen:
@@ -54,17 +57,17 @@ def test_another_program_is_told_until_the_first_one_is_killed(tmp_path):
         for refused in (lambda: opened(path), lambda: waiting.add({}), waiting.alone().__enter__):
             with pytest.raises(ValueError, match=r"path: .* another one writes now. Wait until"):
                 refused()
-        assert len(journal.records(journal.whole_lines(path, ""))) == 2  # it can be read meanwhile
+        assert len(journal.read(path, LAYOUT)[1]) == 1  # it can be read meanwhile
         holder.send_signal(signal.SIGKILL)
         holder.wait(LONGEST)
     # What was opened before does not know what the other one added.
     with pytest.raises(ValueError, match=r"path: .* which another one has changed\. Run it again"):
         waiting.alone().__enter__()
     again = opened(path)
-    assert again.records == [HEADER, {"number": -1}]
+    assert again.records == [{"number": -1}]
     with again.alone(), again.alone():
         again.add({"number": 1})
-    assert opened(path).records[2:] == [{"number": 1}]
+    assert opened(path).records[1:] == [{"number": 1}]
 
 
 def test_several_programs_add_lines_in_turn(tmp_path):
@@ -73,7 +76,7 @@ def test_several_programs_add_lines_in_turn(tmp_path):
     assert [one.wait(LONGEST) for one in both] == [0, 0]
     for one in both:
         one.communicate()
-    records = opened(path).records[1:]
+    records = opened(path).records
     for name in "ab":
         assert [x["number"] for x in records if x["by"] == name] == list(range(150))
 
@@ -85,7 +88,7 @@ def test_two_names_of_one_file_have_one_lock(tmp_path):
     with file.alone(), pytest.raises(ValueError, match="another one writes now"):
         opened(link)
     opened(link).add({"number": 1})
-    assert opened(path).records[1:] == [{"number": 1}]
+    assert opened(path).records == [{"number": 1}]
 
 
 def test_a_file_that_is_gone_or_changed_is_not_written_on(tmp_path):
@@ -130,11 +133,11 @@ def test_what_an_interruption_leaves_is_ignored_and_nothing_else(tmp_path):
     line = json_text({"number": 2})
     for left in (line[:1], line[:9], line[:-1], line[:9] + bytes(100), bytes(100)):
         path.write_bytes(data + left)
-        assert opened(path).records == [HEADER, {"number": 1}]
+        assert opened(path).records == [{"number": 1}]
         assert path.read_bytes() == data  # and a new line begins in its place
     for left in (b"x", b"{}", line[:-1] + b" ", line[:-1] + b"\0", b'["number"'):
         path.write_bytes(data + left)
-        with pytest.raises(journal.NotAJournal):
+        with pytest.raises(ValueError, match="path: expected a x file, got"):
             opened(path)
         assert path.read_bytes() == data + left
 
@@ -145,8 +148,19 @@ def test_a_line_whose_digest_is_of_its_values_is_read(tmp_path):
     old = {"number": 1, "digest": journal.digest_of_values({"number": 1})}
     with open(path, "a") as file:
         file.write(json.dumps(old) + "\n")
-    assert opened(path).records == [HEADER, {"number": 1}]
+    assert opened(path).records == [{"number": 1}]
     with open(path, "a") as file:
         file.write(json.dumps(old | {"number": 2}) + "\n")
-    with pytest.raises(journal.NotAJournal, match="digest"):
+    with pytest.raises(ValueError, match=r"was edited .*digest"):
         opened(path)
+
+
+def test_a_file_of_another_kind_is_left_as_it_is(tmp_path):
+    path = tmp_path / "other.jsonl"
+    data = json_text({"format": "y", "version": 1}) + b'{"half a li'
+    path.write_bytes(data)
+    with pytest.raises(
+        ValueError, match=r"path: expected format 'x', got 'y'\. Give the path of a"
+    ):
+        opened(path)
+    assert path.read_bytes() == data

@@ -5,7 +5,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.files import loading
+from jaxdyn.files import layout, loading
 from jaxdyn.files.digests import json_text
 
 
@@ -25,7 +25,7 @@ def test_families_of_equilibria_come_back_with_their_scenes(tmp_path):
     (again,) = jaxdyn.load(path, lorenz)
     np.testing.assert_array_equal(again.parameters, family.parameters)
     path.write_bytes(path.read_bytes().replace(b"equilibria", b"equilibriA"))
-    with pytest.raises(ValueError, match=r"^path: expected the file of a continuation, got .*edit"):
+    with pytest.raises(ValueError, match=r"^path: expected a jaxdyn-continuation file, got .*edit"):
         jaxdyn.load(path, lorenz)
 
 
@@ -42,7 +42,7 @@ def test_other_files_are_refused(tmp_path):
     path.write_text("x,y\n1,2\n")
     with pytest.raises(ValueError, match=r"^path: expected an archive \(\.npz\)"):
         jaxdyn.load(path)
-    path.write_bytes(b"{\n" + b" " * loading.MAX_BYTES)
+    path.write_bytes(b"{\n" + b" " * layout.MAX_BYTES)
     with pytest.raises(ValueError, match=r"^path: expected at most \d+ bytes, got more\. Give the"):
         jaxdyn.load(path)
     with pytest.raises(ValueError, match=r"^path: expected a readable file, got .*none"):

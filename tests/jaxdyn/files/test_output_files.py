@@ -10,6 +10,7 @@ import pytest
 import jaxdyn
 from jaxdyn import drawing, scenes
 from jaxdyn.files import output_files, tables
+from jaxdyn.files.layout import Layout
 from jaxdyn.files.output_files import writable
 from orbits.discovery import journal as table
 
@@ -52,7 +53,7 @@ def mode(path) -> int:
 
 #: Everything that writes a file, by what it writes.
 WRITERS = {
-    "record.json": lambda path: jaxdyn.files.records.write(path, {}),
+    "record.json": lambda path: Layout("x", 1, "a test").write(path, {}),
     "motion.npz": lambda path: jaxdyn.simulate(scenes.cannonball(), samples=3).save(path),
     "table.csv": lambda path: tables.write_csv(path, jaxdyn.simulate(scenes.cannonball())),
     "search.jsonl": lambda path: table.File(path, {}),
@@ -134,7 +135,7 @@ def test_all_that_write_ask_before_the_work(motion):
         lambda: drawing.trajectory(motion, f"{wrong}.png"),
         lambda: drawing.animate(motion, f"{wrong}.gif"),
         lambda: tables.write_csv(f"{wrong}.csv", motion),
-        lambda: jaxdyn.files.records.write(f"{wrong}.json", {}),
+        lambda: Layout("x", 1, "a test").write(f"{wrong}.json", {}),
         lambda: table.File(f"{wrong}.jsonl", {}),
     ):
         with pytest.raises(ValueError, match="expected a file that can be written"):

@@ -8,9 +8,8 @@ from helpers import EXACT
 
 from jaxdyn.hard import CASES, judge
 from jaxdyn.hard.cases.bodies import flip_period
-from jaxdyn.hard.cases.shaken import swing_period
+from jaxdyn.hard.cases.shaken import averaged_limit, swing_period
 from jaxdyn.hard.elliptic import complete
-from jaxdyn.studies.upright import averaged_limit
 
 # Their numbers go to the edge of rounding, which is that of the programs that users run.
 pytestmark = pytest.mark.usefixtures("optimised")

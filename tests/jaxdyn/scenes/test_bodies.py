@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from jaxdyn import Status, scenes, simulate
 from jaxdyn.analysis import energy, precession
+from jaxdyn.course import spinning_top
 from jaxdyn.formulations.rigid import inertia_matrix, pose
 from jaxdyn.geometry import inertia
 from jaxdyn.geometry.inertia import Body
@@ -35,7 +36,6 @@ from jaxdyn.scenes.satellites import (
     satellite_b,
     satellite_c,
 )
-from jaxdyn.studies import sleeping_top
 
 #: The default top, as its formulas want it, and the moment of gravity over sin(theta).
 TOP = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5, "g": 9.81}
@@ -189,7 +189,7 @@ def test_roots_have_derivatives():
 
 @pytest.mark.parametrize(
     ("slowest", "total"),
-    [(sleeping_top.slowest_relative_spin, False), (sleeping_top.critical_spin, True)],
+    [(precession.slowest_relative_spin, False), (precession.critical_spin, True)],
 )
 def test_the_slowest_spin_upright_is_two_different_numbers(slowest, total):
     least, theta = slowest(**TOP), 1e-7
@@ -199,10 +199,10 @@ def test_the_slowest_spin_upright_is_two_different_numbers(slowest, total):
     assert np.isnan(none).all()
     # As a total, the slowest relative spin is faster than the critical total.
     root = precession.top_roots(theta, least * (1 + 1e-12), **TOP, total=total)
-    given = (root.spin + root.precession)[0] / sleeping_top.critical_spin(**TOP) - 1
+    given = (root.spin + root.precession)[0] / precession.critical_spin(**TOP) - 1
     assert (abs(given) < 1e-9) if total else (1e-3 < given < 1e-2)
     stout = TOP | {"I3": 1e-3}
-    assert sleeping_top.slowest_relative_spin(**stout) == 0
+    assert precession.slowest_relative_spin(**stout) == 0
 
 
 # ---- tops
@@ -259,16 +259,16 @@ def test_a_top_nutates_and_keeps_what_it_should():
 
 @pytest.mark.slow
 def test_critical_spin_three_ways():
-    formula = sleeping_top.critical_spin(**TOP)
+    formula = precession.critical_spin(**TOP)
     assert gap(formula**2, 4 * K * PIVOT / TOP["I3"] ** 2) < SOLVED * formula**2
-    assert abs(sleeping_top.critical_spin_by_linearisation(**TOP) / formula - 1) < 1e-10
-    assert abs(sleeping_top.critical_spin_by_simulation(**TOP) / formula - 1) < 3e-5
+    assert abs(spinning_top.critical_spin_by_linearisation(**TOP) / formula - 1) < 1e-10
+    assert abs(spinning_top.critical_spin_by_simulation(**TOP) / formula - 1) < 3e-5
 
 
 def test_too_slow_a_top_falls_as_far_as_energy_lets_it():
     spin = 150.0
     motion = simulate(top(1e-3, spin=spin, **TOP), 3.0, samples=200, rtol=1e-13)
-    deepest = 2 * np.arccos(spin / sleeping_top.critical_spin(**TOP))
+    deepest = 2 * np.arccos(spin / precession.critical_spin(**TOP))
     assert -1e-5 < deepest - np.asarray(precession.tilts(motion)).max() < 3e-3
 
 

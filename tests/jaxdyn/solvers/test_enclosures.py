@@ -8,7 +8,7 @@ import pytest
 from helpers import formulas_of
 
 from jaxdyn import scenes
-from jaxdyn.analysis.equilibrium_search.isolation import isolate
+from jaxdyn.analysis.equilibrium_search.completeness import isolate
 from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas.graph import NotElementary
 from jaxdyn.solvers.intervals import Interval

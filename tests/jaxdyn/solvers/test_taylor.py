@@ -25,7 +25,7 @@ from jaxdyn.solvers import (
 )
 from jaxdyn.solvers.choice import reason
 from jaxdyn.solvers.formulas.graph import NotElementary
-from jaxdyn.solvers.formulas.shortest import products, topological_order
+from jaxdyn.solvers.formulas.simplified import products, topological_order
 from jaxdyn.solvers.taylor.recurrences import solution
 from jaxdyn.solvers.taylor.terms import _CAUTION
 from jaxdyn.status import Status

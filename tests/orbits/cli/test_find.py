@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from jaxdyn.files import records, scene_records
+from jaxdyn.files import codec
 from jaxdyn.scenes import catalogue
 from orbits import PLAIN, find
 from orbits.analysis.identity import identify
@@ -261,8 +261,8 @@ def test_an_energy_is_claimed_only_where_it_is_kept(scene, energy):
 @pytest.mark.parametrize("name", catalogue.entries())
 def test_every_scene_can_be_kept_in_a_file(name):
     scene = catalogue.entries()[name].make()
-    text = json.dumps(records.encode(scene))
-    read = records.decode(json.loads(text), "scene", scene_records.KINDS)
+    text = json.dumps(codec.encode(scene))
+    read = codec.decode_scene(json.loads(text), "")
     assert jax.tree.structure(read) == jax.tree.structure(scene)
     for one, two in zip(jax.tree.leaves(read), jax.tree.leaves(scene), strict=True):
         np.testing.assert_array_equal(one, two)

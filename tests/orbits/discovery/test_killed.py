@@ -11,7 +11,7 @@ import pytest
 from two_cycles import two_cycles
 
 import orbits
-from jaxdyn.files import records
+from jaxdyn.files.layout import Layout
 from orbits.discovery import journal as table
 
 SAMPLES = 6
@@ -76,10 +76,10 @@ def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):
     path = tmp_path / "record.json"
     code = (
         "import sys\n"
-        "from jaxdyn.files import records\n"
+        "from jaxdyn.files.layout import Layout\n"
         "for i in range(10**9):\n"
-        "    record = {'format': 'x', 'version': 1, 'number': i, 'rest': [i] * 2000}\n"
-        "    records.write(sys.argv[1], record)\n"
+        "    record = {'number': i, 'rest': [i] * 2000}\n"
+        "    Layout('x', 1, 'a test').write(sys.argv[1], record)\n"
     )
     command = [sys.executable, "-c", code, str(path)]
     run = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": ":".join(sys.path)})
@@ -87,5 +87,5 @@ def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):
     time.sleep(0.2)
     run.send_signal(signal.SIGKILL)
     run.wait(LONGEST)
-    record = records.read(path, "x", 1)
+    record = Layout("x", 1, "a test").read(path)
     assert record["rest"] == [record["number"]] * 2000

@@ -89,7 +89,7 @@ def _without_units(line, dropped=0):
     for member in (x for x in (step.get("member"), *step.get("special", [])) if x):
         for name in ("sizes", "units"):
             del member["point"][name]
-        tangent = np.array(member["tangent"]["real"])
+        tangent = np.array(member["tangent"])
         kept = tangent.size - dropped
         tangent = tangent[:kept] / np.linalg.norm(tangent)
         member["tangent"] = {"shape": [kept], "real": tangent.tolist()}

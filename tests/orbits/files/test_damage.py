@@ -222,7 +222,7 @@ def test_a_search_and_a_continuation_with_digests_of_their_values_go_on(tmp_path
     path = tmp_path / "search.jsonl"
     save_search(path)
     chunks = searches.read(path)
-    older(path, searches.VERSION)
+    older(path, searches.LAYOUT.version)
     assert searches.read(path) == chunks
     searches.File(path, {"what": "nothing"}).add(searches.Chunk(9, {"samples": 1}, ()))
     assert len(searches.read(path)[1]) == 5

@@ -11,7 +11,7 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
-from jaxdyn.files import journal, records, scene_records
+from jaxdyn.files import codec, journal
 from jaxdyn.files.digests import json_text
 from orbits.discovery import journal as table
 from orbits.files import encoding, family_files
@@ -117,7 +117,9 @@ def test_a_table_with_an_edited_number_is_refused(searched, line):
     assert edited != lines[line]
     searched.write_text("\n".join([*lines[:line], edited, *lines[line + 1 :]]) + "\n")
     for read in (table.read, lambda path: table.File(path, {"what": "nothing"})):
-        with pytest.raises(ValueError, match=r"path: expected a jaxdyn-search file.*was edited"):
+        with pytest.raises(
+            ValueError, match=r"^path: expected a jaxdyn-search file, got .*was edited"
+        ):
             read(searched)
 
 
@@ -146,7 +148,7 @@ def test_a_table_of_wrong_types_is_refused_though_its_digests_are_right(searched
     record = dataclasses.asdict(CHUNKS[0]) | {key: value}
     with open(searched, "ab") as file:
         file.write(json_text(record))
-    with pytest.raises(ValueError, match="path: expected a jaxdyn-search file"):
+    with pytest.raises(ValueError, match=r"^path.*: expected .*edited or damaged"):
         table.read(searched)
 
 
@@ -175,7 +177,7 @@ def places(record, way=()):
 def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
     scene = getattr(scenes, name)()
     orbit = Orbit(scene, orbits.PLAIN, 0.0, Outcome.FOUND, 0, 1e-13)
-    text = json.dumps(encoding.encode(orbit))
+    text = json.dumps(encoding.encode_orbit(orbit))
     ways = list(places(json.loads(text)))
     random = np.random.default_rng(1)
     for _ in range(60):
@@ -186,7 +188,7 @@ def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
             at = at[key]
         at[last] = HOSTILE[random.integers(len(HOSTILE))]
         try:
-            read = encoding.decode(record)
+            read = encoding.decode_orbit(record)
         except ValueError as refused:
             assert str(refused)  # noqa: PT017
         else:
@@ -200,23 +202,23 @@ def test_whatever_stands_in_an_orbits_record_it_is_read_or_refused(name):
         (scenes.pendulum(), ("mechanism", "inverted", 1), "inverted: expected bool, got 1"),
         (scenes.dumbbell(), ("mechanism", "d", 2.0), "d: expected int, got 2.0"),
         (scenes.dumbbell(), ("mechanism", "pairs", [[0, 1, 2]]), "pairs: expected tuple"),
-        (scenes.dumbbell(), ("mechanism", "pairs", [[0, "1"]]), "pairs: expected tuple"),
+        (scenes.dumbbell(), ("mechanism", "pairs", [[0, "1"]]), "pairs: expected int"),
     ],
 )
 def test_static_fields_of_a_wrong_type_are_refused(scene, change, message):
     key, inner, value = change
-    record = json.loads(json.dumps(records.encode(scene)))
+    record = json.loads(json.dumps(codec.encode(scene)))
     system = record["system"]
     system[key][inner] = value
     with pytest.raises(ValueError, match=message):
-        records.decode(record, "scene", scene_records.KINDS)
+        codec.decode_scene(record, "")
 
 
 def test_a_list_in_lists_without_end_is_refused():
-    record = records.encode(scenes.pendulum())
+    record = codec.encode(scenes.pendulum())
     deep = []
     for _ in range(100_000):
         deep = [deep]
     record["system"]["mechanism"]["inverted"] = deep
     with pytest.raises(ValueError, match="inverted: expected bool"):
-        records.decode(record, "scene", scene_records.KINDS)
+        codec.decode_scene(record, "")

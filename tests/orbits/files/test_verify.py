@@ -11,7 +11,7 @@ from helpers import forge
 import orbits
 from jaxdyn import scenes
 from orbits.analysis.report import Report, as_json, report
-from orbits.files.orbit_files import VERSION
+from orbits.files.orbit_files import LAYOUT
 from orbits.orbit import Orbit, Outcome
 
 
@@ -212,17 +212,17 @@ def test_rounding_of_another_machine_is_no_edit(edited):
         (("scene",), [], "scene: expected a Scene, got"),
         (("scene",), lambda scene: scene["system"], "scene: expected a Scene, got FreePoints"),
         (("scene", "system"), lambda system: {"type": "PairGravity", "G": 1.0}, "complete orbit"),
-        (("closing",), None, "closing: expected a closing condition with a name"),
+        (("closing",), None, "closing: expected a Closing, got NoneType"),
         (("scene", "system", "m"), [1.0, 1.0, 1.000001], "closing: expected a symmetry"),
         (("closing", "parts"), 0, "closing: expected at least one part of a period, got 0"),
         (("closing", "parts"), 2.5, "closing.parts: expected int, got 2.5"),
         (("closing", "name"), ["x"], "closing.name: expected str"),
         (("closing", "symmetry", "places"), [0] * 12, "closing: expected a permutation"),
-        (("closing", "symmetry", "places"), ["a"], "closing.symmetry.places: expected tuple"),
+        (("closing", "symmetry", "places"), ["a"], "closing.symmetry.places: expected int"),
         (("closing", "symmetry", "signs"), [2] * 12, "closing: expected 12 signs"),
         (("closing", "symmetry"), None, "file: expected a complete orbit"),
         (("closing", "more"), 1, "closing: expected the fields of Return"),
-        (("more",), 1, "file: expected the entries"),
+        (("more",), 1, "file: expected a complete orbit, got missing or extra ['more']"),
     ],
 )
 def test_files_that_make_no_sense(edited, keys, to, message):
@@ -237,7 +237,7 @@ def test_files_that_make_no_sense(edited, keys, to, message):
 def _with_more(edited, keys):
     if len(keys) > 1:
         return edited(keys[0], to=lambda at: at | {"more": 1})
-    path = edited("version", to=VERSION)
+    path = edited("version", to=LAYOUT.version)
     forge(path, json.loads(path.read_text()) | {"more": 1})
     return path
 

@@ -9,9 +9,9 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from jaxdyn.course import eccentric_cylinder as cylinder
 from jaxdyn.integrate import events
 from orbits.analysis import chain, stability
-from orbits.hybrid import hopping
 
 _E, _OMEGA = 0.6, 2.9  # restitution; angular frequency of the drive [rad/s]
 
@@ -98,7 +98,7 @@ def test_directions_to_other_orbits_are_refused_for_a_chain():
 @pytest.mark.slow
 def test_a_grazing_chain_is_refused():
     with pytest.raises(ValueError, match="an event that is crossed"):
-        orbits.stability(hopping.hop(scenes.cylinder_on_ramp(slope=0.0)))
+        orbits.stability(cylinder.hop(scenes.cylinder_on_ramp(slope=0.0)))
 
 
 def test_a_chain_that_was_not_found_is_refused():

@@ -10,10 +10,10 @@ from helpers import SOLVED
 
 import orbits
 from jaxdyn import scenes
+from jaxdyn.course import eccentric_cylinder as cylinder
 from jaxdyn.integrate import events
 from orbits.analysis.evidence import growth
 from orbits.closing.sizes import sizes
-from orbits.hybrid import hopping
 
 
 def _found(scene, **options):
@@ -168,7 +168,7 @@ def test_a_report_has_all_of_it(gait):
 
 @pytest.mark.slow
 def test_a_grazing_chain_has_a_report_without_multipliers():
-    hop = hopping.hop(scenes.cylinder_on_ramp(slope=0.0))
+    hop = cylinder.hop(scenes.cylinder_on_ramp(slope=0.0))
     known = orbits.report(hop)
     assert math.isnan(known.growth)
     assert known.verdict == "undecided"

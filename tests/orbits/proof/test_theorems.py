@@ -15,9 +15,8 @@ from jaxdyn.balls.field import scene_formulas
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
 from orbits.proof import posing, proving
-from orbits.proof.one_curve import on_one_curve
 from orbits.proof.posing import equations_of
-from orbits.proof.proving import certify
+from orbits.proof.proving import certify, on_one_curve
 from orbits.proof.stability import spectrum, structure
 from orbits.proof.theorems import Theorems, missing
 

@@ -4,9 +4,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from jaxdyn.course.satellite_claims import satellite_claims
 from jaxdyn.geometry.inertia import principal
 from jaxdyn.scenes.satellites import SATELLITES
-from jaxdyn.studies.satellite_claims import satellite_claims
 
 
 @pytest.mark.slow

@@ -16,11 +16,11 @@ import jaxdyn
 import orbits
 from jaxdyn import drawing, scenes
 from jaxdyn.analysis import energy
+from jaxdyn.course import eccentric_cylinder as cylinder
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate import events, phases
 from jaxdyn.scenes.corners import phases_of
 from jaxdyn.scenes.cylinders import NormalForce
-from orbits.hybrid import hopping
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.search import Comes
 
@@ -30,12 +30,12 @@ LEVEL = scenes.cylinder_on_ramp(slope=0.0)
 
 @pytest.fixture(scope="module")
 def slides():
-    return hopping.hop(LEVEL)
+    return cylinder.hop(LEVEL)
 
 
 @pytest.fixture(scope="module")
 def rolls():
-    return hopping.hop(LEVEL, rolls=True)
+    return cylinder.hop(LEVEL, rolls=True)
 
 
 def corner(turns):
@@ -59,7 +59,7 @@ def contact_time(mass_at, a, spin, d=0.5, m=1.0):
 @pytest.mark.slow
 @pytest.mark.parametrize("turns", [1, 2])
 def test_the_hop_is_that_of_the_closed_form(turns):
-    hop = hopping.hop(LEVEL, turns=turns)
+    hop = cylinder.hop(LEVEL, turns=turns)
     assert hop.residual <= 1e-12
     a = corner(turns)
     spin = math.sqrt(G / (0.5 * math.cos(a)))
@@ -71,16 +71,16 @@ def test_the_hop_is_that_of_the_closed_form(turns):
     # Without friction the centre of mass goes on as it is; only its height moves with the turn.
     stands = contact_time(lambda psi: 0.4 + (0.5 * math.sin(psi)) ** 2, a, spin)
     assert abs(hop.spans[1] - stands) < SOLVED
-    assert abs(hopping.advance(hop) - spin * reach * hop.period) < 10 * SOLVED
+    assert abs(cylinder.advance(hop) - spin * reach * hop.period) < 10 * SOLVED
 
 
 @pytest.mark.slow
 def test_it_is_a_motion_of_nature(slides):
     scene = slides.legs[1].scene
-    assert hopping.pull(slides) < SOLVED
+    assert cylinder.pull(slides) < SOLVED
     assert slides.smallest(1, NormalForce(scene)) > -SOLVED
     for leg in (0, 2):
-        assert slides.smallest(leg, hopping.Height(scene.system)) > -SOLVED
+        assert slides.smallest(leg, cylinder.Height(scene.system)) > -SOLVED
     chain = slides.trajectory()
     totals = np.concatenate([energy.along(energy.energy, piece) for piece in chain.pieces])
     assert np.ptp(totals) < 10 * SOLVED
@@ -88,7 +88,7 @@ def test_it_is_a_motion_of_nature(slides):
     fly = slides.legs[0].scene
     for piece in (chain.pieces[1].ys[0], chain.pieces[1].ys[-1]):
         for order in (1, 2):
-            assert abs(hopping.Rises(fly, order).value(0.0, piece)) < 1e-10
+            assert abs(cylinder.Rises(fly, order).value(0.0, piece)) < 1e-10
         assert abs(scene.system.slip(piece)) < SOLVED
 
 
@@ -115,18 +115,18 @@ def test_where_it_rolls_the_ground_has_to_pull(rolls, slides):
     assert rolls.residual <= 1e-12
     assert abs(rolls.spans[1] - stands) < SOLVED
     assert abs(rolls.spans[0] - slides.spans[0]) < SOLVED
-    assert abs(hopping.advance(rolls) - 4 * math.pi) < 10 * SOLVED  # two turns of the rim
+    assert abs(cylinder.advance(rolls) - 4 * math.pi) < 10 * SOLVED  # two turns of the rim
     # N = m (g + y'') at the corner, where alpha A = m d sin psi (g + R w^2).
-    heavy = hopping.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=400.0), rolls=True)
+    heavy = cylinder.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=400.0), rolls=True)
     for hop, inertia in ((rolls, 0.4), (heavy, 400.0)):
         alpha = 0.5 * math.sin(a) * (G + spin**2) / (inertia + 1.25 + math.cos(a))
-        assert abs(hopping.pull(hop) - 0.5 * math.sin(a) * alpha / G) < 1e-10
+        assert abs(cylinder.pull(hop) - 0.5 * math.sin(a) * alpha / G) < 1e-10
 
 
 @pytest.mark.slow
 def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
     other = scenes.cylinder_on_ramp(slope=0.0, m=3.0, r=0.4, d=0.1, inertia=0.2, g=1.62)
-    hop = hopping.hop(other)
+    hop = cylinder.hop(other)
     landing = hop.legs[1].scene.y0
     assert abs(float(landing[2]) - 2 * math.pi - corner(1)) < SOLVED
     assert abs(float(landing[5]) - math.sqrt(1.62 / (0.1 * math.cos(corner(1))))) < SOLVED
@@ -135,7 +135,7 @@ def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
 @pytest.mark.slow
 @pytest.mark.parametrize("inertia", [0.4, 1e-5])
 def test_a_cylinder_whose_mass_is_near_its_centre_hops_too(inertia):
-    hop = hopping.hop(scenes.cylinder_on_ramp(slope=0.0, m=100.0, r=10.0, d=3.0, inertia=inertia))
+    hop = cylinder.hop(scenes.cylinder_on_ramp(slope=0.0, m=100.0, r=10.0, d=3.0, inertia=inertia))
     a = corner(1)
     spin = math.sqrt(G / (3.0 * math.cos(a)))
     stands = contact_time(lambda psi: inertia + 100 * (3 * math.sin(psi)) ** 2, a, spin, 3.0, 100.0)
@@ -146,7 +146,7 @@ def test_a_cylinder_whose_mass_is_near_its_centre_hops_too(inertia):
 @pytest.mark.slow
 def test_a_hop_that_rounding_hides_is_none():
     with pytest.raises(orbits.SearchError, match=r"inertia is below .* m d\^2.*Take a larger"):
-        hopping.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=1e-13))
+        cylinder.hop(scenes.cylinder_on_ramp(slope=0.0, inertia=1e-13))
 
 
 @pytest.mark.slow
@@ -158,15 +158,15 @@ def test_a_picture(slides, tmp_path):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: hopping.hop(scenes.cylinder_on_ramp()), r"slope: expected 0, level .* gains"),
+        (lambda: cylinder.hop(scenes.cylinder_on_ramp()), r"slope: expected 0, level .* gains"),
         (
-            lambda: hopping.hop(scenes.cylinder_on_ramp(slope=0.0, d=0.0)),
+            lambda: cylinder.hop(scenes.cylinder_on_ramp(slope=0.0, d=0.0)),
             "d: expected > 0.*does not hop",
         ),
-        (lambda: hopping.hop(LEVEL, turns=0), "turns: expected a whole number.*enter the ground"),
-        (lambda: hopping.hop(scenes.pendulum()), "scene: expected a cylinder on a ramp"),
+        (lambda: cylinder.hop(LEVEL, turns=0), "turns: expected a whole number.*enter the ground"),
+        (lambda: cylinder.hop(scenes.pendulum()), "scene: expected a cylinder on a ramp"),
         (
-            lambda: hopping.hop(LEVEL.without(UniformGravity) + UniformGravity(-1.0)),
+            lambda: cylinder.hop(LEVEL.without(UniformGravity) + UniformGravity(-1.0)),
             "scene: expected gravity downwards",
         ),
     ],
@@ -382,5 +382,5 @@ def test_chains_that_make_no_sense_are_refused(call, message):
 @pytest.mark.parametrize("size", [0.01, 20.0])
 def test_small_and_large_cylinders_hop(size):
     scene = scenes.cylinder_on_ramp(slope=0.0, r=size, d=0.4 * size, inertia=0.3 * size**2)
-    hop = hopping.hop(scene)
+    hop = cylinder.hop(scene)
     assert abs(float(hop.legs[1].scene.y0[2]) - 2 * math.pi - corner(1)) < SOLVED

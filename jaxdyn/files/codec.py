@@ -1,0 +1,391 @@
+"""The codec: how a value becomes plain JSON, and how JSON becomes a value again.
+
+`encode` takes a bool, int, float or str, None, an enum, a list or tuple, a dictionary, an array, a
+dataclass or a named tuple, and a scene or a part of one. `decode` reads each as an annotation says,
+which is the one place where the type of a result is written down. In JSON
+
+- NaN is null, and an infinity a text: JSON has no others;
+- an array is nested lists of its numbers; one that is complex or empty, which lists cannot tell, is
+  its shape and a list of its real and, if it has some, of its imaginary parts;
+- a scene, or a part of one, is ``{"type": the name of its class, field: value, ...}``, since only
+  the file knows which class it is. All of its numbers are finite.
+
+A class that a file names is looked up among those that are defined in the running program, and its
+fields are filled in: nothing that a file names is imported, called or unpickled.
+"""
+
+import contextlib
+import dataclasses
+import enum
+import functools
+import inspect
+import math
+import reprlib
+import types
+import typing
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxdyn import effects, scenes
+from jaxdyn._checks import fail
+from jaxdyn._records.captured import captures_of_record
+from jaxdyn._records.record import Record
+from jaxdyn.formulations.attitude import Attitude
+from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.scene import Effect, Scene, System
+from jaxdyn.scenes.drawings import Angles
+from jaxdyn.sketch import Looks
+
+T = TypeVar("T")
+
+MAX_NUMBERS = 10_000_000  # of one array
+MAX_DEPTH = 32  # of parts in parts
+#: Modules of the classes that a file may name, looked up among those that are loaded.
+LOADED = (effects, scenes)
+#: Base classes of the parts of a scene.
+PARTS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
+_INFINITIES = ("inf", "-inf")
+_ANOTHER = (
+    "Import the module that defines the class; if another version wrote the file, make it again."
+)
+
+
+def encode(value: Any, without: tuple[str, ...] = ()) -> Any:
+    """A value as JSON, for `decode`.
+
+    Args:
+      value: of the kinds above.
+      without: fields of a dataclass that are left out.
+    Raises:
+      ValueError: it is of another kind, or a scene with a function or a number that is not finite.
+    Example:
+      >>> import numpy as np
+      >>> encode({"a": (1.0, float("nan")), "b": np.eye(2)})
+      {'a': [1.0, None], 'b': [[1.0, 0.0], [0.0, 1.0]]}
+    """
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, np.ndarray | jax.Array):
+        return _encode_array(np.asarray(value))
+    if isinstance(value, eqx.Module):
+        return _encode_part(value)
+    if dataclasses.is_dataclass(value) or _is_named(value):
+        names = [name for name in _field_names(type(value)) if name not in without]
+        return {name: encode(getattr(value, name)) for name in names}
+    if isinstance(value, dict):
+        return {str(key): encode(x) for key, x in value.items()}
+    if isinstance(value, tuple | list):
+        return [encode(x) for x in value]
+    if isinstance(value, float):
+        return _encode_number(value)
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    raise _no_data(value)
+
+
+def _encode_number(x: float) -> float | str | None:
+    if math.isinf(x):
+        return "inf" if x > 0 else "-inf"
+    return None if math.isnan(x) else float(x)
+
+
+def _encode_array(x: np.ndarray) -> Any:
+    if x.size and not np.iscomplexobj(x):
+        if np.isfinite(x).all():
+            return x.tolist()
+        return np.array([*map(_encode_number, x.ravel())], dtype=object).reshape(x.shape).tolist()
+    flat = x.ravel()
+    parts = {"real": flat.real, "imag": flat.imag} if np.iscomplexobj(x) else {"real": flat}
+    return {"shape": list(x.shape)} | {k: [*map(_encode_number, y)] for k, y in parts.items()}
+
+
+def _encode_part(part: Any) -> dict[str, Any]:
+    """A scene or a part of one."""
+    fields = {name: getattr(part, name) for name in _field_names(type(part))}
+    return {"type": type(part).__name__} | {k: _encode_field(x) for k, x in fields.items()}
+
+
+def _encode_field(value: Any) -> Any:
+    """Of a part of a scene, so that it can be read without knowing more than its class."""
+    if isinstance(value, eqx.Module) or _is_named(value):
+        return _encode_part(value)
+    if isinstance(value, tuple | list):
+        return [_encode_field(x) for x in value]
+    if isinstance(value, float | np.ndarray | jax.Array) and not np.isfinite(value).all():
+        raise fail("record", "finite numbers", repr(value))
+    if value is None or isinstance(value, bool | int | float | str | np.ndarray | jax.Array):
+        return encode(value)
+    raise _no_data(value)
+
+
+def _no_data(value: Any) -> ValueError:
+    return fail(
+        "record",
+        "numbers, strings and modules",
+        f"{type(value).__name__} {value!r}",
+        "A scene that holds a function cannot be written to a file; make a class of it in a "
+        "module: a System with the function as its method `rate`, or an Effect.",
+    )
+
+
+def _is_named(value: Any) -> bool:
+    """Whether a value is a named tuple."""
+    return isinstance(value, tuple) and hasattr(value, "_fields")
+
+
+def _field_names(cls: type) -> tuple[str, ...]:
+    """The fields of a named tuple, or of a dataclass without those that it computes itself."""
+    if issubclass(cls, tuple):
+        return getattr(cls, "_fields", ())
+    return tuple(field.name for field in dataclasses.fields(cls) if field.init)
+
+
+def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False) -> Any:
+    """A value of JSON as its annotation says.
+
+    Args:
+      value: from a file.
+      hint: a type of the kinds that `encode` takes, but for parts of scenes (`decode_part`); `Any`
+        or a bare ``dict`` for what is read later.
+      name: of the value, for the message.
+      remedy: what to do where it is of another type, for the message.
+      lines: whether texts may have several lines, and what else is not printed as it stands.
+    Raises:
+      ValueError: it is of another type, or a text that is not printable in one line.
+    Example:
+      >>> decode([1, None], list[float], "bars", "")
+      [1.0, nan]
+    """
+    kinds, origin = typing.get_args(hint), typing.get_origin(hint)
+    inner = functools.partial(decode, name=name, remedy=remedy, lines=lines)
+    if hint is Any:
+        return value
+    if origin in (types.UnionType, typing.Union):
+        if value is None and types.NoneType in kinds:
+            return None
+        *kinds, last = (kind for kind in kinds if kind is not types.NoneType)
+        for kind in kinds:
+            with contextlib.suppress(ValueError):
+                return inner(value, kind)
+        return inner(value, last)
+    if hint is float:
+        if _is_number(value):
+            return _decode_number(value)
+    elif hint is np.ndarray:
+        return _decode_array(value, name, remedy)
+    elif isinstance(hint, type) and issubclass(hint, enum.Enum):
+        if isinstance(value, int | str) and value in [member.value for member in hint]:
+            return hint(value)
+    elif origin is dict:
+        if isinstance(value, dict):
+            of_keys, of_values = kinds
+            return {inner(key, of_keys): inner(x, of_values) for key, x in value.items()}
+    elif hint in (bool, int, str, dict):
+        if type(value) is hint and (hint is not str or lines or value.isprintable()):
+            return value
+    elif origin in (tuple, list):
+        if isinstance(value, list):
+            several = kinds[:1] * len(value) if kinds[-1] is ... or len(kinds) < 2 else kinds
+            if len(several) == len(value):
+                pairs = zip(value, several, strict=True)
+                return origin(inner(x, kind) for x, kind in pairs)
+    elif hint is tuple:  # of whatever is plain
+        if isinstance(value, list):
+            nested = int | float | str
+            return tuple(inner(x, tuple if isinstance(x, list) else nested) for x in value)
+    elif isinstance(value, dict) and isinstance(hint, type):
+        return hint(**decode_fields(value, hint, name, remedy))
+    raise fail(name, str(hint) if kinds else hint.__name__, reprlib.repr(value), remedy)
+
+
+def decode_fields(
+    value: Any, cls: Any, name: str, remedy: str, without: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The values of the fields of a dataclass or a named tuple, from an object of JSON.
+
+    Args:
+      value: from a file.
+      cls: the class.
+      name: see `decode`.
+      remedy: see `decode`.
+      without: fields that the object does not have.
+    Raises:
+      ValueError: it is no object, has other entries, or one of another type.
+    """
+    hints = typing.get_type_hints(cls)
+    wanted = [key for key in _field_names(cls) if key not in without]
+    if not isinstance(value, dict) or value.keys() != {*wanted}:
+        got = sorted({*wanted} ^ value.keys()) if isinstance(value, dict) else type(value).__name__
+        raise fail(name, f"the entries of {cls.__name__}", f"missing or extra {got}"[:80], remedy)
+    return {key: decode(value[key], hints[key], f"{name}.{key}", remedy) for key in wanted}
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or type(value) in (int, float) or value in _INFINITIES
+
+
+def _decode_number(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _decode_array(value: Any, name: str, remedy: str = "") -> np.ndarray:
+    if isinstance(value, dict):
+        return _decode_shaped(value, name, remedy)
+    try:
+        found = np.array(value, dtype=object)  # rows of several lengths stay lists, or are refused
+        if not all(map(_is_number, found.ravel())):
+            raise ValueError("other entries")
+        numbers = np.array([*map(_decode_number, found.ravel())], dtype=float)
+    except (ValueError, OverflowError) as error:
+        raise fail(name, "an array of numbers", reprlib.repr(value), remedy) from error
+    return _limited(numbers, found.shape, name, remedy)
+
+
+def _decode_shaped(value: dict, name: str, remedy: str) -> np.ndarray:
+    """An array that is complex or empty; in older files any array of a result."""
+    keys = value.keys()
+    if keys not in ({"shape", "real"}, {"shape", "real", "imag"}):
+        raise fail(name, "the shape and the numbers of an array", reprlib.repr(value), remedy)
+    shape = decode(value["shape"], tuple[int, ...], f"{name}.shape", remedy)
+    real, *imaginary = (
+        np.array(decode(value[key], list[float], name, remedy), dtype=float)
+        for key in ("real", "imag")
+        if key in keys
+    )
+    real = _limited(real, shape, name, remedy)
+    if not imaginary:
+        return real
+    found = real.astype(complex)
+    found.imag = _limited(imaginary[0], shape, name, remedy)  # a sum would lose the signs of zeros
+    return found
+
+
+def _limited(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy: str) -> np.ndarray:
+    if numbers.size > MAX_NUMBERS:
+        raise fail(name, f"at most {MAX_NUMBERS} numbers", numbers.size)
+    if min(shape, default=0) < 0 or math.prod(shape) != numbers.size:
+        raise fail(name, "as many numbers as its shape", shape, remedy)
+    return numbers.reshape(shape)
+
+
+def decode_scene(value: Any, remedy: str) -> Scene:
+    """A scene, which runs.
+
+    Args:
+      value: from a file.
+      remedy: what to do if it is none, for the message.
+    Raises:
+      ValueError: it is not of a scene, names an unknown class, or has invalid numbers.
+    """
+    scene = decode_part(value, Scene, "scene", remedy=remedy)
+    if not scene.name.isprintable():
+        raise fail("name", "a printable text", repr(scene.name)[:40], remedy)
+    if np.shape(scene.t1):
+        raise fail("t1", "one number", f"shape {np.shape(scene.t1)}", remedy)
+    scene.check()
+    rate = scene.rate(jnp.zeros(()), scene.y0)
+    if rate.shape != scene.y0.shape:
+        raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", remedy)
+    return scene
+
+
+def decode_part(
+    value: Any, cls: type[T], name: str, parts: tuple[type, ...] = PARTS, remedy: str = _ANOTHER
+) -> T:
+    """A scene or a part of one: an object of JSON that names its class.
+
+    Args:
+      value: from a file.
+      cls: what it must be.
+      name: of the value, for the message.
+      parts: base classes of what may be in it.
+      remedy: what to do if it is something else, for the message.
+    Raises:
+      ValueError: it names an unknown class, lacks a field or has an extra one, or holds something
+        that is not a number.
+    """
+    found = value
+    if isinstance(value, dict):
+        found = _decode_named(value, name, _known_classes((cls, *parts)))
+    if not isinstance(found, cls):
+        raise fail(name, f"a {cls.__name__}", type(found).__name__, remedy)
+    return found
+
+
+def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
+    """All concrete classes that a file may name: the loaded ones of these kinds."""
+    found: dict[str, type] = {}
+    waiting = list(kinds)
+    while waiting:
+        cls = waiting.pop()
+        waiting += cls.__subclasses__()
+        if not inspect.isabstract(cls):
+            found[cls.__name__] = cls
+    return found
+
+
+def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) -> Any:
+    if name.count(".") > MAX_DEPTH:
+        raise fail(name[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
+    called = value.get("type")
+    cls = classes.get(called) if isinstance(called, str) else None
+    if cls is None:
+        raise fail(name, "the name of a class that is imported", reprlib.repr(called), _ANOTHER)
+    names = {*_field_names(cls)}
+    value = _defaults(cls) | value
+    if names != value.keys() - {"type"}:
+        wrong = sorted(names ^ (value.keys() - {"type"}))
+        raise fail(name, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
+    if issubclass(cls, tuple):
+        return cls(**{key: _decode_field(value[key], f"{name}.{key}", classes) for key in names})
+    # Not by the constructor, whose arguments may differ from the fields.
+    part, hints = object.__new__(cls), typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        if field.init:
+            item, place = value[field.name], f"{name}.{field.name}"
+            if field.metadata.get("static", False):
+                item = _decode_static(item, hints[field.name], place)
+            else:
+                item = _decode_field(item, place, classes)
+            object.__setattr__(part, field.name, item)
+    if isinstance(part, Record):
+        object.__setattr__(part, "captured", captures_of_record(part))
+    return part
+
+
+def _defaults(cls: type) -> dict[str, Any]:
+    """Values of the fields that a class has gained since a file was written: their defaults."""
+    if issubclass(cls, tuple):
+        return {}
+    fields = [f for f in dataclasses.fields(cls) if f.init and f.default is not dataclasses.MISSING]
+    return {f.name: _encode_field(f.default) for f in fields}
+
+
+def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:
+    """What a field of a part holds that is traced: numbers, parts, tuples of them, or nothing."""
+    if isinstance(item, dict) and "shape" not in item:
+        return _decode_named(item, name, classes)
+    if item == [] or (isinstance(item, list) and any(isinstance(x, dict) for x in item)):
+        return tuple(_decode_field(x, name, classes) for x in item)
+    if item is None or isinstance(item, bool):
+        return item
+    numbers = _decode_array(item, name)
+    if not np.isfinite(numbers).all():
+        bad = numbers[~np.isfinite(numbers)][0]
+        raise fail(name, "finite numbers", bad)
+    return jnp.asarray(numbers)
+
+
+def _decode_static(item: Any, hint: Any, name: str) -> Any:
+    """What a static field holds: it is plain, and programs are compiled for it."""
+    if isinstance(item, dict) or hint is Any:
+        raise fail(name, "numbers and texts", reprlib.repr(item))
+    found = decode(item, hint, name, "", lines=True)  # such as the text of a model
+    if not all(math.isfinite(x) for x in jax.tree.leaves(found) if isinstance(x, float)):
+        raise fail(name, "finite numbers", reprlib.repr(item))
+    return found
