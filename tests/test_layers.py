@@ -55,7 +55,7 @@ BELOW = {
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
-    "orbits/targets": ("orbits/shooting",),
+    "orbits/targets": ("orbits/analysis",),
     "orbits/tori": ("orbits/analysis",),
     "orbits/files": ("orbits/families", "orbits/proof"),
     "orbits/drawing": (

@@ -12,7 +12,8 @@ of a family, by their defining equations in `defining`; `normal_forms` has their
 
 `two_parameters` poses curves of folds and Hopf points in two parameters by the equations of
 `augmented`, `codimension_two` finds the special points on them, and `curve` holds both. All are
-followed in the `units` of their points.
+followed in the `units` of their points. `sensitivity` has derivatives of folds and Hopf points by
+the numbers of their scenes.
 
 May import: `analysis`, `files`.
 
@@ -26,17 +27,20 @@ from jaxdyn.continuation.equilibria import continue_equilibria, switch_branch
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.loading import load
+from jaxdyn.continuation.sensitivity import DifferentiablePoint, differentiable
 from jaxdyn.continuation.two_parameters import continue_curve
 
 __all__ = [
     "CodimensionTwo",
     "Curve",
     "CurvePoint",
+    "DifferentiablePoint",
     "Equilibrium",
     "EquilibriumFamily",
     "Kind",
     "continue_curve",
     "continue_equilibria",
+    "differentiable",
     "load",
     "switch_branch",
 ]

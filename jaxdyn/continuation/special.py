@@ -11,6 +11,7 @@ halved first. All points are in units of their family.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,23 +76,50 @@ def _locate(
     return None
 
 
-def _solve(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
-    """The solution of the equations of a kind, from an equilibrium nearby."""
+class Posed(NamedTuple):
+    """The equations of a special point, and where they are nearly solved.
+
+    Attributes:
+      system: of `defining`.
+      unknowns: (n,).
+      normal: what fixes the length of its vectors.
+    """
+
+    system: defining.System
+    unknowns: np.ndarray
+    normal: np.ndarray
+
+
+def pose(kind: Kind, start: Equilibrium) -> Posed | None:
+    """The equations of a kind near an equilibrium; None without a pair of complex eigenvalues."""
     x, a = start.x, start.jacobian
     u, _, vt = np.linalg.svd(a)
     if kind == Kind.FOLD:
-        return defining.solve(defining.fold, make, np.append(x, vt[-1]), vt[-1])
+        return Posed(defining.fold, np.append(x, vt[-1]), vt[-1])
     if kind == Kind.BRANCH:
-        unknowns = np.concatenate([x, u[:, -1], [0.0]])
-        return defining.solve(defining.branch, make, unknowns, u[:, -1])
+        return Posed(defining.branch, np.concatenate([x, u[:, -1], [0.0]]), u[:, -1])
     values, vectors = np.linalg.eig(a)
     i, j = _nearest_pair(values)
     if values[i].imag == 0 or values[i] != np.conj(values[j]):
         return None
     q = vectors[:, i if values[i].imag > 0 else j]
     unknowns = np.concatenate([x, q.real, q.imag, [abs(values[i].imag)]])
-    normal = np.stack([q.real, -q.imag])
-    return defining.solve(defining.hopf, make, unknowns, normal)
+    return Posed(defining.hopf, unknowns, np.stack([q.real, -q.imag]))
+
+
+def locate(make: InUnits, near: Equilibrium, x: np.ndarray) -> Equilibrium | None:
+    """The special point of the kind of another one, near a guess (k + 1,); None for none."""
+    assert near.kind is not None
+    solution = _solve(make, near.kind, equilibrium_at(make, x, near.tangent, np.nan))
+    return None if solution is None else _with_coefficients(make, near.kind, near, solution)
+
+
+def _solve(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
+    """The solution of the equations of a kind, from an equilibrium nearby."""
+    posed = pose(kind, start)
+    if posed is None:
+        return None
+    return defining.solve(posed.system, make, posed.unknowns, posed.normal)
 
 
 def _with_coefficients(

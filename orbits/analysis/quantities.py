@@ -43,6 +43,11 @@ def extremes(orbit: Orbit, entry: str) -> tuple[float, float]:
       >>> [round(x, 9) for x in extremes(swing, "theta")]
       [-2.0, 2.0]
     """
+    return extremes_in_time(orbit, entry)[0]
+
+
+def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """`extremes`, and when they are [time of the scene]."""
     y, slopes, curvatures = _along(orbit, entry)
     (a, b, c), (a1, b1, c1) = (
         [x[i : i - 1 or None] for x in (y, slopes, 0.5 * curvatures)] for i in (0, 1)
@@ -57,7 +62,11 @@ def extremes(orbit: Orbit, entry: str) -> tuple[float, float]:
         rest = 10 * gap - 4 * tilt + bend + u * (7 * tilt - 15 * gap - 2 * bend)
         rest += u * u * (6 * gap - 3 * tilt + bend)
         tops = np.where((u > 0) & (u < 1), a + u * (b + u * (c + u * rest)), y[0])
-    return min(y.min(), tops.min()).item(), max(y.max(), tops.max()).item()
+    parts = np.where((u > 0) & (u < 1), np.arange(len(a)) + u, 0.0) * orbit.period / _SAMPLES
+    ts = np.append(np.linspace(0.0, orbit.period, len(y)), parts)
+    values = np.append(y, tops)
+    low, high = int(np.argmin(values)), int(np.argmax(values))
+    return (float(values[low]), float(values[high])), (float(ts[low]), float(ts[high]))
 
 
 @check_first

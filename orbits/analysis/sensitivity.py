@@ -11,7 +11,7 @@ Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v).
 """
 
 from collections.abc import Mapping, Sequence
-from typing import overload
+from typing import NamedTuple, overload
 
 import equinox as eqx
 import jax
@@ -23,7 +23,9 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.phase import Phase
+from jaxdyn.integrate.simulation import solve
 from orbits.analysis.monodromy import return_map, tangents
+from orbits.analysis.quantities import extremes_in_time
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.conditions import Hold, conditions
 from orbits.hybrid.equations import Chain, residuals
@@ -83,6 +85,25 @@ class DifferentiableOrbit(eqx.Module):
         """(p,) Floquet exponents [1/time]: log of the multipliers over the period; complex."""
         logs = jnp.log(self.multipliers())
         return logs / self.period.astype(logs.dtype)
+
+    def extremes(self, entry: str) -> Array:
+        """(2,) the least and the largest value of an entry of the state over a period.
+
+        Args:
+          entry: its name; see `orbits.analysis.quantities.extremes`.
+        """
+        names = [name for name, _ in self.known.scene.labels()]
+        values, times = extremes_in_time(self.known, entry)
+        # Where an entry is level, its derivative is that at a fixed time.
+        found = jnp.stack(
+            [solve(self.scene, t, rtol=self.known.rtol).y1[names.index(entry)] for t in times]
+        )
+        return jnp.asarray(values) + found - jax.lax.stop_gradient(found)
+
+    def amplitude(self, entry: str) -> Array:
+        """() half of the distance between the extremes of an entry of the state."""
+        low, high = self.extremes(entry)
+        return 0.5 * (high - low)
 
 
 class DifferentiableChain(eqx.Module):
@@ -147,17 +168,36 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
         return _chain(legs_of(scene, orbit.path), orbit)
     if orbit.mesh is not None:
         raise fail("orbit", "an orbit found by shooting", "one by collocation")
+    posed = pose(orbit, hold)
+    inverse = _inverse(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
+    y0, period, angle = _implicit(posed.of(scene), posed.x, inverse, orbit.rtol)
+    return DifferentiableOrbit(scene.starting(y0, period), angle, orbit)
+
+
+class Posed(NamedTuple):
+    """The closing equations of an orbit.
+
+    Attributes:
+      equations: of the orbit.
+      x: (n,) its unknowns.
+    """
+
+    equations: Equations
+    x: np.ndarray
+
+    def of(self, scene: Scene) -> Equations:
+        """The equations of a scene with other numbers, or the same ones traced."""
+        known = self.equations.scene
+        return eqx.tree_at(lambda e: e.scene, self.equations, scene.starting(known.y0, known.t1))
+
+
+def pose(orbit: Orbit, hold: Hold) -> Posed:
+    """The closing equations of an orbit, in segments as its errors grow."""
     guess = np.append(np.asarray(orbit.y0), orbit.period)
-    known = cut_into_segments(
+    equations = cut_into_segments(
         Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
     )
-    x = known.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
-    inverse = _inverse(jax.lax.stop_gradient(known), x, orbit.rtol)
-    # Equal values, but traced.
-    own = scene.starting(orbit.y0, orbit.scene.t1)
-    moving = eqx.tree_at(lambda e: e.scene, known, own)
-    y0, period, angle = _implicit(moving, x, inverse, orbit.rtol)
-    return DifferentiableOrbit(own.starting(y0, period), angle, orbit)
+    return Posed(equations, equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle))
 
 
 def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
@@ -173,7 +213,7 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     return DifferentiableChain(start - change[:k], spans - change[k:])
 
 
-def _residual(equations: Equations, x: Array, rtol) -> Array:
+def residual(equations: Equations, x: Array, rtol) -> Array:
     """(m,) the residual at x, differentiable in every number of the equations."""
     here = pieces(equations, x)
     each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(equations.segments)]
@@ -184,7 +224,7 @@ def _residual(equations: Equations, x: Array, rtol) -> Array:
 @jax.jit
 def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
     """Start, period and angle at x, with their derivatives by the implicit function theorem."""
-    miss = _residual(equations, x, rtol)
+    miss = residual(equations, x, rtol)
     x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
     unknowns = equations.unpack(x)
     return equations.start(x), unknowns.period, unknowns.angle

@@ -6,9 +6,9 @@ branch points, period doublings, torus points and Krein collisions, `shrinking` 
 which families end. `hopf` begins a family at a Hopf point of a family of equilibria, `diagram`
 follows all of them, `graph` says which of them meet. `checkpoint` keeps members in a file, which
 `loading` reads. `criticality` has the normal forms of bifurcations, from the series of the return
-map. `surface` is the set of all orbits near one, `lengths` the units in which it is measured,
-`chains` that of all chains of legs. `parameters` makes a scene a function of one or two of its
-parameters.
+map, `sensitivity` the derivatives of special points by the numbers of their scenes. `surface` is
+the set of all orbits near one, `lengths` the units in which it is measured, `chains` that of all
+chains of legs. `parameters` makes a scene a function of one or two of its parameters.
 
 May import: `analysis`.
 

@@ -7,3 +7,4 @@ from .diagram import Diagram as Diagram
 from .family import Family as Family
 from .graph import Graph as Graph
 from .loading import load as load
+from .sensitivity import special_parameter as special_parameter

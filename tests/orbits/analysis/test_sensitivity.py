@@ -164,3 +164,25 @@ def test_a_driven_orbit_by_the_frequency_of_its_drive():
 
     error = jax.jacfwd(start_and_period)(0.5) - jax.jacfwd(exact)(0.5)
     assert jnp.abs(error).max() < 1e-11
+
+
+def van_der_pol(t, y, mu):
+    del t
+    return [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]]
+
+
+def test_the_amplitude_of_a_cycle_by_its_parameter():
+    def make(mu):
+        return jaxdyn.ode(van_der_pol, [2.0, 0.0], 6.66, params=mu)
+
+    known = orbits.find(make(1.3))
+    slope = jax.grad(lambda mu: orbits.differentiable(make(mu), known).amplitude("y0"))(1.3)
+
+    def again(mu):
+        orbit = orbits.find(make(mu), known.y0, known.period)
+        return orbits.analysis.quantities.amplitude(orbit, "y0")
+
+    h = 5e-3
+    steps = {i: again(1.3 + i * h) - again(1.3 - i * h) for i in (1, 2, 3)}
+    differences = (45 * steps[1] - 9 * steps[2] + steps[3]) / (60 * h)
+    assert slope == pytest.approx(differences, abs=1e-9)

@@ -1,0 +1,107 @@
+"""Derivatives of special points of families by the numbers of their scenes.
+
+Along a family the test of a special point, g(p, numbers) = 0, has derivatives by the implicit
+function theorem for the orbit, so dp = -g_numbers / g_p. The test is that of multipliers: l + 1 at
+a period doubling, |l|^2 - 1 at a torus point. At a fold, where orbits have no derivative by the
+parameter, it is the part w F of the closing equations F that no change of the orbit moves, with w
+normal to the range of their Jacobian.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
+from jaxdyn.continuation.kinds import Kind
+from orbits.analysis.sensitivity import differentiable, pose, residual
+from orbits.closing.conditions import Hold
+from orbits.families.family import Member, smooth_orbit
+from orbits.shooting.segment import Make
+from orbits.shooting.units import InUnits
+
+#: Of the largest singular value of the closing equations' Jacobian at a fold: less is zero. What is
+#: left of it there is the root of what rounding leaves of the parameter.
+_ZERO = 1e-5
+_KINDS = (Kind.FOLD, Kind.DOUBLING, Kind.TORUS)
+
+
+@check_first
+def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
+    """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and the like.
+
+    ``orbits.differentiable(make(p), point.orbit)`` with this parameter p is the orbit itself, if it
+    is not at a fold.
+
+    Args:
+      point: a fold, period doubling or torus point, of ``family.special``.
+      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by: the
+        values are those that the point was found with, or traced copies.
+      hold: the conditions of the family, as for `continue_family`.
+    Returns:
+      Its value is that of `point`, whatever the numbers are; with first derivatives.
+    Raises:
+      ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
+        does not change with the parameter.
+    Limits: host only but for the numbers that make the scene; not for chains. A period doubling of
+      a conservative scene, where two multipliers are -1, is not generic.
+    Example:
+      >>> import jax, orbits
+      >>> import jax.numpy as jnp
+      >>> import jaxdyn
+      >>> def rate(t, y, c):  # cycles of r^2 = (b +- sqrt(b^2 + 4 a)) / 2
+      ...     r2 = y[0] ** 2 + y[1] ** 2
+      ...     grow = c[0] + c[1] * r2 - r2**2
+      ...     return [grow * y[0] - y[1], grow * y[1] + y[0]]
+      >>> def make(b):
+      ...     return lambda a: jaxdyn.ode(rate, [0.85, 0.0], 6.28, params=jnp.stack([a, b]))
+      >>> with_one = make(jnp.asarray(1.0))
+      >>> cycle = orbits.find(with_one(jnp.asarray(-0.2)))
+      >>> family = orbits.continue_family(cycle, with_one, -0.2, down=True, members=8)
+      >>> fold = family.special[0]  # at a = -b^2 / 4
+      >>> by_b = jax.grad(lambda b: orbits.families.special_parameter(fold, make(b)))
+      >>> round(float(by_b(jnp.asarray(1.0))), 8)
+      -0.5
+    """
+    if point.kind not in _KINDS:
+        remedy = "Choose one of family.special."
+        what = "a fold, period doubling or torus point"
+        raise fail("point", what, point.kind or "an ordinary orbit", remedy)
+    orbit = smooth_orbit("point", point.orbit)
+    value = jnp.asarray(point.parameter)
+    if point.kind == Kind.FOLD:
+        posed = pose(orbit, hold)
+        rows = _beyond(posed.equations, posed.x, orbit.rtol)
+
+        def test(scene: Scene) -> Array:
+            return rows @ residual(posed.of(scene), posed.x, orbit.rtol)
+    else:
+        which = _critical(point)
+
+        def test(scene: Scene) -> Array:
+            multiplier = differentiable(scene, orbit, hold=hold).multipliers()[which]
+            if point.kind == Kind.TORUS:
+                return (jnp.abs(multiplier) ** 2 - 1.0)[None]
+            return (multiplier.real + 1.0)[None]
+
+    found, slope = jax.jvp(lambda p: test(make(p)), (value,), (jnp.ones(()),))
+    change, slope = found - jax.lax.stop_gradient(found), jax.lax.stop_gradient(slope)
+    return value - slope @ change / (slope @ slope)
+
+
+def _critical(point: Member) -> int:
+    """Which of the non-trivial multipliers is -1, or on the unit circle with another one."""
+    values = point.stability.nontrivial
+    if point.kind == Kind.DOUBLING:
+        return int(np.argmin(np.abs(values + 1.0)))
+    return int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
+
+
+def _beyond(equations, x: np.ndarray, rtol: float) -> np.ndarray:
+    """(r, m) rows of the closing equations that no change of the unknowns moves."""
+    closed = InUnits(jax.lax.stop_gradient(equations), x, rtol)
+    left, values, _ = np.linalg.svd(closed(x)[1])
+    rank = int((values > _ZERO * values[0]).sum())
+    return left[:, rank:].T / closed.units.rows

@@ -1,0 +1,76 @@
+"""Derivatives of special orbits' parameters against closed forms and special orbits found again."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cycles import Bautin, Moebius, Torus, cycle
+
+import jaxdyn
+import orbits
+from jaxdyn.continuation import Kind
+from orbits.families import special_parameter
+
+#: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
+SPECIAL = {
+    Kind.FOLD: (Bautin, -0.2, (0.85, 0.0), {"step": 0.05, "members": 10, "down": True}),
+    Kind.DOUBLING: (Moebius, -0.2, (1.0, 0.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
+    Kind.TORUS: (Torus, -0.1, (1.0, 0.0, 0.0, 0.0), {"step": 0.06, "members": 6}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SPECIAL)
+def test_special_orbits_by_a_number_of_their_scenes(kind):
+    system, a, start, options = SPECIAL[kind]
+
+    def make(c):
+        return lambda a: cycle(system, a + c * c - 0.09, start)
+
+    known = make(jnp.asarray(0.3))
+    family = orbits.continue_family(orbits.find(known(jnp.asarray(a))), known, a, **options)
+    (point,) = family.special
+    value, slope = jax.value_and_grad(lambda c: special_parameter(point, make(c)))(0.3)
+    assert value == point.parameter
+    assert slope == pytest.approx(-0.6, abs=1e-8)
+
+
+def rate(t, y, n):
+    del t
+    return [-y[1] - y[2], y[0] + n[0] * y[1], 0.2 + y[2] * (y[0] - n[1])]
+
+
+def roessler(a):
+    def make(c):
+        numbers = jnp.stack([jnp.asarray(a, float), jnp.asarray(c, float)])
+        return jaxdyn.ode(rate, [-3.76877, 0.627253, 0.0348004], 5.76, params=numbers)
+
+    return make
+
+
+def doubling(a):
+    make = roessler(a)
+    family = orbits.continue_family(orbits.find(make(2.6)), make, 2.6, within=(2.6, 3.0))
+    return next(x for x in family.special if x.kind == Kind.DOUBLING)
+
+
+@pytest.mark.slow
+def test_the_first_doubling_of_roesslers_cycle_by_its_other_number():
+    point = doubling(0.2)
+    slope = jax.grad(lambda a: special_parameter(point, roessler(a)))(0.2)
+    h = 2e-3
+    p = {i: doubling(0.2 + i * h).parameter for i in (-2, -1, 1, 2)}
+    differences = (8 * (p[1] - p[-1]) - (p[2] - p[-2])) / (12 * h)
+    assert slope == pytest.approx(differences, rel=1e-7)
+    # The orbit at the doubling, by the same number.
+    orbit = orbits.differentiable(roessler(0.2)(point.parameter), point.orbit)
+    assert np.isfinite(orbit.period)
+
+
+def test_points_without_such_derivatives_are_refused():
+    def make(a):
+        return cycle(Bautin, a, (1.1, 0.0))
+
+    family = orbits.continue_family(orbits.find(make(jnp.asarray(0.3))), make, 0.3, members=2)
+    with pytest.raises(ValueError, match="point: expected a fold, period doubling or torus point"):
+        special_parameter(family.members[0], make)
