@@ -7,6 +7,7 @@ parameter, it is the part w F of the closing equations F that no change of the o
 normal to the range of their Jacobian.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -86,9 +87,12 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
                 return (jnp.abs(multiplier) ** 2 - 1.0)[None]
             return (multiplier.real + 1.0)[None]
 
-    found, slope = jax.jvp(lambda p: test(make(p)), (value,), (jnp.ones(()),))
-    change, slope = found - jax.lax.stop_gradient(found), jax.lax.stop_gradient(slope)
-    return value - slope @ change / (slope @ slope)
+    scene, by_parameter = eqx.filter_jvp(make, (value,), (jnp.ones(()),))
+    found = test(scene)
+    # Without the other numbers: second derivatives are not wanted.
+    fixed = jax.lax.stop_gradient((scene, by_parameter))
+    _, slope = eqx.filter_jvp(test, fixed[:1], fixed[1:])
+    return value - slope @ (found - jax.lax.stop_gradient(found)) / (slope @ slope)
 
 
 def _critical(point: Member) -> int:
