@@ -16,8 +16,9 @@ the size of the state's, whatever the units of entries and of perturbed numbers.
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import lax
 from jaxtyping import Array
 
 from jaxdyn.scales import LATER, Groups, at_start, notable, rounding
@@ -27,7 +28,7 @@ from jaxdyn.scales import LATER, Groups, at_start, notable, rounding
 PART = 0.1
 
 #: Times what rounding makes of an entry in a time of the motion, that a step may be off by.
-_NOISE = 4.0
+_NOISE = 32.0
 #: The part of what a rejected step would have made of an entry at rest that is its size.
 _GLIMPSE = 0.01
 
@@ -64,46 +65,60 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
         return Begun(sizes, scales.time, rate, scales.noise)
-    beside, later = PART * sizes, t0 + LATER * jnp.sign(t1 - t0) * scales.time
-    there, noise = _rates_beside(with_tangents, y0, jnp.stack([t0, later]), beside)
-    wide = (PART * scales.time * there).reshape(len(y), -1)
-    tangents = _of_tangents(sizes, wide[:, 1:])
+    later = t0 + LATER * jnp.sign(t1 - t0) * scales.time
+    rates, noise = _rates_beside(with_tangents, y0, jnp.stack([t0, later]), sizes, scales.time)
+    tangents = _of_tangents(sizes, PART * scales.time * rates)
     wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
     of_state = jnp.zeros_like(y) if scales.noise is None else scales.noise
-    noise = noise.reshape(len(y), -1).at[:, 0].set(of_state).reshape(y0.shape)
+    noise = jnp.concatenate([of_state[:, None], noise], axis=1).reshape(y0.shape)
     return Begun(grow(field.groups, wide, y0), scales.time, rate, noise)
 
 
-def _rates_beside(field: Any, y: Array, ts: Array, beside: Array) -> tuple[Array, Array]:
-    """(k, ...) magnitudes of the rates of a state with tangents beside it, and of their rounding.
+def _rates_beside(
+    field: Any, y: Array, ts: Array, sizes: Array, time: Array
+) -> tuple[Array, Array]:
+    """(k, c) magnitudes of the rates of tangents beside the start, and of their rounding.
 
     Tangents that begin as zero, in a force that is zero there and then as well, may grow by any
     power of time. They have the size of what moves them a little further on: measured by
-    themselves, each step would be too long, or, where that zero is rounding, too short.
+    themselves, each step would be too long, or, where that zero is rounding, too short. Those of
+    tangents are moved by these, so they are looked at once for each level.
 
     Args:
       field: has ``rate``.
       y: (k, ...) the state with its tangents.
-      ts: (2,) times.
-      beside: (k,) how far from the state it is looked at, down at the first time, up at the second.
+      ts: (2,) times, of a look on one side and of one on the other.
+      sizes: (k,) of the state, which is moved by a part of them.
+      time: () that of the motion.
     """
-    flat = y.reshape(len(y), -1)
+    levels = y.ndim - 1
+    flat, near = y.reshape(len(y), -1), rounding(y)
+    ways = jnp.resize(jnp.array([1.0, -1.0, -1.0]), flat.shape)
 
-    def look(at: tuple[Array, Array, Array]) -> Array:
-        t, sign, rounded = at
-        state = (flat[:, 0] + sign * beside) * (1.0 + rounding(y) * rounded)
-        moved = jnp.concatenate([state[:, None], flat[:, 1:]], axis=1).reshape(y.shape)
-        rates = field.rate(t, moved)
-        return jnp.where(jnp.isfinite(rates), rates, 0.0)
+    def look(carry: tuple[Array, ...], at: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
+        beside, rates, down, up, gap = carry
+        t, side, rounded, begins = at
+        grown = _of_tangents(sizes, PART * time * rates[:, 1:])
+        beside = lax.select(begins, beside.at[:, 1:].set(grown), beside)
+        moved = flat + side * jnp.concatenate([beside[:, :1], ways[:, 1:] * beside[:, 1:]], axis=1)
+        moved = moved * (1.0 + near[:, None] * rounded)
+        found = field.rate(t, moved.reshape(y.shape)).reshape(flat.shape)
+        found = jnp.where(jnp.isfinite(found), found, 0.0)
+        again, known = rounded > 0, lax.select(side < 0, down, up)
+        gap = lax.select(again, jnp.maximum(gap, jnp.abs(found - known)), gap)
+        rates = lax.select(again, rates, jnp.maximum(rates, jnp.abs(found)))
+        down = lax.select(~again & (side < 0), found, down)
+        up = lax.select(~again & (side > 0), found, up)
+        return (beside, rates, down, up, gap), None
 
     # A loop, so that the rate is compiled once.
-    before, before_rounded, after, after_rounded = jax.lax.map(
-        look,
-        (jnp.repeat(ts, 2), jnp.array([-1.0, -1.0, 1.0, 1.0]), jnp.array([0.0, 1.0, 0.0, 1.0])),
-    )
-    rates = jnp.maximum(jnp.abs(before), jnp.abs(after))
-    gap = jnp.maximum(jnp.abs(before_rounded - before), jnp.abs(after_rounded - after))
-    return rates, notable(gap, rates)
+    zero, looks = jnp.zeros_like(flat), 2 * levels + 2
+    places = jnp.tile(ts, levels + 1), jnp.tile(jnp.array([-1.0, 1.0]), levels + 1)
+    rounded = jnp.asarray(np.arange(looks) >= 2 * levels, float)
+    begins = jnp.asarray((np.arange(looks) % 2 == 0) & (np.arange(looks) < 2 * levels))
+    begin = zero.at[:, 0].set(PART * sizes), zero, zero, zero, zero
+    (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
+    return rates[:, 1:], notable(gap, rates)[:, 1:]
 
 
 def above_noise(start: Begun, tolerance: Array) -> Begun:

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from cycles import Moebius, cycle
 from helpers import gap, kepler, kepler_state
 
 import jaxdyn
@@ -152,3 +153,27 @@ def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
     _, by_G = jax.jvp(end, (0.7,), (1.0,))
     _, expected = jax.jvp(from_start, (start,), (moved,))
     np.testing.assert_allclose(by_G, expected, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_tangents_of_tangents_that_rounding_alone_moves_ask_for_no_steps():
+    # Two entries are zero, and so is what the number changes: of its second derivatives by itself
+    # and the start only those of these entries are not zero.
+    y0 = jnp.array([1.0, 0.0, 0.0, 0.0])
+
+    def slope(c):
+        def monodromy(a):
+            def end(y):
+                return solve(cycle(Moebius, a + c * c - 0.09, y), 2 * np.pi, max_steps=1000).y1
+
+            return jax.jacfwd(end)(y0)
+
+        return jax.jvp(monodromy, (0.0,), (1.0,))[1]
+
+    first, second = jax.jvp(slope, (0.3,), (1.0,))
+    # The part of the entry along the band is - exp(2 pi a).
+    exact = np.zeros((4, 4))
+    exact[2, 2] = -2 * np.pi
+    np.testing.assert_allclose(first, exact, atol=1e-9)
+    exact[2, 2] = -0.6 * (2 * np.pi) ** 2
+    np.testing.assert_allclose(second, exact, atol=1e-8)
