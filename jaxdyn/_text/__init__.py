@@ -1,8 +1,9 @@
 """Text for people: error messages, numbers with their units, records as tables and as HTML.
 
 `messages` is for misuse, `tables` for numbers and the `__repr__` of scenes, motions and results,
-`html` for notebooks. Descriptions of objects never raise: arrays that are long
-or traced are shown by their shape. Neither JAX nor NumPy, which load slowly, is imported here.
+`html` for notebooks, `null` for other programs. Descriptions of objects never raise: arrays that
+are long or traced are shown by their shape. Neither JAX nor NumPy, which load slowly, is imported
+here.
 
 May import: nothing.
 
@@ -11,6 +12,7 @@ One more kind of text is a function in the file of its kind, and its name below.
 
 from jaxdyn._text.html import html, with_picture
 from jaxdyn._text.messages import choice, fail, flag, number_of, whole
+from jaxdyn._text.null import with_null
 from jaxdyn._text.tables import (
     brief,
     entries,
@@ -41,5 +43,6 @@ __all__ = [
     "table",
     "title_of",
     "whole",
+    "with_null",
     "with_picture",
 ]

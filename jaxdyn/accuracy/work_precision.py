@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._progress import doing, each
 from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
@@ -128,7 +128,7 @@ class WorkPrecision(NamedTuple):
                         "median": r.times.median,
                         "minimum": r.times.minimum,
                         "steps": r.steps,
-                        "evaluations": None if np.isnan(r.evaluations) else r.evaluations,
+                        "evaluations": _text.with_null(r.evaluations),
                     }
                     for r in c.rungs
                 ],

@@ -13,7 +13,6 @@ from jaxdyn import _checks, _text
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values
 from jaxdyn.chaos.indicators import RTOL, megno
-from jaxdyn.chaos.spectrum import finite_lists
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
@@ -68,7 +67,7 @@ class ChaosMap(Record):
     def as_dict(self) -> dict[str, Any]:
         """All numbers as lists, with None for NaN."""
         return {
-            name: finite_lists(getattr(self, name))
+            name: _text.with_null(getattr(self, name))
             for name in ("first", "second", "mean", "exponent", "time", "status")
         }
 

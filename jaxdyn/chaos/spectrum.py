@@ -90,20 +90,9 @@ class LyapunovSpectrum(Record):
         return Status(int(self.status)).message
 
     def as_dict(self) -> dict[str, Any]:
-        """All numbers but the batches as lists, with None for NaN; host only."""
+        """All numbers but the batches as lists, with None for what is not finite; host only."""
         names = (field.name for field in dataclasses.fields(self))
-        return {name: finite_lists(getattr(self, name)) for name in names if name != "batches"}
-
-
-def finite_lists(x: Any) -> Any:
-    """The numbers of an array as nested lists, with None for NaN."""
-    return _finite(np.asarray(x).tolist())
-
-
-def _finite(x: Any) -> Any:
-    if isinstance(x, list):
-        return [_finite(one) for one in x]
-    return None if isinstance(x, float) and math.isnan(x) else x
+        return {name: _text.with_null(getattr(self, name)) for name in names if name != "batches"}
 
 
 def judge(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:

@@ -60,7 +60,7 @@ def rows(verdict: "jaxdyn.hard.Verdict") -> list[dict]:
         {
             "name": verdict.case.name,
             "what": figure.what,
-            "figure": figure.value if math.isfinite(figure.value) else None,
+            "figure": figure.value,
             "bound": figure.bound,
             "pass": None if figure.bound is None else figure.passed,
             "seconds": round(verdict.seconds, 3),

@@ -17,6 +17,7 @@ from rich.text import Text
 
 import jaxdyn
 from jaxdyn import _progress
+from jaxdyn._text import with_null
 from jaxdyn.files.output_files import unwritable
 
 _REFRESHES = 5  # a second
@@ -38,9 +39,12 @@ class Screen:
             self._console.print(what)
 
     def result(self, record: dict) -> None:
-        """Print one JSON object on standard output at once, since what follows may fail."""
+        """Print one JSON object on standard output at once, since what follows may fail.
+
+        Numbers that are not finite are null.
+        """
         with self._without_line():
-            print(json.dumps(record), flush=True)  # noqa: T201
+            print(json.dumps(with_null(record)), flush=True)  # noqa: T201
 
     def doing(self, what: str, done: int = 0, total: int | None = None) -> None:
         """Show the current task and, with a total, how much of it is done."""

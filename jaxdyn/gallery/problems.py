@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxdyn._text import with_null
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.course.page import Page, Problem, run
 from jaxdyn.course.page.running import record
@@ -79,5 +80,5 @@ def _digits(page: Page) -> dict[str, Any] | None:
         "solver": solver.name,
         "reason": reason(scene),
         "t1": t1,
-        "rows": [{"digits": n, "seconds": None if np.isnan(s) else s} for n, s in rows],
+        "rows": with_null([{"digits": n, "seconds": s} for n, s in rows]),
     }

@@ -12,6 +12,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._progress import doing
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import with_null
 from jaxdyn.files.codec import decode
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import Recheck, closure, growth, recheck
@@ -147,7 +148,7 @@ def _word(orbit: Periodic) -> str | None:
 @check_first
 def as_json(claims: Report) -> dict[str, Any]:
     """The claims as a JSON object; numbers that are not finite become null."""
-    return _finite(dataclasses.asdict(claims))
+    return with_null(dataclasses.asdict(claims))
 
 
 def from_json(record: Any, remedy: str) -> Report:
@@ -168,11 +169,3 @@ def from_json(record: Any, remedy: str) -> Report:
 
 def _floats(x) -> list[float]:
     return [float(value) for value in np.asarray(x)]
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

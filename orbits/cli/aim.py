@@ -71,7 +71,7 @@ def _line(name: str, throw: "orbits.targets.aim.Throws") -> str:
 
 
 def _throw(throw: "orbits.targets.aim.Throws") -> dict:
-    numbers = {name: _number(getattr(throw, name)) for name in ("speed", "angle", "x", "t")}
+    numbers = {name: float(getattr(throw, name)) for name in ("speed", "angle", "x", "t")}
     return {"ok": throw.ok, "message": throw.message, **numbers}
 
 
@@ -80,8 +80,4 @@ def _hits(hits: "orbits.targets.aim.Hits | None") -> dict | None:
         return None
     found = {"ok": hits.ok, "message": hits.message, "x": hits.x}
     found |= {"angles": hits.angles.tolist(), "times": hits.times.tolist()}
-    return found | {"short": _number(hits.short), "nearest": _number(hits.nearest)}
-
-
-def _number(x) -> float | None:
-    return float(x) if math.isfinite(x) else None
+    return found | {"short": float(hits.short), "nearest": float(hits.nearest)}

@@ -77,7 +77,7 @@ def _table(exponents: list[float], plot: Path | None, title: str | None, as_obje
         found = orbits.targets.loops.fewest(exponents)
         if as_object:
             names = ("n", "loops", "turns", "circle", "line")
-            columns = {name: _column(getattr(found, name)) for name in names}
+            columns = {name: getattr(found, name) for name in names}
             out.result({**columns, "message": found.message})
         else:
             table = Table("n", "least loops", "turns", "angle / pi near circles", "near lines")
@@ -100,7 +100,3 @@ def _draw_failure(law, plot: Path, title: str, out: Screen) -> None:
         return
     with out.writing(plot, "the actual motion is drawn in"):
         orbits.drawing.rosette(scene, plot, title)
-
-
-def _column(values) -> list:
-    return [x if math.isfinite(x) else None for x in values.tolist()]

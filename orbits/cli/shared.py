@@ -1,6 +1,5 @@
 """Common parts of the commands of `orbits`: parsing, progress, failures, files."""
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -67,8 +66,7 @@ def not_found(
 
 def _failure(orbit: "orbits.Orbit", message: str) -> dict:
     """Why there is no orbit, and the best iterate, as a JSON object."""
-    error = orbit.residual if math.isfinite(orbit.residual) else None
-    best = {"period": orbit.period, "y0": [float(x) for x in orbit.y0], "largest_error": error}
+    best = {"period": orbit.period, "y0": orbit.y0, "largest_error": orbit.residual}
     return {"outcome": orbit.outcome.name, "message": message, "best_iterate": best}
 
 

@@ -3,9 +3,9 @@
 `manifold` chooses how far from an orbit strands begin and follows them, `directions` has the
 tangents in which they begin, `strands` is the result. `connecting` is the call that finds
 connections, `connection` the result. `between_equilibria` finds those of equilibria, and chooses
-where their ends lie; `chain` has their closing equations, `splitting` the invariant subspaces of
-the linearisation as functions of a parameter. `between_orbits` finds those of orbits, where strands
-cross on a section. `links` solves both.
+where their ends lie; `splitting` has the invariant subspaces of the linearisation as functions of a
+parameter. `between_orbits` finds those of orbits, where strands cross on a section. `links` solves
+both.
 
 May import: `families`.
 

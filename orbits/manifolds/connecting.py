@@ -3,9 +3,8 @@
 from jaxdyn import Scene, _checks
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event
-from orbits.manifolds.between_equilibria import connect_rests
+from orbits.manifolds.between_equilibria import Make, connect_rests
 from orbits.manifolds.between_orbits import Asked, connect_orbits
-from orbits.manifolds.chain import Make
 from orbits.manifolds.connection import Connection
 from orbits.orbit import Orbit
 

@@ -5,9 +5,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import with_null
 from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.status import Status
 from orbits.sections.coordinates import names_of
@@ -22,20 +21,21 @@ def as_json(points: SectionPoints) -> dict:
         {
             "status": Status(code).name,
             "count": n,
-            "energy": _number(points.energies[i]),
-            "energy_drift": _number(points.drift[i]),
+            "energy": points.energies[i],
+            "energy_drift": points.drift[i],
             "t": points.ts[i, :n].tolist(),
             "y": points.ys[i, :n].tolist(),
             "direction": points.directions[i, :n].tolist(),
         }
         for i, (n, code) in enumerate(rows)
     ]
-    return {
+    record = {
         "labels": names_of(points.scene),
         "coordinates": list(points.names),
         "message": points.message,
         "starts": starts,
     }
+    return with_null(record)
 
 
 def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
@@ -57,7 +57,7 @@ def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
     table.writerow(["section", "start", "energy", "t", "direction", *names_of(tables[0].scene)])
     for number, points in enumerate(tables):
         for start, n in enumerate(points.counts):
-            energy = _number(points.energies[start])
+            energy = with_null(points.energies[start])
             table.writerows(
                 [number, start, energy, t, way, *y]
                 for t, way, y in zip(
@@ -69,7 +69,3 @@ def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
             )
     replace(path, text.getvalue())
     return path
-
-
-def _number(x) -> float | None:
-    return float(x) if np.isfinite(x) else None

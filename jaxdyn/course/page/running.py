@@ -1,7 +1,6 @@
 """How a page is run: by `jaxdyn course`, by ``python -m``, and by the tests."""
 
 import importlib
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from jaxdyn._config import configure
+from jaxdyn._text import with_null
 from jaxdyn.course.page.content import Check, Number, Page
 
 _DIGITS = 9
@@ -75,11 +75,7 @@ def record(found: Run) -> dict:
 
 def _check(check: Check) -> dict:
     """A check for a JSON object, which has no NaN."""
-    numbers = {
-        name: None if math.isnan(x) else x
-        for name, x in (("error", check.error), ("within", check.within))
-    }
-    return {**check._asdict(), **numbers, "figure": check.figure}
+    return with_null(check._asdict()) | {"figure": check.figure}
 
 
 def text_of_number(number: Number) -> str:

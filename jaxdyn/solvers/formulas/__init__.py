@@ -2,8 +2,8 @@
 
 `graph` has the nodes, `formulas` runs through a rate's program with one in place of each number,
 `values` evaluates them; `simplified` has the formulas with the fewest products, in an order for
-computation, and a rate that is evaluated by them. `composed` has functions made of
-others, for arithmetic with more digits.
+computation, and a rate that is evaluated by them. Functions made of others, for arithmetic with
+more digits, are in `formulas` as well.
 
 One more function with a Taylor series is a row of `FUNCTIONS` in `graph`, a value in `values` and
 a recurrence; one that is only evaluated a name in `ROUGH`.
