@@ -93,11 +93,11 @@ class DifferentiableOrbit(eqx.Module):
           entry: its name; see `orbits.analysis.quantities.extremes`.
         """
         names = [name for name, _ in self.known.scene.labels()]
+        i, rtol = names.index(entry), self.known.rtol
         values, times = extremes_in_time(self.known, entry)
         # Where an entry is level, its derivative is that at a fixed time.
-        found = jnp.stack(
-            [solve(self.scene, t, rtol=self.known.rtol).y1[names.index(entry)] for t in times]
-        )
+        level = [_level(self.known.scene, i, t, rtol) for t in times]
+        found = jnp.stack([solve(self.scene, t, rtol=rtol).y1[i] for t in level])
         return jnp.asarray(values) + found - jax.lax.stop_gradient(found)
 
     def amplitude(self, entry: str) -> Array:
@@ -172,6 +172,14 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     inverse = _inverse(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
     y0, period, angle = _implicit(posed.of(scene), posed.x, inverse, orbit.rtol)
     return DifferentiableOrbit(scene.starting(y0, period), angle, orbit)
+
+
+def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
+    """() when an entry of the state is level, by a step of Newton's method from a time nearby."""
+    y = solve(scene, t, rtol=rtol).y1
+    t = jnp.asarray(t)
+    rate, change = jax.jvp(scene.rate, (t, y), (jnp.ones(()), scene.rate(t, y)))
+    return t - jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
 
 
 class Posed(NamedTuple):
