@@ -15,6 +15,7 @@ from . import mechanisms as mechanisms
 from . import scenes as scenes
 from . import solvers as solvers
 from . import symbolic as symbolic
+from . import vibration as vibration
 from ._config import configure as configure
 from ._info import info as info
 from .accuracy.end_error import end_error as end_error

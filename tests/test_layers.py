@@ -28,6 +28,7 @@ BELOW = {
     "jaxdyn/integrate": ("jaxdyn/solvers", "jaxdyn/plan"),
     "jaxdyn/ensemble": ("jaxdyn/integrate",),
     "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations", "jaxdyn/balls"),
+    "jaxdyn/vibration": ("jaxdyn/analysis", "jaxdyn/effects"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
     "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
     "jaxdyn/continuation": ("jaxdyn/analysis", "jaxdyn/files"),

@@ -131,6 +131,38 @@ def _portrait(found: Eigenvalues) -> str:
     return "spiral" if turning.all() else "node"
 
 
+def check_equilibrium(scene: Scene, y: Array, t=0.0) -> None:
+    """Raise ValueError unless a state (k,) is an equilibrium, in the scales of motions near it."""
+    each, time = map(np.asarray, at_rest(scene.field, groups(scene.system), y)[:2])
+    rate = np.abs(np.asarray(scene.rate(jnp.asarray(t, float), jnp.asarray(y))))
+    if not (rate * float(time) <= _MAX_REST_FORCE * each).all():
+        got = f"a rate of {rate.max():.3g}"
+        raise _checks.fail("y", "an equilibrium", got, "`equilibria` finds them.")
+
+
+def is_second_order(scene: Scene, y: Array) -> bool:
+    """Whether a scene's state is [q, v] with dq/dt = v; of traced ones as far as it is declared."""
+    if scene.system.second_order or scene.system.canonical(jnp.zeros(()), y) is not None:
+        return True
+    if _checks.is_traced((scene, y)) or len(y) % 2:
+        return False
+    top = np.asarray(jacobian(scene, jnp.asarray(y)))[: len(y) // 2]
+    return np.array_equal(top, np.eye(len(y) // 2, len(y), len(y) // 2))
+
+
+def mass_matrix(scene: Scene, y: Array, t=0.0) -> Array | None:
+    """(n, n) mass matrix of a state [q, v], from its canonical momenta; None without these."""
+    t = jnp.asarray(t, float)
+    if scene.system.canonical(t, y) is None:
+        return None
+    q, v = jnp.split(jnp.asarray(y), 2)
+
+    def momentum(v):
+        return jnp.split(jnp.asarray(scene.system.canonical(t, jnp.concatenate([q, v]))), 2)[1]
+
+    return jax.jacfwd(momentum)(v)
+
+
 class Modes(NamedTuple):
     """The small oscillations of a conservative scene about an equilibrium.
 
@@ -168,7 +200,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       ValueError: the system has no canonical momenta, y is not an equilibrium, or the forces are
         not conservative.
     Limits: differentiable in the scene's numbers; the shapes only where all frequencies are
-      distinct. Damping and other velocity-dependent forces are ignored: use `linearize`.
+      distinct. Damping and other velocity-dependent forces are ignored: use `vibration.modes`.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
       >>> print(modes(oscillator(k=9.0, m=1.0), [0.0, 0.0]).frequencies)
@@ -182,7 +214,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
             "scene",
             "a system with canonical momenta",
             type(scene.system).__name__,
-            "`linearize` takes any system.",
+            "`vibration.modes` takes any system.",
         )
     mass, stiffness, acceleration = _matrices(scene, y)
     if not _checks.is_traced((scene, y)):
@@ -204,13 +236,11 @@ def _matrices(scene: Scene, y: Array) -> tuple[Array, Array, Array]:
     t = jnp.zeros(())
     q, v = jnp.split(y, 2)
 
-    def momentum(v):
-        return jnp.split(jnp.asarray(scene.system.canonical(t, jnp.concatenate([q, v]))), 2)[1]
-
     def acceleration(q):
         return jnp.split(scene.rate(t, jnp.concatenate([q, jnp.zeros_like(v)])), 2)[1]
 
-    mass = jax.jacfwd(momentum)(v)
+    mass = mass_matrix(scene, y, t)
+    assert mass is not None
     return mass, -mass @ jax.jacfwd(acceleration)(q), acceleration(q)
 
 
@@ -225,7 +255,7 @@ def _check_modes(scene: Scene, y: np.ndarray, mass, stiffness, acceleration) -> 
             "scene",
             "conservative forces",
             "a stiffness matrix that is not symmetric",
-            "`linearize` takes any forces.",
+            "`vibration.modes` takes any forces.",
         )
     n = len(mass)
     sizes = np.asarray(at_rest(scene.field, groups(scene.system), y).sizes)

@@ -167,8 +167,9 @@ class Walk:
                 found = rule(self, eqn, args)
                 return found if isinstance(found, list) else [found]
             if name in CALLS:
-                if params.get("name") == _TABLE and len(args) == 2 and not args[0].on & _MOVES:
-                    return [self._table(*args)]
+                if params.get("name") == _TABLE and not args[0].on & _MOVES:
+                    # A derivative of it has the changes of both behind them, and the same result.
+                    return [self._table(*args[:2])]
                 inner = inner_program(eqn)
                 # Also where only the degrees of time's polynomials are to be followed.
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)

@@ -17,7 +17,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, fail, positive
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.analysis.linearize import linearize
+from jaxdyn.analysis.linearize import check_equilibrium, linearize
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing
@@ -26,7 +26,6 @@ from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import quick_solve
 
-_AT_REST = 1e-6  # change of an equilibrium in the time of the motions near by, in sizes
 _SAMPLES_PER_TIME = 2048  # of a long run, at least
 
 
@@ -68,10 +67,8 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     y = np.asarray(array("y", y, (len(scene.y0),)))
     positive("amplitude", amplitude)
     linear = linearize(scene, y)
-    each, time = map(np.asarray, at_rest(scene.field, groups(scene.system), y)[:2])
-    rate = np.abs(np.asarray(scene.rate(jnp.zeros(()), jnp.asarray(y))))
-    if not (rate * float(time) <= _AT_REST * each).all():
-        raise fail("y", "an equilibrium", f"a rate of {rate.max():.3g}", "`equilibria` finds them.")
+    check_equilibrium(scene, jnp.asarray(y))
+    each = np.asarray(at_rest(scene.field, groups(scene.system), y).sizes)
     values, vectors = np.linalg.eig(map_in_units(linear.jacobian, each))
     bar = linear.bars.max()
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]

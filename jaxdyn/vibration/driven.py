@@ -1,0 +1,116 @@
+"""A scene with an input that follows a signal in time."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn.field import Field
+from jaxdyn.formulations.extended import Extended
+from jaxdyn.scene import Scene, check_scene
+from jaxdyn.vibration.inputs import Input, check_input
+from jaxdyn.vibration.signals import Signal, check_signal
+
+
+class Driven(Extended):
+    """A system with an input that follows a signal; its state is that of the system inside.
+
+    The energy is that of the system without the drive.
+
+    Attributes:
+      input: where the signal acts.
+      signal: the value of the input in time.
+    """
+
+    input: Input
+    signal: Signal
+
+    def further(self):
+        return ()
+
+    @property
+    def second_order(self):
+        return self.system.second_order and not self.input.order
+
+    def rate(self, t, y, effects):
+        t = jnp.asarray(t, y.dtype)
+        u = derivatives(self.signal, t, self.input.order)
+        return self.input.rate(Field(self.system, effects), t, y, u)
+
+    def canonical(self, t, y):
+        return self.system.canonical(t, y)
+
+
+def derivatives(signal: Signal, t: Array, order: int) -> Array:
+    """(order + 1,) a signal and its derivatives at time t ()."""
+    values, function = [jnp.asarray(signal(t))], signal
+    for _ in range(order):
+
+        def slope(t, before=function):
+            return jax.jvp(before, (t,), (jnp.ones_like(t),))[1]
+
+        values.append(slope(t))
+        function = slope
+    return jnp.stack(values)
+
+
+@check_first
+def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
+    """A scene with an input that follows a signal: for `simulate` and all that takes a scene.
+
+    Args:
+      scene: the scene without it.
+      input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
+        `Base`, `Motion` or `Parameter`.
+      signal: how it changes in time: `vibration.Harmonic`, `Step`, `Pulse`, `Sweep`, `Table`.
+      t1: () span; that of the scene by default.
+    Returns:
+      The same scene with the input; its numbers, and those of the signal, may be differentiated
+      and mapped over.
+    Raises:
+      ValueError: the input does not suit the scene, or a number of the signal is invalid.
+    Example:
+      >>> import jaxdyn
+      >>> from jaxdyn import scenes, vibration
+      >>> rest = scenes.oscillator(k=4.0, x=0.0)
+      >>> motion = jaxdyn.simulate(vibration.driven(rest, "x", vibration.Step(8.0)), jnp.pi / 2)
+      >>> print(f"{motion['x'][-1]:.9f}")  # 2 (1 - cos 2 t)
+      4.000000000
+    """
+    check_scene(scene)
+    found, signal = check_input(scene, input), check_signal(signal)
+    t1 = scene.t1 if t1 is None else _checks.array("t1", t1, ())
+    system = Driven(scene.system, found, signal)
+    return Scene(system, scene.effects, y0=scene.y0, t1=t1, name=scene.name)
+
+
+@check_first
+def struck(scene: Scene, input: str | Input, impulse) -> Scene:
+    """A scene just after an impulse: its response to it is the motion from there.
+
+    Args:
+      scene: the scene, which starts as it is when it is struck, e.g. in equilibrium.
+      input: where; see `driven`.
+      impulse: () the integral of the input over the short time in which it acts, e.g. [N s].
+    Returns:
+      The same scene from the state (k,) after it.
+    Raises:
+      ValueError: the input does not suit the scene, or depends on the rate of the signal.
+    Example:
+      >>> from jaxdyn import scenes, vibration
+      >>> print(vibration.struck(scenes.oscillator(m=2.0, x=0.0), "x", 1.0).y0)
+      [0.  0.5]
+    """
+    check_scene(scene)
+    found = check_input(scene, input)
+    if found.order:
+        remedy = "Use vibration.Pulse, with a duration."
+        raise _checks.fail("input", "one that may jump", type(found).__name__, remedy)
+    t, y = jnp.zeros(()), jnp.asarray(scene.y0)
+
+    def rate(u):
+        return found.rate(scene.field, t, y, u[None])
+
+    jump = jax.jvp(rate, (jnp.zeros(()),), (jnp.ones(()),))[1]
+    return scene.starting(y + _checks.array("impulse", impulse, ()) * jump)

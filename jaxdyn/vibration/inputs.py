@@ -1,0 +1,223 @@
+"""Where something acts on a scene from outside: the inputs of transfer functions and drives.
+
+An input says what the rate of a scene is while it has a value u; the signal that u follows in time
+is another matter (`signals`). An input may also depend on the rate of u, as a base on a dashpot.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float
+from jaxdyn._records.record import Record
+from jaxdyn.analysis.linearize import is_second_order
+from jaxdyn.effects.prescribed import ConstantForce
+from jaxdyn.field import Field
+from jaxdyn.scene import Effect, Scene
+
+
+class Input(Record):
+    """Where something acts on a scene.
+
+    A new input overrides `rate`, and `check` for what it cannot act on.
+
+    Attributes:
+      order: how many derivatives of the signal it depends on.
+    """
+
+    order: ClassVar[int] = 0
+
+    @abc.abstractmethod
+    def rate(self, field: Field, t: Array, y: Array, u: Array) -> Array:
+        """(k,) the rate of a scene while the input and its derivatives are u (order + 1,)."""
+
+    def check(self, scene: Scene) -> None:
+        """Raise ValueError unless it can act on a scene."""
+        del scene
+
+
+class Force(Input):
+    """A force on a coordinate, or on a material point along a direction.
+
+    Attributes:
+      on: name of the coordinate, one of the first half of the labels of a state [q, v]; or the
+        number of a material point. On an angle it is a torque. In a plain `ode`, whose masses are
+        not known, it is a force per mass: an acceleration.
+      direction: (d,) along which it acts on a point; None for a coordinate.
+
+    Example:
+      >>> from jaxdyn import scenes, vibration
+      >>> pushed = vibration.Force(0, direction=[1.0])
+      >>> h = vibration.receptance(scenes.oscillator(k=4.0, x=0.0), pushed, "x", 0.0)
+      >>> float(abs(h))
+      0.25
+    """
+
+    on: str | int = eqx.field(static=True)
+    direction: Array | None = eqx.field(
+        converter=lambda x: None if x is None else as_float(x), default=None
+    )
+
+    def rate(self, field, t, y, u):
+        system = field.system
+        if not isinstance(self.on, str):
+            assert self.direction is not None
+            pushed = ConstantForce(u[0] * self.direction, on=(self.on,))
+            return system.rate(t, y, (*field.effects, pushed))
+        n = len(y) // 2
+        i = [name for name, _ in system.labels()].index(self.on)
+        along = jnp.asarray(np.eye(n)[i])
+        if "generalized" in system.accepts:
+            return system.rate(t, y, (*field.effects, _OnCoordinates(u[0] * along)))
+        if "force" in system.accepts:  # free points, whose coordinates are those of the points
+            points = _OnPoints(u[0] * along)
+            return system.rate(t, y, (*field.effects, points))
+        return field.rate(t, y) + u[0] * jnp.concatenate([jnp.zeros(n), along])
+
+    def check(self, scene):
+        system, names = scene.system, [name for name, _ in scene.labels()]
+        if isinstance(self.on, str):
+            if not is_second_order(scene, scene.y0):
+                got, remedy = type(system).__name__, "vibration.Parameter takes any scene."
+                raise _checks.fail("Force", "a scene with a state [q, v]", got, remedy)
+            _checks.choice("Force.on", self.on, names[: len(names) // 2])
+            if self.direction is not None:
+                raise _checks.fail("Force.direction", "none for a coordinate", self.direction)
+            return
+        d = _points_of(scene, "Force", "Name a coordinate.")
+        count = len(scene.points(jnp.zeros(()), scene.y0).m)
+        if not 0 <= self.on < count:
+            raise _checks.fail("Force.on", f"the number of a point, below {count}", self.on)
+        if self.direction is None:
+            raise _checks.fail("Force.direction", f"{d} components for a point", "none")
+        _checks.array("Force.direction", self.direction, (d,), "One component for each axis.")
+
+
+class Base(Input):
+    """An acceleration of the base along a direction: of the ground, of the room, of a table.
+
+    The places of the scene are then those relative to the base: anchors, pins and guides move with
+    it, and each point feels minus its mass times the acceleration.
+
+    Attributes:
+      direction: (d,) of the acceleration, of length 1 for one in m/s^2.
+    """
+
+    direction: Array = eqx.field(converter=as_float)
+
+    def rate(self, field, t, y, u):
+        inertia = _Inertia(-u[0] * self.direction)
+        return field.system.rate(t, y, (*field.effects, inertia))
+
+    def check(self, scene):
+        d = _points_of(scene, "Base", "vibration.Motion takes any scene that a function makes.")
+        _checks.array("Base.direction", self.direction, (d,), "One component for each axis.")
+
+
+class Parameter(Input):
+    """A number of the scene that changes in time.
+
+    Attributes:
+      make: the scene for each value of the number; its start and span do not matter.
+      value: () that of the scene; the input is what is added to it.
+    """
+
+    make: Callable = eqx.field(static=True)
+    value: Array = eqx.field(converter=as_float, default=0.0)
+
+    def rate(self, field, t, y, u):
+        del field
+        return self.make(self.value + u[0]).rate(t, y)
+
+    def check(self, scene):
+        made = self.make(self.value)
+        _check_made("Parameter", scene, made)
+
+
+class Motion(Input):
+    """A displacement on which the scene depends, with its velocity: a road, a table, a cam.
+
+    Attributes:
+      make: the scene for each displacement and velocity (u, du/dt).
+    """
+
+    make: Callable = eqx.field(static=True)
+    order: ClassVar[int] = 1
+
+    def rate(self, field, t, y, u):
+        del field
+        return self.make(u[0], u[1]).rate(t, y)
+
+    def check(self, scene):
+        _check_made("Motion", scene, self.make(jnp.zeros(()), jnp.zeros(())))
+
+
+class _OnCoordinates(Effect):
+    """Forces F (n,) on the coordinates of a mechanism."""
+
+    F: Array
+    velocity_dependent: ClassVar[bool] = False
+
+    def generalized(self, t, q, v):
+        del t, q, v
+        return self.F
+
+
+class _OnPoints(Effect):
+    """Forces F (n d,) on all components of all points."""
+
+    F: Array
+    velocity_dependent: ClassVar[bool] = False
+
+    def force(self, t, r, v, m):
+        del t, v, m
+        return self.F.reshape(r.shape)
+
+
+class _Inertia(Effect):
+    """The same acceleration a (d,) of all points."""
+
+    a: Array
+    velocity_dependent: ClassVar[bool] = False
+
+    def force(self, t, r, v, m):
+        return m[:, None] * self.acceleration(t, r, v, m)
+
+    def acceleration(self, t, r, v, m):
+        del t, v, m
+        return jnp.broadcast_to(self.a, r.shape)
+
+
+def check_input(scene: Scene, given: str | Input) -> Input:
+    """The input that is meant, where a name is a force on that coordinate, if it suits a scene.
+
+    Raises:
+      ValueError: it does not.
+    """
+    found = Force(given) if isinstance(given, str) else given
+    if not isinstance(found, Input):
+        remedy = 'Such as "x" for a force on that coordinate, vibration.Base, vibration.Parameter.'
+        raise _checks.fail("input", "an input or the name of a coordinate", repr(given), remedy)
+    found.check_functions()
+    found.check(scene)
+    return found
+
+
+def _points_of(scene: Scene, name: str, remedy: str) -> int:
+    """The number of dimensions of a scene's points, which forces move."""
+    if "force" not in scene.system.accepts:
+        got = f"{type(scene.system).__name__}, which has none"
+        raise _checks.fail(name, "a scene with material points that forces move", got, remedy)
+    return scene.points(jnp.zeros(()), scene.y0).r.shape[1]
+
+
+def _check_made(name: str, scene: Scene, made: Scene) -> None:
+    if not isinstance(made, Scene) or made.labels() != scene.labels():
+        got = type(made).__name__ if not isinstance(made, Scene) else "another one"
+        raise _checks.fail(f"{name}.make", "a function that returns this scene", got)

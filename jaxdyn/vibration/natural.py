@@ -1,0 +1,175 @@
+"""Natural frequencies, damping ratios and mode shapes of any scene about an equilibrium.
+
+Near an equilibrium y = y* + x the motion is dx/dt = A x. An eigenvalue -zeta w +- i w sqrt(1 -
+zeta^2) of A is a mode with the natural angular frequency w and the damping ratio zeta. Where the
+state is [q, v] with dq/dt = v, the same is M x'' + C x' + K x = 0; forces need not be conservative,
+nor damping small or proportional.
+"""
+
+import cmath
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks, _text
+from jaxdyn._records.kinds import check_first
+from jaxdyn.analysis.eigenvalues import rate_eigenvalues
+from jaxdyn.analysis.linearize import check_equilibrium, is_second_order, jacobian, mass_matrix
+from jaxdyn.scene import Scene, check_scene
+
+
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class NaturalModes:
+    """The modes of a scene about an equilibrium, the slowest first.
+
+    Attributes:
+      eigenvalues: (m,) complex, one of each pair of conjugates [1/s]; those of motions that do not
+        oscillate are real.
+      vectors: (k, m) complex: the entries of the state in each mode.
+      a: (k, k) the Jacobian at the equilibrium.
+      mass: (n, n) mass matrix M; the identity where the masses are not known, as in a plain `ode`;
+        None where the state is not [q, v].
+      labels: (name, unit) of the entries of the state.
+    """
+
+    eigenvalues: Array
+    vectors: Array
+    a: Array
+    mass: Array | None
+    labels: tuple[tuple[str, str], ...] = dataclasses.field(metadata={"static": True})
+
+    @property
+    def frequencies(self) -> Array:
+        """(m,) natural angular frequencies [rad/s], as without damping: |eigenvalue|."""
+        return jnp.abs(self.eigenvalues)
+
+    @property
+    def damped_frequencies(self) -> Array:
+        """(m,) angular frequencies of the free oscillations [rad/s]; 0 where there is none."""
+        return jnp.abs(jnp.imag(self.eigenvalues))
+
+    @property
+    def damping_ratios(self) -> Array:
+        """(m,) shares of critical damping [1]; negative where a mode grows, NaN at frequency 0."""
+        w = self.frequencies
+        return jnp.where(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0), jnp.nan)
+
+    @property
+    def shapes(self) -> Array:
+        """(n, m) complex columns: the coordinates in each mode, the largest of them 1.
+
+        Of a state that is not [q, v] all its entries.
+        """
+        x = self.vectors if self.mass is None else self.vectors[: len(self.mass)]
+        top = jnp.argmax(jnp.abs(x), axis=0)
+        return x / jnp.take_along_axis(x, top[None], axis=0)
+
+    @property
+    def damping(self) -> Array | None:
+        """(n, n) matrix C of damping and gyroscopic forces; None where the state is not [q, v]."""
+        return self._times_mass(slice(-1, None))
+
+    @property
+    def stiffness(self) -> Array | None:
+        """(n, n) stiffness matrix K; None where the state is not [q, v]."""
+        return self._times_mass(slice(None, 1))
+
+    def _times_mass(self, side: slice) -> Array | None:
+        if self.mass is None:
+            return None
+        n = len(self.mass)
+        columns = slice(n, None) if side.start == -1 else slice(None, n)
+        return -self.mass @ self.a[n:, columns] + 0.0
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        names = [name for name, _ in self.labels]
+        rows = []
+        found = zip(self.frequencies, self.damping_ratios, self.shapes.T, strict=True)
+        for number, (w, ratio, shape) in enumerate(found, start=1):
+            real = float(np.abs(np.imag(shape)).max()) < _REAL
+            entries = (
+                f"{name} {_entry(complex(x), real)}"
+                for name, x in zip(names, np.asarray(shape), strict=False)
+            )
+            text = f"{_text.brief(float(w), self._unit)}, damping ratio {_text.brief(float(ratio))}"
+            rows.append((f"mode {number}", f"{text}: {', '.join(entries)}"))
+        return _text.table("Natural modes", rows)
+
+    _repr_html_ = _text.html
+
+    @property
+    def _unit(self) -> str:
+        second = _text.second(self.labels)
+        return f"rad/{second}" if second else ""
+
+
+def _entry(x: complex, real: bool) -> str:
+    if real:
+        return _text.brief(x.real, digits=4)
+    return f"{_text.brief(abs(x), digits=4)} at {math.degrees(cmath.phase(x)):.0f} deg"
+
+
+_REAL = 1e-9  # imaginary part of a shape that is rounding
+
+
+@check_first
+def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
+    """The natural frequencies, damping ratios and mode shapes of a scene about an equilibrium.
+
+    Args:
+      scene: any scene, a plain `jaxdyn.ode` too; damped and gyroscopic ones too.
+      y: (k,) an equilibrium; the scene's start by default.
+      t: () time [s] at which the scene is looked at, if it depends on time.
+    Raises:
+      ValueError: y is not an equilibrium, or of another shape.
+    Limits: differentiable in the scene's numbers, where eigenvalues are distinct. Inside jit, grad
+      and vmap there are k / 2 modes, NaN for those that do not oscillate, since their number is not
+      known. Of a mechanism with constraints, each adds modes of frequency 0.
+    Reference: Meirovitch (2001), Fundamentals of Vibrations, chapter 7.
+    Example:
+      >>> from jaxdyn import scenes, vibration
+      >>> found = vibration.modes(scenes.oscillator(k=9.0, m=1.0, c=0.6, x=0.0))
+      >>> print(found)
+      Natural modes
+        mode 1  3 rad/s, damping ratio 0.1: x 1
+    """
+    check_scene(scene)
+    _checks.float64()
+    y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
+    t = _checks.array("t", t, ())
+    traced = _checks.is_traced((scene, y, t))
+    if not traced:
+        check_equilibrium(scene, y, t)
+    a = jacobian(scene, y, t)
+    mass = mass_matrix(scene, y, t)
+    if mass is None and is_second_order(scene, y):
+        mass = jnp.eye(len(y) // 2)
+    values, vectors = jax.lax.linalg.eig(
+        a, compute_left_eigenvectors=False, enable_eigvec_derivs=True
+    )
+    if traced:
+        order = jnp.argsort(-values.imag)[: len(y) // 2][::-1]
+        values, vectors = values[order], vectors[:, order]
+        values = jnp.where(values.imag > 0, values, jnp.nan)
+    else:
+        values = _cleared(np.asarray(values), np.asarray(a))
+        upper = [i for i in range(len(values)) if values[i].imag >= 0]
+        order = np.array(sorted(upper, key=lambda i: (abs(values[i]), values[i].real)))
+        values, vectors = jnp.asarray(values[order]), vectors[:, order]
+    return NaturalModes(values, vectors, a, mass, tuple(scene.labels()))
+
+
+def _cleared(values: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """(k,) eigenvalues with parts that are within their error bars of 0 set to 0."""
+    known = rate_eigenvalues(a)
+    near = np.abs(values[:, None] - known.values).argmin(axis=1)
+    bars = known.bars[near]
+    re = np.where(np.abs(values.real) > bars, values.real, 0.0)
+    im = np.where(np.abs(values.imag) > bars, values.imag, 0.0)
+    return re + 1j * im

@@ -1,0 +1,117 @@
+"""How an input changes in time: a sine, a step, a pulse, a sweep, a table of measured values."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._floats import as_float
+from jaxdyn._records.record import Record
+
+
+class Signal(Record):
+    """A function of time."""
+
+    @abc.abstractmethod
+    def __call__(self, t: Array) -> Array:
+        """() its value at time t ()."""
+
+    def check(self) -> None:
+        """Raise ValueError if a number is invalid."""
+
+
+class Harmonic(Signal):
+    """A cos(omega t - phase): amplitude A, angular frequency omega [rad/s], phase [rad]."""
+
+    amplitude: Array = eqx.field(converter=as_float)
+    omega: Array = eqx.field(converter=as_float)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+
+    def __call__(self, t):
+        return self.amplitude * jnp.cos(self.omega * t - self.phase)
+
+
+class Step(Signal):
+    """0 before the time t_on [s], the height from then on."""
+
+    height: Array = eqx.field(converter=as_float)
+    t_on: Array = eqx.field(converter=as_float, default=0.0)
+
+    def __call__(self, t):
+        return jnp.where(t >= self.t_on, self.height, 0.0)
+
+
+class Pulse(Signal):
+    """Half a sine of a height, from the time t_on [s] for a duration [s]: a hammer, a bump."""
+
+    height: Array = eqx.field(converter=as_float)
+    duration: Array = eqx.field(converter=as_float)
+    t_on: Array = eqx.field(converter=as_float, default=0.0)
+
+    def __call__(self, t):
+        share = (t - self.t_on) / self.duration
+        inside = (share > 0) & (share < 1)
+        return jnp.where(inside, self.height * jnp.sin(jnp.pi * share), 0.0)
+
+    def check(self):
+        _checks.positive("Pulse.duration", self.duration, "It is a time.")
+
+
+class Sweep(Signal):
+    """A sine whose angular frequency goes evenly from low to high [rad/s] over a duration [s]."""
+
+    amplitude: Array = eqx.field(converter=as_float)
+    low: Array = eqx.field(converter=as_float)
+    high: Array = eqx.field(converter=as_float)
+    duration: Array = eqx.field(converter=as_float)
+
+    def __call__(self, t):
+        faster = 0.5 * (self.high - self.low) / self.duration
+        return self.amplitude * jnp.sin((self.low + faster * t) * t)
+
+    def omega(self, t: Array) -> Array:
+        """() its angular frequency at time t () [rad/s]."""
+        return self.low + (self.high - self.low) * t / self.duration
+
+    def check(self):
+        _checks.positive("Sweep.duration", self.duration, "It is a time.")
+
+
+class Table(Signal):
+    """Values at times, with straight lines between them; before and after the end values.
+
+    Steps of the integration end at the times of the table, where the lines have corners, so it is
+    as accurate as a smooth signal.
+
+    Attributes:
+      ts: (n,) times [s], increasing.
+      values: (n,) of the signal.
+    """
+
+    ts: Array = eqx.field(converter=as_float)
+    values: Array = eqx.field(converter=as_float)
+
+    def __call__(self, t):
+        return jnp.interp(t, self.ts, self.values)
+
+    def check(self):
+        ts = _checks.array("Table.ts", self.ts, (None,))
+        _checks.array("Table.values", self.values, ts.shape, "One for each time.")
+        if not _checks.is_traced(ts) and not (len(ts) and (np.diff(np.asarray(ts)) > 0).all()):
+            raise _checks.fail("Table.ts", "increasing times", "others", "Sort the table by time.")
+
+
+def check_signal(given: Signal) -> Signal:
+    """The signal, if it is one.
+
+    Raises:
+      ValueError: it is none, or a number of it is invalid.
+    """
+    if not isinstance(given, Signal):
+        remedy = "Such as vibration.Harmonic, vibration.Step, vibration.Table."
+        raise _checks.fail("signal", "a signal", repr(given), remedy)
+    given.check()
+    return given

@@ -1,0 +1,170 @@
+"""Transfer functions of a scene about an equilibrium, and its frequency responses.
+
+Near an equilibrium y = y* + x, with an input u and an output z,
+
+    dx/dt = A x + B0 u + B1 du/dt,   z = C x,   H(s) = C (s - A)^-1 (B0 + s B1),
+
+exactly: each number is a derivative of the rate or of the output. At s = i omega it is the ratio of
+the complex amplitudes of z and u in forced vibration with e^(i omega t).
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn._records.kinds import check_first
+from jaxdyn._records.record import Record
+from jaxdyn.analysis.linearize import check_equilibrium, jacobian
+from jaxdyn.scene import Scene, check_scene
+from jaxdyn.vibration.inputs import Base, Input, check_input
+from jaxdyn.vibration.outputs import Output, output
+
+
+class TransferFunction(Record):
+    """H(s) from an input to an output: called with complex numbers s (...).
+
+    Attributes:
+      a: (k, k) A.
+      b: (k, j) B0 and B1.
+      c: (..., k) C.
+    """
+
+    a: Array
+    b: Array
+    c: Array
+
+    def __call__(self, s) -> Array:
+        """(..., *outputs) complex H at s (...) [1/s]."""
+        s = jnp.asarray(s).astype(complex)
+        return jnp.vectorize(self._at, signature=_signature(self.c))(s)
+
+    def at(self, omega) -> Array:
+        """(..., *outputs) complex H at angular frequencies omega (...) [rad/s]."""
+        return self(_imaginary(omega))
+
+    @property
+    def poles(self) -> Array:
+        """(k,) complex eigenvalues of A [1/s]."""
+        return jnp.linalg.eigvals(self.a)
+
+    def _at(self, s: Array) -> Array:
+        a, b, c = (x.astype(complex) for x in (self.a, self.b, self.c))
+        powers = jnp.stack([s**j for j in range(b.shape[1])])
+        return c @ jnp.linalg.solve(s * jnp.eye(len(a), dtype=complex) - a, b @ powers)
+
+
+def _signature(c: Array) -> str:
+    return "()->()" if c.ndim == 1 else f"()->({c.shape[0]})"
+
+
+@check_first
+def transfer_function(
+    scene: Scene, input: str | Input, to: Output, y=None, t=0.0
+) -> TransferFunction:
+    """The transfer function of a scene about an equilibrium, from an input to an output.
+
+    Args:
+      scene: any scene.
+      input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
+        `Base`, `Motion` or `Parameter`.
+      to: what is looked at: the name of an entry of the state, or a function (t, y) that returns
+        () or (m,).
+      y: (k,) an equilibrium; the scene's start by default.
+      t: () time [s] at which the scene is looked at, if it depends on time.
+    Raises:
+      ValueError: y is not an equilibrium, the input does not suit the scene, or there is no such
+        output.
+    Limits: differentiable in all numbers, and under jit and vmap.
+    Example:
+      >>> from jaxdyn import scenes, vibration
+      >>> h = vibration.transfer_function(scenes.oscillator(k=4.0, x=0.0), "x", "x")
+      >>> round(h.at(1.0).real.item(), 12)  # 1 / (k - omega^2)
+      0.333333333333
+    """
+    check_scene(scene)
+    _checks.float64()
+    found = check_input(scene, input)
+    y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
+    t = _checks.array("t", t, ())
+    looked_at = output("to", to, scene)
+    if not _checks.is_traced((scene, y, t)):
+        check_equilibrium(scene, y, t)
+
+    def rate(u):
+        return found.rate(scene.field, t, y, u)
+
+    b = jax.jacfwd(rate)(jnp.zeros(found.order + 1))
+    c = jax.jacfwd(lambda y: looked_at(t, y))(y)
+    return TransferFunction(jacobian(scene, y, t), b, c)
+
+
+@check_first
+def receptance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
+    """Displacement over force: complex amplitude of an output, per unit of an input.
+
+    Args:
+      scene: any scene.
+      input: see `transfer_function`; a name is a force on that coordinate.
+      to: see `transfer_function`.
+      omega: (...) angular frequencies [rad/s].
+      y: (k,) an equilibrium; the scene's start by default.
+    Returns:
+      (..., *outputs) complex: ``abs`` is the magnitude, minus ``angle`` how far it is behind.
+    """
+    return transfer_function(scene, input, to, y).at(omega)
+
+
+@check_first
+def mobility(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
+    """Velocity over force: i omega times the `receptance`, whose arguments it has."""
+    return _rates(1, scene, input, to, omega, y)
+
+
+@check_first
+def accelerance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
+    """Acceleration over force: -omega^2 times the `receptance`, whose arguments it has."""
+    return _rates(2, scene, input, to, omega, y)
+
+
+@check_first
+def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) -> Array:
+    """Displacement of a material point over that of the base on which the scene stands.
+
+    Both are absolute and along the direction. What is held to the base moves with it: anchors,
+    pins, dashpots to the ground.
+
+    Args:
+      scene: one with material points, whose places are those relative to the base.
+      direction: (d,) of the motion of the base.
+      omega: (...) angular frequencies [rad/s].
+      point: number of the material point.
+      y: (k,) an equilibrium; the scene's start by default.
+    Returns:
+      (...) complex.
+    Raises:
+      ValueError: see `transfer_function`.
+    Example:
+      >>> from jaxdyn import scenes, vibration
+      >>> found = vibration.transmissibility(scenes.oscillator(k=4.0, x=0.0), [1.0], 4.0)
+      >>> round(float(abs(found)), 12)  # k / (omega^2 - k)
+      0.333333333333
+    """
+    along = _checks.array("direction", direction, (None,))
+    along = along / jnp.linalg.norm(along)
+
+    def place(t, y):
+        return scene.points(t, y).r[point] @ along
+
+    relative = transfer_function(scene, Base(along), place, y).at(omega)
+    return 1.0 + _imaginary(omega) ** 2 * relative
+
+
+def _rates(order: int, scene: Scene, input, to, omega, y) -> Array:
+    found, s = transfer_function(scene, input, to, y), _imaginary(omega)
+    return (s**order).reshape(s.shape + (1,) * (found.c.ndim - 1)) * found(s)
+
+
+def _imaginary(omega) -> Array:
+    omega = _checks.numbers("omega", omega)
+    return jax.lax.complex(jnp.zeros_like(omega), omega)

@@ -1,0 +1,191 @@
+"""Natural modes and transfer functions against closed forms, and against M, C and K by hand."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import eigh
+from vibrating import C, K, M, one, quarter_car
+
+import jaxdyn
+from jaxdyn import effects, scenes, vibration
+from jaxdyn.formulations.newton import FreePoints
+
+OMEGA = np.linspace(0.0, 5.0, 11)
+
+
+def receptance(w):
+    return 1 / (K - M * w**2 + 1j * C * w)
+
+
+CAR = (
+    np.diag([1, 0.1]),
+    np.array([[2, -2], [-2, 2.5]]),
+    np.array([[20.0, -20.0], [-20.0, 220.0]]),
+)
+
+
+def test_a_damped_oscillator_has_its_frequency_ratio_and_matrices():
+    found = vibration.modes(one())
+    assert_allclose(found.frequencies, [np.sqrt(K / M)], rtol=1e-14)
+    ratio = C / (2 * np.sqrt(K * M))
+    assert_allclose(found.damping_ratios, [ratio], rtol=1e-13)
+    assert_allclose(found.damped_frequencies, np.sqrt(K / M * (1 - ratio**2)), rtol=1e-14)
+    matrices = (found.mass, found.damping, found.stiffness)
+    assert_allclose(np.ravel(matrices), [M, C, K], rtol=1e-15)
+    assert "2.12132 rad/s, damping ratio 0.0707107: x 1" in repr(found)
+
+
+def test_what_does_not_oscillate_has_real_eigenvalues():
+    found = vibration.modes(one(k=1.0, m=1.0, c=4.0))
+    assert_allclose(found.eigenvalues, [-2 + np.sqrt(3), -2 - np.sqrt(3)], rtol=1e-14)
+    assert_allclose(found.damped_frequencies, 0.0)
+    free = vibration.modes(one(k=0.0, m=1.0, c=0.0))
+    assert_allclose(free.frequencies, [0.0, 0.0], atol=0)
+    assert np.isnan(free.damping_ratios).all()
+
+
+def test_the_modes_of_a_pendulum_are_those_of_its_matrices():
+    rest = scenes.double_pendulum(angles=(0.0, 0.0))
+    found, known = vibration.modes(rest), jaxdyn.modes(rest)
+    assert_allclose(found.frequencies, known.frequencies, rtol=1e-13)
+    assert_allclose(found.mass, known.mass, rtol=1e-14)
+    assert_allclose(found.stiffness, known.stiffness, rtol=1e-14, atol=1e-14)
+    assert_allclose(found.damping, 0.0, atol=1e-14)
+    squares, shapes = eigh(np.asarray(known.stiffness), np.asarray(known.mass))
+    assert_allclose(found.frequencies**2, squares, rtol=1e-13)
+    assert_allclose(found.shapes, shapes / np.abs(shapes).max(0) * np.sign(shapes[1]), atol=1e-13)
+
+
+def test_the_modes_of_a_plain_ode_are_those_of_its_rate():
+    found = vibration.modes(quarter_car(0.0, 0.0))
+    assert_allclose(found.mass, np.eye(2))  # masses are not known there
+    assert_allclose(found.stiffness, np.linalg.solve(CAR[0], CAR[2]), rtol=1e-14)
+    lorenz = vibration.modes(scenes.lorenz(), y=[np.sqrt(72), np.sqrt(72), 27.0])
+    assert lorenz.mass is None
+    assert lorenz.damping is None
+    assert lorenz.shapes.shape == (3, 2)
+    assert_allclose(
+        np.asarray(lorenz.eigenvalues), [0.0939556 + 10.1945j, -13.8546], rtol=0, atol=1e-4
+    )
+
+
+def test_modes_are_differentiable_and_run_under_vmap():
+    slope = jax.grad(lambda k: vibration.modes(one(k=k)).frequencies[0])(K)
+    assert_allclose(slope, 0.5 / np.sqrt(K * M), rtol=1e-13)
+    slope = jax.grad(lambda k: vibration.modes(one(k=k)).damping_ratios[0])(K)
+    assert_allclose(slope, -0.25 * C / np.sqrt(M) / K**1.5, rtol=1e-12)
+    many = jax.vmap(lambda c: vibration.modes(one(c=c)).damping_ratios[0])(jnp.array([C, 100.0]))
+    assert_allclose(many, [C / (2 * np.sqrt(K * M)), np.nan], rtol=1e-13)
+
+    def stretch(k):  # of the lower mode of two equal masses: a shape is differentiable too
+        two = jaxdyn.Scene(
+            FreePoints([1.0, 1.0], 1),
+            (effects.Spring(k), effects.Spring(1.0, 1.0, i=0, j=1)),
+            y0=jnp.array([0.0, 1.0, 0.0, 0.0]),
+        )
+        return vibration.modes(two).shapes[0, 0].real
+
+    low = [stretch(1.0 + h) for h in (-1e-6, 1e-6)]
+    assert_allclose(jax.grad(stretch)(1.0), (low[1] - low[0]) / 2e-6, rtol=1e-7)
+
+
+def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
+    h = receptance(OMEGA)
+    assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)
+    assert_allclose(vibration.mobility(one(), "x", "x", OMEGA), 1j * OMEGA * h, rtol=1e-13)
+    assert_allclose(vibration.accelerance(one(), "x", "x", OMEGA), -(OMEGA**2) * h, rtol=1e-13)
+    assert_allclose(vibration.receptance(one(), "x", "vx", OMEGA), 1j * OMEGA * h, rtol=1e-13)
+    transmitted = (K + 1j * C * OMEGA) * h
+    assert_allclose(vibration.transmissibility(one(), [2.0], OMEGA), transmitted, rtol=1e-12)
+    points = vibration.Force(0, [1.0])
+    assert_allclose(vibration.receptance(one(), points, "x", OMEGA), h, rtol=1e-13)
+
+
+def test_an_output_may_be_a_function_and_have_several_entries():
+    found = vibration.receptance(one(), "x", lambda t, y: jnp.stack([y[0], -K * y[0]]), OMEGA)
+    h = receptance(OMEGA)
+    assert found.shape == (11, 2)
+    assert_allclose(found, np.stack([h, -K * h], -1), rtol=1e-13)
+
+
+def test_a_base_that_moves_a_plain_ode_acts_by_its_place_and_speed():
+    rest = quarter_car(0.0, 0.0)
+    found = vibration.transfer_function(rest, vibration.Motion(quarter_car), "x1")
+    m, c, k = CAR
+    moved = [np.linalg.solve(k - m * w**2 + 1j * w * c, [0.0, 200.0 + 0.5j * w])[0] for w in OMEGA]
+    assert_allclose(found.at(OMEGA), moved, rtol=1e-12)
+    poles = np.sort_complex(np.asarray(found.poles))
+    assert_allclose(np.abs(poles)[[0, 2]], vibration.modes(rest).frequencies[::-1], rtol=1e-12)
+
+
+def test_a_parameter_is_an_input():
+    def make(k):
+        return scenes.spring_mass(k=k, g=9.81, length=0.0, position=(0.0, -9.81 / 10))
+
+    rest = make(10.0)  # it hangs at -g / k
+    found = vibration.transfer_function(rest, vibration.Parameter(make, 10.0), "y")
+    assert_allclose(found.at(2.0), 9.81 / 10 / (10.0 - 4.0), rtol=1e-13)
+
+
+def test_a_torque_acts_on_an_angle():
+    rest = scenes.pendulum(angle=0.0, g=9.81, length=2.0)
+    mass = np.asarray(vibration.modes(rest).mass).item()
+    found = vibration.receptance(rest, "theta", "theta", 1.0)
+    assert_allclose(found, 1 / (mass * (9.81 / 2.0 - 1.0)), rtol=1e-13)
+
+
+def test_responses_are_differentiable_and_run_under_jit_and_vmap():
+    def at(k):
+        return jnp.abs(vibration.receptance(one(k=k), "x", "x", 1.0)) ** 2
+
+    d = K - M
+    assert_allclose(jax.jit(jax.grad(at))(K), -2 * d / (d**2 + C**2) ** 2, rtol=1e-12)
+    many = jax.vmap(at)(jnp.array([1.0, K]))
+    assert_allclose(many, [1 / (1 + C**2), 1 / (d**2 + C**2)], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: vibration.modes(scenes.oscillator()), "y: expected an equilibrium, got a rate"),
+        (lambda: vibration.receptance(one(), "z", "x", 1.0), "Force.on: expected"),
+        (lambda: vibration.receptance(one(), "x", "z", 1.0), "to: expected"),
+        (lambda: vibration.receptance(one(), "x", 3, 1.0), "to: expected the name of an entry"),
+        (
+            lambda: vibration.receptance(one(), "x", lambda t, y: y[None, None], 1.0),
+            "that returns the shape",
+        ),
+        (lambda: vibration.receptance(one(), 1.0, "x", 1.0), "input: expected an input or the"),
+        (
+            lambda: vibration.receptance(one(), vibration.Force(2, [1.0]), "x", 1.0),
+            "Force.on: expected the number of a point, below 1",
+        ),
+        (
+            lambda: vibration.receptance(one(), vibration.Force(0), "x", 1.0),
+            "Force.direction: expected 1 components",
+        ),
+        (
+            lambda: vibration.receptance(one(), vibration.Force("x", [1.0]), "x", 1.0),
+            "Force.direction: expected none for a coordinate",
+        ),
+        (
+            lambda: vibration.receptance(
+                jaxdyn.ode(lambda t, y: -y, [0.0]), vibration.Force("y0"), "y0", 1.0
+            ),
+            "Force: expected a scene with a state",
+        ),
+        (
+            lambda: vibration.transmissibility(quarter_car(0.0, 0.0), [1.0], 1.0),
+            "Base: expected a scene with material points",
+        ),
+        (
+            lambda: vibration.receptance(one(), vibration.Parameter(lambda u: u), "x", 1.0),
+            "Parameter.make: expected a function that returns this scene",
+        ),
+    ],
+)
+def test_misuse_is_refused_with_what_to_do(call, said):
+    with pytest.raises(ValueError, match=said):
+        call()
