@@ -10,6 +10,7 @@ from . import files as files
 from . import hybrid as hybrid
 from . import manifolds as manifolds
 from . import proof as proof
+from . import responses as responses
 from . import sections as sections
 from . import targets as targets
 from . import tori as tori
@@ -61,6 +62,8 @@ from .orbit import Outcome as Outcome
 from .orbit import SearchError as SearchError
 from .proof.proving import prove as prove
 from .proof.refinement import refine as refine
+from .responses.backbone import backbone as backbone
+from .responses.response import frequency_response as frequency_response
 from .sections.tables import section as section
 from .shooting.collocation.search import Collocation as Collocation
 from .shooting.deflation import Deflated as Deflated

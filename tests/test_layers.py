@@ -53,6 +53,7 @@ BELOW = {
     "orbits/families": ("orbits/analysis",),
     "orbits/curves": ("orbits/families",),
     "orbits/manifolds": ("orbits/families",),
+    "orbits/responses": ("orbits/families", "orbits/discovery"),
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
@@ -62,6 +63,7 @@ BELOW = {
     "orbits/drawing": (
         "orbits/files",
         "orbits/manifolds",
+        "orbits/responses",
         "orbits/sections",
         "orbits/targets",
         "orbits/tori",
@@ -105,6 +107,8 @@ UPWARDS = {
     ("orbits/tori/record.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
     ("orbits/families/graph.py", "orbits.drawing.graphs"),
+    ("orbits/responses/response.py", "orbits.drawing.responses"),
+    ("orbits/responses/backbone.py", "orbits.drawing.responses"),
 }
 
 FILES = sorted(

@@ -2,9 +2,11 @@
 
 A quantity is a function of an orbit, or its name: "period", "energy", and with the name of an entry
 of the state "max x", "min x", "amplitude x" (half of the difference of these), "mean x" and
-"phase x" (of its first harmonic over the period, in radians, behind a cosine).
+"phase x" (of its first harmonic over the period, in radians, behind a cosine). In the functions
+below the place of an entry may be taken by a function (t, y) that returns a number.
 """
 
+import functools
 from collections.abc import Callable
 
 import jax
@@ -16,6 +18,7 @@ from jaxdyn import Scene, simulate
 from jaxdyn._checks import choice, fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.energy import energy
+from jaxdyn.vibration.outputs import Output
 from orbits.orbit import Orbit
 
 #: Samples of a period. The error of the polynomial of order 5 between two that are h apart is
@@ -26,14 +29,14 @@ Quantity = Callable[[Orbit], float]
 
 
 @check_first
-def extremes(orbit: Orbit, entry: str) -> tuple[float, float]:
+def extremes(orbit: Orbit, entry: Output) -> tuple[float, float]:
     """The least and the largest value of an entry of the state over a period.
 
     Args:
       orbit: any.
-      entry: its name, one of those of `Scene.labels`.
+      entry: its name, one of those of `Scene.labels`, or a function (t, y) that returns ().
     Raises:
-      ValueError: there is no such entry.
+      ValueError: there is no such entry, or the function returns another shape.
     Limits: to about 12 digits where a period has no parts that are a thousand times faster than
       the rest, as relaxation oscillations have; there to 3 to 6.
     Example:
@@ -70,21 +73,21 @@ def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tup
 
 
 @check_first
-def amplitude(orbit: Orbit, entry: str) -> float:
+def amplitude(orbit: Orbit, entry: Output) -> float:
     """Half of the distance between the extremes of an entry of the state; see `extremes`."""
     low, high = extremes(orbit, entry)
     return 0.5 * (high - low)
 
 
 @check_first
-def mean(orbit: Orbit, entry: str) -> float:
+def mean(orbit: Orbit, entry: Output) -> float:
     """The mean of an entry of the state over a period; see `extremes`."""
     y, *_ = _along(orbit, entry)
     return float(y[:-1].mean())  # of a periodic function all digits
 
 
 @check_first
-def phase(orbit: Orbit, entry: str) -> float:
+def phase(orbit: Orbit, entry: Output) -> float:
     """The phase of the first harmonic of an entry over a period: p of cos(2 pi t / T - p).
 
     Of a driven scene that is the phase behind a drive of cos(2 pi t / T).
@@ -98,7 +101,7 @@ def phase(orbit: Orbit, entry: str) -> float:
     return float(-np.angle(y[:-1] @ turn))
 
 
-_OF_ENTRIES: dict[str, Callable[[Orbit, str], float]] = {
+_OF_ENTRIES: dict[str, Callable[[Orbit, Output], float]] = {
     "max": lambda orbit, entry: extremes(orbit, entry)[1],
     "min": lambda orbit, entry: extremes(orbit, entry)[0],
     "amplitude": amplitude,
@@ -152,22 +155,41 @@ def unit(what: str, scene: Scene) -> str:
     return ("1" if plain else known[what]) if what in known else units.get(entry, "1")
 
 
-def _along(orbit: Orbit, entry: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _along(orbit: Orbit, entry: Output) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """An entry with its first two derivatives, by equal parts of a period, at their ends."""
     scene = orbit.scene
-    names = [name for name, _ in scene.labels()]
-    i = names.index(choice("entry", entry, names))
     motion = simulate(scene, samples=_SAMPLES + 1, rtol=orbit.rtol, solver=orbit.solver)
     part = orbit.period / _SAMPLES
-    slopes, curvatures = (np.asarray(x)[:, i] for x in _derivatives(scene, motion.ts, motion.ys))
-    return np.asarray(motion.ys)[:, i], part * slopes, part**2 * curvatures
+    if callable(entry):
+        y, slopes, curvatures = map(np.asarray, _derivatives(scene, motion.ts, motion.ys, of=entry))
+        if y.ndim > 1:
+            raise fail("entry", "a function that returns ()", f"one that returns {y.shape[1:]}")
+    else:  # one program for all entries
+        names = [name for name, _ in scene.labels()]
+        i = names.index(choice("entry", entry, names))
+        many = _derivatives(scene, motion.ts, motion.ys)
+        y, slopes, curvatures = (np.asarray(x)[:, i] for x in many)
+    return y, part * slopes, part**2 * curvatures
 
 
-@jax.jit
-def _derivatives(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
-    """(n, k) rates, and how these change along the motion."""
+def _state(t: Array, y: Array) -> Array:
+    del t
+    return y
 
-    def at(t: Array, y: Array) -> tuple[Array, Array]:
-        return jax.jvp(scene.rate, (t, y), (jnp.ones(()), scene.rate(t, y)))
 
-    return jax.vmap(at)(ts, ys)
+@functools.partial(jax.jit, static_argnames="of")
+def _derivatives(
+    scene: Scene, ts: Array, ys: Array, *, of: Callable[[Array, Array], Array] = _state
+) -> tuple[Array, Array, Array]:
+    """(n, ...) a function of time and state, its rates, and how these change along the motion."""
+
+    def along(function: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
+        def slope(t: Array, y: Array) -> Array:
+            return jax.jvp(function, (t, y), (jnp.ones(()), scene.rate(t, y)))[1]
+
+        return slope
+
+    first = along(of)
+    second = along(first)
+    values, slopes, curvatures = (jax.vmap(x)(ts, ys) for x in (of, first, second))
+    return values, slopes, curvatures

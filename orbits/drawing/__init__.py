@@ -2,11 +2,12 @@
 
 `periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `graphs` which
 families meet, `throwing` throws, `about_centres` closed loops, `manifolds` stable and unstable
-manifolds, `sections` surfaces of section, `tori` invariant tori, `unit_circle` multipliers; all use
-the parts of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show
-import this folder, since Matplotlib is slow to load.
+manifolds, `sections` surfaces of section, `tori` invariant tori, `responses` frequency responses
+and backbone curves, `unit_circle` multipliers; all use the parts of `jaxdyn.drawing` and follow its
+rules. Only the command line and what notebooks show import this folder, since Matplotlib is slow to
+load.
 
-May import: `files`, `manifolds`, `sections`, `targets`, `tori`.
+May import: `files`, `manifolds`, `responses`, `sections`, `targets`, `tori`.
 
 One more picture is one more file with one function, and one line below.
 """
@@ -17,14 +18,17 @@ from orbits.drawing.families import family
 from orbits.drawing.graphs import graph
 from orbits.drawing.manifolds import manifold
 from orbits.drawing.periodic import orbits
+from orbits.drawing.responses import backbone, frequency_response
 from orbits.drawing.sections import section
 from orbits.drawing.throwing import throws
 from orbits.drawing.tori import torus
 from orbits.drawing.unit_circle import multipliers
 
 __all__ = [
+    "backbone",
     "diagram",
     "family",
+    "frequency_response",
     "graph",
     "loops",
     "manifold",

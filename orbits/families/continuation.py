@@ -37,7 +37,7 @@ from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting.equations import Equations
 from orbits.shooting.finding import GOAL
-from orbits.shooting.segment import Make
+from orbits.shooting.segment import Make, OwnNumber
 from orbits.shooting.segmentation import cut_into_segments
 
 # ---- Families that close upon themselves (isolas): the first orbit again
@@ -170,7 +170,8 @@ def continue_family(
         "continue_family", (orbit, parameter), "See orbits.differentiable, for each member."
     )
     _check(orbit, make, parameter, step, members)
-    make = None if make is None else with_captures("make", make)
+    if make is not None and not isinstance(make, OwnNumber):
+        make = with_captures("make", make)
     _check_bounds("within", within)
     _check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)

@@ -1,9 +1,11 @@
 """The segments of a motion, each integrated independently with its variational equations."""
 
+import dataclasses
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 from jaxtyping import Array
 
@@ -15,8 +17,28 @@ from orbits.motion import advance
 #: Maximum steps of one segment: no orbit that can be found takes more, and an iteration towards a
 #: collision must not take minutes.
 MAX_STEPS = 200_000
+
+
+@dataclasses.dataclass(frozen=True)
+class OwnNumber:
+    """A number of the scene itself as the parameter of a family.
+
+    The scene's other numbers are data then, while those of a function are constants of a program,
+    which is compiled again for each of them.
+
+    Attributes:
+      where: that number of a scene; a function that does not change, or it is compiled again.
+    """
+
+    where: Callable[[Scene], Any]
+
+    def of(self, scene: Scene, value: Array) -> Scene:
+        """The scene with a value of the number."""
+        return eqx.tree_at(self.where, scene, value)
+
+
 #: From the parameter of a family to a scene, whose start and span are not used.
-Make = Callable[[Array], Scene]
+Make = Callable[[Array], Scene] | OwnNumber
 
 
 class Piece(NamedTuple):
@@ -31,7 +53,11 @@ class Piece(NamedTuple):
 
 def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
     """The scene, or that of `make` at the parameter, with the scene's start and span."""
-    return scene if make is None else make(parameter).starting(scene.y0, scene.t1)
+    if make is None:
+        return scene
+    if isinstance(make, OwnNumber):
+        return make.of(scene, parameter)
+    return make(parameter).starting(scene.y0, scene.t1)
 
 
 def end_of(

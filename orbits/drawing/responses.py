@@ -1,0 +1,208 @@
+"""Pictures of frequency responses and backbone curves, as engineers draw them."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import Scene, _text
+from jaxdyn._checks import choice, fail
+from jaxdyn._records.kinds import check_first
+from jaxdyn.drawing.bifurcations import STRETCHES, stretches
+from jaxdyn.drawing.figures import (
+    INK,
+    PALETTE,
+    blank,
+    finish,
+    legend_below,
+    legend_entries,
+    mark,
+    shades,
+    style,
+)
+from jaxdyn.drawing.titles import readable
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.vibration.outputs import Output
+from orbits.analysis.quantities import amplitude, phase
+from orbits.drawing.families import MARKS
+from orbits.families.family import Family, Member
+from orbits.responses.backbone import Backbone
+from orbits.responses.response import FrequencyResponse
+
+_WIDTH = 6.8  # inches
+
+
+@check_first
+def frequency_response(
+    found: FrequencyResponse,
+    path=None,
+    *,
+    output: Output | None = None,
+    backbone: Backbone | None = None,
+    title: str | None = None,
+) -> Figure:
+    """A picture of response curves: amplitude and phase over the frequency of the drive.
+
+    Stable responses are solid, unstable ones dashed; folds and other special points are marked.
+
+    Args:
+      found: from `orbits.frequency_response`.
+      path: file to write, .png, .pdf or .svg.
+      output: the name of an entry of the state, or a function (t, y) -> (); by default the first
+        entry.
+      backbone: from `orbits.backbone`, drawn through the curves.
+      title: its title; the scene by default, "" for none.
+    Raises:
+      ValueError: `path` cannot be written, or there is no such output.
+    """
+    path = picture_path(path)
+    scene = found.curves[0].members[0].orbit.scene
+    output, label = _output(output, scene)
+    figure = blank(_WIDTH, 6.0)
+    axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    kinds: dict[str, Any] = {}
+    for level, curve, colour in zip(
+        found.levels, found.curves, shades(len(found.levels)), strict=True
+    ):
+        name = f"level {_text.brief(level)}"
+        for ax, of in zip(axes, (amplitude, phase), strict=True):
+            places = _places(curve, lambda m, of=of: of(m.orbit, output))
+            if of is phase:
+                places = _unwrapped(curve, places)
+            _curve(ax, curve, places, colour, name, kinds)
+    if backbone is not None:
+        line = list(zip(backbone.frequencies, backbone.amplitudes(output), strict=True))
+        top = axes[0].get_ylim()[1]
+        axes[0].plot(*np.array(line).T, color=INK, lw=1.2, ls="-.", label="backbone")
+        axes[0].set_ylim(top=top)
+    axes[0].set(ylabel=f"amplitude {label}", xlim=found.frequencies)
+    axes[0].set_ylim(bottom=0.0)
+    axes[1].set(xlabel=_frequency(scene), ylabel="phase lag [rad]")
+    axes[1].set_yticks([0.0, math.pi / 2, math.pi], ["0", "pi/2", "pi"])
+    axes[0].set_title(_title(title, scene), fontsize=10)
+    for ax in axes:
+        style(ax)
+    legend_below(figure, [*legend_entries(*axes), *kinds.values()])
+    return finish(figure, path)
+
+
+def overview(found: FrequencyResponse) -> Figure:
+    """The picture of a frequency response in a notebook: untitled."""
+    return frequency_response(found, title="")
+
+
+@check_first
+def backbone(
+    found: Backbone | Sequence[Backbone],
+    path=None,
+    *,
+    against: str = "energy",
+    output: Output | None = None,
+    title: str | None = None,
+) -> Figure:
+    """A picture of backbone curves: frequency over energy, or amplitude over frequency.
+
+    Stable vibrations are solid, unstable ones dashed; special points and internal resonances are
+    marked, the latter with their ratio.
+
+    Args:
+      found: from `orbits.backbone`, one or several of one scene.
+      path: file to write, .png, .pdf or .svg.
+      against: "energy" for the frequency over the energy, on a logarithmic scale; "amplitude" for
+        the amplitude over the frequency, as response curves are drawn.
+      output: of which amplitudes are; see `frequency_response`.
+      title: its title; the scene by default, "" for none.
+    Raises:
+      ValueError: `path` cannot be written, the scene has no energy, or there is no such output.
+    """
+    path, many = picture_path(path), [found] if isinstance(found, Backbone) else list(found)
+    choice("against", against, ("energy", "amplitude"))
+    scene = many[0].family.members[0].orbit.scene
+    if against == "energy" and not scene.has_energy:
+        raise fail("against", "amplitude, in a scene without an energy", against)
+    output, label = _output(output, scene)
+
+    def place(member: Member) -> tuple[float, float]:
+        frequency = 2 * math.pi / member.orbit.period
+        if against == "energy":
+            return member.energy, frequency
+        return frequency, amplitude(member.orbit, output)
+
+    figure = blank(_WIDTH, 5.0)
+    ax: Any = figure.add_subplot()
+    kinds: dict[str, Any] = {}
+    for one, colour in zip(many, itertools.cycle(PALETTE), strict=False):
+        places = {id(m): place(m) for m in (*one.family.members, *one.family.special)}
+        _curve(ax, one.family, places, colour, f"mode {one.mode}", kinds)
+        for resonance in one.resonances:
+            x, y = place(resonance.member)
+            ax.plot(x, y, ".", color=INK, ms=5, zorder=5)
+            ratio = f"{resonance.ratio.numerator}:{resonance.ratio.denominator}"
+            ax.annotate(ratio, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
+    if against == "energy":
+        energy = "energy [J]" if _text.second(scene.labels()) else "energy"
+        ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
+    else:
+        ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
+    ax.set_title(_title(title, scene), fontsize=10)
+    style(ax)
+    legend_below(figure, [*legend_entries(ax), *kinds.values()])
+    return finish(figure, path)
+
+
+def _places(curve: Family, of: Callable[[Member], float]) -> dict[int, tuple[float, float]]:
+    """Where each member and special point of a curve is, by its identity."""
+    return {id(m): (m.parameter, of(m)) for m in (*curve.members, *curve.special)}
+
+
+def _unwrapped(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
+    """The same with angles that do not jump along the curve."""
+    angles = np.unwrap([places[id(m)][1] for m in curve.members])
+    if angles.mean() < 0:
+        angles = angles + 2 * np.pi
+    found = {id(m): (m.parameter, x) for m, x in zip(curve.members, angles, strict=True)}
+    for m in curve.special:
+        near = min(curve.members, key=lambda x, m=m: np.linalg.norm(x.point.place - m.point.place))
+        angle = places[id(m)][1]
+        turns = round((found[id(near)][1] - angle) / (2 * np.pi))
+        found[id(m)] = m.parameter, angle + 2 * np.pi * turns
+    return found
+
+
+def _curve(ax, curve: Family, places: dict, colour, name: str, kinds: dict) -> None:
+    """Draw a curve with its stability, and its special points."""
+    for number, (verdict, points, _) in enumerate(
+        stretches(
+            curve.members,
+            curve.special,
+            lambda m: m.stability.verdict,
+            lambda m: m.point.place,
+        )
+    ):
+        line = np.array([places[id(m)] for m in points])
+        label = name if not number else "_"
+        ax.plot(*line.T, color=colour, lw=1.6, ls=STRETCHES[verdict], label=label)
+    for m in curve.special:
+        ax.plot(*places[id(m)], MARKS[m.kind], color=colour, ms=5, mec=INK, mew=0.6, zorder=4)
+        kinds.setdefault(str(m.kind), mark(MARKS[m.kind], str(m.kind)))
+
+
+def _output(output: Output | None, scene: Scene) -> tuple[Output, str]:
+    """What is drawn, and what it is called with its unit."""
+    labels = dict(scene.labels())
+    output = output or next(iter(labels))
+    if callable(output):
+        return output, getattr(output, "__name__", "").strip("_<>").replace("_", " ")
+    unit = labels[choice("output", output, list(labels))]
+    return output, output if unit == "1" else f"{output} [{unit}]"
+
+
+def _title(title: str | None, scene: Scene) -> str:
+    return readable(_text.title_of(scene) if title is None else title)
+
+
+def _frequency(scene: Scene) -> str:
+    return "frequency [rad/s]" if _text.second(scene.labels()) else "frequency"

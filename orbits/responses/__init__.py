@@ -1,0 +1,15 @@
+"""What engineers ask of nonlinear vibrations: frequency responses and backbone curves.
+
+`response` follows the forced responses of a scene over the frequency of its drive, `backbone` its
+free vibrations over the energy, from a linear mode: nonlinear normal modes. Both are families of
+periodic orbits, with their folds, branch points and stability; `resonances` finds where the
+frequencies of two modes have a simple ratio.
+
+May import: `families`, `discovery`.
+
+One more curve of an engineer is one more file that poses it as a family.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

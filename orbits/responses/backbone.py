@@ -1,0 +1,234 @@
+"""Backbone curves: the free vibrations of a scene that begin as one of its linear modes.
+
+By Lyapunov's centre theorem each linear mode of a conservative scene goes on as a family of
+periodic orbits over the energy, a nonlinear normal mode. Its frequency against amplitude or energy
+is the backbone about which the response curves of the driven scene lie.
+
+Reference: Kerschen, Peeters, Golinval, Vakakis (2009), Nonlinear normal modes, part I, Mechanical
+Systems and Signal Processing 23, 170.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from jaxdyn import Scene, _text
+from jaxdyn._checks import check_untraced, fail, positive, whole
+from jaxdyn._records import labelled
+from jaxdyn._records.kinds import check_first
+from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn.analysis.energy import energy as energy_at
+from jaxdyn.scales import at_rest, groups
+from jaxdyn.vibration.outputs import Output
+from orbits.analysis.quantities import amplitude as amplitude_of
+from orbits.discovery.seeds import Seed, modes
+from orbits.families.continuation import continue_family
+from orbits.families.family import Family, Member
+from orbits.orbit import Orbit, SearchError
+from orbits.responses.resonances import Resonance, ratios, resonances
+from orbits.shooting.finding import find
+
+_SMALL = 0.02  # of the sizes of an equilibrium's entries: the first vibration
+_ANYWHERE = (-math.inf, math.inf)
+_TRIES = 4  # at amplitudes of which each is a third of the one before
+
+
+@dataclasses.dataclass(frozen=True)
+class Backbone:
+    """A nonlinear normal mode: a family of free vibrations from a linear mode on.
+
+    Attributes:
+      mode: number of the linear mode, the slowest is 1.
+      family: the vibrations, over the energy.
+      linear: (m,) angular frequencies of all linear modes that oscillate [rad/s].
+      resonances: internal resonances with other modes, in order.
+    """
+
+    mode: int
+    family: Family
+    linear: np.ndarray
+    resonances: tuple[Resonance, ...]
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        scene = self.family.members[0].orbit.scene
+        unit = "rad/s" if _text.second(scene.labels()) else ""
+        first, last = (float(self.frequencies[i]) for i in (0, -1))
+        ends = f"{_text.brief(first, unit)} to {_text.brief(last, unit)}"
+        special = [
+            f"{m.kind} at {_text.brief(2 * math.pi / m.orbit.period)}" for m in self.family.special
+        ]
+        rows = [
+            ("linear", _text.brief(float(self.linear[self.mode - 1]), unit)),
+            ("frequency", f"{ends}, {_text.number_of(len(self.family.members), 'vibration')}"),
+            ("special", ", ".join(special)),
+            ("resonances", ", ".join(map(repr, self.resonances))),
+            ("end", self.family.end),
+        ]
+        return _text.table(f"Backbone of {_text.title_of(scene)}, mode {self.mode}", rows)
+
+    @_text.with_picture
+    def _repr_html_(self):
+        from orbits.drawing import responses
+
+        return responses.backbone(self, title="")
+
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """(n,) angular frequencies of the vibrations [rad/s]."""
+        return 2 * np.pi / self.family.periods
+
+    @property
+    def energies(self) -> np.ndarray:
+        """(n,) their energies; NaN in a scene without an energy."""
+        return self.family.energies
+
+    def amplitudes(self, output: Output) -> np.ndarray:
+        """(n,) their amplitudes of an entry of the state, or of a function (t, y) -> ()."""
+        return np.array([amplitude_of(m.orbit, output) for m in self.family.members])
+
+    @property
+    def ratios(self) -> np.ndarray:
+        """(n, m - 1) the frequencies of small vibrations in the other modes, over its own."""
+        own = self.linear[self.mode - 1]
+        return ratios(self.family, np.delete(self.linear, self.mode - 1) / own)
+
+    def _labelled(self) -> Labelled:
+        members, axes = self.family.members, ("vibration",)
+        labels = members[0].orbit.scene.labels()
+        coordinates = labels[: len(labels) // 2]
+        second = _text.second(labels)
+        named = {
+            "frequency": Values(axes, self.frequencies, "rad/s" if second else "1"),
+            "energy": Values(axes, self.energies, "J" if second else "1"),
+            "verdict": Values(axes, [m.stability.verdict for m in members]),
+        }
+        named |= {
+            f"amplitude {name}": Values(axes, self.amplitudes(name), unit)
+            for name, unit in coordinates
+        }
+        return Labelled({}, named)
+
+
+@check_first
+def backbone(
+    scene: Scene,
+    mode: int = 1,
+    *,
+    amplitude: float | None = None,
+    energy: float = math.inf,
+    frequencies: tuple[float, float] = _ANYWHERE,
+    step: float = 0.1,
+    members: int = 200,
+    order: int = 1,
+    report: Callable[[Member], None] = lambda member: None,
+) -> Backbone:
+    """The nonlinear normal mode that begins as a linear mode, towards larger energies.
+
+    Args:
+      scene: a conservative scene, which starts in equilibrium.
+      mode: number of the linear mode; the slowest is 1.
+      amplitude: of the first vibration, the displacement of the entry that is displaced most; by
+        default a fiftieth of its size.
+      energy: largest energy, above that of the equilibrium.
+      frequencies: bounds on the angular frequency [rad/s].
+      step: length of the first step; see `orbits.continue_family`.
+      members: largest number of vibrations.
+      order: internal resonances p : q are looked for of which the smaller number is at most this,
+        and the larger one five times that; 0 for none.
+      report: called with each vibration as it is found.
+    Returns:
+      The family, its frequencies, energies and amplitudes, and its internal resonances.
+    Raises:
+      ValueError: the scene does not start in equilibrium, or has no such mode that oscillates.
+      SearchError: no vibration was found beside the equilibrium.
+    Limits: host only. Where another linear frequency is a multiple of this one, a family need not
+      exist, or there are several.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> def rate(t, y):
+      ...     return [y[1], -y[0] - y[0] ** 3]
+      >>> def energy(t, y):
+      ...     return 0.5 * (y[0] ** 2 + y[1] ** 2) + 0.25 * y[0] ** 4
+      >>> duffing = jaxdyn.ode(rate, [0.0, 0.0], names=["x", "v"], energy=energy)
+      >>> found = orbits.backbone(duffing, energy=1.0)
+      >>> float(found.frequencies[0].round(3)), bool(found.frequencies[-1] > 1.2)
+      (1.0, True)
+    """
+    check_untraced("backbone", scene, "See orbits.differentiable, for each member.")
+    scene.check()
+    whole("mode", mode)
+    whole("members", members)
+    whole("order", order, least=0)
+    if not energy > 0:
+        raise fail("energy", "> 0", energy, "It is above that of the equilibrium.")
+    if math.isfinite(energy) and not scene.has_energy:
+        raise fail("energy", "none for a scene without one", energy, "Use frequencies=.")
+    if amplitude is not None:
+        positive("amplitude", amplitude, "It is a displacement.")
+    rest = np.asarray(scene.y0)
+    small = modes(scene, rest, 1.0)
+    if mode > len(small):
+        raise fail("mode", f"at most {len(small)}, the modes that oscillate", mode)
+    orbit = _first(scene, small[mode - 1], amplitude)
+    bounds = _ANYWHERE
+    if math.isfinite(energy):
+        bounds = (-math.inf, float(energy_at(scene, 0.0, rest)) + energy)
+    family = continue_family(
+        orbit,
+        step=step,
+        members=members,
+        down=_shorter(orbit, rest, step),
+        within=_periods(frequencies),
+        energies=bounds,
+        report=report,
+    )
+    linear = np.array([2 * np.pi / seed.period for seed in small])
+    others = [n for n in range(1, len(linear) + 1) if n != mode]
+    found = resonances(family, np.delete(linear, mode - 1) / linear[mode - 1], others, order)
+    return Backbone(mode, family, linear, tuple(found))
+
+
+def _first(scene: Scene, small: Seed, amplitude: float | None) -> Orbit:
+    """A vibration near a linear mode, whose vector is `small.y0` less the equilibrium."""
+    rest = np.asarray(scene.y0)
+    vector = small.y0 - rest
+    sizes = np.asarray(at_rest(scene.field, groups(scene.system), rest).sizes)
+    largest = int(np.argmax(np.abs(vector) / sizes))
+    usual = _SMALL * sizes[largest] / abs(vector[largest])
+    for share in 3.0 ** -np.arange(_TRIES):
+        start = rest + (amplitude or usual) * share * vector
+        hold = [scene.labels()[largest][0]]
+        orbit = find(scene.starting(start), period=small.period, hold=hold, throw=False)
+        if orbit.ok or amplitude is not None:
+            break
+    if not orbit.ok:
+        raise SearchError(f"No vibration was found at this amplitude: {orbit.message}")
+    return orbit
+
+
+def _shorter(orbit: Orbit, rest: np.ndarray, step: float) -> bool:
+    """Whether periods become shorter away from the equilibrium."""
+    ends = continue_family(orbit, step=step, members=2).members
+    return len(ends) < 2 or not _size(ends[1], rest) > _size(ends[0], rest)
+
+
+def _size(member: Member, rest: np.ndarray) -> float:
+    """How far a vibration goes: its energy, or the distance of its start from the equilibrium."""
+    off = (np.asarray(member.orbit.y0) - rest) / member.point.sizes
+    return float(np.linalg.norm(off)) if math.isnan(member.energy) else member.energy
+
+
+def _periods(frequencies: tuple[float, float]) -> tuple[float, float]:
+    low, high = frequencies
+    if not low < high:
+        raise fail("frequencies", "two bounds, the lower one first", frequencies)
+    return (
+        2 * math.pi / high if math.isfinite(high) else -math.inf,
+        2 * math.pi / low if low > 0 else math.inf,
+    )

@@ -1,0 +1,321 @@
+"""The frequency response of a nonlinear scene: its forced vibrations over the drive's frequency.
+
+A forced response is a periodic orbit with the period of the drive; a response curve is a family of
+them along its frequency, followed by arclength through its folds, so that both branches and the
+unstable one between them are found. Multipliers tell the stability of each response; where they
+leave the unit circle otherwise, quasi-periodic (torus) or period-doubled responses begin.
+"""
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene, _text
+from jaxdyn._checks import array, check_untraced, fail, positive, whole
+from jaxdyn._records import labelled
+from jaxdyn._records.kinds import check_kind
+from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn._text import number_of
+from jaxdyn.analysis.linearize import check_equilibrium
+from jaxdyn.continuation.kinds import Kind
+from jaxdyn.vibration.driven import driven
+from jaxdyn.vibration.inputs import Input, check_input
+from jaxdyn.vibration.outputs import Output
+from jaxdyn.vibration.signals import Harmonic
+from jaxdyn.vibration.transfer import transfer_function
+from orbits.analysis.quantities import amplitude, phase
+from orbits.families.continuation import continue_family
+from orbits.families.family import Family, Member
+from orbits.orbit import Orbit, SearchError
+from orbits.shooting.finding import find
+from orbits.shooting.segment import Make, OwnNumber
+
+_PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # of a level, at which responses are looked for in turn
+_NO_FIRST = (
+    "No response was found at either end of the range of frequencies. Begin further away from "
+    "resonances, or with a smaller level."
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class FrequencyResponse:
+    """Response curves: families of forced responses, one for each level of the drive.
+
+    Attributes:
+      levels: (n,) amplitudes of the drive.
+      curves: the families; their parameter is the angular frequency of the drive [rad/s].
+      frequencies: the range in which they were followed.
+    """
+
+    levels: tuple[float, ...]
+    curves: tuple[Family, ...]
+    frequencies: tuple[float, float]
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = []
+        for level, curve in zip(self.levels, self.curves, strict=True):
+            special = [f"{m.kind} at {_text.brief(m.parameter)}" for m in curve.special]
+            unstable = sum(m.stability.verdict == "unstable" for m in curve.members)
+            text = f"{number_of(len(curve.members), 'response')}, {unstable} unstable"
+            rows.append((f"level {_text.brief(level)}", ", ".join([text, *special])))
+            rows.append(("", f"to {curve.end}"))
+        scene = self.curves[0].members[0].orbit.scene
+        return _text.table(f"Frequency response of {_text.title_of(scene)}", rows)
+
+    @_text.with_picture
+    def _repr_html_(self):
+        from orbits.drawing import responses
+
+        return responses.overview(self)
+
+    to_pandas = labelled.to_pandas
+    to_xarray = labelled.to_xarray
+
+    @property
+    def folds(self) -> tuple[tuple[Member, ...], ...]:
+        """The folds of each curve: where a slow sweep jumps."""
+        return tuple(
+            tuple(m for m in curve.special if m.kind == Kind.FOLD) for curve in self.curves
+        )
+
+    def table(self, output: Output | None = None) -> Labelled:
+        """A row for each response and each special point, in order along each curve.
+
+        Its columns: level, frequency [rad/s], amplitude and phase [rad] behind the drive of an
+        output, verdict, and the kind of special points.
+
+        Args:
+          output: the name of an entry of the state, or a function (t, y) -> (); by default the
+            first entry.
+        Raises:
+          ValueError: there is no such output.
+        """
+        labels = dict(self.curves[0].members[0].orbit.scene.labels())
+        output = output or next(iter(labels))
+        rows = [
+            (
+                level,
+                member.parameter,
+                amplitude(member.orbit, output),
+                phase(member.orbit, output),
+                member.stability.verdict,
+                str(member.kind or ""),
+            )
+            for level, curve in zip(self.levels, self.curves, strict=True)
+            for member in in_order(curve)
+        ]
+        unit = labels.get(output, "1") if isinstance(output, str) else "1"
+        units = {"level": "", "frequency": "rad/s", "amplitude": unit, "phase": "rad"}
+        units |= {"verdict": "", "kind": ""}
+        columns = zip(*rows, strict=True)
+        named = {
+            name: Values(("response",), list(column), units[name])
+            for name, column in zip(units, columns, strict=True)
+        }
+        return Labelled({}, named)
+
+    def _labelled(self) -> Labelled:
+        return self.table()
+
+
+def in_order(curve: Family) -> list[Member]:
+    """The members of a family with its special points where they are between them."""
+    found, waiting = [curve.members[0]], list(curve.special)
+    for before, after in zip(curve.members, curve.members[1:], strict=False):
+        while waiting and _between(before, after, waiting[0]):
+            found.append(waiting.pop(0))
+        found.append(after)
+    return [*found, *waiting]
+
+
+def _between(before: Member, after: Member, point: Member) -> bool:
+    """Whether a special point lies on the step from one member to the next."""
+    here, there = before.point.place, after.point.place
+    way = (there - here) / _scale(here, there)
+    share = float(way @ ((point.point.place - here) / _scale(here, there)) / (way @ way))
+    return share <= 1.0
+
+
+def _scale(here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    size = np.maximum(np.abs(here), np.abs(there))
+    return np.where(size > 0, size, 1.0)
+
+
+def frequency_response(
+    scene: Scene,
+    drive: str | Input | Callable[..., Scene],
+    frequencies: tuple[float, float],
+    *,
+    levels: float | Sequence[float] = 1.0,
+    step: float = 0.1,
+    members: int = 400,
+    report: Callable[[Member], None] = lambda member: None,
+) -> FrequencyResponse:
+    """The forced responses of a scene over the frequency of a drive, at several levels.
+
+    The drive is ``level * cos(omega t)``.
+
+    Args:
+      scene: the scene without the drive, which starts in equilibrium.
+      drive: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
+        `Base`, `Motion` or `Parameter`; or a function (omega, level) that returns the driven
+        scene, whose rate has the period 2 pi / omega, or of omega alone.
+      frequencies: lowest and highest angular frequency [rad/s].
+      levels: amplitude of the drive, or several.
+      step: length of the first step along a curve; see `orbits.continue_family`.
+      members: largest number of responses of a curve.
+      report: called with each response as it is found.
+    Returns:
+      A family for each level, from one end of the range to the other.
+    Raises:
+      ValueError: the scene does not start in equilibrium, the drive does not suit it, or the
+        frequencies or levels are out of range.
+      SearchError: no response was found to begin with.
+    Limits: host only. Curves that do not reach the ends of the range (isolas, responses of another
+      period) are not found; `orbits.switch_branch` leads to those that branch off. A function as
+      the drive is compiled once for each level, and for each call if it defines the rate within.
+    Example:
+      >>> import jaxdyn, orbits
+      >>> def rate(t, y):
+      ...     x, v = y
+      ...     return [v, -0.1 * v - x - 0.2 * x**3]
+      >>> duffing = jaxdyn.ode(rate, [0.0, 0.0], names=["x", "v"])
+      >>> found = orbits.frequency_response(duffing, "x", (0.7, 1.5), levels=0.3)
+      >>> [round(fold.parameter, 5) for fold in found.folds[0]]
+      [1.33262, 1.19395]
+    """
+    check_kind("scene", scene, (Scene,))
+    check_untraced("frequency_response", (scene, levels), "See orbits.differentiable.")
+    scene.check()
+    low, high = _range(frequencies)
+    positive("step", step, "It is a length in the space of the unknowns.")
+    whole("members", members)
+    many = np.atleast_1d(np.asarray(array("levels", np.atleast_1d(levels), (None,)), float))
+    if not len(many) or not (many > 0).all():
+        raise fail("levels", "one amplitude > 0 or several", many.tolist())
+    check_equilibrium(scene, jnp.asarray(scene.y0))
+    own = callable(drive) and not isinstance(drive, Input)
+    forced = _own(drive, scene) if own else _by_input(drive, scene)
+
+    curves = []
+    for level in many.tolist():
+        orbit, make, start = _first(forced, level, (low, high))
+        curves.append(
+            continue_family(
+                orbit,
+                make,
+                start,
+                within=(low, high),
+                down=start == high,
+                step=step,
+                members=members,
+                report=report,
+            )
+        )
+    return FrequencyResponse(tuple(many.tolist()), tuple(curves), (low, high))
+
+
+def _range(frequencies) -> tuple[float, float]:
+    both = np.asarray(array("frequencies", frequencies, (2,), "The lowest and the highest."), float)
+    if not 0 < both[0] < both[1]:
+        raise fail("frequencies", "two positive ones, the lower one first", both.tolist())
+    return float(both[0]), float(both[1])
+
+
+@dataclasses.dataclass(frozen=True)
+class _Forced:
+    """How a scene is driven.
+
+    Attributes:
+      scene: the driven scene (omega, level).
+      make: of a level, the scene over omega.
+      linear: (omega) -> (k,) complex response per unit of the level.
+    """
+
+    scene: Callable[[float, float], Scene]
+    make: Callable[[float], Make]
+    linear: Callable[[float], np.ndarray]
+
+
+def _omega(scene: Scene) -> Array:
+    return scene.system.signal.omega  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _by_input(drive, scene: Scene) -> _Forced:
+    found = check_input(scene, drive)
+    linear = transfer_function(scene, found, _whole)
+
+    def forced(omega: float, level: float) -> Scene:
+        return driven(scene, found, Harmonic(level, omega), 2 * np.pi / omega)
+
+    along = OwnNumber(_omega)
+    return _Forced(forced, lambda level: along, lambda w: np.asarray(linear.at(w)))
+
+
+def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
+    alone = len(inspect.signature(drive).parameters) == 1
+
+    def forced(omega, level) -> Scene:
+        made = drive(omega) if alone else drive(omega, level)
+        check_kind("drive(omega, level)", made, (Scene,))
+        return made.starting(scene.y0, 2 * jnp.pi / omega)
+
+    def make(level: float) -> Make:
+        return lambda omega: forced(omega, level)
+
+    at_rest = jnp.asarray(scene.y0)
+
+    def linear(omega: float) -> np.ndarray:
+        """By the first harmonic of the drive at the equilibrium."""
+        ts = jnp.asarray(np.arange(_SAMPLES) * (2 * np.pi / omega / _SAMPLES))
+        pushed = np.asarray(_rates(forced(omega, 1.0), ts, at_rest))
+        first = 2 * np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) @ pushed / _SAMPLES
+        a = np.asarray(_slope(forced(omega, 1.0), ts, at_rest))
+        return np.linalg.solve(1j * omega * np.eye(len(a)) - a, first)
+
+    return _Forced(forced, make, linear)
+
+
+_SAMPLES = 64  # of a drive's period, for its first harmonic
+
+
+@jax.jit
+def _rates(scene: Scene, ts: Array, y: Array) -> Array:
+    return jax.vmap(scene.rate, (0, None))(ts, y)
+
+
+@jax.jit
+def _slope(scene: Scene, ts: Array, y: Array) -> Array:
+    """(k, k) the mean Jacobian over a period."""
+    return jnp.mean(jax.vmap(jax.jacfwd(scene.rate, argnums=1), (0, None))(ts, y), axis=0)
+
+
+def _whole(t: Array, y: Array) -> Array:
+    del t
+    return y
+
+
+def _first(forced: _Forced, level: float, ends: tuple[float, float]) -> tuple[Orbit, Make, float]:
+    """A response at one end of the range, the family that it belongs to, and that frequency."""
+    for omega in ends:
+        orbit = _near(forced, omega, level)
+        # Where it is far from linear, from responses to smaller drives.
+        for part in () if orbit.ok else _PARTS:
+            orbit = _near(forced, omega, part * level, orbit if orbit.ok else None)
+        if orbit.ok:
+            return orbit, forced.make(level), omega
+    raise SearchError(_NO_FIRST)
+
+
+def _near(forced: _Forced, omega: float, level: float, beside: Orbit | None = None) -> Orbit:
+    """The response near another one, or near the linear one."""
+    scene = forced.scene(omega, level)
+    linear = np.asarray(scene.y0) + level * forced.linear(omega).real
+    start = linear if beside is None else beside.y0
+    return find(scene.starting(start), period=2 * np.pi / omega, throw=False)

@@ -1,0 +1,150 @@
+"""Response curves of forced vibrations, against harmonic balance and the linear theory."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from harmonics import Balance
+from numpy.testing import assert_allclose
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes, vibration
+from orbits.analysis import quantities
+from orbits.responses.response import in_order
+from orbits.shooting.segment import compiled_end
+
+
+def rate(t, y, beta):
+    x, v = y
+    return [v, -0.1 * v - x - beta * x**3]
+
+
+def duffing(beta=0.25):
+    return jaxdyn.ode(rate, [0.0, 0.0], names=["x", "v"], params=beta)
+
+
+def balance(level, beta=0.25):
+    def force(phase, x, v):
+        return level * jnp.cos(phase) - 0.1 * v - x - beta * x**3
+
+    return Balance(force, 1, 15)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return orbits.frequency_response(duffing(), "x", (0.7, 2.5), levels=[0.1, 1.0])
+
+
+@pytest.mark.slow
+def test_the_folds_of_duffings_equation_are_those_of_harmonic_balance(found):
+    small, large = found.folds
+    assert small == ()
+    assert [round(fold.parameter, 5) for fold in large] == [2.21194, 1.43867]
+    for fold, inside in zip(large, (0.998, 1.002), strict=True):
+        amplitude, lag = (of(fold.orbit, "x") for of in (quantities.amplitude, quantities.phase))
+        first = [[amplitude * np.cos(lag)], [amplitude * np.sin(lag)]]
+        known = balance(1.0)
+        omega = known.fold(inside * fold.parameter, known.start(first))
+        assert_allclose(fold.parameter, omega, rtol=1e-9)
+
+
+def test_every_branch_is_that_of_harmonic_balance(found):
+    curve = found.curves[1]
+    known = balance(1.0)
+    assert {m.stability.verdict for m in curve.members} == {"stable", "unstable"}
+    for member in curve.members[3::12]:
+        amplitude, lag = (of(member.orbit, "x") for of in (quantities.amplitude, quantities.phase))
+        first = [[amplitude * np.cos(lag)], [amplitude * np.sin(lag)]]
+        c = known.at(member.parameter, known.start(first))
+        x, _ = known.motion(jnp.asarray(c), member.parameter)
+        cosine, sine = np.asarray(c).reshape(15, 2)[0]
+        assert_allclose(lag, np.arctan2(sine, cosine), atol=1e-8)
+        assert_allclose(amplitude, np.abs(x).max(), rtol=2e-4)  # that of samples
+        assert_allclose(member.orbit.y0[0], c.reshape(15, 2)[:, 0].sum(), rtol=1e-8)
+
+
+def test_responses_between_the_folds_are_unstable_and_no_others(found):
+    curve = found.curves[1]
+    ordered = in_order(curve)
+    up, down = (next(i for i, m in enumerate(ordered) if m is fold) for fold in found.folds[1])
+    verdicts = [m.stability.verdict for m in ordered]
+    assert set(verdicts[:up]) == set(verdicts[down + 1 :]) == {"stable"}
+    assert set(verdicts[up + 1 : down]) == {"unstable"}
+
+
+@pytest.mark.slow
+def test_a_linear_scene_responds_by_its_receptance():
+    rest = scenes.oscillator(k=1.0, m=1.0, c=0.2, x=0.0)
+    curve = orbits.frequency_response(rest, "x", (0.5, 2.0), levels=3.0, step=0.3).curves[0]
+    omega = curve.parameters
+    h = 3.0 * np.asarray(vibration.receptance(rest, "x", "x", omega))
+    amplitude = [quantities.amplitude(m.orbit, "x") for m in curve.members]
+    assert_allclose(amplitude, np.abs(h), rtol=1e-9)
+    assert_allclose(
+        [quantities.phase(m.orbit, "x") for m in curve.members], -np.angle(h), atol=1e-9
+    )
+    assert not curve.special
+
+
+@pytest.mark.slow
+def test_a_function_that_drives_a_scene_gives_the_same(found):
+    def forced(t, y, p):
+        omega, level = p
+        x, v = y
+        return [v, level * jnp.cos(omega * t) - 0.1 * v - x - 0.25 * x**3]
+
+    def drive(omega, level):
+        return jaxdyn.ode(forced, [0.0, 0.0], names=["x", "v"], params=(omega, level))
+
+    same = orbits.frequency_response(duffing(), drive, (0.7, 2.5), levels=1.0)
+    assert_allclose(same.folds[0][0].parameter, found.folds[1][0].parameter, rtol=1e-10)
+
+    def at_one(omega):
+        return drive(omega, 1.0)
+
+    once = orbits.frequency_response(duffing(), at_one, (0.7, 2.5))
+    assert_allclose(once.folds[0][0].parameter, found.folds[1][0].parameter, rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_several_levels_and_numbers_are_one_program(found):
+    programs = compiled_end._cache_size()
+    orbits.frequency_response(duffing(0.3), "x", (0.7, 2.5), levels=[0.2, 0.4])
+    assert compiled_end._cache_size() == programs
+
+
+def test_the_table_has_a_row_for_each_response_and_the_outputs_asked_for(found):
+    pandas = pytest.importorskip("pandas")
+    frame = found.to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    members = sum(len(curve.members) + len(curve.special) for curve in found.curves)
+    assert len(frame) == members
+    assert list(frame["kind"][frame["kind"] != ""]) == ["fold", "fold"]
+    assert frame.attrs["units"]["phase"] == "rad"
+    speed = found.table(lambda t, y: y[1]).variables
+    assert_allclose(
+        speed["amplitude"].array, found.table("v").variables["amplitude"].array, rtol=1e-10
+    )
+    with pytest.raises(ValueError, match="entry: expected"):
+        found.table("z")
+    with pytest.raises(ValueError, match="entry: expected a function that returns"):
+        found.table(lambda t, y: y)
+    assert "level 1" in repr(found)
+    assert "fold at 2.21194" in repr(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"frequencies": (2.0, 1.0)}, "frequencies: expected two positive ones"),
+        ({"levels": [1.0, -1.0]}, "levels: expected one amplitude"),
+        ({"levels": []}, "levels: expected one amplitude"),
+        ({"drive": "z"}, "Force.on: expected"),
+        ({"scene": duffing().starting([1.0, 0.0])}, "y: expected an equilibrium"),
+        ({"step": 0.0}, "step: expected > 0"),
+    ],
+)
+def test_misuse_is_refused_with_what_to_do(options, said):
+    given = {"scene": duffing(), "drive": "x", "frequencies": (1.0, 2.0)} | options
+    with pytest.raises(ValueError, match=said):
+        orbits.frequency_response(**given)
