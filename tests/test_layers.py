@@ -44,7 +44,7 @@ BELOW = {
     "jaxdyn/course": ("jaxdyn/hard", "jaxdyn/drawing"),
     "jaxdyn/player": ("jaxdyn/drawing", "jaxdyn/symbolic"),
     "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player", "jaxdyn/symbolic"),
-    "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic"),
+    "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic", "jaxdyn/vibration"),
     "orbits/closing": (),
     "orbits": ("orbits/closing",),
     "orbits/shooting": ("orbits",),

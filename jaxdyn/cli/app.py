@@ -10,6 +10,7 @@ from jaxdyn.cli.info import info_command
 from jaxdyn.cli.list import list_command
 from jaxdyn.cli.run import run_command
 from jaxdyn.cli.shared import add, application, start
+from jaxdyn.cli.vibration import vibration_command
 
 app = application("Simulate, draw and check the scenes of a course on dynamics.")
 add(
@@ -33,6 +34,11 @@ add(
     *(app, "chaos", chaos_command),
     "jaxdyn chaos lorenz --t1 5000",
     "jaxdyn chaos double_pendulum --map theta1=0:pi --map theta2=0:pi --plot chaos.png",
+)
+add(
+    *(app, "vibration", vibration_command),
+    "jaxdyn vibration double_pendulum --set angles=0.1,0",
+    "jaxdyn vibration oscillator --set c=0.2 --input x --output x --within 0.1,10 --plot bode.png",
 )
 add(
     *(app, "equations", equations_command),

@@ -1,12 +1,14 @@
-"""A motion as plain data: the samples of all its phases, a record for JSON, a CSV file."""
+"""Results as plain data: the samples of a motion, a record for JSON, CSV files of anything."""
 
 import csv
 import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from jaxdyn._records.kinds import check_first
+from jaxdyn._records.labelled import Labelled
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, table_path
@@ -88,15 +90,36 @@ def write_csv(path: str | Path, motion: Trajectory | HybridTrajectory) -> Path:
       ValueError: `path` cannot be written, or `motion` is a batch.
       OSError: writing failed.
     """
-    path = table_path(path)
     ts, ys = samples(motion)
     unitless = all(unit == "1" for _, unit in pieces_of(motion)[0].scene.labels())
-    text = io.StringIO()
+    names = ["t" if unitless else "t [s]", *columns(motion)]
+    return write_columns(path, names, _finite(np.c_[ts, ys]))
+
+
+def write_columns(path: str | Path, names: Sequence[str], rows: Iterable[Sequence]) -> Path:
+    """Write a CSV file of rows under the names of their columns; None is an empty cell.
+
+    Args:
+      path: of the .csv file.
+      names: of the columns, with their units.
+      rows: numbers or texts.
+    Raises:
+      ValueError: `path` cannot be written.
+      OSError: writing failed.
+    """
+    path, text = table_path(path), io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["t" if unitless else "t [s]", *columns(motion)])
-    table.writerows(["" if x is None else x for x in row] for row in _finite(np.c_[ts, ys]))
+    table.writerow(names)
+    table.writerows(["" if x is None else x for x in row] for row in rows)
     replace(path, text.getvalue())
     return path
+
+
+def write_labelled(path: str | Path, labelled: Labelled) -> Path:
+    """Write a CSV file of numbers along one axis, with a column for each; see `write_columns`."""
+    named = labelled.coordinates | labelled.variables
+    names = [name if x.unit in ("", "1") else f"{name} [{x.unit}]" for name, x in named.items()]
+    return write_columns(path, names, zip(*(list(x.array) for x in named.values()), strict=True))
 
 
 def _finite(values) -> list:

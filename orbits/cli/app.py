@@ -11,6 +11,7 @@ from orbits.cli.loops import loops_command
 from orbits.cli.manifold import manifold_command
 from orbits.cli.prove import prove_command
 from orbits.cli.refine import refine_command
+from orbits.cli.responses import backbone_command, response_command
 from orbits.cli.search import search_command
 from orbits.cli.section import section_command
 from orbits.cli.show import show_command
@@ -44,6 +45,19 @@ add(
     curve_command,
     "orbits curve lorenz --parameters rho,sigma --start 7,7,19 --set rho=20 "
     "--within 10,40 --within2 5,20 --plot hopf.png",
+)
+add(
+    app,
+    "response",
+    response_command,
+    "orbits response two_springs --set g=0 --set c_d=0.3 --set length_a=0.8 --set length_b=0.8 "
+    "--start 0,0,0,0 --drive y --within 1,5 --levels 0.5,1.5 --output y --plot response.png",
+)
+add(
+    app,
+    "backbone",
+    backbone_command,
+    "orbits backbone double_pendulum --set angles=0,0 --mode 2 --energy 1 --plot backbone.png",
 )
 add(app, "aim", aim_command, "orbits aim --speed 50 --drag 0.01 --x 80 --plot throws.png")
 add(

@@ -105,8 +105,8 @@ def backbone(
 ) -> Figure:
     """A picture of backbone curves: frequency over energy, or amplitude over frequency.
 
-    Stable vibrations are solid, unstable ones dashed; special points and internal resonances are
-    marked, the latter with their ratio.
+    The energy is that above the equilibrium. Stable vibrations are solid, unstable ones dashed;
+    special points and internal resonances are marked, the latter with their ratio.
 
     Args:
       found: from `orbits.backbone`, one or several of one scene.
@@ -125,20 +125,20 @@ def backbone(
         raise fail("against", "amplitude, in a scene without an energy", against)
     output, label = _output(output, scene)
 
-    def place(member: Member) -> tuple[float, float]:
+    def place(member: Member, rest: float) -> tuple[float, float]:
         frequency = 2 * math.pi / member.orbit.period
         if against == "energy":
-            return member.energy, frequency
+            return member.energy - rest, frequency
         return frequency, amplitude(member.orbit, output)
 
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot()
     kinds: dict[str, Any] = {}
     for one, colour in zip(many, itertools.cycle(PALETTE), strict=False):
-        places = {id(m): place(m) for m in (*one.family.members, *one.family.special)}
+        places = {id(m): place(m, one.rest) for m in (*one.family.members, *one.family.special)}
         _curve(ax, one.family, places, colour, f"mode {one.mode}", kinds)
         for resonance in one.resonances:
-            x, y = place(resonance.member)
+            x, y = place(resonance.member, one.rest)
             ax.plot(x, y, ".", color=INK, ms=5, zorder=5)
             ratio = f"{resonance.ratio.numerator}:{resonance.ratio.denominator}"
             ax.annotate(ratio, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)

@@ -43,12 +43,14 @@ class Backbone:
       mode: number of the linear mode, the slowest is 1.
       family: the vibrations, over the energy.
       linear: (m,) angular frequencies of all linear modes that oscillate [rad/s].
+      rest: energy of the equilibrium; NaN in a scene without an energy.
       resonances: internal resonances with other modes, in order.
     """
 
     mode: int
     family: Family
     linear: np.ndarray
+    rest: float
     resonances: tuple[Resonance, ...]
 
     @_text.never_raising
@@ -85,8 +87,8 @@ class Backbone:
 
     @property
     def energies(self) -> np.ndarray:
-        """(n,) their energies; NaN in a scene without an energy."""
-        return self.family.energies
+        """(n,) their energies above that of the equilibrium; NaN in a scene without one."""
+        return self.family.energies - self.rest
 
     def amplitudes(self, output: Output) -> np.ndarray:
         """(n,) their amplitudes of an entry of the state, or of a function (t, y) -> ()."""
@@ -98,7 +100,8 @@ class Backbone:
         own = self.linear[self.mode - 1]
         return ratios(self.family, np.delete(self.linear, self.mode - 1) / own)
 
-    def _labelled(self) -> Labelled:
+    def table(self) -> Labelled:
+        """A row for each vibration: frequency, energy above the equilibrium, amplitudes."""
         members, axes = self.family.members, ("vibration",)
         labels = members[0].orbit.scene.labels()
         coordinates = labels[: len(labels) // 2]
@@ -113,6 +116,9 @@ class Backbone:
             for name, unit in coordinates
         }
         return Labelled({}, named)
+
+    def _labelled(self) -> Labelled:
+        return self.table()
 
 
 @check_first
@@ -176,9 +182,8 @@ def backbone(
     if mode > len(small):
         raise fail("mode", f"at most {len(small)}, the modes that oscillate", mode)
     orbit = _first(scene, small[mode - 1], amplitude)
-    bounds = _ANYWHERE
-    if math.isfinite(energy):
-        bounds = (-math.inf, float(energy_at(scene, 0.0, rest)) + energy)
+    lowest = float(energy_at(scene, 0.0, rest)) if scene.has_energy else math.nan
+    bounds = (-math.inf, lowest + energy) if math.isfinite(energy) else _ANYWHERE
     family = continue_family(
         orbit,
         step=step,
@@ -191,7 +196,7 @@ def backbone(
     linear = np.array([2 * np.pi / seed.period for seed in small])
     others = [n for n in range(1, len(linear) + 1) if n != mode]
     found = resonances(family, np.delete(linear, mode - 1) / linear[mode - 1], others, order)
-    return Backbone(mode, family, linear, tuple(found))
+    return Backbone(mode, family, linear, lowest, tuple(found))
 
 
 def _first(scene: Scene, small: Seed, amplitude: float | None) -> Orbit:

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from scipy.optimize import minimize_scalar
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import array, check_untraced, fail, positive, whole
@@ -31,11 +32,14 @@ from jaxdyn.vibration.transfer import transfer_function
 from orbits.analysis.quantities import amplitude, phase
 from orbits.families.continuation import continue_family
 from orbits.families.family import Family, Member
+from orbits.families.steps import OrbitChart
+from orbits.families.surface import OrbitSurface
 from orbits.orbit import Orbit, SearchError
-from orbits.shooting.finding import find
+from orbits.shooting.finding import GOAL, find
 from orbits.shooting.segment import Make, OwnNumber
 
 _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # of a level, at which responses are looked for in turn
+_PEAK = {"xatol": 1e-6, "maxiter": 40}  # of a step along the curve
 _NO_FIRST = (
     "No response was found at either end of the range of frequencies. Begin further away from "
     "resonances, or with a smaller level."
@@ -84,6 +88,18 @@ class FrequencyResponse:
             tuple(m for m in curve.special if m.kind == Kind.FOLD) for curve in self.curves
         )
 
+    def peaks(self, output: Output | None = None) -> tuple[Member, ...]:
+        """The largest response of each curve, between its members.
+
+        Args:
+          output: see `table`.
+        Raises:
+          ValueError: there is no such output.
+        Limits: its amplitude to ten digits, its frequency to five, since it is level there.
+        """
+        output = output or self.curves[0].members[0].orbit.scene.labels()[0][0]
+        return tuple(_peak(curve, output) for curve in self.curves)
+
     def table(self, output: Output | None = None) -> Labelled:
         """A row for each response and each special point, in order along each curve.
 
@@ -122,6 +138,31 @@ class FrequencyResponse:
 
     def _labelled(self) -> Labelled:
         return self.table()
+
+
+def _peak(curve: Family, output: Output) -> Member:
+    """The member of a curve whose amplitude is largest."""
+    members = curve.members
+    heights = [amplitude(m.orbit, output) for m in members]
+    top = int(np.argmax(heights))
+    best, largest = members[top], heights[top]
+    surface = OrbitSurface(curve.equations, best.orbit.rtol, GOAL)
+    for a, b in ((top - 1, top), (top, top + 1)):
+        if a < 0 or b == len(members):
+            continue
+        chart = OrbitChart(surface.at(members[a].point), members[a])
+        found: dict[float, Member | None] = {}
+
+        def lower(share: float, a=a, b=b, chart=chart, found=found) -> float:
+            found[share] = chart.between(members[a], members[b], share)
+            member = found[share]
+            return -heights[top] if member is None else -amplitude(member.orbit, output)
+
+        result = minimize_scalar(lower, bounds=(0.0, 1.0), method="bounded", options=_PEAK)
+        member = found[result.x]
+        if member is not None and -result.fun > largest:
+            best, largest = member, -result.fun
+    return best
 
 
 def in_order(curve: Family) -> list[Member]:

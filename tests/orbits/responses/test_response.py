@@ -84,6 +84,10 @@ def test_a_linear_scene_responds_by_its_receptance():
         [quantities.phase(m.orbit, "x") for m in curve.members], -np.angle(h), atol=1e-9
     )
     assert not curve.special
+    (peak,) = orbits.frequency_response(rest, "x", (0.5, 2.0), levels=3.0).peaks()
+    assert_allclose(peak.parameter, np.sqrt(1 - 2 * 0.1**2), rtol=1e-5)
+    height = quantities.amplitude(peak.orbit, "x")
+    assert_allclose(height, 3 / (0.2 * np.sqrt(1 - 0.1**2)), rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -1,0 +1,146 @@
+"""The command `jaxdyn vibration`: natural modes, and a frequency response from input to output."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+import jaxdyn
+from jaxdyn import _arithmetic
+from jaxdyn._text import brief, fail, second, whole
+from jaxdyn.cli.docstrings import scene_settings
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+    output_option,
+)
+from jaxdyn.files.output_files import table_path
+
+NearOption = Annotated[
+    str | None,
+    typer.Option(
+        "--start", metavar="A,B,..", help="A state near the equilibrium; the scene's start."
+    ),
+]
+
+
+def vibration_command(
+    name: SceneArgument,
+    settings: SetOption = None,
+    start: NearOption = None,
+    given: Annotated[
+        str | None, typer.Option("--input", metavar="NAME", help="Coordinate that is pushed.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Entry that is looked at; --input's.")
+    ] = None,
+    within: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Angular frequencies of the response.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="How many frequencies.")] = 400,
+    plot: PlotOption = None,
+    csv: Annotated[Path | None, output_option(table_path, "Write the response (.csv).")] = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Natural frequencies, damping ratios and mode shapes of a scene about an equilibrium.
+
+    With --input also the receptance: the displacement of --output for each unit of force.
+    """
+    check_title(title, plot)
+    whole("samples", samples, least=2)
+    if given is None and (output, within, plot, csv) != (None,) * 4:
+        raise fail("--input", "a coordinate", "none", "A response is one to something.")
+    with screen(f"linearising {name}", as_object) as out:
+        scene = jaxdyn.scenes.catalogue.build(name, scene_settings(name, settings))
+        scene = at_equilibrium(scene, start)
+        found = jaxdyn.vibration.modes(scene)
+        if as_object:
+            out.result({"scene": name} | _as_json(found, scene))
+        else:
+            _print(name, found, scene, out)
+        if given is not None:
+            _response(scene, (given, output or given, within, samples), (plot, csv, title), out)
+
+
+def at_equilibrium(scene: "jaxdyn.Scene", start: str | None) -> "jaxdyn.Scene":
+    """The scene in the equilibrium near a state A,B,..., or near its own start."""
+    if start is None:
+        near = scene.y0.tolist()
+    else:
+        near = [_arithmetic.value(part) for part in start.split(",")]
+    found = jaxdyn.analysis.equilibria.equilibrium(scene, near).tolist()
+    if not all(map(math.isfinite, found)):
+        remedy = "jaxdyn.equilibria finds all of them."
+        raise fail("--start", "a state near an equilibrium", brief(near), remedy)
+    return scene.starting(found)
+
+
+def _print(
+    name: str, found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene", out: Screen
+) -> None:
+    names = [label for label, _ in scene.labels()]
+    unit = second(scene.labels())
+    place = ", ".join(f"{x} = {brief(float(y))}" for x, y in zip(names, scene.y0, strict=True))
+    out.print(f"[bold]{escape(name)}[/bold] about {escape(place)}")
+    table = Table("mode", f"frequency{escape(f' [rad/{unit}]') if unit else ''}", "damping ratio")
+    shapes = found.shapes
+    for label in names[: len(shapes)]:
+        table.add_column(escape(label))
+    rows = zip(found.frequencies, found.damping_ratios, shapes.T, strict=True)
+    for number, (frequency, ratio, shape) in enumerate(rows, start=1):
+        numbers = (frequency, ratio, *(abs(x) * (1 if x.real >= 0 else -1) for x in shape))
+        table.add_row(str(number), *(brief(float(x)) for x in numbers))
+    out.print(table)
+
+
+def _as_json(found: "jaxdyn.vibration.NaturalModes", scene: "jaxdyn.Scene") -> dict:
+    ratios = [x + 0.0 if math.isfinite(x) else None for x in found.damping_ratios.tolist()]
+    return {
+        "equilibrium": scene.y0.tolist(),
+        "frequencies": found.frequencies.tolist(),
+        "damping_ratios": ratios,
+        "shapes": [[[x.real, x.imag] for x in shape] for shape in found.shapes.T.tolist()],
+    }
+
+
+def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) -> None:
+    """The response from an input to an output, drawn and written."""
+    given, output, within, samples = asked
+    plot, csv, title = files
+    low, high = _range(within, scene)
+    ratio = (high / low) ** (1 / (samples - 1))
+    omega = [low * ratio**i for i in range(samples)]
+    values = jaxdyn.vibration.receptance(scene, given, output, omega)
+    top = int(abs(values).argmax())
+    peak = f"{brief(float(abs(values[top])))} at {brief(omega[top])}"
+    out.print(f"largest receptance of {output} by a force on {given}: {peak}")
+    what = f"{output} / force on {given}"
+    if plot:
+        with out.writing(plot, "drawn in"):
+            jaxdyn.drawing.bode(omega, values, plot, magnitude=what, title=title)
+    if csv:
+        with out.writing(csv, "written to"):
+            rows = [
+                (w, abs(h), math.atan2(h.imag, h.real))
+                for w, h in zip(omega, values.tolist(), strict=True)
+            ]
+            jaxdyn.files.tables.write_columns(csv, ["omega", what, "phase [rad]"], rows)
+
+
+def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:
+    if within is None:
+        found = [w for w in jaxdyn.vibration.modes(scene).frequencies.tolist() if w > 0]
+        return 0.1 * min(found, default=1.0), 10 * max(found, default=1.0)
+    bounds = [_arithmetic.value(part) for part in within.split(",")]
+    if not (len(bounds) == 2 and 0 < bounds[0] < bounds[1]):
+        raise fail("--within", "two frequencies > 0, the lower one first", repr(within))
+    return bounds[0], bounds[1]

@@ -1,0 +1,58 @@
+"""A picture of frequency response functions: magnitude and phase over frequency."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn import _checks
+from jaxdyn.drawing.figures import blank, finish, legend_below, legend_entries, shades, style
+from jaxdyn.drawing.titles import readable
+from jaxdyn.files.image_files import picture_path
+
+
+def bode(
+    omega,
+    values,
+    path=None,
+    *,
+    names: Sequence[str] = (),
+    magnitude: str = "magnitude",
+    frequency: str = "frequency [rad/s]",
+    title: str | None = None,
+) -> Figure:
+    """A Bode plot: magnitudes on logarithmic scales, and phases in degrees.
+
+    Args:
+      omega: (s,) angular frequencies, > 0 [rad/s].
+      values: (s,) or (s, n) complex responses at them, as of `vibration.receptance`.
+      path: file to write, .png, .pdf or .svg.
+      names: of the n responses.
+      magnitude: what the magnitude is called, with its unit.
+      frequency: what the frequency is called, with its unit.
+      title: its title.
+    Raises:
+      ValueError: `path` cannot be written, a frequency is not positive, or shapes do not fit.
+    """
+    path = picture_path(path)
+    omega = np.asarray(_checks.positive("omega", omega, "The axis is logarithmic."))
+    values = np.asarray(values).reshape(len(omega), -1)
+    if names and len(names) != values.shape[1]:
+        raise _checks.fail("names", f"{values.shape[1]}, one for each response", len(names))
+    figure = blank(6.8, 5.4)
+    axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    for i, colour in enumerate(shades(values.shape[1])):
+        label = names[i] if names else "_"
+        axes[0].loglog(omega, np.abs(values[:, i]), color=colour, lw=1.6, label=label)
+        phases = np.degrees(np.unwrap(np.angle(values[:, i])))
+        axes[1].semilogx(omega, phases, color=colour, lw=1.6, label=label)
+    axes[0].set(ylabel=magnitude)
+    axes[1].set(xlabel=frequency, ylabel="phase [deg]")
+    axes[1].yaxis.get_major_locator().set_params(steps=[1, 1.8, 4.5, 9, 10])
+    axes[0].set_title(readable(title), fontsize=10)
+    for ax in axes:
+        style(ax)
+    if names:
+        legend_below(figure, legend_entries(*axes))
+    return finish(figure, path)

@@ -1,0 +1,167 @@
+"""The commands `orbits response` and `orbits backbone`: nonlinear vibrations of a scene."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+import jaxdyn
+import orbits
+from jaxdyn._text import brief, choice
+from jaxdyn.cli.docstrings import scene_settings
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+    number,
+    output_option,
+)
+from jaxdyn.cli.vibration import NearOption, at_equilibrium
+from jaxdyn.files.output_files import table_path
+from orbits.cli.bifurcations.shared import bounds
+from orbits.cli.shared import numbers
+
+OutputOption = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Entry that is looked at; the first one.")
+]
+CsvOption = Annotated[Path | None, output_option(table_path, "Write a table of it (.csv).")]
+
+
+def response_command(
+    name: SceneArgument,
+    drive: Annotated[str, typer.Option(metavar="NAME", help="Coordinate that is pushed.")],
+    within: Annotated[str, typer.Option(metavar="A,B", help="Angular frequencies of the drive.")],
+    settings: SetOption = None,
+    levels: Annotated[
+        str, typer.Option(metavar="A,B,..", help="Amplitudes of the force, one for each curve.")
+    ] = "1",
+    start: NearOption = None,
+    output: OutputOption = None,
+    step: Annotated[float, number("Length of the first step.")] = 0.1,
+    plot: PlotOption = None,
+    csv: CsvOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Forced vibrations over the drive's frequency: both branches, folds, stability.
+
+    The force is A cos(omega t), for each amplitude A; amplitude and phase are those of --output.
+    """
+    check_title(title, plot)
+    low, high = bounds("--within", within)
+    amplitudes = numbers("--levels", levels)
+    with screen(f"following the responses of {name}", as_object) as out:
+        scene = _scene(name, settings, start, output)
+        found = orbits.frequency_response(
+            scene, drive, (low, high), levels=amplitudes, step=step, report=_doing(out)
+        )
+        if as_object:
+            out.result({"scene": name} | _columns(found.table(output)))
+        else:
+            _print_response(found, output, out)
+        _write(found.table(output) if csv else None, csv, out)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.frequency_response(found, plot, output=output, title=title)
+
+
+def backbone_command(
+    name: SceneArgument,
+    settings: SetOption = None,
+    mode: Annotated[int, typer.Option(help="Number of the linear mode; the slowest is 1.")] = 1,
+    energy: Annotated[float, number("Largest energy above that of the equilibrium.")] = math.inf,
+    within: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Bounds on the angular frequency.")
+    ] = None,
+    start: NearOption = None,
+    output: OutputOption = None,
+    members: Annotated[int, typer.Option(help="Largest number of vibrations.")] = 200,
+    step: Annotated[float, number("Length of the first step.")] = 0.1,
+    plot: PlotOption = None,
+    csv: CsvOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """A nonlinear normal mode: free vibrations from a linear mode on, towards larger energies.
+
+    Drawn is the frequency over the energy; with --output the amplitude over the frequency.
+    """
+    check_title(title, plot)
+    frequencies = (-math.inf, math.inf) if within is None else bounds("--within", within)
+    with screen(f"following mode {mode} of {name}", as_object) as out:
+        scene = _scene(name, settings, start, output)
+        found = orbits.backbone(
+            scene,
+            mode,
+            energy=energy,
+            frequencies=frequencies,
+            members=members,
+            step=step,
+            report=_doing(out),
+        )
+        table = found.table()
+        if as_object:
+            out.result({"scene": name, "mode": mode} | _columns(table))
+        else:
+            out.print(escape(str(found)))
+        _write(table, csv, out)
+        if plot:
+            against = "energy" if output is None and scene.has_energy else "amplitude"
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.backbone(found, plot, against=against, output=output, title=title)
+
+
+def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdyn.Scene":
+    scene = at_equilibrium(
+        jaxdyn.scenes.catalogue.build(name, scene_settings(name, settings)), start
+    )
+    if output is not None:
+        choice("--output", output, [label for label, _ in scene.labels()])
+    return scene
+
+
+def _doing(out: Screen):
+    def report(member) -> None:
+        frequency = brief(2 * math.pi / member.orbit.period)
+        out.doing(f"at {frequency} rad/s, {member.stability.verdict}")
+
+    return report
+
+
+def _print_response(found: "orbits.responses.FrequencyResponse", output, out: Screen) -> None:
+    """The special points of each curve, and how large it gets."""
+    of = orbits.analysis.quantities.amplitude
+    output = output or found.curves[0].members[0].orbit.scene.labels()[0][0]
+    table = Table("level", "", "frequency", f"amplitude {escape(output)}")
+    peaks = found.peaks(output)
+    for level, curve, peak in zip(found.levels, found.curves, peaks, strict=True):
+        rows = [("peak", peak), *((str(m.kind), m) for m in curve.special)]
+        for what, member in rows:
+            amplitude = brief(of(member.orbit, output))
+            table.add_row(brief(level), what, brief(member.parameter, digits=6), amplitude)
+    out.print(table)
+    for level, curve in zip(found.levels, found.curves, strict=True):
+        unstable = sum(m.stability.verdict == "unstable" for m in curve.members)
+        text = f"level {brief(level)}: {len(curve.members)} responses, {unstable} unstable"
+        out.print(f"{text}; the end: {escape(curve.end)}")
+
+
+def _columns(table) -> dict:
+    """A table as lists by name; NaN becomes null."""
+    return {
+        name: [None if isinstance(x, float) and math.isnan(x) else x for x in list(values.array)]
+        for name, values in table.variables.items()
+    }
+
+
+def _write(table, csv: Path | None, out: Screen) -> None:
+    if csv:
+        with out.writing(csv, "written to"):
+            jaxdyn.files.tables.write_labelled(csv, table)

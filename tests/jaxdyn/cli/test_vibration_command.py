@@ -1,0 +1,50 @@
+"""The command `jaxdyn vibration`: modes, a response, and what is refused."""
+
+import csv
+import functools
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+
+@pytest.fixture
+def vibration(command):
+    return functools.partial(command, "jaxdyn", "vibration")
+
+
+def test_modes_about_the_equilibrium_near_the_start(vibration):
+    code, out, _ = vibration("oscillator", "--set", "k=4", "--set", "c=0.4", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert_allclose(found["equilibrium"], [0.0, 0.0], atol=1e-12)
+    assert_allclose(found["frequencies"], [2.0], rtol=1e-12)
+    assert_allclose(found["damping_ratios"], [0.1], rtol=1e-12)
+    assert found["shapes"] == [[[1.0, 0.0]]]
+    code, out, _ = vibration("pendulum", "--start", "3,0")
+    assert code == 0
+    assert "theta = 3.14159" in out  # it falls: a real eigenvalue of either sign
+    assert "-1" in out
+
+
+def test_a_response_is_drawn_and_written(vibration, tmp_path):
+    picture, table = tmp_path / "bode.png", tmp_path / "response.csv"
+    words = ("--input", "x", "--within", "1,3", "--samples", 5, "--plot", picture, "--csv", table)
+    code, out, _ = vibration("oscillator", "--set", "k=4", "--set", "c=0.4", *words)
+    assert code == 0
+    assert "largest receptance of x by a force on x" in out
+    assert picture.stat().st_size > 10_000
+    with open(table, encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head == ["omega", "x / force on x", "phase [rad]"]
+    omega, size, phase = np.array(rows, float).T
+    assert_allclose(omega, np.geomspace(1, 3, 5), rtol=1e-12)
+    assert_allclose(size * np.exp(1j * phase), 1 / (4 - omega**2 + 0.4j * omega), rtol=1e-12)
+
+
+def test_what_it_refuses(vibration):
+    assert "--input: expected a coordinate" in vibration("oscillator", "--output", "x")[2]
+    assert "two frequencies > 0" in vibration("oscillator", "--input", "x", "--within", "2,1")[2]
+    assert "Force.on: expected" in vibration("oscillator", "--input", "z")[2]
+    assert "a state near an equilibrium" in vibration("cannonball")[2]

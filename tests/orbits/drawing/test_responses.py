@@ -1,0 +1,66 @@
+"""Pictures of response curves and backbones: what is solid, dashed, marked, and what is refused."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import jaxdyn
+import orbits
+from jaxdyn import drawing
+
+
+def rate(t, y, damping):
+    x, v = y
+    return [v, -damping * v - x - 0.25 * x**3]
+
+
+def duffing(damping):
+    return jaxdyn.ode(rate, [0.0, 0.0], names=["x", "v"], params=damping)
+
+
+@pytest.mark.slow
+def test_response_curves_are_dashed_between_their_folds_and_the_backbone_passes_through():
+    found = orbits.frequency_response(duffing(0.1), "x", (0.7, 2.5), levels=1.0)
+    backbone = orbits.backbone(duffing(0.0), frequencies=(0.5, 2.4))
+    upper, lower = orbits.drawing.frequency_response(found, backbone=backbone).axes[:2]
+    lines = [line for line in upper.lines if len(line.get_xdata()) > 1]
+    dashed = [line for line in lines if line.get_linestyle() == "--"]
+    assert len(dashed) == 1
+    ends = dashed[0].get_xdata()[[0, -1]]
+    assert_allclose(ends, [fold.parameter for fold in found.folds[0]], rtol=1e-12)
+    marks = [line.get_xdata()[0] for line in upper.lines if line.get_marker() == "s"]
+    assert_allclose(marks, ends)
+    (through,) = [line for line in lines if line.get_label() == "backbone"]
+    a = np.interp(ends[0], through.get_xdata(), through.get_ydata())
+    assert_allclose(a, dashed[0].get_ydata()[0], rtol=0.02)  # at resonance, with little damping
+    assert upper.get_xlim() == (0.7, 2.5)
+    assert all((0 <= line.get_ydata()).all() for line in lower.lines)
+    assert max(line.get_ydata().max() for line in lower.lines) < np.pi
+
+    def power(t, y):
+        return y[1] ** 2
+
+    label = orbits.drawing.frequency_response(found, output=power).axes[0].get_ylabel()
+    assert label == "amplitude power"
+    with pytest.raises(ValueError, match="output: expected"):
+        orbits.drawing.frequency_response(found, output="z")
+    picture = orbits.drawing.backbone(backbone, against="amplitude").axes[0]
+    assert picture.get_xlabel() == "frequency"
+    with pytest.raises(ValueError, match="against: expected amplitude"):
+        orbits.drawing.backbone(backbone)
+    with pytest.raises(ValueError, match="against: expected one of"):
+        orbits.drawing.backbone(backbone, against="time")
+
+
+def test_a_bode_plot_has_a_line_for_each_response(tmp_path):
+    omega = jnp.geomspace(0.1, 10, 20)
+    h = 1 / (1 - np.asarray(omega) ** 2 + 0.1j)
+    figure = drawing.bode(omega, np.stack([h, 2 * h], 1), tmp_path / "bode.png", names=["a", "b"])
+    magnitude, phase = figure.axes
+    assert_allclose(magnitude.lines[1].get_ydata(), np.abs(2 * h))
+    assert phase.lines[0].get_ydata()[-1] == pytest.approx(-180, abs=0.1)
+    with pytest.raises(ValueError, match="omega: expected > 0"):
+        drawing.bode(-omega, h)
+    with pytest.raises(ValueError, match="names: expected 1"):
+        drawing.bode(omega, h, names=["a", "b"])
