@@ -105,8 +105,19 @@ def title_of(scene: Any) -> str:
 
 
 def second(labels: Sequence[tuple[str, str]]) -> str:
-    """The unit of time for a state with these labels: "s", or "" where there are no units."""
-    return "s" if any(unit != "1" for _, unit in labels) else ""
+    """The unit of time for a state with these labels; "" where there are no units.
+
+    It is that of their rates, "day" where one is in "km/day", else "s".
+    """
+    units = [unit for _, unit in labels if unit != "1"]
+    rates = (unit.rpartition("/")[2] for unit in units if "/" in unit)
+    return next((unit for unit in rates if unit.isalpha()), "s") if units else ""
+
+
+def joule(labels: Sequence[tuple[str, str]]) -> str:
+    """The unit of energy for a state with these labels: "J", or "" where they are not SI units."""
+    speeds = {unit.rpartition("/")[0] for _, unit in labels if "/" in unit}
+    return "J" if second(labels) == "s" and speeds <= {"m", "rad"} else ""
 
 
 def record(x: Any, units: bool = True) -> str:

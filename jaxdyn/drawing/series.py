@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import second
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import samples_reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finish, style
@@ -62,6 +63,6 @@ def time_series(
         ax.margins(x=0)
         ax.set_ylabel("" if plain else f"[{unit}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel("t" if plain else "t [s]")
+    panels[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
     panels[0].set_title(lines, fontsize=10)
     return finish(figure, path)

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.labelled import Labelled
+from jaxdyn._text import second
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.output_files import replace, table_path
@@ -91,8 +92,8 @@ def write_csv(path: str | Path, motion: Trajectory | HybridTrajectory) -> Path:
       OSError: writing failed.
     """
     ts, ys = samples(motion)
-    unitless = all(unit == "1" for _, unit in pieces_of(motion)[0].scene.labels())
-    names = ["t" if unitless else "t [s]", *columns(motion)]
+    time = second(pieces_of(motion)[0].scene.labels())
+    names = [f"t [{time}]" if time else "t", *columns(motion)]
     return write_columns(path, names, _finite(np.c_[ts, ys]))
 
 

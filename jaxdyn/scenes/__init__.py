@@ -64,7 +64,12 @@ from jaxdyn.scenes.pendula import (
     shaken_pendulum,
     triple_pendulum,
 )
-from jaxdyn.scenes.restricted import hill, restricted_three_body_in_space
+from jaxdyn.scenes.restricted import (
+    hill,
+    jacobi_constant,
+    libration_point,
+    restricted_three_body_in_space,
+)
 from jaxdyn.scenes.sections import henon_heiles, libration_points, restricted_three_body
 from jaxdyn.scenes.sideways import sideways_edge, sideways_pendulum
 from jaxdyn.scenes.skates import one_skate, two_skates
@@ -106,6 +111,8 @@ __all__ = [
     "henon_heiles",
     "hill",
     "impact_oscillator",
+    "jacobi_constant",
+    "libration_point",
     "libration_points",
     "lorenz",
     "moved_box",

@@ -1,9 +1,10 @@
 """Bodies of no mass in axes that turn: the restricted three bodies in space, and Hill's problem.
 
-The restricted three bodies in the plane are in `sections`.
+The restricted three bodies in the plane are in `sections`. `SYSTEMS` has those of pairs that people
+fly to, in kilometres and days.
 """
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,9 +12,10 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
+from jaxdyn._records.kinds import check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.scenes.sections import DRAWN
+from jaxdyn.scenes.sections import DRAWN, RestrictedThreeBody, libration_points
 from jaxdyn.sketch import Shape, circle
 from jaxdyn.system import Points
 
@@ -60,9 +62,69 @@ class RestrictedThreeBodyInSpace(System):
             raise _checks.fail("mu", "between 0 and 1", float(self.mu), "It is a share of mass.")
 
 
-@ready_made()
+class Pair(NamedTuple):
+    """Two bodies on circles.
+
+    Attributes:
+      mu: mass of the second body as a share of both [1].
+      distance: between them [km].
+      time: 1 over their angular velocity [s].
+    """
+
+    mu: float
+    distance: float
+    time: float
+
+
+#: As in JPL's catalogue of periodic orbits of three bodies, ssd.jpl.nasa.gov.
+SYSTEMS = {
+    "earth-moon": Pair(1.215058560962404e-2, 389703.264829278, 382981.289129055),
+    "sun-earth": Pair(3.0542e-6, 149597871.0, 5022635.0),
+    "sun-mars": Pair(3.227154996101724e-7, 208321282.0, 8253622.0),
+    "mars-phobos": Pair(1.611081404409632e-8, 9468.0, 4452.0),
+    "jupiter-europa": Pair(2.52801752854e-5, 668519.0, 48562.0),
+    "saturn-enceladus": Pair(1.901109735892602e-7, 238529.0, 18913.0),
+}
+_DAY = 86400.0  # seconds
+
+
+class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
+    """The same in kilometres and days: the two bodies are a distance [km] apart.
+
+    Attributes:
+      distance: between the two bodies [km].
+      time: 1 over their angular velocity [day].
+    """
+
+    distance: Array = eqx.field(converter=as_float, default=1.0)
+    time: Array = eqx.field(converter=as_float, default=1.0)
+
+    def labels(self):
+        names = ("x", "y", "z")
+        return (*((x, "km") for x in names), *((f"v{x}", "km/day") for x in names))
+
+    @property
+    def units(self) -> Array:
+        """(6,) the distance, and the speed with which they turn."""
+        speed = self.distance / self.time
+        return jnp.stack([*[self.distance] * 3, *[speed] * 3])
+
+    def rate(self, t, y, effects):
+        return super().rate(t, y / self.units, effects) * self.units / self.time
+
+    def energies(self, t, y, effects):
+        square = (self.distance / self.time) ** 2
+        return tuple(square * x for x in super().energies(t, y / self.units, effects))
+
+    def check(self, t, y):
+        super().check(t, y)
+        for name in ("distance", "time"):
+            _checks.positive(name, getattr(self, name))
+
+
+@ready_made(but=("system",))
 def restricted_three_body_in_space(
-    *, mu=0.01215, x=0.8234, y=0.0, z=0.0224, vx=0.0, vy=0.1343, vz=0.0, t1=2.75
+    *, mu=0.01215, x=0.8234, y=0.0, z=0.0224, vx=0.0, vy=0.1343, vz=0.0, t1=2.75, system=""
 ) -> Scene:
     """A body of no mass near two that circle each other, in and out of their plane.
 
@@ -78,9 +140,78 @@ def restricted_three_body_in_space(
       vy: at the start, in the turning axes [1].
       vz: at the start [1].
       t1: span [1]; the two masses turn once in 2 pi.
+      system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
+        "jupiter-europa" or "saturn-enceladus" for the same scene in km and days, with that mu.
     """
     y0 = jnp.stack([x, y, z, vx, vy, vz])
-    return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
+    if not system:
+        return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
+    pair = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
+    days = pair.time / _DAY
+    made = RestrictedThreeBodyInKilometres(pair.mu, pair.distance, days)
+    return Scene(made, y0=y0 * made.units, t1=t1 * days)
+
+
+@check_first
+def libration_point(scene: Scene, name: str) -> Array:
+    """(k,) the state of a restricted three-body scene at rest in a libration point, in its units.
+
+    Args:
+      scene: `restricted_three_body` or `restricted_three_body_in_space`.
+      name: "L1" between the masses, "L2" beyond the second, "L3" beyond the first, "L4" ahead of
+        the second, "L5" behind it.
+    Raises:
+      ValueError: another scene, or no such point.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.restricted_three_body_in_space(system="earth-moon")
+      >>> print(scenes.libration_point(scene, "L1")[:3].round())
+      [326149.      0.      0.]
+    """
+    system = restricted(scene)
+    which = _NAMES.index(_checks.choice("name", name, _NAMES))
+    place, k = libration_points(system.mu)[which], len(scene.y0)
+    still = jnp.concatenate([place, jnp.zeros(k - 2, place.dtype)])
+    return still * getattr(system, "units", 1.0)
+
+
+@check_first
+def jacobi_constant(scene: Scene, y=None) -> Array:
+    """() Jacobi's constant of a restricted three-body scene, without units: -2 times the energy.
+
+    It lacks the term mu (1 - mu) that some authors add.
+
+    Args:
+      scene: see `libration_point`.
+      y: (k,) state; the scene's start by default.
+    Raises:
+      ValueError: another scene.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.restricted_three_body_in_space(system="earth-moon")
+      >>> print(scenes.jacobi_constant(scene, scenes.libration_point(scene, "L1")).round(6))
+      3.188341
+    """
+    system = restricted(scene)
+    y = jnp.asarray(scene.y0 if y is None else y, float) / getattr(system, "units", 1.0)
+    kind = RestrictedThreeBody if len(y) == 4 else RestrictedThreeBodyInSpace
+    return -2.0 * sum(kind(system.mu).energies(jnp.zeros(()), y, ()), jnp.zeros(()))
+
+
+def restricted(scene: Scene) -> RestrictedThreeBody | RestrictedThreeBodyInSpace:
+    """The system of a restricted three-body scene.
+
+    Raises:
+      ValueError: another scene.
+    """
+    if not isinstance(scene.system, RestrictedThreeBody | RestrictedThreeBodyInSpace):
+        wanted = "a restricted three-body scene"
+        remedy = "scenes.restricted_three_body_in_space makes one."
+        raise _checks.fail("scene", wanted, type(scene.system).__name__, remedy)
+    return scene.system
+
+
+_NAMES = ("L1", "L2", "L3", "L4", "L5")
 
 
 class Hill(System):

@@ -17,6 +17,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, simulate
 from jaxdyn._checks import choice, fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import energy
 from jaxdyn.vibration.outputs import Output
 from orbits.orbit import Orbit
@@ -146,13 +147,12 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
 
 def unit(what: str, scene: Scene) -> str:
     """The unit of a quantity's name in a scene; "1" for none, and for what has no name."""
-    units = dict(scene.labels())
-    plain = all(x == "1" for x in units.values())
-    known = {"period": "s", "energy": "J"}
+    labels = scene.labels()
+    known = {"period": second(labels) or "1", "energy": joule(labels) or "1"}
     word, _, entry = what.partition(" ")
     if word == "phase":
         return "rad"
-    return ("1" if plain else known[what]) if what in known else units.get(entry, "1")
+    return known[what] if what in known else dict(labels).get(entry, "1")
 
 
 def _along(orbit: Orbit, entry: Output) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

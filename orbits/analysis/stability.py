@@ -149,6 +149,25 @@ class Stability:
         return self.status == Status.OK
 
     @property
+    def indices(self) -> np.ndarray:
+        """(p / 2,) stability indices (z + 1 / z) / 2 of the pairs of non-trivial multipliers.
+
+        In [-1, 1] where a pair is on the unit circle, as all are of a stable orbit; the largest
+        first by absolute value. They are complex where two pairs leave the circle together, and
+        say nothing where multipliers come in no pairs, as in scenes with damping.
+        """
+        values = 0.5 * (self.nontrivial + 1 / self.nontrivial)
+        found, left = [], list(values[np.argsort(-np.abs(values), kind="stable")])
+        while left:
+            one = left.pop(0)
+            if left:
+                left.pop(int(np.argmin(np.abs(np.array(left) - one))))
+            found.append(one)
+        kept = np.array(found, complex)
+        real = np.abs(kept.imag) <= _REAL * np.maximum(1.0, np.abs(kept))
+        return kept.real if real.all() else kept
+
+    @property
     def unnamed(self) -> int:
         """How many of the integrals the scene does not name; they follow from its symmetries."""
         return trivial.count_unnamed(self.reasons)
@@ -159,6 +178,10 @@ class Stability:
         if not self.ok or self.verdict != "undecided":
             return self.status.message
         return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
+
+
+#: Relative imaginary part of a stability index that is rounding.
+_REAL = 1e-9
 
 
 class _Form(NamedTuple):

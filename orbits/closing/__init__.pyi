@@ -2,4 +2,5 @@
 
 from .closings import Closing as Closing
 from .closings import Reversal as Reversal
+from .closings import mirror as mirror
 from .conditions import Condition as Condition

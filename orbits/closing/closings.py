@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import choice, fail, whole
+from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, order, point_symmetry
@@ -326,6 +327,34 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
     if parts is None and there != here:
         raise fail("parts", "a number where two reversals differ", "none", "2 x the order of both.")
     return Reversal(here=here, there=there, parts=2 if parts is None else parts)
+
+
+@check_first
+def mirror(scene: Scene, across: str = "xz") -> Reversal:
+    """The closing of motions that cross a plane, or an axis, at right angles: mirrored there.
+
+    In turning axes, as of the restricted three bodies, most known orbits are: halo and Lyapunov
+    orbits cross the plane xz, planar ones the axis x.
+
+    Args:
+      scene: points in turning axes, or others that have this symmetry; its start must lie across.
+      across: the axes of the plane or line, of "x", "y" and "z".
+    Raises:
+      ValueError: the scene has no points, or no such axes.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.restricted_three_body_in_space()
+      >>> halo = orbits.find(scene, closing=orbits.closing.mirror(scene), hold="z")
+      >>> halo.ok, [float(x) for x in halo.y0[1::2]]
+      (True, [0.0, 0.0, 0.0])
+    """
+    n, d = scene.points(jnp.zeros(()), scene.y0).r.shape
+    axes = "xyz"[:d]
+    if not (isinstance(across, str) and 0 < len(set(across)) < d and set(across) <= set(axes)):
+        raise fail("across", f"fewer than all of the axes {', '.join(axes)}", repr(across))
+    signs = [1 if axis in across else -1 for axis in axes]
+    return reversal(point_symmetry(range(n), signs, reversing=True))
 
 
 def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:

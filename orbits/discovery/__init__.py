@@ -1,9 +1,10 @@
 """Discovery of orbits: guesses, screening, searches over many starts.
 
-`seeds` makes guesses, `nearby` finds the orbit near a scene's own motion, `several` all orbits to
-which a few guesses lead, `screening` finds close returns of many motions, `chunks` processes one
-batch, `search` all of them, `journal` is the file of results, `plane` the search among three equal
-bodies, `figure_eight` the path from a rough guess to Montgomery's figure-eight.
+`seeds` makes guesses, `libration` those near libration points, `nearby` finds the orbit near a
+scene's own motion, `several` all orbits to which a few guesses lead, `screening` finds close
+returns of many motions, `chunks` processes one batch, `search` all of them, `journal` is the file
+of results, `plane` the search among three equal bodies, `figure_eight` the path from a rough guess
+to Montgomery's figure-eight.
 
 May import: `analysis`.
 

@@ -1,5 +1,6 @@
 """The names of orbits.discovery: for type checkers, and for imports when they are first used."""
 
+from . import libration as libration
 from . import nearby as nearby
 from . import plane as plane
 from . import seeds as seeds

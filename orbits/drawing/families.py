@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import joule
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
@@ -90,8 +91,8 @@ def family(
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    plain = all(unit == "1" for _, unit in first_scene(listed.members[0].orbit).labels())
-    energy = "energy" if plain else "energy [J]"
+    of_energy = joule(first_scene(listed.members[0].orbit).labels())
+    energy = f"energy [{of_energy}]" if of_energy else "energy"
     ax.set(xlabel=listed.parameter or energy, ylabel=_label(quantity, listed))
     shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)

@@ -143,7 +143,8 @@ def backbone(
             ratio = f"{resonance.ratio.numerator}:{resonance.ratio.denominator}"
             ax.annotate(ratio, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
     if against == "energy":
-        energy = "energy [J]" if _text.second(scene.labels()) else "energy"
+        unit = _text.joule(scene.labels())
+        energy = f"energy [{unit}]" if unit else "energy"
         ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
     else:
         ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
@@ -205,4 +206,5 @@ def _title(title: str | None, scene: Scene) -> str:
 
 
 def _frequency(scene: Scene) -> str:
-    return "frequency [rad/s]" if _text.second(scene.labels()) else "frequency"
+    second = _text.second(scene.labels())
+    return f"frequency [rad/{second}]" if second else "frequency"

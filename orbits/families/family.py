@@ -10,7 +10,7 @@ from jaxdyn import Scene, _text
 from jaxdyn._checks import fail
 from jaxdyn._records import labelled
 from jaxdyn._records.labelled import Labelled, Values, entries
-from jaxdyn._text import number_of, second
+from jaxdyn._text import joule, number_of, second
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
@@ -113,7 +113,7 @@ class Family:
             {"parameter": Values(axes, self.parameters)},
             {
                 "period": Values(axes, self.periods, time or "1"),
-                "energy": Values(axes, self.energies, "J" if time else "1"),
+                "energy": Values(axes, self.energies, joule(labels) or "1"),
                 "verdict": Values(axes, verdicts),
                 **entries(axes, [member.orbit.y0 for member in self.members], labels),
             },

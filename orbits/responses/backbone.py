@@ -56,7 +56,8 @@ class Backbone:
     @_text.never_raising
     def __repr__(self) -> str:
         scene = self.family.members[0].orbit.scene
-        unit = "rad/s" if _text.second(scene.labels()) else ""
+        second = _text.second(scene.labels())
+        unit = f"rad/{second}" if second else ""
         first, last = (float(self.frequencies[i]) for i in (0, -1))
         ends = f"{_text.brief(first, unit)} to {_text.brief(last, unit)}"
         special = [
@@ -107,8 +108,8 @@ class Backbone:
         coordinates = labels[: len(labels) // 2]
         second = _text.second(labels)
         named = {
-            "frequency": Values(axes, self.frequencies, "rad/s" if second else "1"),
-            "energy": Values(axes, self.energies, "J" if second else "1"),
+            "frequency": Values(axes, self.frequencies, f"rad/{second}" if second else "1"),
+            "energy": Values(axes, self.energies, _text.joule(labels) or "1"),
             "verdict": Values(axes, [m.stability.verdict for m in members]),
         }
         named |= {

@@ -14,7 +14,7 @@ from jaxdyn._progress import doing
 from jaxdyn._records import labelled
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.labelled import Labelled, Values, entries
-from jaxdyn._text import second
+from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, checked_events
@@ -78,7 +78,7 @@ class SectionPoints(NamedTuple):
                 "direction": Values(axes, self.directions),
                 "count": Values(starts, self.counts),
                 "status": Values(starts, self.status),
-                "energy": Values(starts, self.energies, "J" if time else "1"),
+                "energy": Values(starts, self.energies, joule(labels) or "1"),
                 "drift": Values(starts, self.drift, "1"),
             },
         )

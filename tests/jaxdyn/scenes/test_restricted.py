@@ -129,3 +129,59 @@ def test_hills_problem_is_the_limit_of_the_restricted_three_bodies():
         misses.append(np.abs(there / unit - end).max())
     # The next term is of the order of mu^(1/3).
     assert misses[1] < 0.2 * misses[0] < 0.05
+
+
+#: Earth and Moon in JPL's catalogue: the libration points that it lists.
+LISTED = {
+    "L1": (0.8369151257723572, 0.0),
+    "L2": (1.155682165444884, 0.0),
+    "L3": (-1.005062645810278, 0.0),
+    "L4": (0.4878494143903759, 0.8660254037844386),
+    "L5": (0.4878494143903759, -0.8660254037844386),
+}
+
+
+def test_libration_points_by_name_in_kilometres():
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    for name, place in LISTED.items():
+        found = scenes.libration_point(scene, name)
+        assert gap(found[:2] / 389703.264829278, place) < EXACT
+        assert (np.asarray(found[2:]) == 0).all()
+        rate = np.asarray(scene.rate(0.0, found))
+        assert np.abs(rate).max() < 1e-8  # of thousands of km/day^2 that cancel
+    flat = scenes.restricted_three_body(mu=0.1)
+    assert gap(scenes.libration_point(flat, "L4")[:2], [0.4, np.sqrt(0.75)]) < EXACT
+    with pytest.raises(ValueError, match="name: expected one of L1"):
+        scenes.libration_point(scene, "L6")
+    with pytest.raises(ValueError, match="scene: expected a restricted three-body scene"):
+        scenes.libration_point(scenes.pendulum(), "L1")
+
+
+def test_kilometres_and_days_are_the_same_motion():
+    mu, distance, days = 1.215058560962404e-2, 389703.264829278, 382981.289129055 / 86400
+    plain = scenes.restricted_three_body_in_space(mu=mu)
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    units = np.array([distance] * 3 + [distance / days] * 3)
+    assert gap(scene.y0 / units, plain.y0) < EXACT
+    one, other = (jaxdyn.solve(s, s.t1, rtol=1e-12).y1 for s in (plain, scene))
+    assert gap(np.asarray(other) / units, one) < 1e-9
+    energies = [float(energy(s, 0.0, s.y0)) for s in (plain, scene)]
+    assert abs(energies[1] / (distance / days) ** 2 - energies[0]) < EXACT
+    for s in (plain, scene):
+        assert abs(scenes.jacobi_constant(s) + 2 * energies[0]) < EXACT
+    # Kepler's third law, with the masses of both [km^3/s^2].
+    assert abs(distance**3 / 382981.289129055**2 / (398600.44 + 4902.80) - 1) < 1e-6
+
+
+def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    motion = jaxdyn.simulate(scene, 1.0, samples=3)
+    jaxdyn.files.tables.write_csv(tmp_path / "motion.csv", motion)
+    head = (tmp_path / "motion.csv").read_text().splitlines()[0]
+    assert head.startswith("t [day],x [km],y [km],z [km],vx [km/day]")
+    assert "0 to 1 day" in repr(motion)
+    axes = jaxdyn.drawing.time_series(motion).axes
+    assert axes[-1].get_xlabel() == "t [day]"
+    assert [orbits.analysis.quantities.unit(x, scene) for x in ("period", "energy")] == ["day", "1"]
+    with pytest.raises(ValueError, match="system: expected one of earth-moon"):
+        scenes.restricted_three_body_in_space(system="moon")

@@ -1,0 +1,115 @@
+"""Guesses near libration points lead to the orbits that are meant, and to published ones."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import jaxdyn
+import orbits
+from jaxdyn import scenes
+from orbits.discovery.libration import near_libration_point
+
+#: The largest Jacobi constants of halo orbits of L1 and L2 in JPL's catalogue.
+LARGEST = {"L1": 3.174, "L2": 3.152}
+
+
+def space(system="earth-moon"):
+    return scenes.restricted_three_body_in_space(system=system)
+
+
+def found(scene, family, point, hold, **options):
+    seed = near_libration_point(scene, family, point, **options)
+    mirror = orbits.closing.mirror(scene, "xz" if len(scene.y0) == 6 else "x")
+    return seed, orbits.find(scene, seed.y0, seed.period, closing=mirror, hold=hold)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", ["L1", "L2"])
+def test_halo_orbits_are_near_richardsons_series(point):
+    scene = space()
+    off = []
+    for amplitude in (2500.0, 5000.0, 10000.0):  # km
+        seed, orbit = found(scene, "halo", point, "z", amplitude=amplitude)
+        off.append(abs(seed.period / orbit.period - 1))
+        assert scenes.jacobi_constant(orbit.scene) < LARGEST[point]
+        start = np.asarray(orbit.y0)
+        assert np.linalg.norm(start - seed.y0)[()] < 0.1 * np.linalg.norm(
+            start[:3] - place(scene, point)
+        )
+        assert orbit.y0[2] > 0
+    assert max(off) < 4e-3
+    smallest = scenes.jacobi_constant(found(scene, "halo", point, "z", amplitude=500.0)[1].scene)
+    assert_allclose(smallest, LARGEST[point], atol=6e-4)  # of three digits
+    _, south = found(scene, "halo", point, "z", southern=True)
+    _, north = found(scene, "halo", point, "z")
+    assert_allclose(south.y0, np.asarray(north.y0) * [1, 1, -1, 1, 1, 1], rtol=1e-9, atol=1e-6)
+
+
+def place(scene, point):
+    return np.asarray(scenes.libration_point(scene, point))[:3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("family", "point"),
+    [
+        ("lyapunov", "L1"),
+        ("lyapunov", "L2"),
+        ("lyapunov", "L3"),
+        ("vertical", "L1"),
+        ("vertical", "L2"),
+    ],
+)
+def test_small_orbits_are_those_of_the_linear_modes(family, point):
+    scene = space()
+    modes = jaxdyn.vibration.modes(scene, scenes.libration_point(scene, point))
+    turning = [float(w) for w in modes.damped_frequencies if w > 0]
+    seed = near_libration_point(scene, family, point, amplitude=50.0)
+    assert min(abs(2 * np.pi / seed.period / w - 1) for w in turning) < 1e-9
+    hold = "z" if family == "vertical" else "x"
+    _, orbit = found(scene, family, point, hold, amplitude=5000.0)
+    assert_allclose(orbit.period, seed.period, rtol=2e-2)
+
+
+@pytest.mark.slow
+def test_a_distant_retrograde_orbit_goes_round_the_moon_and_is_stable():
+    flat = scenes.restricted_three_body(mu=0.01215)
+    for scene in (flat, space("")):
+        seed, orbit = found(scene, "distant retrograde", "L1", "x", amplitude=0.08)
+        assert orbits.stability(orbit).verdict == "stable"
+        assert_allclose(orbit.period, seed.period, rtol=0.1)
+    motion = np.asarray(jaxdyn.simulate(orbit.scene).ys) - [0.98785, 0, 0, 0, 0, 0]
+    turns = np.unwrap(np.arctan2(motion[:, 1], motion[:, 0]))
+    assert_allclose(turns[-1] - turns[0], -2 * np.pi, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_stability_indices_are_those_of_the_pairs():
+    _, orbit = found(space(""), "halo", "L1", "z")
+    known = orbits.stability(orbit)
+    first, second = known.indices
+    values = sorted(known.nontrivial, key=abs)
+    assert_allclose(first, 0.5 * (values[-1] + values[0]).real, rtol=1e-9)
+    assert abs(second) < 1 < first
+    assert_allclose(second, np.cos(2 * np.pi * known.exponents[-1]), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: near_libration_point(space(), "hallo"), "family: expected one of"),
+        (lambda: near_libration_point(space(), point="L4"), "point: expected one of"),
+        (lambda: near_libration_point(space(), point="L3"), "point: expected L1 or L2 for halo"),
+        (lambda: near_libration_point(space(), amplitude=0.0), "amplitude: expected > 0"),
+        (
+            lambda: near_libration_point(scenes.restricted_three_body(), "vertical"),
+            "family: expected a planar one",
+        ),
+        (lambda: near_libration_point(scenes.pendulum()), "scene: expected a restricted"),
+        (lambda: orbits.closing.mirror(space(), "xyz"), "across: expected fewer than all"),
+        (lambda: orbits.closing.mirror(space(), "w"), "across: expected fewer than all"),
+    ],
+)
+def test_misuse_is_refused_with_what_to_do(call, said):
+    with pytest.raises(ValueError, match=said):
+        call()
