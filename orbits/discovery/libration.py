@@ -188,9 +188,11 @@ def _halo(mu: float, x: float, amplitude: float | None) -> _Guess:
     across += a31 * ax**3 - a32 * ax * az**2
     up = az + d21 * ax * az * (1 - 3) + d32 * az * ax**2 - d31 * az**3
     speed = k * ax + 2 * (b21 * ax**2 - b22 * az**2) + 3 * (b31 * ax**3 - b32 * ax * az**2)
-    gamma = point.gamma
+    # Of a northern orbit the part that is far from the second body is above the plane; this
+    # crossing belongs to it about L1 only.
+    gamma, north = point.gamma, 1 if x < 1 - mu else -1
     return _Guess(
-        x + gamma * across, gamma * up, gamma * w * faster * speed, 2 * math.pi / (w * faster)
+        x + gamma * across, north * gamma * up, gamma * w * faster * speed, 2 * math.pi / (w * faster)
     )
 
 
