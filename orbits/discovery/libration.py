@@ -192,7 +192,10 @@ def _halo(mu: float, x: float, amplitude: float | None) -> _Guess:
     # crossing belongs to it about L1 only.
     gamma, north = point.gamma, 1 if x < 1 - mu else -1
     return _Guess(
-        x + gamma * across, north * gamma * up, gamma * w * faster * speed, 2 * math.pi / (w * faster)
+        x + gamma * across,
+        north * gamma * up,
+        gamma * w * faster * speed,
+        2 * math.pi / (w * faster),
     )
 
 

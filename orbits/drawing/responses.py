@@ -64,9 +64,10 @@ def frequency_response(
     figure = blank(_WIDTH, 6.0)
     axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     kinds: dict[str, Any] = {}
-    for level, curve, colour in zip(
-        found.levels, found.curves, shades(len(found.levels)), strict=True
-    ):
+    many = list(dict.fromkeys(found.levels))
+    colours = dict(zip(many, shades(len(many)), strict=True))
+    for level, curve in zip(found.levels, found.curves, strict=True):
+        colour = colours[level]
         name = f"level {_text.brief(level)}"
         for ax, of in zip(axes, (amplitude, phase), strict=True):
             places = _places(curve, lambda m, of=of: of(m.orbit, output))

@@ -8,6 +8,7 @@ leave the unit circle otherwise, quasi-periodic (torus) or period-doubled respon
 
 import dataclasses
 import inspect
+import itertools
 from collections.abc import Callable, Sequence
 
 import jax
@@ -30,15 +31,17 @@ from jaxdyn.vibration.outputs import Output
 from jaxdyn.vibration.signals import Harmonic
 from jaxdyn.vibration.transfer import transfer_function
 from orbits.analysis.quantities import amplitude, phase
+from orbits.families.bifurcations import zero_between
 from orbits.families.continuation import continue_family
 from orbits.families.family import Family, Member
 from orbits.families.steps import OrbitChart
-from orbits.families.surface import OrbitSurface
+from orbits.families.surface import OrbitSurface, Surface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import GOAL, find
 from orbits.shooting.segment import Make, OwnNumber
 
 _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # of a level, at which responses are looked for in turn
+_SAME = 1e-6  # of the sizes of entries: starts of one response
 _PEAK = {"xatol": 1e-6, "maxiter": 40}  # of a step along the curve
 _NO_FIRST = (
     "No response was found at either end of the range of frequencies. Begin further away from "
@@ -48,10 +51,11 @@ _NO_FIRST = (
 
 @dataclasses.dataclass(frozen=True)
 class FrequencyResponse:
-    """Response curves: families of forced responses, one for each level of the drive.
+    """Response curves: families of forced responses, for each level of the drive.
 
     Attributes:
-      levels: (n,) amplitudes of the drive.
+      levels: (n,) amplitude of the drive on each curve. A level has two curves where a resonance
+        goes on beyond the range: those of its two branches.
       curves: the families; their parameter is the angular frequency of the drive [rad/s].
       frequencies: the range in which they were followed.
     """
@@ -213,7 +217,7 @@ def frequency_response(
       members: largest number of responses of a curve.
       report: called with each response as it is found.
     Returns:
-      A family for each level, from one end of the range to the other.
+      A family for each level, from one end of the range to the other, or two.
     Raises:
       ValueError: the scene does not start in equilibrium, the drive does not suit it, or the
         frequencies or levels are out of range.
@@ -244,22 +248,56 @@ def frequency_response(
     own = callable(drive) and not isinstance(drive, Input)
     forced = _own(drive, scene) if own else _by_input(drive, scene)
 
-    curves = []
-    for level in many.tolist():
-        orbit, make, start = _first(forced, level, (low, high))
-        curves.append(
-            continue_family(
-                orbit,
-                make,
-                start,
-                within=(low, high),
-                down=start == high,
-                step=step,
-                members=members,
-                report=report,
-            )
+    def follow(orbit: Orbit, make: Make, start: float) -> Family:
+        return continue_family(
+            orbit,
+            make,
+            start,
+            within=(low, high),
+            down=start == high,
+            step=step,
+            members=members,
+            report=report,
         )
-    return FrequencyResponse(tuple(many.tolist()), tuple(curves), (low, high))
+
+    found = [(x, curve) for x in many.tolist() for curve in _curves(forced, x, (low, high), follow)]
+    of_levels, curves = zip(*found, strict=True)
+    return FrequencyResponse(of_levels, curves, (low, high))
+
+
+def _curves(
+    forced: "_Forced",
+    level: float,
+    ends: tuple[float, float],
+    follow: Callable[[Orbit, Make, float], Family],
+) -> list[Family]:
+    """The curves of a level: one from end to end, or two where a resonance passes an end."""
+    orbit, make, start = _first(forced, level, ends)
+    first = follow(orbit, make, start)
+    (other,) = (x for x in ends if x != start)
+    beyond = _near(forced, other, level)
+    if not beyond.ok or _passes(first, beyond, other):
+        return [first]
+    return [first, follow(beyond, make, other)]
+
+
+def _passes(curve: Family, orbit: Orbit, omega: float) -> bool:
+    """Whether a curve leads to a response at a frequency."""
+
+    def off(surface: Surface, member: Member) -> float:
+        del surface
+        return member.parameter - omega
+
+    surface = OrbitSurface(curve.equations, orbit.rtol, GOAL)
+    for a, b in itertools.pairwise(curve.members):
+        if not (a.parameter - omega) * (b.parameter - omega) <= 0:
+            continue
+        there = zero_between(surface.at(a.point), a, b, off)
+        if there is not None:
+            apart = (np.asarray(there.orbit.y0) - np.asarray(orbit.y0)) / there.point.sizes
+            if np.abs(apart).max() < _SAME:
+                return True
+    return False
 
 
 def _range(frequencies) -> tuple[float, float]:

@@ -152,3 +152,16 @@ def test_misuse_is_refused_with_what_to_do(options, said):
     given = {"scene": duffing(), "drive": "x", "frequencies": (1.0, 2.0)} | options
     with pytest.raises(ValueError, match=said):
         orbits.frequency_response(**given)
+
+
+@pytest.mark.slow
+def test_a_resonance_that_passes_the_end_of_the_range_has_both_branches(found):
+    cut = orbits.frequency_response(duffing(), "x", (0.7, 1.8), levels=1.0)
+    assert cut.levels == (1.0, 1.0)
+    upper, lower = cut.curves
+    assert not upper.special
+    assert [m.kind for m in lower.special] == [orbits.Kind.FOLD]
+    assert_allclose(lower.special[0].parameter, found.folds[1][1].parameter, rtol=1e-10)
+    # The lower one goes on behind its fold, on the unstable branch, to the same end.
+    assert lower.members[-1].parameter >= 1.8
+    assert lower.members[-1].stability.verdict == "unstable"
