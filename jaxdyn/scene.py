@@ -14,7 +14,9 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -185,7 +187,9 @@ class Scene(Record):
     """A system, the effects that act on it, its start y0 (k,) and a default span t1 [s].
 
     Its name is the title of pictures. It is static, so functions that are compiled for a scene are
-    compiled once for each name.
+    compiled once for each name. So are its units, of length, mass and time, where these are not m,
+    kg and s: with ``units=("AU", "Msun", "day")`` tables, pictures and files name those. Numbers
+    are not converted: those of the effects, such as G, are in these units too.
 
     Example:
       >>> from jaxdyn import scenes
@@ -202,6 +206,7 @@ class Scene(Record):
     y0: Array
     t1: Array
     name: str = eqx.field(static=True, default="")
+    units: tuple[str, str, str] | None = eqx.field(static=True, default=None)
 
     def __init__(
         self,
@@ -211,12 +216,14 @@ class Scene(Record):
         y0: Any,
         t1: Any = 1.0,
         name: str = "",
+        units: Sequence[str] | None = None,
     ):
         self.system = system
         self.effects = tuple(effects)
         self.y0 = _checks.numbers("y0", y0)
         self.t1 = _checks.numbers("t1", t1)
         self.name = name
+        self.units = None if units is None else cast(tuple[str, str, str], tuple(units))
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -224,10 +231,11 @@ class Scene(Record):
         one = jax.tree.map(lambda x: x[(0,) * len(shape)], self) if shape else self
         labels = one.labels()
         second = _text.second(labels)
+        in_si = bool(second) and self.units is None
         rows = [
             ("batch", f"of shape {shape}" if shape else ""),
-            ("system", _text.record(self.system, bool(second))),
-            ("effects", ", ".join(_text.record(effect, bool(second)) for effect in self.effects)),
+            ("system", _text.record(self.system, in_si)),
+            ("effects", ", ".join(_text.record(effect, in_si) for effect in self.effects)),
             ("start", _text.brief(self.y0) if shape else _text.entries(labels, self.y0)),
             ("span", _text.brief(self.t1, second)),
         ]
@@ -332,6 +340,8 @@ class Scene(Record):
     def labels(self) -> tuple[tuple[str, str], ...]:
         """(name, unit) of each entry of the state, "1" for all units where there are none."""
         named = self.system.labels()
+        if self.units is not None:
+            return tuple((name, _in_units(unit, self.units)) for name, unit in named)
         if any(effect.without_units for effect in self.effects):
             return tuple((name, "1") for name, _ in named)
         return named
@@ -340,6 +350,9 @@ class Scene(Record):
         """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
+        if self.units is not None and not _are_units(self.units):
+            wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
+            raise _checks.fail("units", wanted, repr(self.units))
         self.check_functions()
         system = self.system
         named = system.labels()
@@ -388,6 +401,19 @@ class Scene(Record):
                 "another rate",
                 "Leave second_order out.",
             )
+
+
+_SI = ("m", "kg", "s")
+
+
+def _in_units(unit: str, units: tuple[str, str, str]) -> str:
+    """A unit made of m, kg and s, such as "m/s", with others in their places."""
+    others = dict(zip(_SI, units, strict=True))
+    return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
+
+
+def _are_units(units: Any) -> bool:
+    return len(units) == len(_SI) and all(isinstance(x, str) and x.isidentifier() for x in units)
 
 
 #: Compiling takes some 0.06 s an effect, and more than in proportion to their number [measured: 200

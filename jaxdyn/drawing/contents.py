@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import second
 from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -153,8 +154,9 @@ def _is_phase_plane(piece: Trajectory) -> bool:
 def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
     """(d,) names and units of the directions, and the unit of time, from the state's labels."""
     labels = piece.scene.labels()
-    units = dict(labels)
-    named = [(x, units.get(x, units.get(x + "1", "m"))) for x in "xyz"[:d]]
+    units, length = dict(labels), (piece.scene.units or ("m",))[0]
+    named = [(x, units.get(x, units.get(x + "1", length))) for x in "xyz"[:d]]
     named = named if piece.scene.has_points else labels
     plain = all(unit == "1" for _, unit in named)
-    return tuple(x if unit == "1" else f"{x} [{unit}]" for x, unit in named), "" if plain else " s"
+    time = "" if plain else f" {second(labels) or 's'}"
+    return tuple(x if unit == "1" else f"{x} [{unit}]" for x, unit in named), time

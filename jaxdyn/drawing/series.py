@@ -42,7 +42,8 @@ def time_series(
     scene = pieces[0].scene
     # Without units positions and velocities still get separate panels.
     units = dict(scene.system.labels())
-    plain = all(unit == "1" for _, unit in scene.labels())
+    shared = {units[name]: unit for name, unit in scene.labels()}
+    plain = all(unit == "1" for unit in shared.values())
     names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
     if not names:
         raise _checks.fail("names", "one of " + ", ".join(units), "none")
@@ -61,7 +62,7 @@ def time_series(
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
             ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
         ax.margins(x=0)
-        ax.set_ylabel("" if plain else f"[{unit}]")
+        ax.set_ylabel("" if plain else f"[{shared[unit]}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
     panels[0].set_title(lines, fontsize=10)

@@ -1,5 +1,7 @@
 """A scene with an input that follows a signal in time."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -82,7 +84,7 @@ def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
     found, signal = check_input(scene, input), check_signal(signal)
     t1 = scene.t1 if t1 is None else _checks.array("t1", t1, ())
     system = Driven(scene.system, found, signal)
-    return Scene(system, scene.effects, y0=scene.y0, t1=t1, name=scene.name)
+    return dataclasses.replace(scene, system=system, t1=t1)
 
 
 @check_first

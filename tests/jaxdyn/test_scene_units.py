@@ -1,0 +1,61 @@
+"""A scene that says its units: tables, pictures and files name those, and nothing in m, kg, s."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import jaxdyn
+import orbits
+from jaxdyn import effects, scenes, vibration
+from jaxdyn.formulations.newton import FreePoints
+
+#: Gauss's constant squared: G in AU^3 / (Msun day^2).
+GAUSS = 0.01720209895**2
+UNITS = ("AU", "Msun", "day")
+
+
+def year():
+    points = FreePoints([1.0, 0.0], 2, names=["Sun", "Earth"])
+    y0 = [0, 0, 1, 0, 0, 0, 0, np.sqrt(GAUSS)]
+    pull = effects.PairGravity(GAUSS)
+    return jaxdyn.Scene(points, (pull,), y0=y0, t1=365.25, name="year", units=UNITS)
+
+
+def test_tables_and_pictures_name_them(tmp_path):
+    scene = year()
+    assert scene.labels()[2] == ("x_Earth", "AU")
+    assert scene.labels()[6] == ("vx_Earth", "AU/day")
+    assert not {"kg", "m", "s"} & set(repr(scene).replace(",", " ").split())
+    motion = jaxdyn.simulate(scene)
+    assert "0 to 365.25 day" in repr(motion)
+    jaxdyn.files.tables.write_csv(tmp_path / "year.csv", motion)
+    assert (tmp_path / "year.csv").read_text().startswith("t [day],x_Sun [AU]")
+    axes = jaxdyn.drawing.time_series(motion, names=["x_Earth", "vx_Earth"]).axes
+    assert [ax.get_ylabel() for ax in axes] == ["[AU]", "[AU/day]"]
+    assert axes[-1].get_xlabel() == "t [day]"
+    assert jaxdyn.drawing.trajectory(motion).axes[0].get_xlabel() == "x [AU]"
+    assert orbits.analysis.quantities.unit("energy", scene) == "1"
+
+
+def test_they_change_no_number_and_stay_with_the_scene(tmp_path):
+    scene = year()
+    plain = dataclasses.replace(scene, units=None)
+    assert_allclose(jaxdyn.simulate(scene).ys, jaxdyn.simulate(plain).ys, rtol=0, atol=0)
+    kept = (scene.starting(scene.y0, 1.0), scene + effects.LinearDrag(0.0))
+    assert all(one.units == UNITS for one in kept)
+    path = tmp_path / "year.npz"
+    motion = jaxdyn.simulate(scene, 10.0, samples=3)
+    motion.save(path)
+    assert jaxdyn.load(path).scene.units == UNITS
+    spring = dataclasses.replace(scenes.oscillator(x=0.0), units=("mm", "g", "ms"))
+    driven = vibration.driven(spring, "x", vibration.Step(1.0))
+    assert driven.labels() == (("x", "mm"), ("vx", "mm/ms"))
+    assert "rad/ms" in repr(vibration.modes(spring))
+
+
+@pytest.mark.parametrize("units", [("AU", "day"), ("AU", "Msun", 3), ("AU", "Msun", "a day")])
+def test_others_are_refused(units):
+    with pytest.raises(ValueError, match="units: expected names of the units of length"):
+        dataclasses.replace(year(), units=units).check()
