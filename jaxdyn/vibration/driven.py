@@ -8,9 +8,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
-from jaxdyn.field import Field
 from jaxdyn.formulations.extended import Extended
-from jaxdyn.scene import Scene, check_scene
+from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.vibration.inputs import Input, check_input
 from jaxdyn.vibration.signals import Signal, check_signal
 

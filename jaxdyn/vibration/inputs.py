@@ -14,12 +14,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._floats import as_float
+from jaxdyn._checks import as_float
 from jaxdyn._records.record import Record
 from jaxdyn.analysis.linearize import is_second_order
 from jaxdyn.effects.prescribed import ConstantForce
-from jaxdyn.field import Field
-from jaxdyn.scene import Effect, Scene
+from jaxdyn.scene import Effect, Field, Scene
 
 
 class Input(Record):
