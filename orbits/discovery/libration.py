@@ -71,7 +71,7 @@ def near_libration_point(
       >>> mirror = orbits.closing.mirror(scene)
       >>> halo = orbits.find(scene, seed.y0, seed.period, closing=mirror, hold="z")
       >>> halo.ok, round(halo.period, 2)  # days
-      (True, 12.15)
+      (True, 12.17)
     """
     system, k = restricted(scene), len(scene.y0)
     made = _FAMILIES[choice("family", family, list(_FAMILIES))]

@@ -1,11 +1,14 @@
 """Families of orbits in the file of a continuation: members as JSON, and members again."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
+from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Walk
@@ -18,7 +21,6 @@ from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain
 from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
-from orbits.shooting.segment import Make
 from orbits.shooting.units import InUnits
 
 #: What such a walk is: of orbits, or of chains of legs.
@@ -126,7 +128,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def family(walk: Walk, make: Make) -> Family:
+def family(walk: Walk, make: Callable[[Array], Scene]) -> Family:
     """The family of a walk.
 
     Raises:
