@@ -74,7 +74,7 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
     value = jnp.asarray(point.parameter)
     if point.kind == Kind.FOLD:
         posed = pose(orbit, hold)
-        rows = _beyond(posed.equations, posed.x, orbit.rtol)
+        rows = jnp.asarray(_beyond(posed.equations, posed.x, orbit.rtol))
 
         def test(scene: Scene) -> Array:
             return rows @ residual(posed.of(scene), posed.x, orbit.rtol)
