@@ -83,7 +83,9 @@ def test_a_relaxation_oscillation_is_found_where_steps_run_out(tmp_path):
     linear = orbits.stability(cycle)
     assert linear.verdict == "stable"
     assert linear.unit == 1
-    assert abs(linear.nontrivial[0]) < 1e-12
+    # 0 to hundreds of digits. On its slow curve the rate is a difference of terms a million times as
+    # large: rounding of the start, 1e-15 of it, turns the rate there by 2e-9.
+    assert abs(linear.nontrivial[0]) <= linear.bars[0] < 1e-8
     check = orbits.recheck(cycle)
     assert check.solver == "Radau 9"
     assert check.closure < 1e-12
