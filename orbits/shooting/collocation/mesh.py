@@ -16,6 +16,8 @@ from orbits.shooting.equations import Equations, pieces
 
 #: Steps of the default method: with more a motion is sampled by a stiff one.
 STEPS_MOST = 20_000
+#: Of the goal: error of a step, of which an orbit has hundreds.
+STEP_SHARE = 0.1
 #: Intervals are a multiple of this number, so that few numbers of them are compiled.
 _UNIT = 16
 _FIRST = 64  # intervals of the first mesh
@@ -213,19 +215,8 @@ def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None
     if found.errors.max() <= max(tolerance, _SPACING):
         return None
     old = np.append(0.0, np.cumsum(equations.shares))
-    old /= old[-1]
-    new = _divide(old, *found.density(tolerance))
-    return Mesh(shares=np.diff(new), states=_states(equations, x, old, new[:-1]))
-
-
-def _states(equations: Equations, x: np.ndarray, old: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """States at places `at` (n,) of the mesh with ends of intervals `old`."""
-    here = pieces(equations, x)
-    found = steps.steps(equations.scene, here, make=equations.make)
-    nodes = np.asarray(found.nodes)
-    interval = np.clip(np.searchsorted(old, at, side="right") - 1, 0, len(old) - 2)
-    share = (at - old[interval]) / np.diff(old)[interval]
-    return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], share)
+    new = _divide(old / old[-1], *found.density(tolerance))
+    return Mesh(shares=np.diff(new), states=equations.states_at(x, new[:-1]))
 
 
 def _divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
