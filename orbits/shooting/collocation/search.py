@@ -123,7 +123,7 @@ class _Found(NamedTuple):
 
 def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | None:
     tolerance = STEP_SHARE * effort.goal
-    guess = first_guess(equations, problem.guess, tolerance)
+    guess = first_guess(equations, problem.guess, tolerance, effort)
     if guess is None:
         return None
     mesh, period, angle, done = guess.mesh, guess.period, 0.0, 0
