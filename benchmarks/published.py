@@ -11,8 +11,8 @@ Last numbers (2026-11): of 87 numbers 58 are within one unit. The others: the si
 that are printed with four decimals have two or three (butterfly I 6.2356, and 6.2346748391 in 2017,
 ours 6.2346748387); four of 2017 differ by 3 to 10 units, that of yin-yang I b by 616,
 and heyoka in long doubles has ours; 17 of Broucke's orbits, members of families that the
-period and the closing do not single out: the nearest ones are 1e-5 away; the period of the butterfly
-in JPL's database, in its twelfth decimal. No published verdict differs.
+period and the closing do not single out: the nearest ones are 1e-5 away; the period of the
+butterfly in JPL's database, in its twelfth decimal. No published verdict differs.
 """
 
 import json

@@ -4,12 +4,13 @@ Run: ``python -m benchmarks verdicts [--count N] [--seed S]``. It draws orbits o
 ``three_body_tables.csv``, finds each in doubles, asks `orbits.stability`, and compares its verdict
 and the error bars of the multipliers with multipliers that nothing of this package takes part in:
 heyoka's Taylor method in Jacobi coordinates, in long doubles (64 bits), and in 113 bits where those
-leave open what the multipliers are: the verdict, or a multiplier no larger than its bar. All orbits retrace their path, turned about the z axis with
-bodies 1 and 2 exchanged. So half a period is integrated, of which the other half is the image S:
-M = S P^-1 S P with the derivative P over half a period. A whole one would lose all digits of close
-encounters. Results are added to ``verdicts.json`` beside this file one by
-one; a row that is there is not repeated, so that a run that was stopped goes on. It needs heyoka
-and mpmath.
+leave open what the multipliers are: the verdict, or a multiplier no larger than its bar.
+
+All orbits retrace their path, turned about the z axis with bodies 1 and 2 exchanged. So half a
+period is integrated, of which the other half is the image S: M = S P^-1 S P with the derivative P
+over half a period. A whole one would lose all digits of close encounters. Results are
+added to ``verdicts.json`` beside this file one by one; a row that is there is not repeated, so that
+a run that was stopped goes on. It needs heyoka and mpmath.
 
 The table has all 2044 planar rows of the tables of three bodies that start in line (Li, Liao 2017,
 Sci. China Phys. Mech. Astron. 60, 129511, equal masses; Li, Jing, Liao 2018, Publ. Astron. Soc.
