@@ -69,3 +69,12 @@ def test_the_reference_has_the_multipliers_of_the_eight():
     )
     off, _ = verdicts.distances(found, np.concatenate([known, known.conj()]))
     assert off.max() < 1e-12
+
+
+def test_more_bits_are_taken_where_fewer_leave_something_open():
+    settled = {"truth": "stable", "vague": False, "within bars": False}
+    assert not verdicts.unsettled(settled)
+    assert verdicts.unsettled(settled | {"vague": True})
+    assert verdicts.unsettled({"truth": "open"})
+    assert verdicts.unsettled({"truth": "unstable", "within bars": False})
+    assert not verdicts.unsettled({"truth": "unstable", "within bars": True})

@@ -213,9 +213,11 @@ def bounded(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigen
     others = np.arange(len(values)) != i
     if not (unsure[others] < 1).all():
         return found
-    value = np.exp(log_product - np.log(values[others]).sum())
-    with np.errstate(over="ignore", invalid="ignore"):  # a value below the smallest float is 0
-        bar = np.abs(value) * np.expm1(error - np.log1p(-unsure[others]).sum())
+    log_value = log_product - np.log(values[others]).sum()
+    value, spread = np.exp(log_value), error - np.log1p(-unsure[others]).sum()
+    # |value| (exp(spread) - 1), where one factor may be below the smallest float, one overflow
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        bar = np.exp(log_value.real + spread + np.log(-np.expm1(-spread)))
     if bar < bars[i]:
         values[i], bars[i] = value, bar
     return Eigenvalues(values, bars)

@@ -267,11 +267,14 @@ def judged(
     # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
     error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
 
+    # On a slow curve the rate is a small difference of large terms: rounding of the start turns it.
+    vague = 0.0 if orbit.stiff else _VAGUE
+
     def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widen(map_eigenvalues(reduced, error, *known), split, m)
         if form.kept:
             found = mirrored(bounded(found, 0.0))
-        elif (found.bars > np.maximum(_VAGUE, np.abs(found.values))).any():
+        elif (found.bars > np.maximum(vague, np.abs(found.values))).any():
             found = bounded(found, *runs.log_determinant())
         return found, str(map_verdict(found, form.kept))
 

@@ -20,12 +20,13 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import explanation, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
-from orbits.motion import quick_solve
+from orbits.motion import at_s, logarithmic_period, quick_solve
 from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # of one period at first
 _FEWEST = 256  # samples added at a time
 _SWING = 0.4  # [rad] largest turn of a side of the triangle between samples; a passage needs more
+_RTOL = 1e-12  # tolerance of the samples
 _REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
 
 
@@ -62,14 +63,16 @@ def has_word(orbit: Orbit) -> bool:
 def _positions(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
+    At places in logarithmic time, where bodies attract each other: in plain time an encounter may
+    move from one run to the next by more than it lasts.
+
     Raises:
       IntegrationError: the motion runs into a collision, where its triangle turns ever faster.
     """
-    ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
+    s = logarithmic_period(orbit.scene)
+    places = np.arange(_SAMPLES) * (orbit.period if s is None else s) / _SAMPLES
     for _ in range(_REFINEMENTS):
-        flow = quick_solve(orbit.scene, orbit.period, ts=ts, rtol=1e-12, solver=orbit.solver)
-        raise_unless_ok(flow.status, orbit.scene)
-        ys = np.asarray(flow.ys)
+        ts, ys = _states(orbit, places, logarithmic=s is not None)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
         # Not the angle between samples: near a collision a side turns by 2 pi unnoticed.
@@ -80,8 +83,27 @@ def _positions(orbit: Orbit) -> np.ndarray:
         # A power of two of new times, where it turns most: few lengths, few compilations.
         count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
         most = np.sort(np.argsort(-swings)[:count])
-        ts = np.sort(np.concatenate([ts, 0.5 * (ts[most] + ts[most + 1])]))
+        middles = 0.5 * (places[most] + places[most + 1])
+        places = np.sort(np.concatenate([places, middles]))
     raise IntegrationError(explanation(Status.STEP_COLLAPSED, orbit.scene))
+
+
+def _states(
+    orbit: Orbit, places: np.ndarray, *, logarithmic: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """(s,) times and (s, k) states at places (s,) in plain or logarithmic time.
+
+    Raises:
+      IntegrationError: the motion runs into a collision.
+    """
+    if logarithmic:
+        ts, ys = map(np.asarray, at_s(orbit.scene, places, _RTOL))
+        status = Status.OK if np.isfinite(ys).all() else Status.STEP_COLLAPSED
+    else:
+        flow = quick_solve(orbit.scene, orbit.period, ts=places, rtol=_RTOL, solver=orbit.solver)
+        ts, ys, status = places, np.asarray(flow.ys), flow.status
+    raise_unless_ok(status, orbit.scene)
+    return ts, ys
 
 
 def _middle(before, after, area_before, area_after) -> int:

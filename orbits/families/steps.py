@@ -122,6 +122,8 @@ class OrbitChart(Chart[Member]):
         status = self.surface.status(predicted)
         if status != Status.OK:
             return f"the motion does not last a period ({status.name.lower().replace('_', ' ')})"
+        if self.surface.step_error(predicted) > self.surface.goal:
+            return "errors of the steps of collocation exceed the goal"
         reason, growth = "Newton's method does not converge", last.stability.growth
         lost = growth > _UNHOLDABLE
         return f"{reason}, since errors grow by {growth:.0e} over an orbit" if lost else reason

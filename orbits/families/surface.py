@@ -22,6 +22,7 @@ from orbits.closing.sizes import rate
 from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
+from orbits.shooting.collocation.mesh import STEP_SHARE, on, quality, refine
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import is_determined, orbit_at
 from orbits.shooting.segmentation import recut
@@ -48,7 +49,7 @@ class Point:
       jacobian: (m, n) of the closing equations there.
       sizes: (k,) of the entries of the state, from which the units follow (`lengths`).
       units: (n,) of the unknowns, in which lengths and angles near the point are measured.
-      residual: largest entry of the closing error.
+      residual: largest entry of the closing error, or error of a step of collocation.
       iterations: number of Newton steps to it.
       growth: the largest of errors over a segment; NaN if that is not known.
     """
@@ -178,6 +179,11 @@ class Surface(abc.ABC):
     def status(self, x: np.ndarray) -> Status:
         """How the integrations at x end."""
 
+    def step_error(self, x: np.ndarray) -> float:
+        """The largest error of a step of collocation at x, which no closing error shows; else 0."""
+        del x
+        return 0.0
+
     def _growth(self, closed: Any, x: np.ndarray) -> float:
         """The largest of errors over a segment; NaN if that is not known."""
         del closed, x
@@ -220,6 +226,9 @@ class Surface(abc.ABC):
         assert result.jacobian is not None
         jacobian = result.jacobian[: len(units.rows)] * units.rows[:, None] / units.x
         residual = float(np.abs(result.residual).max(initial=0.0))
+        residual = max(residual, self.step_error(result.x))
+        if not residual <= self.goal:
+            return None
         here = self._lengths(result.x, 0.0 if near is None else near.sizes)
         return Point(
             equations=self.equations,
@@ -298,7 +307,11 @@ class OrbitSurface(Surface):
         return self if point.equations is self.equations else self._with_cuts(point.equations)
 
     def recut(self, point: Point) -> "OrbitSurface | None":
-        cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
+        if point.equations.collocated:
+            mesh = refine(point.equations, point.x, STEP_SHARE * self.goal)
+            cuts = None if mesh is None else on(point.equations, mesh)
+        else:
+            cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
         return None if cuts is None else self._with_cuts(cuts)
 
     def _with_cuts(self, equations: Equations) -> "OrbitSurface":
@@ -317,6 +330,11 @@ class OrbitSurface(Surface):
 
     def status(self, x: np.ndarray) -> Status:
         return Status(int(self.equations(x, self.rtol).status))
+
+    def step_error(self, x: np.ndarray) -> float:
+        if not self.equations.collocated:
+            return 0.0
+        return float(quality(self.equations, x).errors.max())
 
     def _growth(self, closed: InUnits, x: np.ndarray) -> float:
         return max(float(np.linalg.norm(one)) for one in closed.transitions(x))

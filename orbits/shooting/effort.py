@@ -2,11 +2,11 @@
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable
 
 from jaxdyn._checks import fail, positive, whole
 from jaxdyn._progress import doing
+from jaxdyn.accuracy.timing import Clock
 from jaxdyn.integrate.spans import tolerances
 from orbits.shooting.newton import Iteration
 
@@ -26,7 +26,7 @@ class Effort:
     max_iterations: int
     report: Callable[[Iteration], None]
     seconds: float = math.inf
-    begun: float = dataclasses.field(default_factory=time.monotonic)
+    clock: Clock = dataclasses.field(default_factory=Clock)
     tried: list[str] = dataclasses.field(default_factory=list)
 
     def trying(self, what: str) -> None:
@@ -36,8 +36,22 @@ class Effort:
 
     @property
     def over(self) -> bool:
-        """Whether its time is up; asked for between evaluations, which are not interrupted."""
-        return time.monotonic() - self.begun > self.seconds
+        """Whether its time is up; asked for between evaluations, which are not interrupted.
+
+        Compiling does not count.
+        """
+        return self.clock.seconds - self.clock.compiling > self.seconds
+
+    def share(self, part: float) -> "Effort":
+        """The same for a part of the time that is left."""
+        took = self.clock.seconds - self.clock.compiling
+        return dataclasses.replace(self, seconds=took + part * (self.seconds - took))
+
+    def __str__(self) -> str:
+        """What was tried, and for how long."""
+        compiling = self.clock.compiling
+        took = f"{self.clock.seconds - compiling:.3g} s, and {compiling:.3g} s of compiling"
+        return f"Tried: {'; '.join(self.tried)}. In {took}."
 
     def check(self) -> None:
         """Raise ValueError unless goal, seconds > 0, 0 < rtol < 1 and max_iterations >= 0."""

@@ -162,9 +162,21 @@ class Equations(eqx.Module):
         unknowns = self.unpack(x)
         angle, parameter, period = (float(number) for number in unknowns[2:])
         starts = np.asarray(pieces(self, x).start)
-        known = [(*joint, y) for joint, y in zip(self._joints, starts, strict=True)]
-        between = cuts._states_between(known, period, parameter, rtol)
+        if self.collocated:
+            between = self.states_at(x, np.cumsum(cuts.shares[:-1]))
+        else:
+            known = [(*joint, y) for joint, y in zip(self._joints, starts, strict=True)]
+            between = cuts._states_between(known, period, parameter, rtol)
         return cuts.pack(starts[0], between, angle=angle, parameter=parameter, period=period)
+
+    def states_at(self, x: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """(n, k) states at shares (n,) of the time of a motion by collocation: its polynomials."""
+        here = pieces(self, x)
+        nodes = np.asarray(steps.steps(self.scene, here, make=self.make).nodes)
+        ends = np.append(0.0, np.cumsum(self.shares))
+        interval = np.clip(np.searchsorted(ends, shares, side="right") - 1, 0, len(ends) - 2)
+        inside = (shares - ends[interval]) / np.diff(ends)[interval]
+        return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], inside)
 
     def _states_between(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
         """The states between segments of a motion that passes known ones.

@@ -79,8 +79,8 @@ def find(
         segments, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
-      seconds: time after which the search ends, with all that it tries: an evaluation that has
-        begun is completed.
+      seconds: time after which the search ends, with all that it tries. An evaluation that has
+        begun is completed; compiling does not count, and is named where the search fails.
       report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
       rough: deprecated, ``strategy=orbits.Descent()``.
@@ -123,7 +123,7 @@ def find(
     if effort.over and not orbit.ok:
         orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
     if throw and not orbit.ok:
-        raise SearchError(f"{orbit.message} Tried: {'; '.join(effort.tried)}.")
+        raise SearchError(f"{orbit.message} {effort}")
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
@@ -146,7 +146,7 @@ def _of_flags(
         found, text = Collocation(), "Collocation()"
     else:
         found, text = (Descent(), "Descent()") if rough else (Shooting(), "Shooting()")
-        found = Automatic(found) if collocation is None else found
+        found = Automatic(found) if collocation is None and not rough else found
     warnings.warn(
         f"rough, collocation and unlike of orbits.find are now strategy=orbits.{text}; the old "
         "arguments go with the next version.",

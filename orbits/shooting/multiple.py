@@ -9,6 +9,7 @@ from jaxdyn._text import number_of
 from orbits.motion import attracts
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
+from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.segmentation import (
@@ -78,7 +79,7 @@ _PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
 
 @np.errstate(over="ignore")  # of extreme conditions, e.g. an energy of 1e300; then x is returned
 def retime(
-    closed: InUnits, x: np.ndarray, *, lower: np.ndarray, upper: np.ndarray, goal: float
+    closed: InUnits, x: np.ndarray, *, lower: np.ndarray, upper: np.ndarray, effort: Effort
 ) -> np.ndarray:
     """x with the period after which its start closes, or x itself if none is near.
 
@@ -91,7 +92,7 @@ def retime(
       x: (n,) the guess.
       lower: (n,) lower bounds of x.
       upper: (n,) upper bounds of x.
-      goal: largest entry of the residual of an orbit.
+      effort: its goal, and its limit of time.
     """
     equations, units = closed.equations, closed.units.x
     free = np.arange(len(x)) >= len(equations.closing.free(len(equations.scene.y0)))
@@ -101,8 +102,10 @@ def retime(
         residual, jacobian = closed(new)
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
-        if np.abs(residual).max() <= goal:
+        if np.abs(residual).max() <= effort.goal:
             return new
+        if effort.over:
+            break
         slopes = jacobian[:, free]
         step = np.linalg.lstsq(slopes, -residual, rcond=None)[0]
         if np.linalg.norm(residual + slopes @ step) > _SHARE_LEFT_MOST * np.linalg.norm(residual):
@@ -136,7 +139,7 @@ class Shooting(Strategy):
         x = cuts.spread(guess[:-1], guess[-1], rtol, angle=search.angle)
         lower, upper = cuts.bounds(problem.lower, problem.upper)
         closed = InUnits(cuts, x, rtol)
-        x = retime(closed, x, lower=lower, upper=upper, goal=effort.goal)
+        x = retime(closed, x, lower=lower, upper=upper, effort=effort)
         orbit = _solution(closed, x, search)
         for _ in range(0 if search.segments else _RECUTS_MOST):
             enough = cuts.segments >= SEGMENTS_MOST or effort.over
@@ -164,7 +167,8 @@ def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
         upper=upper,
         goal=effort.goal,
         max_iterations=effort.max_iterations,
-        keep_going=lambda x: trouble(equations, x) is None and not effort.over,
+        keep_going=lambda x: trouble(equations, x) is None,
+        over=lambda: effort.over,
         report=effort.report,
         units=closed.units.x,
     )

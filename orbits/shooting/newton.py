@@ -104,6 +104,7 @@ def solve(
     goal: float,
     max_iterations: int,
     keep_going: Callable[[np.ndarray], bool] = lambda x: True,
+    over: Callable[[], bool] = lambda: False,
     report: Callable[[Iteration], None] = lambda iteration: None,
     units: np.ndarray | float = 1.0,
 ) -> Result:
@@ -118,6 +119,7 @@ def solve(
         to the rounding level, as long as it makes progress.
       max_iterations: largest number of accepted steps.
       keep_going: called with each accepted point; False ends the iteration.
+      over: called before each evaluation, also after refused steps; True ends the iteration.
       report: called after each accepted step.
       units: (n,) units of x, in which lengths of steps are measured.
     """
@@ -128,7 +130,7 @@ def solve(
     best, accepted = point, 0
     mark, stalled = _size(residual), 0
     damping, refused, noisy = _DAMPING_START, None, 0
-    while accepted < max_iterations and _finite(point.residual, point.jacobian):
+    while accepted < max_iterations and _finite(point.residual, point.jacobian) and not over():
         step, damping = _damp(point, bounds, damping, refused)
         new = np.clip(point.x + step * bounds.units, lower, upper)
         residual, jacobian = equations(new)

@@ -12,10 +12,13 @@ from jaxdyn.solvers import RADAU9
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.shooting.collocation import steps
+from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations, pieces
 
 #: Steps of the default method: with more a motion is sampled by a stiff one.
 STEPS_MOST = 20_000
+#: Of the goal: error of a step, of which an orbit has hundreds.
+STEP_SHARE = 0.1
 #: Intervals are a multiple of this number, so that few numbers of them are compiled.
 _UNIT = 16
 _FIRST = 64  # intervals of the first mesh
@@ -64,12 +67,15 @@ class Guess(NamedTuple):
     period: float
 
 
-def first_guess(equations: Equations, guess: np.ndarray, tolerance: float) -> Guess | None:
+def first_guess(
+    equations: Equations, guess: np.ndarray, tolerance: float, effort: Effort
+) -> Guess | None:
     """A motion on a mesh, from a guess (k + 1,) of start and period; None where it ends early.
 
     It starts where the motion from the guess is slowest, if any start will do, and the period is
     the time after which it comes nearest to its start: on a mesh, jumps of a relaxation
-    oscillation cannot move by more than their width in a Newton step.
+    oscillation cannot move by more than their width in a Newton step. Where the time of an effort
+    is up it is as good as it has become.
     """
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
@@ -82,8 +88,8 @@ def first_guess(equations: Equations, guess: np.ndarray, tolerance: float) -> Gu
         fastest = np.lib.stride_tricks.sliding_window_view(speeds, _CALM).max(axis=1)
         scene = scene.starting(ys[int(np.argmin(fastest)) + _CALM // 2], span)
     if not equations.driven:
-        span = _returning(equations, scene, span)
-    mesh = _first_mesh(equations, scene, span, tolerance)
+        span = _returning(equations, scene, span, effort)
+    mesh = _first_mesh(equations, scene, span, tolerance, effort)
     return mesh and Guess(mesh, span * equations.closing.parts)
 
 
@@ -93,14 +99,14 @@ def _any_start(equations: Equations) -> bool:
     return everything and not (equations.driven or equations.conditions)
 
 
-def _returning(equations: Equations, scene: Scene, span: float) -> float:
+def _returning(equations: Equations, scene: Scene, span: float, effort: Effort) -> float:
     """The time near a span after which the motion comes nearest to closing."""
     best, error = span, np.inf
     for _ in range(_RETURNS_MOST):
         end = _states_at(equations, scene, np.array([0.0, span]))[-1]
         rows = equations.closing.rows(sizes(scene))
         miss, slope = (np.asarray(x) / rows for x in _closing(equations, scene.y0, end))
-        if not np.linalg.norm(miss) < error:
+        if effort.over or not np.linalg.norm(miss) < error:
             break
         best, error = span, float(np.linalg.norm(miss))
         change = -(slope @ miss) / max(slope @ slope, 1e-300)
@@ -121,7 +127,9 @@ def _rates(scene: Scene, ys):
     return jax.vmap(scene.rate, (None, 0))(jnp.zeros(()), ys)
 
 
-def _first_mesh(equations: Equations, scene: Scene, span: float, tolerance: float) -> Mesh | None:
+def _first_mesh(
+    equations: Equations, scene: Scene, span: float, tolerance: float, effort: Effort
+) -> Mesh | None:
     """A mesh along the scene's motion; None where that ends early.
 
     At first partly even in time and partly in the path of the state, each entry in units of its
@@ -136,6 +144,8 @@ def _first_mesh(equations: Equations, scene: Scene, span: float, tolerance: floa
             return None
         even = _BY_TIME * np.diff(ts) / span + (1 - _BY_TIME) * path / max(path.sum(), 1e-300)
         ts = _divide(ts, even, _SAMPLES - 1)
+        if effort.over:
+            break
     ts = _divide(ts, np.ones(_SAMPLES - 1), _FIRST)
     for _ in range(_SAMPLINGS):
         mesh = Mesh(shares=np.diff(ts) / span, states=_states_at(equations, scene, ts)[:-1])
@@ -143,7 +153,8 @@ def _first_mesh(equations: Equations, scene: Scene, span: float, tolerance: floa
         period = span * equations.closing.parts
         x = here.pack(scene.y0, mesh.states[1:], angle=0.0, parameter=0.0, period=period)
         found = quality(here, x)
-        if found.errors.max() <= tolerance and found.growth.max() <= _GROWTH_MOST:  # no NaN
+        good = found.errors.max() <= tolerance and found.growth.max() <= _GROWTH_MOST  # no NaN
+        if good or effort.over:
             break
         ts = _divide(ts, *found.density(tolerance))
     return mesh
@@ -213,19 +224,8 @@ def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None
     if found.errors.max() <= max(tolerance, _SPACING):
         return None
     old = np.append(0.0, np.cumsum(equations.shares))
-    old /= old[-1]
-    new = _divide(old, *found.density(tolerance))
-    return Mesh(shares=np.diff(new), states=_states(equations, x, old, new[:-1]))
-
-
-def _states(equations: Equations, x: np.ndarray, old: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """States at places `at` (n,) of the mesh with ends of intervals `old`."""
-    here = pieces(equations, x)
-    found = steps.steps(equations.scene, here, make=equations.make)
-    nodes = np.asarray(found.nodes)
-    interval = np.clip(np.searchsorted(old, at, side="right") - 1, 0, len(old) - 2)
-    share = (at - old[interval]) / np.diff(old)[interval]
-    return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], share)
+    new = _divide(old / old[-1], *found.density(tolerance))
+    return Mesh(shares=np.diff(new), states=equations.states_at(x, new[:-1]))
 
 
 def _divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:

@@ -81,7 +81,7 @@ def solve(
     report(Iteration(index=0, residual=_size(point), period=x[-1], step=0.0))
     while accepted < max_iterations and np.isfinite(point.residual).all():
         step = _step(equations, point, scales, lower, upper)
-        new = _shorter_if_needed(equations, point, scales, step, lower, upper)
+        new = _shorter_if_needed(equations, point, scales, step, lower, upper, effort)
         if new is None:
             break
         accepted += 1
@@ -165,8 +165,12 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     return scales.x * (found - kernel @ np.linalg.lstsq(kernel, found, rcond=None)[0])
 
 
-def _shorter_if_needed(equations, point: _Point, scales, step, lower, upper) -> _Point | None:
+def _shorter_if_needed(
+    equations, point: _Point, scales, step, lower, upper, effort: Effort
+) -> _Point | None:
     for halvings in range(_HALVINGS_MOST):
+        if effort.over:
+            break
         new = np.clip(point.x + step / 2**halvings, lower, upper)
         if not new[-1] > 0:
             continue

@@ -14,6 +14,7 @@ from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.collocation import newton
 from orbits.shooting.collocation.mesh import (
+    STEP_SHARE,
     STEPS_MOST,
     Mesh,
     first_guess,
@@ -30,8 +31,6 @@ from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
 _MESHES_MOST = 8
-#: Of the goal: error of a step, of which an orbit has hundreds.
-_STEP_SHARE = 0.1
 #: Tolerance with which stability limits the steps of stiff motions: finer ones limit them more.
 _COARSE_RTOL = 1e-6
 
@@ -123,8 +122,8 @@ class _Found(NamedTuple):
 
 
 def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | None:
-    tolerance = _STEP_SHARE * effort.goal
-    guess = first_guess(equations, problem.guess, tolerance)
+    tolerance = STEP_SHARE * effort.goal
+    guess = first_guess(equations, problem.guess, tolerance, effort)
     if guess is None:
         return None
     mesh, period, angle, done = guess.mesh, guess.period, 0.0, 0

@@ -14,6 +14,8 @@ from jaxdyn import scenes
 from orbits import Outcome
 from orbits.shooting.collocation import steps
 from orbits.shooting.collocation.elimination import Chain, condense, expand
+from orbits.shooting.collocation.mesh import quality
+from orbits.shooting.effort import GOAL
 from orbits.shooting.finding import AUTOMATIC
 
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
@@ -162,6 +164,29 @@ def test_a_family_of_relaxation_oscillations():
     for member in family.members:
         shot = orbits.find(van_der_pol(member.parameter, member.orbit.period), [2.0, 0.0])
         assert abs(member.orbit.period / shot.period - 1) < 1e-10
+
+
+@pytest.mark.slow
+def test_the_mesh_follows_a_family():
+    start = orbits.find(van_der_pol(1.0, 6.66), strategy=orbits.Collocation())
+    family = orbits.continue_family(start, van_der_pol, 1.0, step=5.0, within=(0.0, 18.0))
+    assert family.end.startswith("the bounds")
+    last = family.members[-1]
+    assert max(member.orbit.residual for member in family.members) <= GOAL
+    assert orbits.recheck(last.orbit).closure < 1e-12
+    # On the mesh of the first member its steps have errors that no closing error shows, or fail.
+    point, old = last.point, family.members[0].point.equations
+    x = point.equations.moved(point.x, old, last.orbit.rtol)
+    assert not quality(old, x).errors.max() <= GOAL
+
+
+@pytest.mark.slow
+def test_a_family_ends_where_no_mesh_is_fine_enough(monkeypatch):
+    start = orbits.find(van_der_pol(1.0, 6.66), strategy=orbits.Collocation())
+    monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", len(start.mesh) // 2)
+    family = orbits.continue_family(start, van_der_pol, 1.0, step=5.0, within=(0.0, 50.0))
+    assert "errors of the steps of collocation exceed the goal" in family.end
+    assert max(member.orbit.residual for member in family.members) <= GOAL
 
 
 def test_misuse_of_collocation_is_refused():

@@ -170,10 +170,19 @@ def test_growth_says_what_doubles_permit(close):
 
 @pytest.mark.slow  # a minute of one core
 def test_published_rows_are_polished():
-    found = {name: polished(name) for name in ROWS if name != HOPELESS}
+    steps = dict.fromkeys(ROWS, 0)
+
+    def counted(name):
+        def report(step):
+            steps[name] = max(steps[name], step.index)
+
+        return polished(name, report=report)
+
+    found = {name: counted(name) for name in ROWS if name != HOPELESS}
     assert {name: orbit.outcome.name for name, orbit in found.items() if not orbit.ok} == {}
     assert max(orbit.residual for orbit in found.values()) <= 1e-12
-    assert {name: o.iterations for name, o in found.items() if o.iterations > 6} == {}
+    # In each search: rounding in plain time may ask for a second one, in logarithmic time.
+    assert {name: most for name, most in steps.items() if most > 6} == {}
     closures = np.array([orbits.analysis.closure(orbit) for orbit in found.values()])
     # Rounding at encounters decides: 38 to 40 of the 52, by the last bits of where they are cut.
     assert np.mean(closures < 2e-12) > 2 / 3

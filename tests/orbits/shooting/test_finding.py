@@ -20,6 +20,7 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome, motion
 from orbits.shooting import descent, equations, outcomes, segment
+from orbits.shooting.effort import Effort
 
 
 class Spring(Effect):
@@ -225,6 +226,7 @@ def test_a_search_that_fails_raises_what_it_tried(outcome):
         orbits.find(scene, **options)
     said = f"{outcome.message} {hint}".strip()
     assert str(caught.value).startswith(f"{said} Tried: ")
+    assert str(caught.value).endswith(" of compiling.")
 
 
 @pytest.mark.parametrize(("growth", "found"), [(3.0, True), (6.0, False)])
@@ -293,6 +295,32 @@ def test_a_descent_that_leads_astray_loses_no_orbit(monkeypatch):
         jaxdyn.ode(never, [0.3]), **ONE_SECOND, strategy=orbits.Descent(), throw=False
     )
     assert orbit.outcome == Outcome.DESCENT_ENDED
+
+
+def test_a_descent_that_takes_its_time_loses_no_orbit(monkeypatch):
+    def endless(equations, x, *, effort, **bounds):
+        del equations, bounds
+        while not effort.over:
+            time.sleep(0.01)
+        return descent.End(x=x, residual=1.0, near=False, arrived=False)
+
+    monkeypatch.setattr(descent, "descend", endless)
+    scene = van_der_pol()
+    assert orbits.find(scene).ok  # compiled
+    orbit = orbits.find(scene, strategy=orbits.Descent(), seconds=20.0)
+    assert abs(orbit.period - odes.VAN_DER_POL) < SOLVED
+
+
+def test_compiling_does_not_count(monkeypatch):
+    effort = Effort(1e-12, 1e-14, 60, print, seconds=5.0)
+    monkeypatch.setattr(type(effort.clock), "seconds", property(lambda clock: 9.0))
+    monkeypatch.setattr(type(effort.clock), "compiling", property(lambda clock: 7.0))
+    assert not effort.over
+    assert effort.share(0.5).seconds == 2.0 + 0.5 * 3.0
+    effort.trying("a descent")
+    assert str(effort) == "Tried: a descent. In 2 s, and 7 s of compiling."
+    monkeypatch.setattr(type(effort.clock), "seconds", property(lambda clock: 12.5))
+    assert effort.over
 
 
 @pytest.mark.parametrize("kind", ["Shooting", "Descent", "Collocation", "Deflated"])
