@@ -5,18 +5,30 @@ reStructuredText for napoleon. Code that names something public, wherever it sta
 page. Formulas become MathML, which browsers set without a script.
 """
 
+import html
 import re
 import textwrap
 
 from docutils import nodes
-from docutils.utils.math import latex2mathml
+from docutils.utils.math import MathError, latex2mathml
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.util import logging
 
 from jaxdyn.gallery.reference import targets
 
+_LOGGER = logging.getLogger(__name__)
 #: Sections of docstrings; what napoleon has no field for becomes a heading or a list.
-SECTIONS = ("Args", "Attributes", "Returns", "Raises", "Limits", "Example", "Reference", "References")
+SECTIONS = (
+    "Args",
+    "Attributes",
+    "Returns",
+    "Raises",
+    "Limits",
+    "Example",
+    "Reference",
+    "References",
+)
 CUSTOM = [("Attributes", "params_style"), "Returns", "Limits", "Reference", "References"]
 _HEAD = re.compile(rf"^({'|'.join(SECTIONS)}):[ ]*(.*)$", re.MULTILINE)
 _CODE = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
@@ -42,8 +54,10 @@ def as_rest(text: str) -> str:
     pieces = _HEAD.split(text)
     found = [_prose(pieces[0])]
     for name, first, rest in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
-        body = "\n".join(filter(None, (first, textwrap.dedent(rest.strip("\n")))))
-        found.append(f"{name}:\n{textwrap.indent(_prose(body), '    ')}")
+        # Paragraphs that stand further out again are no part of the section.
+        inside, *after = re.split(r"\n\n(?=\S)", rest.strip("\n"), maxsplit=1)
+        body = "\n".join(filter(None, (first, textwrap.dedent(inside))))
+        found += [f"{name}:\n{textwrap.indent(_prose(body), '    ')}", *map(_prose, after)]
     return "\n\n".join(part.strip("\n") for part in found)
 
 
@@ -102,11 +116,19 @@ def _link(_app: Sphinx, tree: nodes.document) -> None:
 
 
 def _inline(self, node: nodes.math) -> None:
-    self.body.append(latex2mathml.tex2mathml(node.astext()))
+    self.body.append(_mathml(node))
     raise nodes.SkipNode
 
 
 def _block(self, node: nodes.math_block) -> None:
-    formula = latex2mathml.tex2mathml(node.astext(), as_block=True)
-    self.body.append(f'<div class="math">{formula}</div>')
+    self.body.append(f'<div class="math">{_mathml(node, as_block=True)}</div>')
     raise nodes.SkipNode
+
+
+def _mathml(node: nodes.Element, **how: bool) -> str:
+    """A formula as MathML; one that cannot be read stands as it is, with a warning."""
+    try:
+        return latex2mathml.tex2mathml(node.astext(), **how)
+    except MathError as error:
+        _LOGGER.warning("%s in the formula %s", error, node.astext(), location=node)
+        return f"<code>{html.escape(node.astext())}</code>"

@@ -93,7 +93,7 @@ def summary(name: str) -> str:
 
 def _chapter_page(name: str, entries: Iterable[Entry]) -> str:
     """The page of a folder: its docstring, tables of its names, and those without a page."""
-    parts = [_title(f"``{name}``"), _directive("automodule", name), _ABSOLUTE]
+    parts = [_title(name), _directive("automodule", name), _ABSOLUTE]
     by_kind = {
         kind: [entry for entry in entries if entry.kind == kind]
         for kind in _KINDS
@@ -132,9 +132,7 @@ def _class_page(entry: Entry) -> str:
     inherited = _inherited(entry)
     if inherited:
         body += ["", ".. rubric:: Inherited", "", ", ".join(f"``{one}``" for one in inherited)]
-    return "\n".join(
-        [_title(f"``{entry.name}``"), _directive("autoclass", entry.name, "", *body)]
-    )
+    return "\n".join([_title(entry.name), _directive("autoclass", entry.name, "", *body)])
 
 
 def _document(entry: Entry) -> str:
@@ -148,7 +146,9 @@ def _title(text: str, line: str = "=") -> str:
 
 
 def _directive(name: str, argument: str, *lines: str) -> str:
-    return "\n".join([f".. {name}:: {argument}".rstrip(), *(f"   {one}".rstrip() for one in lines), ""])
+    return "\n".join(
+        [f".. {name}:: {argument}".rstrip(), *(f"   {one}".rstrip() for one in lines), ""]
+    )
 
 
 @functools.cache
@@ -160,7 +160,9 @@ def _modules() -> tuple[str, ...]:
 
 def _home(module: str) -> str:
     """The page of a module: its folder's, or that of the package."""
-    return next(one for one in (".".join(module.split(".")[:2]), module.split(".")[0]) if one in chapters())
+    return next(
+        one for one in (".".join(module.split(".")[:2]), module.split(".")[0]) if one in chapters()
+    )
 
 
 def _chapter(name: str) -> str:
@@ -228,7 +230,9 @@ def _members(name: str, cls: type) -> Iterator[Member]:
             continue
         inner = getattr(cls, key) if isinstance(value, classmethod | staticmethod) else value
         inner = inner.fget if isinstance(inner, property) else inner
-        if getattr(inner, "__doc__", None) and callable(inner):
+        # A field may hold a function of another library.
+        ours = callable(inner) and _is_ours(getattr(inner, "__module__", None) or "")
+        if ours and getattr(inner, "__doc__", None):
             kind = (
                 "property"
                 if isinstance(value, property)

@@ -32,6 +32,7 @@ extensions = [
     "sphinx_design",
 ]
 nitpicky = True
+smartquotes = False  # x'' is a derivative
 intersphinx_mapping = {
     name: (url, str(file))
     for name, url in _OTHERS.items()
@@ -41,6 +42,7 @@ intersphinx_mapping = {
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 nb_execution_mode = "off"  # they have run already, see jaxdyn.gallery.tutorials
 nb_merge_streams = True
+nb_render_markdown_format = "myst"
 
 autodoc_typehints = "none"  # docstrings say shapes and units
 autodoc_preserve_defaults = True
