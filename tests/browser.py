@@ -29,7 +29,8 @@ const ground = (element) => {
   }
   return matchMedia("(prefers-color-scheme: dark)").matches ? [18, 18, 18] : [255, 255, 255];
 };
-const found = new Set(), texts = document.createTreeWalker(document.querySelector(arguments[0]), NodeFilter.SHOW_TEXT);
+const part = document.querySelector(arguments[0]), found = new Set();
+const texts = document.createTreeWalker(part, NodeFilter.SHOW_TEXT);
 while (texts.nextNode()) {
   const text = texts.currentNode.textContent.trim(), element = texts.currentNode.parentElement;
   if (!text || ["SCRIPT", "STYLE", "NOSCRIPT"].includes(element.tagName)) continue;

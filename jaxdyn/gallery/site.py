@@ -1,7 +1,6 @@
 """The static site, made by Sphinx from records of pages that ran in parallel."""
 
 import io
-import json
 import multiprocessing
 import os
 import re
@@ -85,7 +84,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     sources = Sources(folder / SOURCES)
     sources.course(shown)
     sources.exhibits({page: exhibits.join(of) for page, of in parts.items() if of})
-    sources.tutorials({n: json.dumps(r["notebook"]) for n, r in found.items() if "notebook" in r})
+    sources.tutorials({name: r["notebook"] for name, r in found.items() if "notebook" in r})
     sources.texts()
     sources.reference()
     sources.finish()

@@ -3,12 +3,14 @@
 A file is written only where its text has changed, so that Sphinx makes just those pages again.
 """
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from nbformat import v4
 
 from jaxdyn import player
 from jaxdyn.course.page import TOPICS, Problem
@@ -97,17 +99,21 @@ class Sources:
         for folder in _TEXTS:
             pages = []
             for path in sorted((_HERE / folder).glob("*.md")):
-                name, text = re.sub(r"^\d+_", "", path.stem), path.read_text()
+                name, text = path.stem.partition("_")[2], path.read_text()
                 self.write(f"{folder}/{name}.md", _GUIDE.sub(r"(\1\2)", text))
                 title, _, rest = text.removeprefix("# ").partition("\n")
                 pages.append((name, title, first(rest)))
             self.fill(f"{folder}/index.md", f"{folder}.md", pages=pages)
 
-    def tutorials(self, notebooks: Mapping[str, str]) -> None:
+    def tutorials(self, notebooks: Mapping[str, dict]) -> None:
         """The tutorials that have run, as notebooks, and their table of contents."""
-        for name, notebook in notebooks.items():
-            self.write(f"tutorials/{name}.ipynb", _GUIDE.sub(r"(\1\2)", notebook))
-        self.fill("tutorials/index.md", "tutorials.md", names=notebooks)
+        names = [name.rpartition("/")[2] for name in notebooks]
+        for name, notebook in zip(names, notebooks.values(), strict=True):
+            link = f"{{download}}`Download this notebook <{name}.ipynb>`"
+            last = v4.new_markdown_cell(link, id="download")
+            text = json.dumps(notebook | {"cells": [*notebook["cells"], last]})
+            self.write(f"tutorials/{name}.ipynb", _GUIDE.sub(r"(\1\2)", text))
+        self.fill("tutorials/index.md", "tutorials.md", names=names)
 
     def reference(self) -> None:
         """The API reference: a page for each folder, and for each class that has methods."""

@@ -4,9 +4,13 @@ Each block of Python is a cell. A tutorial that fails ends with the error of its
 """
 
 import re
+import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
+
+from nbclient import NotebookClient
+from nbformat import v4
 
 _FOLDER = Path(__file__).parent / "tutorials"
 _BLOCK = re.compile(r"^```python\n(.*?)^```\n?", re.DOTALL | re.MULTILINE)
@@ -14,14 +18,13 @@ _SECONDS = 600  # the longest wait for one cell
 
 
 def files() -> dict[str, Path]:
-    """The tutorials by the names of their pages, in their order."""
-    return {re.sub(r"^\d+_", "", path.stem): path for path in sorted(_FOLDER.glob("*.md"))}
+    """The tutorials by the names of their pages, as "tutorials/proof", in their order."""
+    found = sorted(_FOLDER.glob("*.md"))
+    return {f"tutorials/{path.stem.partition('_')[2]}": path for path in found}
 
 
 def notebook(text: str):
     """The notebook of a tutorial, without outputs."""
-    from nbformat import v4
-
     cells = []
     for i, piece in enumerate(_BLOCK.split(text)):
         if piece.strip():
@@ -37,9 +40,9 @@ def tutorial_record(path: Path) -> dict[str, Any]:
     Raises:
       nbclient.exceptions.CellExecutionError: a cell fails.
     """
-    from nbclient import NotebookClient
-
     found = notebook(path.read_text())
     with tempfile.TemporaryDirectory() as folder:
-        NotebookClient(found, timeout=_SECONDS, kernel_name="python3").execute(cwd=folder)
+        client = NotebookClient(found, timeout=_SECONDS, kernel_name="python3")
+        # What a kernel logs is for developers of kernels; the error of a cell is raised.
+        client.execute(cwd=folder, stderr=subprocess.DEVNULL)
     return {"notebook": found}

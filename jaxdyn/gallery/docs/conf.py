@@ -6,8 +6,8 @@ their inventories lie in the folder `inventories` beside this file.
 
 from pathlib import Path
 
-import jaxdyn
-from jaxdyn.gallery.docstrings import CUSTOM
+from jaxdyn.gallery import docstrings
+from jaxdyn.gallery.reference import PACKAGES
 
 _HERE = Path(__file__).parent
 _OTHERS = {
@@ -20,9 +20,9 @@ _OTHERS = {
 project = "jaxdyn + orbits"
 author = "the jaxdyn maintainers"
 project_copyright = f"2026, {author}"
-version = release = jaxdyn.__version__
+version = release = PACKAGES["jaxdyn"].__version__
 extensions = [
-    "jaxdyn.gallery.docstrings",
+    docstrings.__name__,
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
@@ -51,7 +51,7 @@ add_module_names = False
 python_maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"
 napoleon_numpy_docstring = False
-napoleon_custom_sections = CUSTOM
+napoleon_custom_sections = docstrings.CUSTOM
 napoleon_attr_annotations = False
 
 html_theme = "pydata_sphinx_theme"
@@ -66,6 +66,7 @@ html_css_files = ["player.css", "site.css"]
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False
+html_show_search_summary = False  # they are fetched, which pages from a disk may not do
 html_math_renderer = "mathml"
 html_theme_options = {
     "show_toc_level": 2,

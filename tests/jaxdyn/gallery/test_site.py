@@ -69,7 +69,7 @@ def _others_may_deprecate():
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The site with four problems and a tutorial, built in processes as a user would."""
-    only = (*CHOSEN, "first_motion")
+    only = (*CHOSEN, "tutorials/first_motion")
     with _others_may_deprecate():
         found = gallery.build(tmp_path_factory.mktemp("site"), only=only, workers=2)
     assert not found.failed
@@ -173,6 +173,7 @@ def test_the_search_of_the_site_works_from_a_disk(site):
     try:
         window.get(f"{(site.folder / 'search.html').as_uri()}?q=figure+eight")
         chromium.wait(window, "document.querySelectorAll('#search-results li').length > 3")
+        assert [one for one in window.get_log("browser") if one["level"] != "INFO"] == []
         assert chromium.foreign(window) == []
     finally:
         window.quit()
@@ -420,7 +421,7 @@ def test_the_blocks_of_a_tutorial_are_cells():
         ("code", "x = 1"),
         ("markdown", "Two.\n\n```sh\nls\n```"),
     ]
-    assert next(iter(tutorials.files())) == "first_motion"
+    assert next(iter(tutorials.files())) == "tutorials/first_motion"
 
 
 def test_the_stored_orbits_are_fifty_and_close():
