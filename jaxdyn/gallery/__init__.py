@@ -4,7 +4,8 @@ What the page of a problem shows is decided by ``solve(page)`` in its file in `j
 in which order by `templates/problem.md`.
 
 `site` builds the site from records: `problems` runs the pages of the course, `tutorials` the
-notebooks, `exhibits` the other pages (accuracy, hard cases, families, and the orbits of `poster`).
+notebooks, `exhibits` the other pages (accuracy, hard cases, families, and the orbits of `poster`),
+`formulas` derives the equations of ready-made scenes for the reference.
 Each leaves a record and `pictures`, made again only where sources changed (`records`), and with
 programs that `compiling` has XLA make in half of the time. `sources` writes from them, and from the
 guides, what Sphinx reads; `reference` lists the public names there, `texts` has what templates

@@ -10,7 +10,8 @@ import importlib
 import inspect
 import textwrap
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -52,11 +53,15 @@ class Target(NamedTuple):
     module: bool
 
 
-def pages() -> dict[str, str]:
-    """The pages of the reference as reStructuredText, by their names: folders, and classes."""
+def pages(formulas: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """The pages of the reference as reStructuredText, by their names: folders, and classes.
+
+    Args:
+      formulas: what functions are to show besides their docstrings, as HTML, by their names.
+    """
     found = {}
     for chapter, entries in chapters().items():
-        found[chapter] = _chapter_page(chapter, entries)
+        found[chapter] = _chapter_page(chapter, entries, formulas)
         found |= {entry.name: _class_page(entry) for entry in entries if entry.members}
     return found
 
@@ -91,7 +96,7 @@ def summary(name: str) -> str:
     return (inspect.getdoc(_module(name)) or "").partition("\n")[0]
 
 
-def _chapter_page(name: str, entries: Iterable[Entry]) -> str:
+def _chapter_page(name: str, entries: Iterable[Entry], formulas: Mapping[str, str]) -> str:
     """The page of a folder: its docstring, tables of its names, and those without a page."""
     parts = [_title(name), _directive("automodule", name), _ABSOLUTE]
     by_kind = {
@@ -108,7 +113,7 @@ def _chapter_page(name: str, entries: Iterable[Entry]) -> str:
             parts.append(
                 _directive("autosummary", "", ":nosignatures:", "", *(entry.name for entry in of))
             )
-        parts += [_document(entry) for entry in of if not entry.members]
+        parts += [_document(entry, formulas) for entry in of if not entry.members]
     modules = [one for one in _modules() if one.startswith(f"{name}.") and _home(one) == name]
     if modules:
         parts.append(_title("Modules", "-"))
@@ -135,10 +140,18 @@ def _class_page(entry: Entry) -> str:
     return "\n".join([_title(entry.name), _directive("autoclass", entry.name, "", *body)])
 
 
-def _document(entry: Entry) -> str:
+def _document(entry: Entry, formulas: Mapping[str, str]) -> str:
     if entry.kind == "value":
         return _directive("py:data", entry.name, "", f"``{_short(entry.thing)}``")
-    return _directive(_DIRECTIVES[entry.kind], entry.name)
+    shown = formulas.get(entry.name, "").splitlines()
+    block = [
+        ".. raw:: html",
+        "",
+        '   <div class="formulas">',
+        *(f"   {x}" for x in shown),
+        "   </div>",
+    ]
+    return _directive(_DIRECTIVES[entry.kind], entry.name, "", *(block if shown else []))
 
 
 def _title(text: str, line: str = "=") -> str:

@@ -19,10 +19,12 @@ from jaxdyn.course.page import Problem, problems
 from jaxdyn.files.output_files import unwritable, writable
 from jaxdyn.gallery import exhibits, tutorials
 from jaxdyn.gallery.compiling import configure_quickly
+from jaxdyn.gallery.formulas import formulas_record
 from jaxdyn.gallery.problems import problem_record
 from jaxdyn.gallery.records import SOURCES, current, keep, pictures, stored_record
 from jaxdyn.gallery.sources import Sources
 
+_FORMULAS = "formulas"  # the name of the record of what ready-made scenes solve
 _CONF = Path(__file__).parent / "docs"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MOST_WORKERS = 61  # of a pool of processes on Windows
@@ -54,8 +56,9 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
 
     Args:
       folder: to write to; made if it is missing.
-      only: numbers or names of problems, or names of exhibits and tutorials: just these are run;
-        others are shown as they were built before, or left out.
+      only: numbers or names of problems, names of exhibits, of tutorials ("tutorials/proof"), or
+        "formulas", those of ready-made scenes: just these are run; others are shown as they were
+        built before, or left out.
       workers: processes, 1 to 61; one for each core by default.
     Raises:
       ValueError: `only` is a text or names no page, `workers` is out of range, or `folder` cannot
@@ -72,7 +75,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     writable(folder / "index.html", "folder", (".html",))
     failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
     doing("writing pages")
-    names = [*_names().values(), *exhibits.PARTS, *tutorials.files()]
+    names = [*_names().values(), *exhibits.PARTS, *tutorials.files(), _FORMULAS]
     records = {name: stored_record(folder, name) for name in names}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
     # As they were when the page ran: a page that was not run again may be older than its file.
@@ -86,7 +89,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     sources.exhibits({page: exhibits.join(of) for page, of in parts.items() if of})
     sources.tutorials({name: r["notebook"] for name, r in found.items() if "notebook" in r})
     sources.texts()
-    sources.reference()
+    sources.reference(found.get(_FORMULAS, {}).get("formulas", {}))
     sources.finish()
     pages, warnings = sphinx(sources.folder, folder)
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
@@ -113,7 +116,7 @@ def _jobs(only: Collection[int | str]) -> list[str]:
     if isinstance(only, str):
         raise _checks.fail("only", "a list of numbers or names", repr(only))
     names = _names()
-    known = [*exhibits.EXHIBITS, *tutorials.files(), *names.values()]
+    known = [*exhibits.EXHIBITS, *tutorials.files(), _FORMULAS, *names.values()]
     for one in only:
         if str(one) not in names:
             _checks.choice("only", str(one), known, "jaxdyn list --problems")
@@ -162,6 +165,8 @@ def make(name: str, folder: Path) -> None:
     def run():
         if name in pages:
             return problem_record(pages[name], pictures(folder))
+        if name == _FORMULAS:
+            return formulas_record()
         if name in tutorials.files():
             return tutorials.tutorial_record(tutorials.files()[name])
         return exhibits.PARTS[name].make(pictures(folder))
@@ -170,8 +175,8 @@ def make(name: str, folder: Path) -> None:
 
 
 def _source(name: str) -> Path:
-    """The file of a problem or a tutorial, or that of the exhibits."""
+    """The file of a problem or a tutorial, or that of the exhibits, which stands for the others."""
     here = Path(exhibits.__file__)
-    if name in exhibits.PARTS:
+    if name in exhibits.PARTS or name == _FORMULAS:
         return here
     return tutorials.files().get(name, here.parents[1] / "course" / f"{name}.py")

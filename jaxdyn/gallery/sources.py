@@ -115,9 +115,9 @@ class Sources:
             self.write(f"tutorials/{name}.ipynb", _GUIDE.sub(r"(\1\2)", text))
         self.fill("tutorials/index.md", "tutorials.md", names=names)
 
-    def reference(self) -> None:
+    def reference(self, formulas: Mapping[str, str]) -> None:
         """The API reference: a page for each folder, and for each class that has methods."""
-        for name, text in reference.pages().items():
+        for name, text in reference.pages(formulas).items():
             self.write(f"reference/{name}.rst", text)
         chapters = {name: reference.summary(name) for name in reference.chapters()}
         self.fill("reference/index.md", "reference.md", chapters=chapters)

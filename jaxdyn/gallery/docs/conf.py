@@ -32,7 +32,7 @@ extensions = [
     "sphinx_design",
 ]
 nitpicky = True
-smartquotes = False  # x'' is a derivative
+smartquotes_action = "D"  # dashes alone: x'' is a derivative
 intersphinx_mapping = {
     name: (url, str(file))
     for name, url in _OTHERS.items()

@@ -22,6 +22,7 @@ from jaxdyn import gallery, hard
 from jaxdyn.gallery import (
     docstrings,
     exhibits,
+    formulas,
     poster,
     records,
     reference,
@@ -383,6 +384,25 @@ def test_the_reference_has_every_public_name_once():
             assert entry.kind == "value" or (entry.thing.__doc__ or "").strip(), entry.name
     assert reference.targets()["jaxdyn.scenes.pendulum"].name == "jaxdyn.scenes.pendulum"
     assert reference.targets()["jaxdyn.analysis.energy"].module
+
+
+def test_a_scene_shows_what_it_solves():
+    page = reference.pages({"jaxdyn.scenes.pendulum": "<p>Lagrange's</p>\n<math></math>"})
+    shown = page["jaxdyn.scenes"].partition("autofunction:: jaxdyn.scenes.pendulum\n")[2]
+    assert shown.startswith(
+        "\n   .. raw:: html\n\n"
+        '      <div class="formulas">\n      <p>Lagrange\'s</p>\n      <math></math>\n      </div>'
+    )
+    assert page["jaxdyn.scenes"].count("raw:: html") == 1
+
+
+@pytest.mark.slow
+def test_every_ready_made_scene_has_its_equations():
+    found = formulas.formulas_record()["formulas"]
+    documented = {entry.name for entry in reference.chapters()["jaxdyn.scenes"]}
+    assert found.keys() <= documented
+    assert len(found) > 50
+    assert all("<math" in text for text in found.values())
 
 
 def test_a_class_has_a_page_with_its_methods_by_kind():
