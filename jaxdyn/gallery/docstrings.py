@@ -6,6 +6,7 @@ page. Formulas become MathML, which browsers set without a script.
 """
 
 import html
+import itertools
 import re
 import textwrap
 
@@ -15,7 +16,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util import logging
 
-from jaxdyn.gallery.reference import targets
+from jaxdyn.gallery.reference import Target, targets
 
 _LOGGER = logging.getLogger(__name__)
 #: Sections of docstrings; what napoleon has no field for becomes a heading or a list.
@@ -34,7 +35,7 @@ _HEAD = re.compile(rf"^({'|'.join(SECTIONS)}):[ ]*(.*)$", re.MULTILINE)
 _CODE = re.compile(r"(``.+?``|`[^`]+`)", re.DOTALL)
 _SPECIAL = re.compile(r"([\\*|`]|(?<=\w)_(?!\w))")
 _EXAMPLE = re.compile(r"^ *>>> .*(?:\n.*\S.*)*", re.MULTILINE)  # up to an empty line
-_NAME = re.compile(r"((?:jaxdyn|orbits)(?:\.\w+)*)(\(.*\))?", re.DOTALL)
+_NAME = re.compile(r"([A-Za-z]\w*(?:\.\w+)*)(\(.*\))?", re.DOTALL)
 _LINKED = nodes.title, nodes.reference, addnodes.pending_xref
 _BEFORE, _AFTER = re.compile(r"[\w)\]]$"), re.compile(r"^[\w(\[=]")
 
@@ -96,11 +97,12 @@ def _docstring(_app, _what, _name, _thing, _options, lines: list[str]) -> None:
 
 def _link(_app: Sphinx, tree: nodes.document) -> None:
     """Code that names something public leads to its page."""
-    known = targets()
     for code in list(tree.findall(nodes.literal)):
         found = _NAME.fullmatch(code.astext())
-        target = known.get(found[1]) if found else None
-        if target is None or isinstance(code.parent, _LINKED):
+        if found is None or isinstance(code.parent, _LINKED):
+            continue
+        target = targets().get(found[1]) or _nearby(found[1], code)
+        if target is None:
             continue
         link = addnodes.pending_xref(
             "",
@@ -113,6 +115,22 @@ def _link(_app: Sphinx, tree: nodes.document) -> None:
         )
         code.replace_self(link)
         link += code
+
+
+def _nearby(name: str, code: nodes.literal) -> Target | None:
+    """What a name means in the docstring where it stands: of its class, module or package."""
+    place = code.parent
+    while place is not None and not isinstance(place, addnodes.desc):
+        place = place.parent
+    if place is None:
+        return None
+    signature = place.next_node(addnodes.desc_signature)
+    own = ".".join(filter(None, (signature["module"], signature["fullname"])))
+    if name in {part.astext() for part in signature.findall(addnodes.desc_sig_name)}:
+        return None  # an argument
+    scopes = itertools.accumulate(own.split("."), "{}.{}".format)
+    found = (targets().get(f"{scope}.{name}") for scope in reversed([*scopes]))
+    return next((x for x in found if x and not x.module and x.name != own), None)
 
 
 def _inline(self, node: nodes.math) -> None:

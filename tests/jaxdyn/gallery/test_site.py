@@ -120,6 +120,16 @@ def test_every_public_name_is_in_the_inventory_of_the_site(site):
     assert {"jaxdyn.Scene.starting", "jaxdyn.analysis.energy"} <= found
 
 
+def test_names_in_texts_lead_to_the_reference(site):
+    guide = (site.folder / "guides/orbits.html").read_text()
+    assert 'href="../reference/orbits.html#orbits.find" title="orbits.find"><code' in guide
+    # In docstrings without the package's name as well, except where an argument has that name.
+    page = (site.folder / "reference/jaxdyn.html").read_text()
+    link = 'href="#jaxdyn.simulate" title="jaxdyn.simulate"><code'
+    assert page.count(link) > 5
+    assert {part for part in page.split(link)[1:] if ">simulate<" in part.partition("</a>")[0]}
+
+
 #: Words that people search for, and a page that answers.
 SOUGHT = {
     "figure eight": "guides/orbits",
