@@ -139,7 +139,7 @@ def _inline(self, node: nodes.math) -> None:
 
 
 def _block(self, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="math">{_mathml(node, as_block=True)}</div>')
+    self.body.append(f'<div class="formulas">{_mathml(node, as_block=True)}</div>')
     raise nodes.SkipNode
 
 
