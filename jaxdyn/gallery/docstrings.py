@@ -124,7 +124,7 @@ def _nearby(name: str, code: nodes.literal) -> Target | None:
         place = place.parent
     if place is None:
         return None
-    signature = place.next_node(addnodes.desc_signature)
+    signature = next(iter(place.findall(addnodes.desc_signature)))
     own = ".".join(filter(None, (signature["module"], signature["fullname"])))
     if name in {part.astext() for part in signature.findall(addnodes.desc_sig_name)}:
         return None  # an argument
