@@ -1,4 +1,4 @@
-"""How long does a user wait for a command, cold and warm, and for the import?
+"""How long does a user wait for a command, cold and warm, for a first motion, and for the import?
 
 Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh process, first
 with an empty compile cache, then with the cache of the first run; beside it the imports of all that
@@ -6,24 +6,63 @@ the command uses. The import of jaxdyn, whose parts are imported at their first 
 with that of diffrax, on which it is built.
 
 Last numbers (2 cores, 2026-11, minima): cold 13.3 s, warm 6.2 s, of which 2.8 s are imports; import
-of jaxdyn 0.03 s, of diffrax 2.1 s; on a machine twice as fast warm 2.9 s, of which 1.4 s.
+of jaxdyn 0.03 s, of diffrax 2.1 s; on a machine twice as fast warm 2.9 s, of which 1.4 s. With a
+warm cache the first motion took 1.3 s to import, 0.5 to trace, 0.2 to lower, 0.2 to load and 0.03
+to run while other work was on the cores, the command 1.5, 1.1, 0.7, 0.6 and 0.5: most is JAX, whose
+import alone takes 0.85 s, and diffrax with what it needs, 0.5 s.
 """
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
+import textwrap
+from collections.abc import Callable
 
 from benchmarks._timing import Row, Times, interleave, seconds_of
 
 _COMMAND = ("-m", "orbits", "figure-eight", "--json")
-#: Runs the command, then prints the modules of ours that it has imported, in order.
-_MODULES = f"""
-import contextlib, io, runpy, sys
+#: Runs the command in this process.
+_RUN = f"""
+import contextlib, runpy, sys
 sys.argv = {list(_COMMAND[1:])}
-with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+with contextlib.suppress(SystemExit):
     runpy.run_module("orbits", run_name="__main__")
+"""
+#: Prints, as the last line, the modules of ours that a program has imported, in order.
+_LISTED = """
+import sys
 print(*(name for name in sys.modules if name.split(".")[0] in ("jaxdyn", "orbits")))
+"""
+#: A first motion, as people begin.
+_MOTION = """
+import jaxdyn
+jaxdyn.configure()
+jaxdyn.simulate(jaxdyn.scenes.pendulum(), 2.0)
+"""
+#: Imports modules, runs the program that follows, and prints where the time went [s].
+_SPLIT = """
+import contextlib, importlib, io, json, time
+begin = time.perf_counter()
+for name in {modules}:
+    importlib.import_module(name)
+imported = time.perf_counter()
+from jax import monitoring
+spent = dict.fromkeys(("trace", "lower", "compile or load"), 0.0)
+parts = {{
+    "/jax/core/compile/jaxpr_trace_duration": "trace",
+    "/jax/core/compile/jaxpr_to_mlir_module_duration": "lower",
+    "/jax/core/compile/backend_compile_duration": "compile or load",
+}}
+def add(event, seconds, **_):
+    if event in parts:
+        spent[parts[event]] += seconds
+monitoring.register_event_duration_secs_listener(add)
+with contextlib.redirect_stdout(io.StringIO()):
+{program}
+run = time.perf_counter() - imported - sum(spent.values())
+print(json.dumps({{"import": imported - begin, **spent, "run": run}}))
 """
 _IMPORTS = "its imports alone"
 _ROUNDS, _QUICK_ROUNDS = 2, 1
@@ -41,7 +80,7 @@ def run(quick: bool = False) -> list[Row]:
             return lambda: subprocess.run(process, env=environment, check=True, capture_output=True)
 
         cold = seconds_of(python(*_COMMAND))
-        modules = python("-c", _MODULES)().stdout.decode().split()
+        modules = _modules(python, _RUN)
         runs = {
             "warm": python(*_COMMAND),
             _IMPORTS: python("-c", f"import {', '.join(modules)}"),
@@ -49,8 +88,27 @@ def run(quick: bool = False) -> list[Row]:
             "diffrax": python("-c", "import diffrax"),
         }
         times = interleave(runs, rounds, slow=_SLOW)
+        splits = [
+            Row(f"{name}: split", _split(python, program))
+            for name, program in (("first motion, warm", _MOTION), ("command, warm", _RUN))
+        ]
     return [
         Row("command: cold", {"jaxdyn": Times(cold, cold)}),
         Row("command: warm", {"jaxdyn": times.pop("warm"), _IMPORTS: times.pop(_IMPORTS)}),
         Row("import", times),
+        *splits,
     ]
+
+
+def _modules(python: Callable, program: str) -> list[str]:
+    """The modules of ours that a program imports."""
+    return python("-c", program + _LISTED)().stdout.decode().splitlines()[-1].split()
+
+
+def _split(python: Callable, program: str) -> dict[str, Times]:
+    """Where the time of a program goes once its programs are in the cache."""
+    code = _SPLIT.format(
+        modules=_modules(python, program), program=textwrap.indent(program.strip(), "    ")
+    )
+    found = json.loads(python("-c", code)().stdout)
+    return {part: Times(seconds, seconds) for part, seconds in found.items()}

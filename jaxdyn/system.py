@@ -79,7 +79,7 @@ class Effect(Record):
 
     @property
     def acts(self) -> frozenset[str]:
-        """What it acts on, by its methods: "force" for points, "generalized" for coordinates.
+        """What it acts on by its methods, "force" on points and "generalized" on coordinates.
 
         A potential is a force on points. It follows from what a class overrides.
         """
@@ -90,7 +90,7 @@ class Effect(Record):
 
     @property
     def accelerates(self) -> bool:
-        """Whether its force is proportional to mass: it overrides `acceleration`."""
+        """Whether its force is proportional to mass, that is, it overrides `acceleration`."""
         # A subclass that overrides the force alone has another one.
         given = ({"acceleration", "force"} & vars(cls).keys() for cls in type(self).__mro__)
         first = next(names for names in given if names)

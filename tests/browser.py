@@ -29,7 +29,8 @@ const ground = (element) => {
   }
   return matchMedia("(prefers-color-scheme: dark)").matches ? [18, 18, 18] : [255, 255, 255];
 };
-const found = new Set(), texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+const part = document.querySelector(arguments[0]), found = new Set();
+const texts = document.createTreeWalker(part, NodeFilter.SHOW_TEXT);
 while (texts.nextNode()) {
   const text = texts.currentNode.textContent.trim(), element = texts.currentNode.parentElement;
   if (!text || ["SCRIPT", "STYLE", "NOSCRIPT"].includes(element.tagName)) continue;
@@ -56,15 +57,30 @@ def start(width: int = 1280, height: int = 900):
     return webdriver.Chrome(options, webdriver.ChromeService(programs[1]))
 
 
-def opened(browser, path: Path) -> None:
-    """Open a page from a file; fails on any message of its console."""
+def opened(browser, path: Path, *, ignored: str = "") -> None:
+    """Open a page from a file; fails on any message of its console but those of a level."""
     browser.get(path.as_uri())
-    assert browser.get_log("browser") == [], path
+    told = [entry for entry in browser.get_log("browser") if entry["level"] != ignored]
+    assert told == [], path
 
 
-def faint(browser) -> list[str]:
-    """The texts of the page whose contrast is too low, with their colours."""
-    return browser.execute_script(_FAINT)
+def foreign(browser) -> list[str]:
+    """What the page has requested from elsewhere than files."""
+    names = "return performance.getEntriesByType('resource').map((entry) => entry.name)"
+    return [name for name in browser.execute_script(names) if not name.startswith("file:")]
+
+
+def wait(browser, condition: str, seconds: float = 10.0) -> None:
+    """Wait until an expression holds on the page; fails if it does not."""
+    ui = pytest.importorskip("selenium.webdriver.support.ui")
+    ui.WebDriverWait(browser, seconds).until(
+        lambda window: window.execute_script(f"return Boolean({condition})"), condition
+    )
+
+
+def faint(browser, part: str = "body") -> list[str]:
+    """The texts of a part of the page whose contrast is too low, with their colours."""
+    return browser.execute_script(_FAINT, part)
 
 
 def player(browser, call: str, nth: int = 0):

@@ -9,7 +9,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 LEDGER = (ROOT / "tests" / "CLAIMS.md").read_text()
-GUIDES = ROOT / "jaxdyn" / "gallery" / "guides"
+#: The README and the texts of the site, by their names.
+TEXTS = {"README": ROOT / "README.md"} | {
+    path.name: path
+    for folder in ("guides", "entrances", "tutorials")
+    for path in sorted((ROOT / "jaxdyn" / "gallery" / folder).glob("*.md"))
+}
 SECTIONS = dict(
     re.findall(r"^## (README|\d\d_\w+\.md)\n(.*?)(?=^## )", LEDGER, re.MULTILINE | re.DOTALL)
 )
@@ -22,8 +27,7 @@ NO_CLAIMS = {
 
 
 def text_of(section: str) -> str:
-    file = ROOT / "README.md" if section == "README" else GUIDES / section
-    return squeezed(re.sub(r"```.*?```", "", file.read_text(), flags=re.DOTALL))
+    return squeezed(re.sub(r"```.*?```", "", TEXTS[section].read_text(), flags=re.DOTALL))
 
 
 def squeezed(text: str) -> str:
@@ -58,7 +62,7 @@ def test_what_is_quoted_is_said_and_what_keeps_it_exists(section):
             assert (ROOT / file).exists(), keeper
 
 
-@pytest.mark.parametrize("section", ["README", *sorted(x.name for x in GUIDES.glob("*.md"))])
+@pytest.mark.parametrize("section", TEXTS)
 def test_no_statement_with_such_a_word_is_left_out(section):
     text = text_of(section)
     if section == "20_changes.md":

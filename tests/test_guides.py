@@ -1,6 +1,6 @@
-"""The guides of the site: what their Python prints, their commands, their links.
+"""The guides, entrances and tutorials of the site: what their Python prints, their commands, links.
 
-Each guide is one program, in a process and a folder of its own. A comment behind a `print` at the
+Each page is one program, in a process and a folder of its own. A comment behind a `print` at the
 start of a line is what it prints. Blocks that import what is not installed are left out.
 """
 
@@ -22,14 +22,19 @@ from orbits.cli.app import app as orbits_app
 from orbits.targets import aim
 
 ROOT = Path(__file__).parent.parent
-GUIDES = {path.name: path for path in sorted((ROOT / "jaxdyn" / "gallery" / "guides").glob("*"))}
+GALLERY = ROOT / "jaxdyn" / "gallery"
+GUIDES, ENTRANCES, TUTORIALS = (
+    {path.name: path for path in sorted((GALLERY / folder).glob("*"))}
+    for folder in ("guides", "entrances", "tutorials")
+)
+PAGES = GUIDES | ENTRANCES | TUTORIALS
 SHORTEST, LONGEST = 40, 120  # lines
 SUMMARY = 110  # characters that the table of contents has room for
 
 
 def blocks(name):
-    """The Python blocks of a guide."""
-    return re.findall(r"```python\n(.*?)```", GUIDES[name].read_text(), re.DOTALL)
+    """The Python blocks of a page."""
+    return re.findall(r"```python\n(.*?)```", PAGES[name].read_text(), re.DOTALL)
 
 
 def missing(block):
@@ -44,15 +49,15 @@ def missing(block):
 
 @functools.cache
 def output(name):
-    """What the blocks of a guide print, except those for packages that are missing."""
+    """What the blocks of a page print, except those for packages that are missing."""
     run = [block for block in blocks(name) if not missing(block)]
     with tempfile.TemporaryDirectory() as folder:
         return run_blocks(run, Path(folder), "-W", "error")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", GUIDES)
-def test_the_python_of_a_guide_runs_and_prints_what_it_says(name):
+@pytest.mark.parametrize("name", PAGES)
+def test_the_python_of_a_page_runs_and_prints_what_it_says(name):
     printed = output(name)
     for block in blocks(name):
         if not missing(block):
@@ -65,7 +70,8 @@ def test_the_python_of_a_guide_runs_and_prints_what_it_says(name):
 
 def test_a_guide_has_a_title_a_summary_python_and_the_right_length():
     assert len(GUIDES) >= 10
-    for number, (name, path) in enumerate(GUIDES.items(), start=1):
+    assert len(PAGES) == len(GUIDES) + len(ENTRANCES) + len(TUTORIALS)
+    for number, (name, path) in enumerate(GUIDES.items()):
         assert re.fullmatch(rf"{number:02}_[a-z_]+\.md", name), name
         title, empty, text = path.read_text().split("\n", 2)
         assert title.startswith("# ")
@@ -77,10 +83,24 @@ def test_a_guide_has_a_title_a_summary_python_and_the_right_length():
         assert blocks(name), name
 
 
+def test_an_entrance_and_a_tutorial_say_what_they_show_and_where_to_read_on():
+    for pages, least in ((ENTRANCES, 9), (TUTORIALS, 7)):
+        assert len(pages) >= least
+        for number, (name, path) in enumerate(pages.items(), start=1):
+            assert re.fullmatch(rf"{number:02}_[a-z_]+\.md", name), name
+            title, empty, text = path.read_text().split("\n", 2)
+            assert title.startswith("# ")
+            assert empty == ""
+            assert len(" ".join(text.split()).partition(". ")[0]) <= SUMMARY, name
+            assert blocks(name), name
+            assert "\n\nGo on with [" in text
+
+
 def test_the_commands_of_the_guides_and_their_options_exist():
-    text = "\n".join(path.read_text() for path in GUIDES.values())
+    text = "\n".join(path.read_text() for path in PAGES.values())
     lines = "\n".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL)).splitlines()
     commands = [shlex.split(one) for line in lines if line for one in line.split(" && ")]
+    commands = [words for words in commands if words[0] != "python"]
     assert len(commands) >= 9
     for package, name, *words in commands:
         app = {"jaxdyn": jaxdyn_app, "orbits": orbits_app}[package]
@@ -95,6 +115,9 @@ def test_links_between_guides_lead_to_guides():
     ]
     assert len(links) > 10
     assert {link for link in links if not link.startswith("https://")} <= GUIDES.keys()
+    for path in (*ENTRANCES.values(), *TUTORIALS.values()):
+        for link in re.findall(r"\]\(([^)]+)\)", path.read_text()):
+            assert (path.parent / link).exists(), link
 
 
 @pytest.mark.slow

@@ -17,8 +17,8 @@ PACKAGES = {
     "PIL": "pillow",
     "flint": "python-flint",
     "jaxlib": "jax",
-    "markdown_it": "markdown-it-py",
-    "markupsafe": "jinja2",
+    "jinja2": "sphinx",
+    "nbformat": "nbclient",
     "mpl_toolkits": "matplotlib",
 }
 

@@ -43,14 +43,26 @@ def test_the_picture_of_the_readme_is_drawn(output):
     assert (output[1] / "cannonball.png").stat().st_size > 10_000
 
 
-def test_pictures_and_links_of_the_readme_exist_and_every_guide_is_linked():
+def test_pictures_and_links_of_the_readme_exist_and_every_text_is_linked():
     links = re.findall(r"\]\(([^)]+)\)", README)
     assert all((ROOT / link).exists() for link in links)
     pictures = {link for link in links if link.endswith(".png")}
     assert len(pictures) == 3
     assert all((ROOT / picture).stat().st_size < 200_000 for picture in pictures)
-    guides = (ROOT / "jaxdyn" / "gallery" / "guides").glob("*.md")
-    assert {str(guide.relative_to(ROOT)) for guide in guides} <= set(links)
+    (moving,) = (link for link in links if link.endswith(".gif"))
+    assert (ROOT / moving).stat().st_size < 500_000
+    for folder in ("guides", "entrances", "tutorials"):
+        texts = (ROOT / "jaxdyn" / "gallery" / folder).glob("*.md")
+        assert {str(text.relative_to(ROOT)) for text in texts} <= set(links)
+
+
+def test_the_output_that_is_shown_is_what_the_eight_lines_print(output):
+    shown = README.split("another integrator:\n\n```\n")[1].partition("```")[0]
+    # Errors of closing are roundings, which other processors round otherwise.
+    number = re.compile(r"-?\d+\.\d+(?:e-\d+)?")
+    assert number.sub("", shown) == number.sub("", output[0])
+    for here, there in zip(number.findall(shown), number.findall(output[0]), strict=True):
+        assert abs(float(here) - float(there)) <= 1e-8 * abs(float(there)) + 1e-13
 
 
 def test_eight_lines_are_enough():

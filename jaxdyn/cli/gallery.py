@@ -1,4 +1,4 @@
-"""The command `jaxdyn gallery`: builds the static site of the course, guides and reference."""
+"""The command `jaxdyn gallery`: builds the site of course, tutorials, guides and reference."""
 
 import importlib.util
 from pathlib import Path
@@ -11,8 +11,9 @@ import jaxdyn
 from jaxdyn._text import fail, number_of
 from jaxdyn.cli.screen import screen
 
-_FAILED = 1  # exit code: a page could not run, or a check does not hold
-_NEEDED = "jinja2"  # of the extra that the site needs
+_FAILED = 1  # exit code: a page could not run, a check does not hold, or Sphinx warns
+#: Of the extra that the site needs.
+_NEEDED = ("sphinx", "myst_nb", "pydata_sphinx_theme", "sphinx_copybutton", "sphinx_design")
 
 
 def gallery_command(
@@ -22,9 +23,11 @@ def gallery_command(
     ] = None,
     workers: Annotated[int | None, typer.Option(help="Processes; one for each core.")] = None,
 ) -> None:
-    """Build the site: the course with players, orbits, hard cases, guides, reference."""
-    if importlib.util.find_spec(_NEEDED) is None:
-        raise fail("gallery", "jinja2", "none", "pip install 'jaxdyn[docs]' installs it.")
+    """Build the site: the course with players, orbits, hard cases, tutorials, guides, reference."""
+    missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        remedy = "pip install 'jaxdyn[docs]' installs it."
+        raise fail("gallery", missing[0].replace("_", "-"), "none", remedy)
     with screen("starting") as shown:
         wanted = () if only is None else only.replace(",", " ").split()
         if only is not None and not wanted:
@@ -35,5 +38,7 @@ def gallery_command(
             shown.print(f"[red]failed[/red] {name}: {escape(error)}")
         for name in found.untrue:
             shown.print(f"[red]a check fails[/red] on the page {name}")
-        if found.failed or found.untrue:
+        for line in found.warnings:
+            shown.print(f"[red]warning[/red] {escape(line)}")
+        if found.failed or found.untrue or found.warnings:
             raise typer.Exit(_FAILED)

@@ -2,8 +2,7 @@
 "use strict";
 
 (() => {
-  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  const COLOURS = dark ? ["#4FA8DC", "#F28A3C", "#35C79A", "#E29BC4"] : ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
+  const COLOURS = 4; // of the player's paths, one for each body
   const SECONDS = 6; // of a period
   const data = JSON.parse(document.getElementById("minis").textContent);
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -14,9 +13,10 @@
     const pen = canvas.getContext("2d"), count = orbit.x.length, frames = orbit.x[0].length;
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, side, side);
+    const style = getComputedStyle(canvas), colour = (j) => style.getPropertyValue(`--path-${j % COLOURS}`);
     const scale = (0.45 * side) / orbit.reach, place = (j, i) => [side / 2 + scale * orbit.x[j][i % frames], side / 2 - scale * orbit.y[j][i % frames]];
     for (let j = 0; j < count; j++) {
-      pen.strokeStyle = COLOURS[j % COLOURS.length];
+      pen.strokeStyle = colour(j);
       pen.globalAlpha = 0.45;
       pen.lineWidth = 1.2;
       pen.beginPath();
@@ -27,7 +27,7 @@
     const at = share * frames, i = Math.floor(at), f = at - i;
     for (let j = 0; j < count; j++) {
       const [a, b] = [place(j, i), place(j, i + 1)];
-      pen.fillStyle = COLOURS[j % COLOURS.length];
+      pen.fillStyle = colour(j);
       pen.beginPath();
       pen.arc(a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1]), 4, 0, 2 * Math.PI);
       pen.fill();

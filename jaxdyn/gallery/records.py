@@ -9,9 +9,10 @@ from typing import Any
 
 from jaxdyn.files.output_files import replace
 
+SOURCES = ".sources"  # the folder, in that of the site, that Sphinx reads
 _PACKAGES = tuple(Path(__file__).parents[2] / name for name in ("jaxdyn", "orbits"))
 #: They change how a record is shown, not what is in it.
-_SHOWING = {"reference.py", "site.py", "texts.py", "writing.py"}
+_SHOWING = {"conf.py", "docstrings.py", "reference.py", "site.py", "sources.py", "texts.py"}
 
 
 def keep(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any]]) -> dict:
@@ -39,7 +40,12 @@ def current(folder: Path, name: str, source: Path) -> dict | None:
     if record is None or record["digest"] != digest(source):
         return None
     files = [one["file"] for one in record.get("drawings", ())]
-    return record if all((folder / "pictures" / file).exists() for file in files) else None
+    return record if all((pictures(folder) / file).exists() for file in files) else None
+
+
+def pictures(folder: Path) -> Path:
+    """Where the pictures of a site's pages are before Sphinx takes them."""
+    return folder / SOURCES / "pictures"
 
 
 def stored_record(folder: Path, name: str) -> dict | None:

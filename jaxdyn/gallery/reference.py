@@ -1,26 +1,33 @@
-"""The API reference: every public name once, from the docstrings.
+"""The API reference: every public name once, as pages that autodoc fills from the docstrings.
 
 Public is what the `__all__` of the packages and folders say, and what modules named there define.
-A name that is reachable in two ways is documented at the shorter one.
+A name that is reachable in two ways is documented at the shorter one. A folder is a page, and so is
+a class that has methods, which are listed by kind.
 """
 
 import functools
 import importlib
 import inspect
-import re
 import textwrap
 import types
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
 
-from jaxdyn.gallery.texts import colour, prose
-
 PACKAGES = {name: importlib.import_module(name) for name in ("jaxdyn", "orbits")}
-_SECTIONS = ("Args", "Attributes", "Returns", "Raises", "Limits", "Example", "Reference")
-_HEAD = re.compile(rf"^({'|'.join(_SECTIONS)}):[ ]*(.*)$", re.MULTILINE)
-_LONGEST = 90  # characters of a signature on one line
+_KINDS = {"function": "Functions", "class": "Classes", "value": "Values"}
+#: Names that follow are whole ones, whatever module was named before.
+_ABSOLUTE = ".. py:currentmodule:: None\n"
+_DIRECTIVES = {"function": "autofunction", "class": "autoclass"}
+
+
+class Member(NamedTuple):
+    """A documented member of a class: its name, and "property", "method" or "class method"."""
+
+    name: str
+    kind: str
 
 
 class Entry(NamedTuple):
@@ -29,66 +36,146 @@ class Entry(NamedTuple):
     Attributes:
       name: the dotted name.
       kind: "function", "class" or "value".
-      signature: its arguments; empty for a value.
-      summary: the first line of its docstring.
-      text: its docstring as HTML.
-      members: the methods and properties of a class that its own body defines.
+      thing: what it names.
+      members: the methods and properties of a class that its own body documents.
     """
 
     name: str
     kind: str
-    signature: str
-    summary: str
-    text: str
-    members: tuple["Entry", ...] = ()
+    thing: Any
+    members: tuple[Member, ...] = ()
 
 
-class Chapter(NamedTuple):
-    """A page of the reference: a package or a folder, its docstring and its names.
-
-    Attributes:
-      name: the dotted name.
-      line: the first line of its docstring.
-      text: its docstring as HTML.
-      entries: what is documented there.
-    """
+class Target(NamedTuple):
+    """What a name in a text leads to: the name that is documented, and whether it is a module."""
 
     name: str
-    line: str
-    text: str
-    entries: tuple[Entry, ...]
+    module: bool
 
 
-@functools.cache
-def chapters() -> dict[str, Chapter]:
-    """The pages of the reference by the dotted name of the folder."""
-    names: dict[str, list[str]] = {}
-    objects = dict(_public())
-    for name in objects:
-        names.setdefault(_chapter(name), []).append(name)
-    return {
-        chapter: Chapter(
-            name=chapter,
-            line=(inspect.getdoc(_module(chapter)) or "").partition("\n")[0],
-            text=docstring_html(inspect.getdoc(_module(chapter)) or ""),
-            entries=tuple(_entry(name, objects[name]) for name in sorted(of)),
-        )
-        for chapter, of in sorted(names.items())
-    }
+def pages(formulas: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """The pages of the reference as reStructuredText, by their names: folders, and classes.
 
-
-@functools.cache
-def urls() -> dict[str, str]:
-    """Where each public name is documented, from the top of the site."""
-    homes = {id(thing): name for name, thing in _public()}
-    found = {name: f"reference/{_chapter(name)}.html#{name}" for name in homes.values()}
-    for name, thing in _everything():
-        home = homes.get(id(thing))
-        if home:
-            found[name] = found[home]
-        elif isinstance(thing, types.ModuleType):
-            found[name] = f"reference/{_chapter(f'{name}.')}.html"
+    Args:
+      formulas: what functions are to show besides their docstrings, as HTML, by their names.
+    """
+    found = {}
+    for chapter, entries in chapters().items():
+        found[chapter] = _chapter_page(chapter, entries, formulas)
+        found |= {entry.name: _class_page(entry) for entry in entries if entry.members}
     return found
+
+
+@functools.cache
+def chapters() -> dict[str, tuple[Entry, ...]]:
+    """What each folder documents, by its dotted name."""
+    found: dict[str, list[Entry]] = {}
+    for name, thing in _public():
+        found.setdefault(_chapter(name), []).append(_entry(name, thing))
+    return {chapter: tuple(sorted(found[chapter])) for chapter in sorted(found)}
+
+
+@functools.cache
+def targets() -> dict[str, Target]:
+    """Where each public name leads, whichever way it is reached; modules included."""
+    homes = {id(thing): name for name, thing in _public()}
+    found = {}
+    for name, thing in _everything():
+        if isinstance(thing, types.ModuleType):
+            found[name] = Target(thing.__name__, True)
+        elif id(thing) in homes:
+            found[name] = Target(homes[id(thing)], False)
+    for entries in chapters().values():
+        for entry in entries:
+            found |= {member.name: Target(member.name, False) for member in entry.members}
+    return found | {name: Target(name, True) for name in PACKAGES}
+
+
+def summary(name: str) -> str:
+    """The first line of the docstring of a folder."""
+    return (inspect.getdoc(_module(name)) or "").partition("\n")[0]
+
+
+def _chapter_page(name: str, entries: Iterable[Entry], formulas: Mapping[str, str]) -> str:
+    """The page of a folder: its docstring, tables of its names, and those without a page."""
+    parts = [_title(name), _directive("automodule", name), _ABSOLUTE]
+    by_kind = {
+        kind: [entry for entry in entries if entry.kind == kind]
+        for kind in _KINDS
+        if any(entry.kind == kind for entry in entries)
+    }
+    own = [entry for entry in entries if entry.members]
+    if own:
+        parts.append(_directive("toctree", "", ":hidden:", "", *(entry.name for entry in own)))
+    for kind, of in by_kind.items():
+        parts.append(_title(_KINDS[kind], "-"))
+        if kind != "value":
+            parts.append(
+                _directive("autosummary", "", ":nosignatures:", "", *(entry.name for entry in of))
+            )
+        parts += [_document(entry, formulas) for entry in of if not entry.members]
+    modules = [one for one in _modules() if one.startswith(f"{name}.") and _home(one) == name]
+    if modules:
+        parts.append(_title("Modules", "-"))
+        parts += [_directive("automodule", one) for one in modules]
+    return "\n".join(parts)
+
+
+def _class_page(entry: Entry) -> str:
+    """The page of a class: its docstring, and its members by kind."""
+    body = []
+    for kind, title in (
+        ("property", "Properties"),
+        ("method", "Methods"),
+        ("class method", "Class methods"),
+    ):
+        names = [member.name for member in entry.members if member.kind == kind]
+        if names:
+            directive = "autoproperty" if kind == "property" else "automethod"
+            body += ["", f".. rubric:: {title}", ""]
+            body += [line for name in names for line in (f".. {directive}:: {name}", "")]
+    inherited = _inherited(entry)
+    if inherited:
+        body += ["", ".. rubric:: Inherited", "", ", ".join(f"``{one}``" for one in inherited)]
+    return "\n".join([_title(entry.name), _directive("autoclass", entry.name, "", *body)])
+
+
+def _document(entry: Entry, formulas: Mapping[str, str]) -> str:
+    if entry.kind == "value":
+        return _directive("py:data", entry.name, "", f"``{_short(entry.thing)}``")
+    shown = formulas.get(entry.name, "").splitlines()
+    block = [
+        ".. raw:: html",
+        "",
+        '   <div class="formulas">',
+        *(f"   {x}" for x in shown),
+        "   </div>",
+    ]
+    return _directive(_DIRECTIVES[entry.kind], entry.name, "", *(block if shown else []))
+
+
+def _title(text: str, line: str = "=") -> str:
+    return f"{text}\n{line * len(text)}\n"
+
+
+def _directive(name: str, argument: str, *lines: str) -> str:
+    return "\n".join(
+        [f".. {name}:: {argument}".rstrip(), *(f"   {one}".rstrip() for one in lines), ""]
+    )
+
+
+@functools.cache
+def _modules() -> tuple[str, ...]:
+    """The modules that public names are in, other than folders with a page."""
+    found = {thing.__name__ for _, thing in _everything() if isinstance(thing, types.ModuleType)}
+    return tuple(sorted(one for one in found if _is_ours(one) and one not in chapters()))
+
+
+def _home(module: str) -> str:
+    """The page of a module: its folder's, or that of the package."""
+    return next(
+        one for one in (".".join(module.split(".")[:2]), module.split(".")[0]) if one in chapters()
+    )
 
 
 def _chapter(name: str) -> str:
@@ -144,96 +231,42 @@ def _is_ours(name: str) -> bool:
 
 
 def _entry(name: str, thing: Any) -> Entry:
-    text = inspect.getdoc(thing) or ""
     if inspect.isclass(thing):
-        kind, members = "class", tuple(_members(name, thing))
-    else:
-        kind, members = ("function" if callable(thing) else "value"), ()
-    if kind == "value":
-        text = f"`{_short(thing)}`"
-    return Entry(
-        name=name,
-        kind=kind,
-        signature=_signature(thing) if kind != "value" else "",
-        summary=text.partition("\n")[0],
-        text=docstring_html(text),
-        members=members,
-    )
+        return Entry(name, "class", thing, tuple(_members(name, thing)))
+    return Entry(name, "function" if callable(thing) else "value", thing)
 
 
-def _members(name: str, cls: type) -> Iterator[Entry]:
+def _members(name: str, cls: type) -> Iterator[Member]:
     """The documented methods and properties that a class defines itself."""
     for key, value in vars(cls).items():
         if key.startswith("_"):
             continue
         inner = getattr(cls, key) if isinstance(value, classmethod | staticmethod) else value
         inner = inner.fget if isinstance(inner, property) else inner
-        if getattr(inner, "__doc__", None) and callable(inner):
-            kind = "property" if isinstance(value, property) else "method"
-            text = inspect.cleandoc(inner.__doc__)
-            yield Entry(
-                name=f"{name}.{key}",
-                kind=kind,
-                signature="" if kind == "property" else _signature(inner),
-                summary=text.partition("\n")[0],
-                text=docstring_html(text),
+        # A field may hold a function of another library.
+        ours = callable(inner) and _is_ours(getattr(inner, "__module__", None) or "")
+        if ours and getattr(inner, "__doc__", None):
+            kind = (
+                "property"
+                if isinstance(value, property)
+                else "class method"
+                if isinstance(value, classmethod | staticmethod)
+                else "method"
             )
+            yield Member(f"{name}.{key}", kind)
 
 
-def _signature(thing: Any) -> str:
-    try:
-        found = inspect.signature(thing)
-    except (TypeError, ValueError):
-        return "(...)"
-    bare = [_bare(one) for one in found.parameters.values() if one.name != "self"]
-    text = str(found.replace(parameters=bare, return_annotation=inspect.Signature.empty))
-    if len(text) <= _LONGEST:
-        return text
-    marks = [str(one) for one in bare]
-    star = next((i for i, one in enumerate(bare) if one.kind is one.KEYWORD_ONLY), None)
-    if star is not None and not any(one.kind is one.VAR_POSITIONAL for one in bare):
-        marks.insert(star, "*")
-    return "(\n    " + ",\n    ".join(marks) + ",\n)"
-
-
-def _bare(one: inspect.Parameter) -> inspect.Parameter:
-    """A parameter without its annotation; a default that is a function by its name."""
-    default = one.default
-    if inspect.isfunction(default):
-        default = _Name(default.__name__.strip("<>"))
-    return one.replace(annotation=inspect.Parameter.empty, default=default)
-
-
-class _Name(str):
-    """A text whose representation is itself."""
-
-    def __repr__(self) -> str:
-        return str(self)
+def _inherited(entry: Entry) -> list[str]:
+    """The documented members that a class has from other classes of ours, where those say so."""
+    own = {member.name.rpartition(".")[2] for member in entry.members}
+    homes = {id(one.thing): one for of in chapters().values() for one in of if one.kind == "class"}
+    found = {}
+    for base in entry.thing.__mro__[1:]:
+        for member in homes[id(base)].members if id(base) in homes else ():
+            found.setdefault(member.name.rpartition(".")[2], member.name)
+    return sorted(name for key, name in found.items() if key not in own)
 
 
 def _short(value: Any) -> str:
     text = repr(value) if not isinstance(value, jax.Array) else f"array of shape {value.shape}"
     return textwrap.shorten(text, 200)
-
-
-def docstring_html(text: str) -> str:
-    """A docstring as HTML: its sections become headings with lists."""
-    pieces = _HEAD.split(text.partition("\n\nMay import:")[0])  # the rest is for contributors
-    html = [prose(pieces[0])]
-    for name, first, rest in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
-        html.append(_section(name, first, textwrap.dedent(rest.strip("\n"))))
-    return "\n".join(html)
-
-
-def _section(name: str, first: str, body: str) -> str:
-    """A section of a docstring: a list of entries, an example, or a sentence."""
-    if name == "Example":
-        return f"<p><strong>{name}.</strong></p>\n{colour(body, 'pycon')}"
-    if name not in ("Args", "Attributes", "Raises"):
-        return prose(f"**{name}.** {first} {body}".strip())
-    rows = []
-    for entry in re.split(r"\n(?=\S)", body):
-        key, _, about = entry.partition(":")
-        about = " ".join(about.split())
-        rows.append(f"- **`{key}`**: {about}" if about else f"- {key}")
-    return prose("\n".join([f"**{name}.**", "", *rows]))

@@ -1,11 +1,15 @@
-"""The static site, built from records of pages that ran in parallel."""
+"""The static site, made by Sphinx from records of pages that ran in parallel."""
 
+import io
 import multiprocessing
 import os
+import re
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import NamedTuple
+
+from sphinx.application import Sphinx
 
 from jaxdyn import _checks
 from jaxdyn._config import configure
@@ -13,13 +17,16 @@ from jaxdyn._progress import doing
 from jaxdyn._text import whole
 from jaxdyn.course.page import Problem, problems
 from jaxdyn.files.output_files import unwritable, writable
-from jaxdyn.gallery import exhibits
+from jaxdyn.gallery import exhibits, tutorials
 from jaxdyn.gallery.compiling import configure_quickly
+from jaxdyn.gallery.formulas import formulas_record
 from jaxdyn.gallery.problems import problem_record
-from jaxdyn.gallery.records import current, keep, stored_record
-from jaxdyn.gallery.writing import Site, neighbours
+from jaxdyn.gallery.records import SOURCES, current, keep, pictures, stored_record
+from jaxdyn.gallery.sources import Sources
 
-_PICTURES = "pictures"
+_FORMULAS = "formulas"  # the name of the record of what ready-made scenes solve
+_CONF = Path(__file__).parent / "docs"
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MOST_WORKERS = 61  # of a pool of processes on Windows
 
 
@@ -31,23 +38,27 @@ class Built(NamedTuple):
       pages: its pages, relative to the folder.
       failed: the pages whose run failed, with the error; they are left out.
       untrue: the pages on which a check does not hold.
+      warnings: what Sphinx has to say of the sources: links that lead nowhere, say.
     """
 
     folder: Path
     pages: tuple[str, ...]
     failed: dict[str, str]
     untrue: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def build(folder, *, only: Collection[int | str] = (), workers: int | None = None) -> Built:
-    """Build the site: the course, the exhibits, guides and reference.
+    """Build the site: the course, the exhibits, tutorials, guides and reference.
 
     Pages run in processes of their own, and only those whose sources changed since the last time.
+    Sphinx makes the site of what they found.
 
     Args:
       folder: to write to; made if it is missing.
-      only: numbers or names of problems, or names of exhibits: just these are run; others are
-        shown as they were built before, or left out.
+      only: numbers or names of problems, names of exhibits, of tutorials ("tutorials/proof"), or
+        "formulas", those of ready-made scenes: just these are run; others are shown as they were
+        built before, or left out.
       workers: processes, 1 to 61; one for each core by default.
     Raises:
       ValueError: `only` is a text or names no page, `workers` is out of range, or `folder` cannot
@@ -64,7 +75,8 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     writable(folder / "index.html", "folder", (".html",))
     failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
     doing("writing pages")
-    records = {name: stored_record(folder, name) for name in (*_names().values(), *exhibits.PARTS)}
+    names = [*_names().values(), *exhibits.PARTS, *tutorials.files(), _FORMULAS]
+    records = {name: stored_record(folder, name) for name in names}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
     # As they were when the page ran: a page that was not run again may be older than its file.
     shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
@@ -72,18 +84,26 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
         page: [found[name] for name in names if name in found]
         for page, names in exhibits.EXHIBITS.items()
     }
-    site = Site(folder, [page for page, records in parts.items() if records])
-    site.assets()
-    site.index(shown)
-    for before, (problem, record), after in neighbours(shown):
-        site.problem(problem, record, before and before[0], after and after[0])
-    for page, shown_there in parts.items():
-        if shown_there:
-            site.exhibit(page, exhibits.join(shown_there))
-    site.guides()
-    site.reference()
+    sources = Sources(folder / SOURCES)
+    sources.course(shown)
+    sources.exhibits({page: exhibits.join(of) for page, of in parts.items() if of})
+    sources.tutorials({name: r["notebook"] for name, r in found.items() if "notebook" in r})
+    sources.texts()
+    sources.reference(found.get(_FORMULAS, {}).get("formulas", {}))
+    sources.finish()
+    pages, warnings = sphinx(sources.folder, folder)
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
-    return Built(folder, tuple(site.written), failed, untrue)
+    return Built(folder, pages, failed, untrue, warnings)
+
+
+def sphinx(sources: Path, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Run Sphinx on the sources of a site; its pages, relative to the folder, and its warnings."""
+    told = io.StringIO()
+    app = Sphinx(sources, _CONF, folder, folder / ".doctrees", "html", status=None, warning=told)
+    app.build()
+    made = {*app.env.found_docs, "genindex", "py-modindex", "search"}
+    warnings = _COLOURS.sub("", told.getvalue()).strip().splitlines()
+    return tuple(f"{name}.html" for name in sorted(made)), tuple(warnings)
 
 
 def _names() -> dict[str, str]:
@@ -96,7 +116,7 @@ def _jobs(only: Collection[int | str]) -> list[str]:
     if isinstance(only, str):
         raise _checks.fail("only", "a list of numbers or names", repr(only))
     names = _names()
-    known = [*exhibits.EXHIBITS, *names.values()]
+    known = [*exhibits.EXHIBITS, *tutorials.files(), _FORMULAS, *names.values()]
     for one in only:
         if str(one) not in names:
             _checks.choice("only", str(one), known, "jaxdyn list --problems")
@@ -141,17 +161,22 @@ def _each(
 def make(name: str, folder: Path) -> None:
     """Run a problem or a part of an exhibit unless its record is as new as its sources."""
     pages = {problem.name: problem for problem in problems().values()}
-    pictures = folder / _PICTURES
 
     def run():
         if name in pages:
-            return problem_record(pages[name], pictures)
-        return exhibits.PARTS[name].make(pictures)
+            return problem_record(pages[name], pictures(folder))
+        if name == _FORMULAS:
+            return formulas_record()
+        if name in tutorials.files():
+            return tutorials.tutorial_record(tutorials.files()[name])
+        return exhibits.PARTS[name].make(pictures(folder))
 
     keep(folder, name, _source(name), run)
 
 
 def _source(name: str) -> Path:
-    """The file of a problem, or that of the exhibits."""
+    """The file of a problem or a tutorial, or that of the exhibits, which stands for the others."""
     here = Path(exhibits.__file__)
-    return here if name in exhibits.PARTS else here.parents[1] / "course" / f"{name}.py"
+    if name in exhibits.PARTS or name == _FORMULAS:
+        return here
+    return tutorials.files().get(name, here.parents[1] / "course" / f"{name}.py")

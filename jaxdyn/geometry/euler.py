@@ -65,7 +65,7 @@ def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     """Angles from which `matrix_from_euler` recovers R_wb to rounding, also close to gimbal lock.
 
     The second angle is in [-pi/2, pi/2] for three different axes and in [0, pi] where the first
-      axis recurs; the others are in [-pi, pi]. In gimbal lock the turn made about the outermost
+    axis recurs; the others are in [-pi, pi]. In gimbal lock the turn made about the outermost
     axis (the first of a sequence about the body's axes, the last about the world's) is set to 0.
 
     Raises:

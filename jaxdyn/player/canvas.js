@@ -267,5 +267,11 @@ var JaxdynCanvas = (() => {
     canvas.height = Math.round(canvas.clientHeight * ratio);
   }
 
-  return { KINDS, Turn, View, Paper, disc, fitted, line, ticks, written };
+  // Draw again when the page turns light or dark: the system does so, or a switch of the page.
+  const themed = (draw) => {
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+    new MutationObserver(draw).observe(document.documentElement, { attributeFilter: ["data-theme"] });
+  };
+
+  return { KINDS, Turn, View, Paper, disc, fitted, line, themed, ticks, written };
 })();

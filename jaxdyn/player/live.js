@@ -5,7 +5,7 @@
 "use strict";
 
 (() => {
-  const { KINDS, Turn, View, Paper, disc, fitted, line } = JaxdynCanvas;
+  const { KINDS, Paper, Turn, View, disc, fitted, line, themed } = JaxdynCanvas;
   const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 60, SHORTEST = 4; // [s] of spans in real time, at pace 1; longer ones in LONG, others in SHORTEST
   const LONG = 12;
@@ -522,7 +522,7 @@
         if (!this.playing) this.draw();
       });
       for (const plot of this.plots) seen.observe(plot.canvas);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+      themed(() => this.draw());
     }
 
     key(event) {

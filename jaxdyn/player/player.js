@@ -4,7 +4,7 @@
 "use strict";
 
 (() => {
-  const { KINDS, Turn, View, Paper, disc, fitted, line } = JaxdynCanvas;
+  const { KINDS, Paper, Turn, View, disc, fitted, line, themed } = JaxdynCanvas;
   const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
   const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
@@ -186,7 +186,7 @@
         this.seek(this.begin + Math.min(1, Math.max(0, share)) * (this.end - this.begin));
       });
       new ResizeObserver(() => this.resize()).observe(this.root);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+      themed(() => this.draw());
     }
 
     key(event) {

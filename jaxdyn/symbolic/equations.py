@@ -314,7 +314,7 @@ class Equations:
         _checks.choice("part", part, [section.name for section in self.sections])
         return tuple(section for section in self.sections if section.name == part)
 
-    def _repr_latex_(self) -> str:
+    def _repr_markdown_(self) -> str:
         return "\n\n".join(f"{x.title}\n\n$$\n{self.latex(x.name)}\n$$" for x in self.sections)
 
     def __repr__(self) -> str:

@@ -57,7 +57,7 @@ class Matrices:
             if any(x for row in rows for x in row)
         ]
 
-    def _repr_latex_(self) -> str:
+    def _repr_markdown_(self) -> str:
         return f"$$\n{self.latex()}\n$$"
 
     def __repr__(self) -> str:

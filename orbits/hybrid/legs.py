@@ -101,7 +101,7 @@ class HybridOrbit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(n,) of the legs: those of their phases, or their numbers."""
+        """(n,) names of the legs, which are those of their phases, or numbers."""
         found = tuple(name for name, _ in self.path)
         return found or tuple(f"leg {i + 1}" for i in range(len(self.legs)))
 

@@ -107,7 +107,7 @@ class Taylor(Method):
 
     @property
     def for_tangents(self) -> Method:
-        """A pair: each column of tangents would need as many formulas again."""
+        """A pair, since each column of tangents would need as many formulas again."""
         return self.tangents
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:

@@ -191,7 +191,7 @@ def test_latex_and_mathml():
         r"\ddot{x} \cos \theta + l \ddot{\theta} + g \sin \theta &= 0",
         r"\end{aligned}",
     ]
-    assert found._repr_latex_().count("$$") == 2 * len(found.sections)
+    assert found._repr_markdown_().count("$$") == 2 * len(found.sections)
     for name in ZOO:
         text = jaxdyn.equations(ZOO[name].make()).latex() if name in _SHORT else ""
         assert text.count("{") == text.count("}")
@@ -386,4 +386,4 @@ def test_a_jacobian_in_print():
         "J32 = x",
         "J33 = -beta",
     ]
-    assert found._repr_latex_().startswith("$$\nJ = \\begin{pmatrix} -\\sigma & \\sigma & 0")
+    assert found._repr_markdown_().startswith("$$\nJ = \\begin{pmatrix} -\\sigma & \\sigma & 0")
