@@ -55,8 +55,8 @@ _HORIZON = 2.0**10
 _PERTURBED = 4.0
 #: Times the rate that is the motion's: where there is more, rounding is that of another place.
 _FASTER = 16.0
-#: Of a rate: what rounding makes of it, if it is nothing else.
-_ALL_ROUNDING = 2.0**-7
+#: Of a rate: what rounding makes of it at least, if it is hardly anything else.
+_ALL_ROUNDING = 2.0**-16
 #: Of a rate: what rounding makes of any. Held to the tightest tolerances it may be less.
 _USUAL = 2.0**-40
 #: Rounds in which what rounding makes of a rate is looked at.
@@ -216,7 +216,9 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = _finite(f - lax.select(look == 2, then, rate))
         counts = (look > 1) & _as_fast(f, gap, tau, u)
-        noise = lax.select(counts, lax.max(noise, _notable(groups, gap, f)), noise)
+        noise = lax.select(
+            counts, lax.max(noise, _notable(groups, gap, f, u / tau, look == 4)), noise
+        )
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
         shrink = 1.0 / lax.max(1.0, now.shrinks * step * _most(carried, u))
         by_rate = now.first / _or(_most(moved, u), 1 / span) + now.time * tau
@@ -449,8 +451,9 @@ def _by_its_change(
         rounded, far = (n == 3) | (n == 4) | (n == 7), (n == 6) | (n == 7)
         tau, sizes = motion(first, then, noise, horizon)
         time = ahead * (_AHEAD * horizon * soon.astype(float) + LATER * tau * far.astype(float))
-        aside = horizon * noise * (n == 5).astype(float) + tau * most * (n == 8).astype(float)
-        at = y0 + time * first + aside
+        aside = (n == 5) | (n == 8)
+        off_by = lax.select(n == 5, horizon * noise, tau * most) * aside.astype(float)
+        at = y0 + time * first + off_by
         rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span is left.
         slowest = _most(here, groups.largest(lax.abs(rate)))
@@ -463,7 +466,9 @@ def _by_its_change(
         gap = _finite(rate - lax.select(n == 3, then, lax.select(n == 7, later, first)))
         noise = lax.select((n > 2) & (n < 6), lax.max(noise, gap), noise)
         counts = (n > 2) & (n != 6) & (~far | _as_fast(rate, gap, tau, sizes))
-        most = lax.select(counts, lax.max(most, _notable(groups, gap, rate)), most)
+        most = lax.select(
+            counts, lax.max(most, _notable(groups, gap, rate, sizes / tau, aside)), most
+        )
         return (first, then, later, noise, most, horizon, moving), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
@@ -523,9 +528,15 @@ def notable(gap: Array, rate: Array) -> Array:
     return lax.select(gap > _USUAL * rate, gap, jnp.zeros_like(gap))
 
 
-def _notable(groups: Groups, gap: Array, rate: Array) -> Array:
-    """(k,) `notable` in groups."""
-    return notable(*groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T)
+def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array) -> Array:
+    """(k,) `notable` in groups, whose rates have the size `usual` (k,): at rest they are zero.
+
+    Beside the start by what rounding made in a while, it counts where a rate is hardly else: what
+    holds a motion on its constraints answers to any distance from these.
+    """
+    gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
+    rate = lax.max(rate, usual)
+    return notable(gap, rate) * (~aside | (gap > _ALL_ROUNDING * rate)).astype(float)
 
 
 def _weights(k: int) -> np.ndarray:
@@ -544,7 +555,7 @@ def _finite(x: Array) -> Array:
 def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
     """() whether a place is as fast as the motion: not a singularity, which has other rounding.
 
-    What is rounding, since a gap of rounding is as large as the rate, says nothing about it.
+    What is hardly more than rounding says nothing about it.
     """
     moved = tau * lax.abs(rate)
     return (

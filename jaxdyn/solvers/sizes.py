@@ -67,8 +67,7 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
         return Begun(sizes, scales.time, rate, scales.noise)
     later = t0 + LATER * jnp.sign(t1 - t0) * scales.time
     rates, noise = _rates_beside(with_tangents, y0, jnp.stack([t0, later]), sizes, scales.time)
-    tangents = _of_tangents(sizes, PART * scales.time * rates)
-    wide = jnp.concatenate([sizes[:, None], tangents], axis=1).reshape(y0.shape)
+    wide = jnp.concatenate([sizes[:, None], PART * scales.time * rates], axis=1).reshape(y0.shape)
     of_state = jnp.zeros_like(y) if scales.noise is None else scales.noise
     noise = jnp.concatenate([of_state[:, None], noise], axis=1).reshape(y0.shape)
     return Begun(grow(field.groups, wide, y0), scales.time, rate, noise)
@@ -77,7 +76,7 @@ def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
 def _rates_beside(
     field: Any, y: Array, ts: Array, sizes: Array, time: Array
 ) -> tuple[Array, Array]:
-    """(k, c) magnitudes of the rates of tangents beside the start, and of their rounding.
+    """(k, c) sizes of the rates of tangents beside the start, and of their rounding.
 
     Tangents that begin as zero, in a force that is zero there and then as well, may grow by any
     power of time. They have the size of what moves them a little further on: measured by
@@ -118,7 +117,8 @@ def _rates_beside(
     begins = jnp.asarray((np.arange(looks) % 2 == 0) & (np.arange(looks) < 2 * levels))
     begin = zero.at[:, 0].set(PART * sizes), zero, zero, zero, zero
     (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
-    return rates[:, 1:], notable(gap, rates)[:, 1:]
+    rates, gap = (_of_tangents(sizes, x[:, 1:]) for x in (rates, gap))
+    return rates, notable(gap, rates)
 
 
 def above_noise(start: Begun, tolerance: Array) -> Begun:
