@@ -244,7 +244,7 @@ def _found(field: Field, t: Array, y: Array) -> _Found:
     return _Found(
         points=points,
         a=a,
-        terms=jnp.sum(jnp.abs(turning * rate), axis=-1),
+        terms=jnp.sum(jnp.abs(turning * rate[None, None]), axis=-1),
         parts=system.cut(t, y),
         joints=system.held(t, y),
         loads=system.loads(t, y),
