@@ -33,7 +33,7 @@ from jaxdyn.sketch import Shape
 
 _MOST_BODIES = 8
 _PANEL = 3.3  # inches
-_LINE, _TITLE_LINE = 0.155, 0.17  # inches per line of text
+_LINE, _TITLE_LINE = 0.155, 0.185  # inches per line of text
 # A body alone is drawn in a square from -1.5 to 1.5.
 _EDGE = 1.5
 _BODY_SIZE = 0.5  # the largest distance of its corners from its mass centre
@@ -154,9 +154,11 @@ def _at(motion: Trajectory | HybridTrajectory, t, y) -> tuple[Scene, Any, Any]:
 
 def _verdict(found: FreeBodies) -> str:
     second = found.named_units()[-1]
+    rigid = any(body.rigid for body in found.bodies)
+    moments = " and their moments about its mass centre to dL/dt" if rigid else ""
     return (
-        f"t = {brief(found.t, second)}: on every body the forces add up to m a and their moments "
-        f"about its mass centre to dL/dt, to {found.residual:.1e} of the largest"
+        f"t = {brief(found.t, second)}: on every body the forces add up to m a{moments}, "
+        f"to {found.residual:.1e} of the largest"
     )
 
 
