@@ -92,9 +92,7 @@ def run_command(
         else:
             _print(record, end, out)
         _draw(motion, out, plot=plot, series=series, title=title, animate=animate, seconds=seconds)
-        if free_body:
-            with out.writing(free_body, "with its bodies cut free in"):
-                jaxdyn.drawing.free_body(motion, at or 0.0, path=free_body, title=title)
+        _cut_free(motion, out, free_body, at, title)
         if play:
             out.print(open_page(jaxdyn.player.play(motion), name))
         _write(motion, out, csv=csv, save=save)
@@ -129,6 +127,13 @@ def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)
+
+
+def _cut_free(motion, out: Screen, path: Path | None, at: float | None, title) -> None:
+    """Write the free-body diagrams if they are asked for."""
+    if path:
+        with out.writing(path, "with its bodies cut free in"):
+            jaxdyn.drawing.free_body(motion, at or 0.0, path=path, title=title)
 
 
 def _write_page(scene: "jaxdyn.Scene", live: Path | None, out: Screen) -> None:

@@ -105,8 +105,8 @@ def free_body(
     for i in range(panels):
         row, column = divmod(i, columns)
         bottom = height - top - row * (_PANEL + below) - _PANEL
-        square = [column * _PANEL, bottom, _PANEL, _PANEL]
-        axes.append(figure.add_axes(np.array(square) / [width, height, width, height]))
+        place = column * _PANEL / width, bottom / height, _PANEL / width, _PANEL / height
+        axes.append(figure.add_axes(place))
     colours = _colours(found)
     _together(axes[0], shapes, found, view)
     for ax, body, lines in zip(axes[1:], found.bodies, texts, strict=True):
@@ -216,7 +216,7 @@ def _together(ax, shapes: list, found: FreeBodies, view: np.ndarray) -> None:
     if dots:
         ax.plot(*np.transpose(dots), "o", color=INK, ms=6, zorder=2)
     ax.set_title("the scene", fontsize=10)
-    ax.set_xticks([]), ax.set_yticks([])
+    ax.set(xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     length = _round_length(half / 2)
     corner = middle + half * np.array([-0.95, -0.98])
@@ -292,33 +292,38 @@ def _alone(
     moment = found.named_units()[3]
     drawn: list[np.ndarray] = []
     for f in body.forces:
-        colour = colours[f.name]
-        at, vector = place(f.at), _flat(f.force, view)
-        arrow = _LONGEST * vector / (found.largest or 1.0)
-        size = float(np.linalg.norm(arrow))
-        if size < _SHORTEST:
-            ax.plot(*at, ".", color=colour, ms=5, zorder=5)
-            tip, way = at, np.array([0.7, -0.7])
-        else:
-            pushes = scale and np.dot(at, arrow) < -0.3 * np.linalg.norm(at) * size
-            tail = at - arrow if pushes else at
-            tip, way = tail + arrow, (-arrow if pushes else arrow) / size
-            side = _beside(np.stack([tail, tip]), drawn)
-            tail, tip = tail + side, tip + side
-            drawn.append(np.stack([tail, tip]))
-            _arrow(ax, tail, tip, colour)
-            labels.keep_off(drawn[-1:])
-            tip = tail if pushes else tip
-        wanted.append((tip, way, _named(f, found), colour))
+        colour, at = colours[f.name], place(f.at)
+        end, way = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
+        wanted.append((end, way, _named(f, found), colour))
         if np.any(f.couple):
-            end = _arc(ax, at, f.couple, colour)
-            wanted.append(
-                (end, np.array([0.7, 0.7]), brief(_magnitude(f.couple), moment, 4), colour)
-            )
+            named = brief(_magnitude(f.couple), moment, 4)
+            wanted.append((_arc(ax, at, f.couple, colour), np.array([0.7, 0.7]), named, colour))
+    labels.keep_off(drawn)
     if motion:
         wanted += _draw_motion(ax, body, found, view, labels)
     for label in wanted:
         labels.put(*label)
+
+
+def _draw_force(
+    ax, at: np.ndarray, vector: np.ndarray, largest: float, colour: str, drawn: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw one arrow beside those drawn already; where its label belongs, and in which direction.
+
+    A force that pushes on a body ends at its point of attack, any other begins there.
+    """
+    arrow = _LONGEST * vector / (largest or 1.0)
+    size = float(np.linalg.norm(arrow))
+    if size < _SHORTEST:
+        ax.plot(*at, ".", color=colour, ms=5, zorder=5)
+        return at, np.array([0.7, -0.7])
+    pushes = np.dot(at, arrow) < -0.3 * np.linalg.norm(at) * size
+    tail = at - arrow if pushes else at
+    ends = np.stack([tail, tail + arrow])
+    ends = ends + _beside(ends, drawn)
+    drawn.append(ends)
+    _arrow(ax, *ends, colour)
+    return (ends[0], -arrow / size) if pushes else (ends[1], arrow / size)
 
 
 def _named(f: Force, found: FreeBodies) -> str:
@@ -456,21 +461,21 @@ class _Labels:
         unit = (x1 - x0) / (2 * _EDGE)
         points = np.concatenate([np.zeros((0, 2)), *self.lines])
         start = np.arctan2(way[1], way[0])
-        best = None
-        for far in _FAR:
-            for k in range(_ALL_ROUND):
-                turn = (k + 1) // 2 * (-1) ** k * 2 * np.pi / _ALL_ROUND
-                aim = np.array([np.cos(start + turn), np.sin(start + turn)])
-                middle = at + aim * (far * unit + np.abs(aim) @ half)
-                mine = Bbox([middle - half, middle + half])
-                over = sum(_overlap(mine, other) for other in self.taken) / (4 * half.prod())
-                inside = (np.abs(points - middle) < half * 1.06).all(axis=1).sum()
-                out = max(0.0, *(middle + half - [x1, y1]), *([x0, y0] - (middle - half))) / unit
-                cost = 40 * over + 0.6 * inside + 60 * out + abs(turn) * 0.5 + 3 * far
-                if best is None or cost < best[0]:
-                    best = cost, middle, mine
-        drawn.set_position(best[1])
-        self.taken.append(best[2])
+        tried = []
+        for far, k in itertools.product(_FAR, range(_ALL_ROUND)):
+            turn = (k + 1) // 2 * (-1) ** k * 2 * np.pi / _ALL_ROUND
+            aim = np.array([np.cos(start + turn), np.sin(start + turn)])
+            middle = at + aim * (far * unit + np.abs(aim) @ half)
+            mine = Bbox([middle - half, middle + half])
+            over = sum(_overlap(mine, other) for other in self.taken) / (4 * half.prod())
+            inside = (np.abs(points - middle) < half * 1.06).all(axis=1).sum()
+            out = max(0.0, *(middle + half - [x1, y1]), *([x0, y0] - (middle - half))) / unit
+            # Off other labels and the edge first, then off lines, then near and straight ahead.
+            cost = 40 * over + 60 * out + 0.6 * inside + 0.5 * abs(turn) + 3 * far
+            tried.append((cost, tuple(middle), mine))
+        _, middle, mine = min(tried, key=lambda found: found[0])
+        drawn.set_position(middle)
+        self.taken.append(mine)
 
 
 def _overlap(a: Bbox, b: Bbox) -> float:
