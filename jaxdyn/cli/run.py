@@ -96,9 +96,14 @@ def run_command(
         if play:
             out.print(open_page(jaxdyn.player.play(motion), name))
         _write(motion, out, csv=csv, save=save)
-        if not jaxdyn.files.tables.arrived(motion):
-            out.print(f"[red]stopped[/red]: {motion.message}")
-            raise typer.Exit(STOPPED)
+        _check_arrived(motion, out)
+
+
+def _check_arrived(motion, out: Screen) -> None:
+    """Exit with a code of its own if the motion did not reach its end."""
+    if not jaxdyn.files.tables.arrived(motion):
+        out.print(f"[red]stopped[/red]: {motion.message}")
+        raise typer.Exit(STOPPED)
 
 
 def _check_numbers(

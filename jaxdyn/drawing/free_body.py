@@ -322,7 +322,7 @@ def _draw_force(
     ends = np.stack([tail, tail + arrow])
     ends = ends + _beside(ends, drawn)
     drawn.append(ends)
-    _arrow(ax, *ends, colour)
+    _arrow(ax, ends[0], ends[1], colour)
     return (ends[0], -arrow / size) if pushes else (ends[1], arrow / size)
 
 
