@@ -393,7 +393,7 @@ def _account(body: FreeBody, found: FreeBodies) -> list[str]:
 
     def row(x, unit, least):
         x = np.where(np.abs(x) < least, 0.0, x)
-        return brief(x, unit, 4)
+        return brief(x.reshape(()) if x.size == 1 else x, unit, 4)
 
     lines = [f"{f.name}: {row(f.force, newton, tiny)}" for f in body.forces] or ["no forces"]
     lines.append(f"sum of forces = m a = {row(body.m * body.acceleration, newton, tiny)}")
