@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from jaxdyn import _checks, _text
 from jaxdyn._records.record import Record as Record
 from jaxdyn._shapes import check_potential, potential_energy
+from jaxdyn.joints import Joint, Load, Part
 from jaxdyn.sketch import Shape
 
 
@@ -40,6 +41,8 @@ class Effect(Record):
     #: Where the force has no value or no direction, and the remedy: a sentence for the message
     #: of a motion that ends there; empty for a force that is smooth everywhere.
     singular: ClassVar[str] = ""
+    #: What its force is called in a free-body diagram; by default the words of its class name.
+    called: ClassVar[str] = ""
 
     def potential(self, t: Array, r: Array, m: Array) -> Array | None:
         """Potential energy () [J] of points at r (n, d); None if there is none."""
@@ -71,6 +74,19 @@ class Effect(Record):
         """The shapes of the effect on points at r (n, d) in drawings: a spring, an anchor."""
         del t, r
         return ()
+
+    def pieces(self, m: Array) -> tuple["Effect", ...]:
+        """Effects whose sum it is, one for each force that a free-body diagram shows by itself.
+
+        Those of a network of springs are the springs. m (n,) are the masses of the points.
+        """
+        del m
+        return (self,)
+
+    def attack(self, t: Array, q: Array, v: Array) -> Array | None:
+        """Place (d,) [m] where a force of `generalized` on a rigid body acts; None by default."""
+        del t, q, v
+        return None
 
     @property
     def without_units(self) -> bool:
@@ -137,6 +153,28 @@ class System(Record):
         """Shapes in drawings besides the paths of the material points; see `sketch`."""
         del t, y
         return ()
+
+    def cut(self, t: Array, y: Float[Array, " k"]) -> tuple[Part, ...]:
+        """The bodies that it consists of, for free-body diagrams; () where they are not known."""
+        del t, y
+        return ()
+
+    def held(self, t: Array, y: Float[Array, " k"]) -> tuple[Joint, ...]:
+        """What holds the bodies: hinges, rods, wires, contacts."""
+        del t, y
+        return ()
+
+    def loads(self, t: Array, y: Float[Array, " k"]) -> tuple[Load, ...]:
+        """The forces that its equations contain besides those of effects and joints."""
+        del t, y
+        return ()
+
+    def constraint_forces(
+        self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]
+    ) -> Array | None:
+        """(c,) forces in the constraints where the equations contain them; None elsewhere."""
+        del t, y, effects
+        return None
 
     @property
     def accepts(self) -> frozenset[str]:

@@ -25,6 +25,7 @@ from jaxdyn._text.tables import (
     shorten,
     table,
     title_of,
+    words,
 )
 
 __all__ = [
@@ -47,4 +48,5 @@ __all__ = [
     "whole",
     "with_null",
     "with_picture",
+    "words",
 ]

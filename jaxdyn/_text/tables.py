@@ -104,6 +104,11 @@ def title_of(scene: Any) -> str:
     return scene.name or type(scene.system).__name__
 
 
+def words(x: Any) -> str:
+    """The name of the class of an object as words, such as "uniform gravity"."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__.strip("_")).lower()
+
+
 def second(labels: Sequence[tuple[str, str]]) -> str:
     """The unit of time for a state with these labels; "" where there are no units.
 

@@ -2,6 +2,7 @@
 
 Along a motion: `energy`, `momenta`, `work_by_effect`, `energy_change` (what changes it),
 `constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close encounters.
+At a state: `free_body` (all forces on each body).
 Stability: `linearize`, `steady` (steady motions), `floquet` (driven scenes), `precession`;
 `eigenvalues` decides it, for orbits from the `monodromy` matrix. `equilibria` finds equilibria;
 the folder `equilibrium_search` searches for them and proves that there are no others. `_roots`
@@ -20,6 +21,7 @@ from jaxdyn.analysis import (
     energy_change,
     equilibria,
     floquet,
+    free_body,
     linearize,
     momenta,
     monodromy,
@@ -37,6 +39,7 @@ __all__ = [
     "energy_change",
     "equilibria",
     "floquet",
+    "free_body",
     "linearize",
     "momenta",
     "monodromy",

@@ -13,6 +13,8 @@ from jaxdyn.cli.docstrings import scene_settings, solver_names
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
+    AtOption,
+    FreeBodyOption,
     JsonOption,
     LiveOption,
     PlayOption,
@@ -57,6 +59,8 @@ def run_command(
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
+    free_body: FreeBodyOption = None,
+    at: AtOption = None,
     play: PlayOption = False,
     live: LiveOption = None,
     csv: Annotated[Path | None, output_option(table_path, "Write times and states (.csv).")] = None,
@@ -66,8 +70,8 @@ def run_command(
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
-    check_title(title, plot, series, options="--plot or --series")
-    _check_numbers(samples, seconds, animate)
+    check_title(title, plot, series, free_body, options="--plot, --series or --free-body")
+    _check_numbers(samples, seconds, animate, at, free_body)
     chosen = scene_settings(name, settings)
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
     with screen(f"simulating {name}", as_object) as out:
@@ -88,17 +92,31 @@ def run_command(
         else:
             _print(record, end, out)
         _draw(motion, out, plot=plot, series=series, title=title, animate=animate, seconds=seconds)
+        _cut_free(motion, out, free_body, at, title)
         if play:
             out.print(open_page(jaxdyn.player.play(motion), name))
         _write(motion, out, csv=csv, save=save)
-        if not jaxdyn.files.tables.arrived(motion):
-            out.print(f"[red]stopped[/red]: {motion.message}")
-            raise typer.Exit(STOPPED)
+        _check_arrived(motion, out)
 
 
-def _check_numbers(samples: int, seconds: float | None, animate: Path | None) -> None:
+def _check_arrived(motion, out: Screen) -> None:
+    """Exit with a code of its own if the motion did not reach its end."""
+    if not jaxdyn.files.tables.arrived(motion):
+        out.print(f"[red]stopped[/red]: {motion.message}")
+        raise typer.Exit(STOPPED)
+
+
+def _check_numbers(
+    samples: int,
+    seconds: float | None,
+    animate: Path | None,
+    at: float | None,
+    free_body: Path | None,
+) -> None:
     if seconds is not None and animate is None:
         raise fail("--seconds", "--animate with it", "none", "It is how long that lasts.")
+    if at is not None and free_body is None:
+        raise fail("--at", "--free-body with it", "none", "It is the time of that picture.")
     remedy = f"It is at most {_MOST_SAMPLES} here; jaxdyn.simulate takes more."
     whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
 
@@ -114,6 +132,13 @@ def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)
+
+
+def _cut_free(motion, out: Screen, path: Path | None, at: float | None, title) -> None:
+    """Write the free-body diagrams if they are asked for."""
+    if path:
+        with out.writing(path, "with its bodies cut free in"):
+            jaxdyn.drawing.free_body(motion, at or 0.0, path=path, title=title)
 
 
 def _write_page(scene: "jaxdyn.Scene", live: Path | None, out: Screen) -> None:

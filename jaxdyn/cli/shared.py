@@ -85,6 +85,11 @@ SpanOption = Annotated[float | None, number("End of the span; the scene's own.")
 PlotOption = Annotated[Path | None, output_option(picture_path, "Draw it (.png, .pdf, .svg).")]
 AnimateOption = Annotated[Path | None, output_option(animation_path, "Animate it (.gif, .mp4).")]
 SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
+FreeBodyOption = Annotated[
+    Path | None,
+    output_option(picture_path, "Draw each body cut free, with its forces (.png, .pdf, .svg)."),
+]
+AtOption = Annotated[float | None, number("When the bodies are cut free [s]; at the start.")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
 LiveOption = Annotated[

@@ -78,6 +78,8 @@ def solve(page: Page) -> None:
     fixed = simulate(scenes.pendulum(angle=2.0), **precisely)
     statement = "On a very heavy cart it is a simple pendulum"
     page.equal(statement, light["theta"], fixed["theta"], within=1e-7, route="special case")
+    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
+    page.draw(free, "The stick pulls cart and mass towards each other; the track holds the cart.")
     page.draw(drawing.trajectory(by_lagrange), "The cart moves against the swing of the point.")
     page.play(by_lagrange, "The centre of both moves along the track at a constant speed.")
 

@@ -60,6 +60,8 @@ def solve(page: Page) -> None:
         page.equal("The friction needed there is the coefficient", ratio, mu, within=1e-14)
 
     motion = simulate(rolling, end.t, samples=300, rtol=1e-12)
+    free = drawing.free_body(motion, float(motion.ts[250]))
+    page.draw(free, "Cut free: weight, normal force and friction.")
     page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
     look = (
         "It ends where contact would, if friction had no limit; with a coefficient of friction, "

@@ -5,10 +5,11 @@ or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises 
 starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
-chaos), `bifurcations`, `responses` (Bode plots), `animation`. Their parts: `contents` (what is
-drawn of a motion), `figures` (the look of all pictures), `panels` (axes for motions), `solid` (axes
-in space), `curves`, `strokes`, `artists`, `titles`. Only the command lines and `orbits.drawing`
-import this folder, since Matplotlib is slow to load; ``import jaxdyn`` does not load it.
+chaos), `bifurcations`, `responses` (Bode plots), `animation`, `free_body` (forces on each body).
+Their parts: `contents` (what is drawn of a motion), `figures` (the look of all pictures), `panels`
+(axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`, `titles`. Only the
+command lines and `orbits.drawing` import this folder, since Matplotlib is slow to load; ``import
+jaxdyn`` does not load it.
 
 May import: `files`, `scenes`, `chaos`, `continuation`.
 
@@ -22,6 +23,7 @@ from jaxdyn.drawing.animation import animate
 from jaxdyn.drawing.bifurcations import bifurcation_curves, equilibria
 from jaxdyn.drawing.charts import chaos_map, stability_chart
 from jaxdyn.drawing.contents import Paths, paths
+from jaxdyn.drawing.free_body import free_body
 from jaxdyn.drawing.projections import projections
 from jaxdyn.drawing.responses import bode
 from jaxdyn.drawing.series import time_series
@@ -36,6 +38,7 @@ __all__ = [
     "caption",
     "chaos_map",
     "equilibria",
+    "free_body",
     "judgement",
     "paths",
     "projections",

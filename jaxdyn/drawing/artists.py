@@ -15,11 +15,11 @@ from jaxdyn.drawing.strokes import grounds, strokes
 _SPRING = 0.022  # half width of a spring, to the widest side of the box
 _AREAS = 1.4  # depth at which filled areas are drawn
 ABOVE_AREAS = 1.5  # and of poses at other times, which one filled at the start must not hide
-_BODY = "#e6e9ee"
-_GROUND = "#8c8c8c"
+BODY = "#e6e9ee"
+GROUND = "#8c8c8c"
 _PIN = 22  # points
 #: A triangle with its tip at the pin's position, and the ground it is fixed to.
-_HUNG = np.array([[0.0, 0.0], [-0.6, 0.9], [-1.0, 0.9], [1.0, 0.9], [0.6, 0.9], [0.0, 0.0]])
+HUNG = np.array([[0.0, 0.0], [-0.6, 0.9], [-1.0, 0.9], [1.0, 0.9], [0.6, 0.9], [0.0, 0.0]])
 
 
 class Shapes:
@@ -27,14 +27,14 @@ class Shapes:
 
     def __init__(self, ax, drawn: Paths, box: np.ndarray):
         self.drawn, self.width = drawn, _SPRING * np.diff(box).max()
-        draw_lines(ax, grounds(drawn), colors=_GROUND, linewidths=1.6, zorder=0.6)
-        fills = (("areas", _BODY, _AREAS), ("solids", INK, 2.6)) if ax.name != "3d" else ()
+        draw_lines(ax, grounds(drawn), colors=GROUND, linewidths=1.6, zorder=0.6)
+        fills = (("areas", BODY, _AREAS), ("solids", INK, 2.6)) if ax.name != "3d" else ()
         self._filled = {kind: _add_polygons(ax, colour, order) for kind, colour, order in fills}
         # In space edges at the back are drawn too, thinner to avoid clutter.
         width = 1.3 if ax.name == "3d" else 2.0
         self._lines = draw_lines(ax, [], colors=INK, linewidths=width, zorder=2.5)
         self._springs = draw_lines(ax, [], colors=INK, linewidths=1.1, zorder=2.4)
-        marker = "s" if ax.name == "3d" else Path(_HUNG * (1.0 if self._hangs() else -1.0))
+        marker = "s" if ax.name == "3d" else Path(HUNG * (1.0 if self._hangs() else -1.0))
         size = 6 if ax.name == "3d" else _PIN
         nowhere = [[]] * len(box)
         (self._pins,) = ax.plot(

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.mathtext import MathTextParser
 
 from jaxdyn._records.kinds import check_first
+from jaxdyn._text import words
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
@@ -95,8 +96,8 @@ def _parts(scene: Scene) -> list[_Part]:
     """The system, called by the scene's name if it has one, and the effects."""
     system = getattr(scene.system, "mechanism", scene.system)
     # A dollar sign would start a formula.
-    name = scene.name.replace("$", r"\$") or _words(system).capitalize()
-    effects = [_Part(_words(effect), _numbers(effect)) for effect in scene.effects]
+    name = scene.name.replace("$", r"\$") or words(system).capitalize()
+    effects = [_Part(words(effect), _numbers(effect)) for effect in scene.effects]
     return [_Part(name, _numbers(system)), *effects]
 
 
@@ -109,11 +110,6 @@ def _with_numbers(words: str, parts: Sequence[_Part]) -> str:
         if all(part.numbers.get(name) == x for part in others)
     ]
     return f"{words} ({', '.join(shared)})" if shared else words
-
-
-def _words(module: eqx.Module) -> str:
-    """The class name of a part as words."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(module).__name__.strip("_")).lower()
 
 
 def _numbers(part: eqx.Module | dict) -> dict[str, str]:

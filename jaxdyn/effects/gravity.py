@@ -1,5 +1,6 @@
 """Gravity: uniform, and the mutual attraction of all points."""
 
+import itertools
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn._numerics import square_norm
+from jaxdyn.effects._parts import on_ends
 from jaxdyn.scene import Effect, Points
 
 # ---- Sums over all pairs of bodies, a few bodies at a time against all
@@ -74,6 +76,7 @@ class UniformGravity(Effect):
 
     g: Array = eqx.field(converter=as_float, default=9.81)
     velocity_dependent: ClassVar[bool] = False
+    called: ClassVar[str] = "weight"
 
     def potential(self, t, r, m):
         del t
@@ -104,6 +107,10 @@ class PairGravity(Effect):
         "Bodies that meet attract each other infinitely: regularised.simulate_regularised follows "
         "near collisions."
     )
+
+    def pieces(self, m):
+        pairs = itertools.combinations(range(m.shape[0]), 2)
+        return tuple(_Attraction(self.G, i, j) for i, j in pairs)
 
     @property
     def without_units(self):
@@ -158,3 +165,19 @@ class PairGravity(Effect):
                 f"bodies {i + 1} and {j + 1} both at {r[i].tolist()}",
                 "Their attraction is infinite there; move one.",
             )
+
+
+class _Attraction(Effect):
+    """The attraction of two points alone."""
+
+    G: Array
+    i: int = eqx.field(static=True)
+    j: int = eqx.field(static=True)
+    called: ClassVar[str] = "attraction"
+
+    def force(self, t, r, v, m):
+        del t, v
+        d = r[self.j] - r[self.i]
+        r2 = square_norm(d)
+        pull = self.G * m[self.i] * m[self.j] / (r2 * jnp.sqrt(r2)) * d
+        return on_ends(pull, r.shape[0], self.i, self.j)

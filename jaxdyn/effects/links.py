@@ -149,6 +149,14 @@ class SpringNetwork(Effect):
         ends = jnp.stack([r[np.asarray(ends, int)] for ends in (self.first, self.second)], axis=1)
         return (Shape("spring", ends),)
 
+    def pieces(self, m):
+        del m
+        ends = tuple(zip(self.first, self.second, strict=True))
+        each = (jnp.broadcast_to(x, (len(ends),)) for x in (self.k, self.length))
+        return tuple(
+            Spring(k, length, i=i, j=j) for (i, j), k, length in zip(ends, *each, strict=True)
+        )
+
     def check(self, points: Points) -> None:
         for i, j in zip(self.first, self.second, strict=True):
             _check_ends(i, j, len(points.m))

@@ -68,7 +68,7 @@ class Constrained(MechanismSystem):
         a, _ = _accelerations(self, t, y, effects)
         return jnp.concatenate([jnp.split(y, 2)[1], a])
 
-    def constraint_forces(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> Array:
+    def constraint_forces(self, t, y, effects):
         """(c + b,) multipliers: the forces of the ties, then of the rolling conditions."""
         return _accelerations(self, t, y, effects)[1]
 

@@ -18,6 +18,7 @@ from jaxdyn import _checks
 from jaxdyn._numerics import materialise, runtime_one
 from jaxdyn._records.kinds import check_first
 from jaxdyn._shapes import generalized_forces, total_force
+from jaxdyn.joints import Joint, Part
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Record
@@ -63,6 +64,16 @@ class Mechanism(Record):
 
     def rods(self) -> tuple[str, ...]:
         """Names of the rods whose lengths (`stretch`) are the first of the ties."""
+        return ()
+
+    def cut(self, t: Array, q: Array) -> tuple[Part, ...]:
+        """The bodies that it consists of, as `System.cut`."""
+        del t, q
+        return ()
+
+    def held(self, t: Array, q: Array) -> tuple[Joint, ...]:
+        """What holds the bodies, as `System.held`."""
+        del t, q
         return ()
 
     def sketch(self, t: Array, q: Array) -> tuple[Shape, ...]:
@@ -133,6 +144,12 @@ class MechanismSystem(System):
 
     def sketch(self, t, y):
         return self.mechanism.sketch(t, jnp.split(y, 2)[0])
+
+    def cut(self, t, y):
+        return self.mechanism.cut(t, jnp.split(y, 2)[0])
+
+    def held(self, t, y):
+        return self.mechanism.held(t, jnp.split(y, 2)[0])
 
     def check(self, t, y):
         del t, y

@@ -18,6 +18,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn._shapes import check_force, total_force
+from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
@@ -64,6 +65,10 @@ class FreePoints(System):
         del t
         r, v = y.reshape(2, self.m.shape[0], self.d)
         return Points(r, v, self.m)
+
+    def cut(self, t, y):
+        del t, y
+        return particles(self.m, self.names)
 
     def rate(self, t, y, effects):
         r, v, m = self.points(t, y)

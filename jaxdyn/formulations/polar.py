@@ -7,6 +7,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn._shapes import total_force
+from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
 
 
@@ -34,6 +35,9 @@ class PolarParticle(System):
         e_r, e_theta = polar_basis(theta)
         position = (r * e_r)[None, :]
         return Points(position, (vr * e_r + r * omega * e_theta)[None, :], self.m[None])
+
+    def cut(self, t, y):
+        return particles(self.points(t, y).m)
 
     def rate(self, t, y, effects):
         r, theta, vr, omega = y

@@ -27,6 +27,7 @@ from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.geometry.vectors import cross
+from jaxdyn.joints import Joint, body, pinned
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
 
@@ -156,6 +157,14 @@ class RigidBody(System):
         r, R, _, _ = self.pose(y)
         return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
 
+    def cut(self, t, y):
+        del t, y
+        return body("body", self.matter.m)
+
+    def held(self, t, y):
+        del t, y
+        return at_pivot(self.pivoted)
+
     def pose(self, y: Array) -> Pose:
         """Position, attitude and angular velocity at a state (k,)."""
         r, a, v, omega = self._parts(y)
@@ -276,6 +285,11 @@ def about_centre(matter: MaterialPoints) -> MaterialPoints:
     """The points with their centre of mass at the origin."""
     r, m = matter
     return MaterialPoints(r - jnp.sum(m[:, None] * r, axis=0)[None] / jnp.sum(m), m)
+
+
+def at_pivot(pivoted: bool) -> tuple[Joint, ...]:
+    """What holds a body with a pivot at the origin."""
+    return (pinned("pivot", 0, None, jnp.zeros(3)),) if pivoted else ()
 
 
 def turned(R: Array, s: Array) -> Array:

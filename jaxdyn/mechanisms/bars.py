@@ -9,6 +9,8 @@ are therefore the hinges and the middles, and a drawing that joins the hinges sh
 Here are geometry and masses; the equations of motion follow from them in `formulations`.
 """
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,6 +20,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import safe_norm
 from jaxdyn.formulations.mechanism import Mechanism, stretch
+from jaxdyn.joints import Joint, Part, along, particles, pinned, rod
 from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
@@ -92,6 +95,26 @@ class Chain(Mechanism):
         velocities = jax.jacfwd(lambda q: self.joints(q)[-1])(q)
         return jnp.sum(across[:, None] * velocities, axis=0)[None, :]
 
+    def cut(self, t, q):
+        del t
+        joints = self.joints(q)
+        return bar_parts(self.m, joints) if self.uniform else bob_parts(self.m)
+
+    def held(self, t, q):
+        del t
+        joints = self.joints(q)
+        if not self.uniform:
+            return rods_of_bobs(joints)
+        last = len(q) - 1
+        if self.skate:
+            across = frame(joints[-1] - joints[-2])[:, 1]
+            skate = along("skate", last, None, joints[-1], across, 0)
+            return skate, *hinges(joints[:-1])
+        if self.end is None:
+            return hinges(joints[:-1])
+        far = pinned(f"hinge {last + 2}", last, None, joints[-1], 0)
+        return far, *hinges(joints[:-1])
+
     def sketch(self, t, q):
         del t
         return bar_shapes(self.joints(q), self.end, skate=self.skate)
@@ -134,6 +157,32 @@ class Bodies(Mechanism):
         if self.end is not None:
             hinges = jnp.concatenate([hinges, (far[-1] - self.end)[None, :]])
         return hinges.ravel()
+
+    def cut(self, t, q):
+        del t
+        near, _, far = self._bars(q)
+        n = self.m.shape[0]
+        ends = [near, far]
+        return tuple(
+            Part(
+                f"bar {i + 1}",
+                (i, n + i, 2 * n + i),
+                self.m[i] * jnp.array([_END, _END, _MIDDLE]),
+                True,
+                (line(*(end[i] for end in ends)),),
+            )
+            for i in range(n)
+        )
+
+    def held(self, t, q):
+        del t
+        near, _, far = self._bars(q)
+        n = self.m.shape[0]
+        found = hinges(near, multipliers=True)
+        if self.end is None:
+            return found
+        # The last tie is the place of the far end: its multiplier is the force on it.
+        return *found, pinned(f"hinge {n + 1}", n - 1, None, far[-1], 2 * n)
 
     def sketch(self, t, q):
         del t
@@ -181,6 +230,14 @@ class Bobs(Mechanism):
     def rods(self):
         return tuple(f"rod {i + 1}" for i in range(self.m.shape[0]))
 
+    def cut(self, t, q):
+        del t, q
+        return bob_parts(self.m)
+
+    def held(self, t, q):
+        joints = jnp.concatenate([jnp.zeros((1, 2)), self.positions(t, q)])
+        return rods_of_bobs(joints, multipliers=True)
+
     def sketch(self, t, q):
         return bar_shapes(jnp.concatenate([jnp.zeros((1, 2)), self.positions(t, q)]), None)
 
@@ -202,6 +259,43 @@ def row_masses(m: Array) -> Array:
     none = jnp.zeros(1)
     ends = _END * (jnp.concatenate([none, m]) + jnp.concatenate([m, none]))
     return jnp.concatenate([ends, _MIDDLE * m])
+
+
+def bar_parts(m: Array, joints: Array) -> tuple[Part, ...]:
+    """The bars of masses m (n,) through joints (n + 1, 2), by the points of `row_points`."""
+    n = m.shape[0]
+    shares = jnp.array([_END, _END, _MIDDLE])
+    return tuple(
+        Part(
+            f"bar {i + 1}",
+            (i, i + 1, n + 1 + i),
+            m[i] * shares,
+            True,
+            (line(joints[i], joints[i + 1]),),
+        )
+        for i in range(n)
+    )
+
+
+def bob_parts(m: Array) -> tuple[Part, ...]:
+    """Point masses (n,) at the ends of massless rods, each a body."""
+    return particles(m, tuple(f"mass {i + 1}" for i in range(m.shape[0])))
+
+
+def hinges(near: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
+    """The hinges at the near ends (n, 2) of bars, by which each is held by the one before."""
+    return tuple(
+        pinned(f"hinge {i + 1}", i, i - 1 if i else None, place, 2 * i if multipliers else None)
+        for i, place in enumerate(near)
+    )
+
+
+def rods_of_bobs(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
+    """The massless rods through joints (n + 1, 2), of which the first is fixed."""
+    return tuple(
+        rod(f"rod {i + 1}", i, i - 1 if i else None, ends, i if multipliers else None)
+        for i, ends in enumerate(itertools.pairwise(joints))
+    )
 
 
 def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tuple[Shape, ...]:

@@ -18,6 +18,12 @@ class Car(Skated):
 
     axles: Array
 
+    def cut(self, t, q):
+        return tuple(part._replace(name="car") for part in super().cut(t, q))
+
+    def held(self, t, q):
+        return tuple(wheel._replace(name="rolling axle") for wheel in super().held(t, q))
+
     def sketch(self, t, q):
         del t
         turn = frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))

@@ -22,6 +22,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._shapes import total_force
+from jaxdyn.joints import along, body
 from jaxdyn.scene import Points, System
 from jaxdyn.sketch import Shape, circle, line, traces
 
@@ -104,6 +105,26 @@ class Cylinder(System):
         along = 2 * self.r * jnp.stack([n[1], -n[0]])
         ramp = Shape("ground", jnp.stack([foot - along, foot + along]))
         return ramp, rim, line(c, mark), *paths
+
+    def cut(self, t, y):
+        c = y[:2] - self.d * _axes(y[2])[0]
+        outline = Shape("area", circle(c, self.r)), line(c, c + self.r * _axes(y[2])[0])
+        return body("cylinder", self.points(t, y).m, outline)
+
+    def held(self, t, y):
+        del t
+        if self.contact == "fly":
+            return ()
+        c = y[:2] - self.d * _axes(y[2])[0]
+        n = self._normal(c)
+        foot, tangent = c - self.r * n, jnp.stack([n[1], -n[0]])
+        return (
+            along("normal force", 0, None, foot, n, 0),
+            along("friction", 0, None, foot, tangent, 1),
+        )
+
+    def constraint_forces(self, t, y, effects):
+        return self.reaction(t, y, effects)
 
     def rate(self, t, y, effects):
         force = self._load(t, y, effects)

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -12,6 +13,7 @@ from jaxdyn._numerics import smooth
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
 from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
+from jaxdyn.joints import Joint, along, body
 from jaxdyn.sketch import Shape, arc, lines, traces
 
 _SEQUENCE = "ZXZ"
@@ -99,6 +101,16 @@ class Disk(Mechanism):
         spokes = lines(jnp.stack([q[:3] + across, q[:3] - across, q[:3] + up, q[:3] - up]), _SPOKES)
         marks = jnp.stack([self.contact(q), q[:3]])
         return rim, spokes, *traces(marks, ["contact with the ground", "centre"])
+
+    def cut(self, t, q):
+        del t, q
+        return body("disk", self.masses())
+
+    def held(self, t, q):
+        del t
+        place, axes = self.contact(q), jnp.asarray(np.eye(3))
+        normal = along("normal force", 0, None, place, axes[2], 0)
+        return (normal, Joint("friction", 0, None, place, axes[:2], 1)) if self.rough else (normal,)
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (6,)."""

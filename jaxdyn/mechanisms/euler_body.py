@@ -12,7 +12,15 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.formulations.rigid import METRES, FirstPoint, Pose, about_centre, check_matter, turned
+from jaxdyn.formulations.rigid import (
+    METRES,
+    FirstPoint,
+    Pose,
+    about_centre,
+    at_pivot,
+    check_matter,
+    turned,
+)
 from jaxdyn.geometry.euler import (
     SEQUENCES,
     euler_from_matrix,
@@ -21,6 +29,7 @@ from jaxdyn.geometry.euler import (
     omega_b_from_euler,
 )
 from jaxdyn.geometry.inertia import MaterialPoints
+from jaxdyn.joints import body
 from jaxdyn.sketch import Looks
 
 
@@ -76,6 +85,14 @@ class EulerBody(Mechanism):
         r, angles = self._parts(q)
         R = matrix_from_euler(angles, self.sequence)
         return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
+
+    def cut(self, t, q):
+        del t, q
+        return body("body", self.matter.m)
+
+    def held(self, t, q):
+        del t, q
+        return at_pivot(self.pivoted)
 
     def pose(self, q: Array, v: Array) -> Pose:
         """Position, attitude and angular velocity at coordinates and velocities (n,)."""

@@ -9,7 +9,15 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.mechanism import Mechanism
-from jaxdyn.mechanisms.bars import bar_shapes, check_bars, row_masses, row_points
+from jaxdyn.joints import pinned
+from jaxdyn.mechanisms.bars import (
+    bar_parts,
+    bar_shapes,
+    check_bars,
+    hinges,
+    row_masses,
+    row_points,
+)
 
 #: Squared height of a triangle over one of its sides below which it counts as flat.
 IN_LINE = 1e-14
@@ -60,6 +68,13 @@ class FourBar(Mechanism):
         """(9,) x, y and angle of each bar: the coordinates of `Bodies`."""
         middles = self.positions(t, q)[4:]
         return jnp.concatenate([middles, self.angles(t, q)[:, None]], axis=1).ravel()
+
+    def cut(self, t, q):
+        return bar_parts(self.m, self.positions(t, q)[:4])
+
+    def held(self, t, q):
+        joints = self.positions(t, q)[:4]
+        return *hinges(joints[:3]), pinned("hinge 4", 2, None, joints[3])
 
     def sketch(self, t, q):
         return bar_shapes(self.positions(t, q)[:4], self.end)

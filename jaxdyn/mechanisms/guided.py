@@ -7,10 +7,14 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, planar_body
+from jaxdyn.joints import Part, along, particles, pinned
 from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
 
 #: The radius of a table, to its radius of gyration.
 _RIM_RATIO = 1.5
+#: The masses of a plate, and which of them it joins.
+_DRIVEN = ("driven 1", "driven 2", "fixed 1", "fixed 2")
+_PLATE = ((0, 1), (2, 3))
 
 
 class Parabola(Mechanism):
@@ -27,6 +31,15 @@ class Parabola(Mechanism):
 
     def positions(self, t, q):
         return self.place(t, q)[None, :]
+
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m[None], ("bead",))
+
+    def held(self, t, q):
+        slope = 2 * self.c * q[0]
+        normal = jnp.stack([-slope, jnp.ones_like(slope)])
+        return (along("wire", 0, None, self.place(t, q), normal),)
 
     def place(self, t: Array, q: Array) -> Array:
         """(2,) x and y: the coordinates of a `TiedParabola`."""
@@ -49,6 +62,16 @@ class TiedParabola(Mechanism):
     def positions(self, t, q):
         del t
         return q[None, :]
+
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m[None], ("bead",))
+
+    def held(self, t, q):
+        del t
+        slope = 2 * self.c * q[0]
+        normal = jnp.stack([-slope, jnp.ones_like(slope)])
+        return (along("wire", 0, None, q, normal, 0),)
 
     def tied(self, t, q):
         del t
@@ -74,6 +97,15 @@ class Cycloid(Mechanism):
         # The integral of cos(arcsin(slope)) over s; the curve ends where arcsin does.
         x = 0.5 * (s * jnp.sqrt(1 - slope * slope) + jnp.arcsin(slope) / (2 * self.c))
         return jnp.stack([x, self.c * s * s])[None, :]
+
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m[None], ("bead",))
+
+    def held(self, t, q):
+        slope = 2 * self.c * q[0]
+        normal = jnp.stack([-slope, jnp.sqrt(1 - slope * slope)])
+        return (along("wire", 0, None, self.positions(t, q)[0], normal),)
 
     def check(self):
         _checks.positive("c", self.c, "The curve bends upwards.")
@@ -108,6 +140,17 @@ class Turntable(Mechanism):
         mass = jnp.stack([s * c + self.d * n, s * n - self.d * c])
         table = planar_body(jnp.zeros(2), theta, jnp.sqrt(self.inertia / self.m_table))
         return jnp.concatenate([mass[None, :], table])
+
+    def cut(self, t, q):
+        table, slot = self.sketch(t, q)[:2]
+        (mass,) = particles(self.m[None], ("mass",))
+        half = 0.5 * self.m_table
+        return mass, Part("table", (1, 2), jnp.stack([half, half]), True, (table, slot))
+
+    def held(self, t, q):
+        across = jnp.stack([-jnp.sin(q[0]), jnp.cos(q[0])])
+        slot = along("slot", 0, 1, self.positions(t, q)[0], across)
+        return slot, pinned("pin", 1, None, jnp.zeros(2))
 
     def sketch(self, t, q):
         r = self.positions(t, q)
@@ -156,13 +199,22 @@ class Plate(Mechanism):
         fixed = self.weld * jnp.stack([-s, c])
         return jnp.stack([moving, -moving, fixed, -fixed])
 
+    def cut(self, t, q):
+        r = self.positions(t, q)
+        plate = Part("plate", (), jnp.zeros(0), True, (lines(r, _PLATE),), jnp.zeros(2))
+        return *particles(self.masses(), _DRIVEN), plate
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        grips = (pinned(f"grip of {name}", i, 4, r[i]) for i, name in enumerate(_DRIVEN))
+        return *grips, pinned("pin", 4, None, jnp.zeros(2))
+
     def sketch(self, t, q):
         r = self.positions(t, q)
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         centre = self.centre * jnp.stack([c, n])
         rings = (Shape("ground", circle(side * centre, self.radius)) for side in (1.0, -1.0))
-        names = ["driven 1", "driven 2", "fixed 1", "fixed 2"]
-        return *rings, lines(r, ((0, 1), (2, 3))), pin(jnp.zeros(2)), *traces(r, names)
+        return *rings, lines(r, _PLATE), pin(jnp.zeros(2)), *traces(r, _DRIVEN)
 
     def check(self):
         _checks.positive("weld", self.weld, "Distances are in m.")

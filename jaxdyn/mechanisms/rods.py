@@ -8,6 +8,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.mechanism import Mechanism, stretch
+from jaxdyn.joints import particles, rod
 from jaxdyn.sketch import line, lines
 
 _AXES = "xyz"
@@ -51,6 +52,17 @@ class Rods(Mechanism):
     def rods(self):
         return tuple(f"rod {i + 1}-{j + 1}" for i, j in self.pairs)
 
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m)
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        return tuple(
+            rod(name, j, i, (r[i], r[j]), multiplier)
+            for multiplier, (name, (i, j)) in enumerate(zip(self.rods(), self.pairs, strict=True))
+        )
+
     def sketch(self, t, q):
         return (lines(self.positions(t, q), self.pairs),)
 
@@ -80,6 +92,14 @@ class Dumbbell(Mechanism):
         first = q[:2] - self.m[1] / jnp.sum(self.m) * along
         return jnp.concatenate([first, first + along])
 
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m)
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        return (rod("rod", 1, 0, (r[0], r[1])),)
+
     def sketch(self, t, q):
         return (line(*self.positions(t, q)),)
 
@@ -106,6 +126,14 @@ class Coupled(Mechanism):
         """(2,) positions of both: the coordinates of `Rods`."""
         del t
         return jnp.stack([q[0], q[0] + self.length])
+
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m)
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        return (rod("rod", 1, 0, (r[0], r[1])),)
 
     def sketch(self, t, q):
         return (line(*self.positions(t, q)),)

@@ -7,6 +7,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_body
+from jaxdyn.joints import along, body
 from jaxdyn.sketch import frame, line, rectangle, traces
 
 #: Beyond this the skates count as having a common normal: a repeated condition [condition number].
@@ -42,6 +43,21 @@ class Skated(Mechanism):
         del t
         angle = q[2] + self.headings
         return jnp.stack([-jnp.sin(angle), jnp.cos(angle), self._arms()], axis=-1)
+
+    def cut(self, t, q):
+        del t, q
+        return body("body", self.masses())
+
+    def held(self, t, q):
+        del t
+        turn = frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
+        found = []
+        for i, (at, heading) in enumerate(zip(self.at, self.headings, strict=True)):
+            angle = q[2] + heading
+            across = jnp.stack([-jnp.sin(angle), jnp.cos(angle)])
+            name = f"skate {i + 1}" if len(self.at) > 1 else "skate"
+            found.append(along(name, 0, None, q[:2] + turn @ at, across, i))
+        return tuple(found)
 
     def sketch(self, t, q):
         place, turn = q[:2], frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))

@@ -14,6 +14,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.formulations.mechanism import Mechanism, stretch
+from jaxdyn.joints import Joint, along, body, particles, pinned, rod
 from jaxdyn.sketch import Shape, line, pin, rectangle, traces
 
 _ACROSS = np.array([1.0, 0.0])
@@ -57,6 +58,19 @@ class _OnHinge(Mechanism):
         # The points stay on a straight line, so the far end determines all of them.
         base, end = self.base(t), self.end(t, q)
         return jnp.stack([base, 0.5 * (base + end), end]) if self.uniform else end[None, :]
+
+    def cut(self, t, q):
+        if not self.uniform:
+            return particles(self.masses(), ("mass",))
+        return body("stick", self.masses(), (line(self.base(t), self.end(t, q)),))
+
+    def held(self, t, q):
+        if self.uniform:
+            return (pinned("hinge", 0, None, self.base(t)),)
+        return (self._rod(t, q),)
+
+    def _rod(self, t: Array, q: Array) -> Joint:
+        return rod("stick", 0, None, (self.base(t), self.end(t, q)))
 
     def sketch(self, t, q):
         base, end = self.base(t), self.end(t, q)
@@ -107,6 +121,9 @@ class TiedStick(_OnHinge):
         x, y = q - self.base(t)
         return stretch(x * x + y * y, self.l, self.squared)[None]
 
+    def _rod(self, t, q):
+        return super()._rod(t, q)._replace(multiplier=0)
+
     def rods(self):
         return ("stick",)
 
@@ -141,6 +158,14 @@ class Sideways(Mechanism):
         both = [q[0], self.side * jnp.sqrt(self.l**2 - q[0] ** 2)]
         return jnp.stack(both[:: -1 if self.axis else 1])[None, :]
 
+    def cut(self, t, q):
+        del t, q
+        return particles(self.masses(), ("mass",))
+
+    def held(self, t, q):
+        r = self.positions(t, q)[0]
+        return (rod("stick", 0, None, (jnp.zeros(2), r)),)
+
     def sketch(self, t, q):
         return line(jnp.zeros(2), self.positions(t, q)[0]), pin(jnp.zeros(2))
 
@@ -164,6 +189,21 @@ class _OnCart(Mechanism):
     def positions(self, t, q):
         x, x2, y2 = self.loose(t, q)
         return jnp.stack([jnp.stack([x, jnp.zeros_like(x)]), jnp.stack([x2, y2])])
+
+    def cut(self, t, q):
+        cart, mass = particles(self.m, ("cart", "mass"))
+        block = rectangle("area", (0.3 * self.l, 0.12 * self.l))
+        block = block.place(self.positions(t, q)[0], jnp.eye(2))
+        return cart._replace(outline=(block,)), mass
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        track = along("track", 0, None, r[0], jnp.asarray(_ACROSS[::-1]))
+        return rod("stick", 1, 0, (r[0], r[1]), self._multiplier), track
+
+    @property
+    def _multiplier(self) -> int | None:
+        return None
 
     def sketch(self, t, q):
         r = self.positions(t, q)
@@ -204,6 +244,10 @@ class TiedCart(_OnCart):
         del t
         x = q[1] - q[0]
         return stretch(x * x + q[2] * q[2], self.l, squared=False)[None]
+
+    @property
+    def _multiplier(self):
+        return 0
 
     def rods(self):
         return ("stick",)

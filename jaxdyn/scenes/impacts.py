@@ -16,6 +16,7 @@ from jaxdyn._checks import as_float, floats
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches
 from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.joints import Load, particles
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape
@@ -52,6 +53,13 @@ class BallOnTable(System):
     def rate(self, t, y, effects):
         del t, effects
         return jnp.stack([y[1], -self.g, self.frequency])
+
+    def cut(self, t, y):
+        return particles(self.points(t, y).m, ("ball",))
+
+    def loads(self, t, y):
+        r, _, m = self.points(t, y)
+        return (Load("weight", 0, jnp.stack([0.0 * self.g, -self.g]) * m, r[0]),)
 
     def table(self, phase: Array) -> tuple[Array, Array]:
         """() height [m] and () velocity [m/s] of the table."""
@@ -174,6 +182,20 @@ class ImpactOscillator(System):
         x, v, phase = y
         pull = self.force * jnp.cos(phase) - self.k * x - self.c * v
         return jnp.stack([v, pull / self.m, self.frequency])
+
+    def cut(self, t, y):
+        del t, y
+        return particles(self.m[None], ("mass",))
+
+    def loads(self, t, y):
+        del t
+        x, v, phase = y
+        forces = {
+            "spring": -self.k * x,
+            "damper": -self.c * v,
+            "drive": self.force * jnp.cos(phase),
+        }
+        return tuple(Load(name, 0, force[None], x[None]) for name, force in forces.items())
 
     def points(self, t, y):
         del t

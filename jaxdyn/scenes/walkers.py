@@ -27,6 +27,7 @@ from jaxdyn._checks import as_float, floats
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.joints import Load, particles, rod
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import Shape
@@ -41,6 +42,12 @@ def _along(angle: Array) -> Array:
 def _ground(slope: Array, l: Array) -> Shape:  # noqa: E741
     along = l * _along(slope + jnp.pi / 2)
     return Shape("ground", jnp.stack([-along, along]))
+
+
+def _weight(points: Points, g: Array) -> tuple[Load, ...]:
+    """The weight of the only point."""
+    force = jnp.stack([jnp.zeros_like(g), -g * points.m[0]])
+    return (Load("weight", 0, force, points.r[0]),)
 
 
 # ---- The rimless wheel
@@ -77,6 +84,16 @@ class RimlessWheel(System):
         del t, effects
         theta, omega = y
         return jnp.stack([omega, self.g / self.l * jnp.sin(theta)])
+
+    def cut(self, t, y):
+        return particles(self.points(t, y).m, ("hub",))
+
+    def held(self, t, y):
+        hub = self.points(t, y).r[0]
+        return (rod("spoke", 0, None, (jnp.zeros(2), hub)),)
+
+    def loads(self, t, y):
+        return _weight(self.points(t, y), self.g)
 
     def points(self, t, y):
         del t  # energies are per mass
@@ -187,6 +204,16 @@ class SimplestWalker(System):
         turn = pull * jnp.sin(stance - self.slope)
         hang = stance_rate**2 - pull * jnp.cos(stance - self.slope)
         return jnp.stack([stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing)])
+
+    def cut(self, t, y):
+        return particles(self.points(t, y).m, ("hip",))
+
+    def held(self, t, y):
+        hip = self.points(t, y).r[0]
+        return (rod("stance leg", 0, None, (jnp.zeros(2), hip)),)
+
+    def loads(self, t, y):
+        return _weight(self.points(t, y), self.g)
 
     def points(self, t, y):
         del t  # energies are per mass

@@ -70,6 +70,11 @@ class LockedAxle(Effect):
     load: Array
     ahead: Array
     velocity_dependent: ClassVar[bool] = True
+    called: ClassVar[str] = "friction"
+
+    def attack(self, t, q, v):
+        del t, v
+        return q[:2] + self.ahead * jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])])
 
     def generalized(self, t, q, v):
         del t

@@ -134,6 +134,17 @@ def test_nothing_is_said_about_the_energy_of_what_has_none(jaxdyn, tmp_path):
     assert json.loads(jaxdyn("run", *words, "--json")[1])["energy_drift"] is None
 
 
+def test_bodies_are_cut_free_at_a_time(jaxdyn, tmp_path):
+    file = tmp_path / "free.png"
+    words = ("--t1", "1", "--samples", "3", "--free-body", file, "--at", "0.5")
+    code, out, _ = jaxdyn("run", "cannonball", *words)
+    assert code == 0
+    assert "with its bodies cut free in" in " ".join(out.split())
+    assert file.read_bytes().startswith(b"\x89PNG")
+    late = (*words[:-1], "2")
+    assert "t: expected a time of the motion" in jaxdyn("run", "cannonball", *late)[2]
+
+
 def test_what_changes_the_energy_is_named(jaxdyn):
     code, out, _ = jaxdyn("run", "cannonball", "--set", "drag=0.1")
     assert code == 0
@@ -171,7 +182,8 @@ MISUSE = [
     (["run", "cannonball", "--solver", "radau"], "got 'radau'. Did you mean 'radau9'?"),
     (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
     (["run", "car", "--dt", "0.1"], "dt: expected none for a motion in phases, got 0.1"),
-    (["run", "cannonball", "--title", "A"], "--title: expected --plot or --series with it"),
+    (["run", "cannonball", "--title", "A"], "--title: expected --plot, --series or"),
+    (["run", "cannonball", "--at", "2"], "--at: expected --free-body with it"),
     (["accuracy", "cannonball", "--title", "A"], "--title: expected --plot with it"),
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
     (["list", "canonball"], "scene: expected one that `jaxdyn list` shows, got 'canonball'"),

@@ -319,6 +319,58 @@ def test_lagranges_method_of_sympy_gives_the_same():
         assert sympy.simplify(sympy.expand_trig(sympy.expand(gap))) == 0
 
 
+def _by_kane(sympy, q, places, masses, weight):
+    """Accelerations q'' of particles at places (x, y), by Kane's method; `weight` is g or 0."""
+    mechanics = pytest.importorskip("sympy.physics.mechanics")
+    t = mechanics.dynamicsymbols._t
+    u = [sympy.Function(f"u{i}")(t) for i in range(len(q))]
+    frame = mechanics.ReferenceFrame("N")
+    origin = mechanics.Point("O")
+    origin.set_vel(frame, 0)
+    rates = dict(zip([x.diff(t) for x in q], u, strict=True))
+    bodies, loads = [], []
+    for i, ((x, y), m) in enumerate(zip(places, masses, strict=True)):
+        point = mechanics.Point(f"P{i}")
+        velocity = [part.diff(t).subs(rates) for part in (x, y)]
+        point.set_vel(frame, velocity[0] * frame.x + velocity[1] * frame.y)
+        bodies.append(mechanics.Particle(f"particle{i}", point, m))
+        loads.append((point, -m * weight * frame.y))
+    known = [x.diff(t) - v for x, v in zip(q, u, strict=True)]
+    method = mechanics.KanesMethod(frame, q_ind=q, u_ind=u, kd_eqs=known)
+    method.kanes_equations(bodies, loads)
+    back = dict(zip(u, [x.diff(t) for x in q], strict=True))
+    return list((method.mass_matrix.LUsolve(method.forcing)).subs(back))
+
+
+def _cart(sympy, t):
+    x, theta = (sympy.Function(name)(t) for name in ("x", "theta"))
+    m, l, g = sympy.symbols("m1:3"), sympy.Symbol("l"), sympy.Symbol("g")  # noqa: E741
+    mass = x + l * sympy.sin(theta), -l * sympy.cos(theta)
+    return [x, theta], [(x, 0 * x), mass], m, g
+
+
+def _bead(sympy, t):
+    x = sympy.Function("x")(t)
+    m, c, g = sympy.symbols("m c g")
+    return [x], [(x, c * x**2)], [m], g
+
+
+@pytest.mark.parametrize(
+    ("name", "described"), [("cart_pendulum", _cart), ("bead_on_parabola", _bead)]
+)
+def test_kanes_method_of_sympy_gives_the_same(name, described):
+    sympy = pytest.importorskip("sympy")
+    t = sympy.Symbol("t")
+    q, *rest = described(sympy, t)
+    accelerations = _by_kane(sympy, q, *rest)
+    found = dict(zip([x.diff(t, 2) for x in q], accelerations, strict=True))
+    for ours in jaxdyn.equations(ZOO[name].make()).sympy():
+        plain = {s: sympy.Symbol(s.name) for s in ours.free_symbols if s != t}
+        gap = (ours.lhs - ours.rhs).subs(plain)
+        assert gap.atoms(sympy.Derivative) & set(found)  # it is an equation for them
+        assert sympy.simplify(gap.subs(found)) == 0
+
+
 def test_sympy_has_the_functions_of_all_scenes():
     sympy = pytest.importorskip("sympy")
     for name in ("two_masses", "top", "power_law", "plate", "restricted_three_body"):

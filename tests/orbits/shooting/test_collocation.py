@@ -128,9 +128,14 @@ def test_an_orbit_on_a_mesh_survives_its_file(tmp_path):
     assert loaded.mesh == swing.mesh
     assert orbits.verify(path)[1] == []
     record = json.loads(path.read_text())
-    for wrong in ([0.5], [0.5, 0.6], "even"):
+    wrongs = (
+        ([0.5], "intervals"),
+        ([0.5, 0.6], "intervals"),
+        ("even", "file.mesh: expected tuple"),
+    )
+    for wrong, message in wrongs:
         forge(path, record | {"mesh": wrong})
-        with pytest.raises(ValueError, match="intervals"):
+        with pytest.raises(ValueError, match=message):
             orbits.load(path)
 
 
