@@ -1,6 +1,7 @@
 """The call `fit`: from a guess and a table to a `Fit`."""
 
 import dataclasses
+import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -143,21 +144,17 @@ def _by_name(make: Callable, guess: Any) -> bool:
     if not isinstance(guess, dict):
         return False
     parameters = inspect.signature(make).parameters
-    if set(guess) <= set(parameters):
-        return True
-    needed = [p for p in parameters.values() if p.default is p.empty and p.kind in (0, 1)]
-    if len(needed) == 1 and len(parameters) == 1:
-        return False
-    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
-        return True
-    for name in guess:
+    takes_any = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    known = [name for name in guess if name in parameters]
+    near = [name for name in guess if difflib.get_close_matches(str(name), parameters, n=1)]
+    if not (known or near or takes_any) and len(parameters) == 1:
+        return False  # the dictionary is the one argument
+    for name in () if takes_any else guess:
         _checks.choice("guess", name, parameters)
-    raise AssertionError  # one of them is unknown
+    return True
 
 
-def _free(
-    model: Model, theta, scene: Scene, start: Sequence[str] | None
-) -> tuple[bool, ...]:
+def _free(model: Model, theta, scene: Scene, start: Sequence[str] | None) -> tuple[bool, ...]:
     """Whether each entry of the start is estimated."""
     names = [name for name, _ in scene.labels()]
     if start is None:
@@ -182,7 +179,7 @@ def _names(leaves: Any, scene: Scene, model: Model) -> tuple[str, ...]:
         indices = np.ndindex(x.shape)
         found += [f"{key}{list(index)}" if index else key for index in indices]
     labels = zip(scene.labels(), model.free, strict=True)
-    return (*found, *(f"{name}(0)" for (name, _), free in labels if free))
+    return (*found, *(f"{name}(t0)" for (name, _), free in labels if free))
 
 
 def _sigma(noise: Any, table: measurements.Measured, sections):
@@ -197,11 +194,11 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
         each = [_checks.positive(f"noise of {name}", noise[name]) for name in table.names]
     else:
         each = [_checks.positive("noise", noise)] * c
-    s = len(table.ts)
+    s, n = len(table.ts), table.count
     for name, x in zip(table.names, each, strict=True):
-        if x.shape not in ((), (s,)):
-            raise _checks.fail(f"noise of {name}", f"shape () or ({s},)", f"shape {x.shape}")
-    values = np.stack([np.broadcast_to(np.asarray(x), (s,)) for x in each], axis=1)
+        if x.shape not in ((), (n,)):
+            raise _checks.fail(f"noise of {name}", f"shape () or ({n},)", f"shape {x.shape}")
+    values = np.stack([np.broadcast_to(np.asarray(x), (n,)) for x in each], axis=1)[table.rows]
     found = np.ones(sections.values.shape)
     for i, part in enumerate(np.array_split(np.arange(s), len(sections.begin))):
         found[i, : len(part)] = values[part]
@@ -213,13 +210,15 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     free = np.flatnonzero(np.array(model.free))
     rows = np.concatenate([np.arange(p), p + free])
     every = [names[j] if j < p else "" for j in range(p)]
-    every += [f"{label}(0)" for label, _ in model.scene(solution.x.theta).labels()]
-    lost, words = result.undetermined(every, solution)
+    every += [f"{label}(t0)" for label, _ in model.scene(solution.x.theta).labels()]
+    finite = bool(np.isfinite(solution.cost)) and bool(np.isfinite(solution.factor).all())
+    lost, words = (
+        result.undetermined(every, solution) if finite else (np.zeros(len(every), bool), ())
+    )
     factor = np.asarray(solution.factor)[rows]
     covariance = factor @ factor.T
     lost = lost[rows]
     covariance[lost, :] = covariance[:, lost] = np.nan
-    finite = bool(np.isfinite(solution.cost)) and bool(np.isfinite(covariance[~lost][:, ~lost]).all())
     if not finite:
         status = FitStatus.NO_MOTION
     elif not bool(solution.converged):
@@ -238,10 +237,13 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     halves = quantile * np.sqrt(np.diag(covariance))[:p]
     scene = model.scene(solution.x.theta)
     scene = scene.starting(solution.x.nodes[0])
-    weights = jnp.ones_like(sections.values) * solution.noise if sigma is None else sigma
+    weights = (
+        jnp.ones_like(sections.values) * solution.noise[None, None] if sigma is None else sigma
+    )
     residuals = -_of_table(solution.residuals, table)
     sd = _of_table(weights, table)
-    noise = {name: float(np.nanmean(sd[:, i])) for i, name in enumerate(table.names)}
+    columns = zip(table.names, sd.T, strict=True)
+    noise = {name: float(np.mean(x[np.isfinite(x)] if finite else np.nan)) for name, x in columns}
     good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
     return Fit(
         params=_as_given(model, theta),

@@ -22,11 +22,18 @@ _REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.rea
 
 
 class Measured(NamedTuple):
-    """A table: times (s,) in order and columns (s, c), NaN where nothing was measured."""
+    """A table: times (s,) in order and columns (s, c), NaN where nothing was measured.
+
+    Attributes:
+      rows: (s,) where each row was in the data, whose empty rows are left out.
+      count: how many rows the data had.
+    """
 
     ts: np.ndarray
     values: np.ndarray
     names: tuple[str, ...]
+    rows: np.ndarray
+    count: int
 
 
 class Column(NamedTuple):
@@ -89,7 +96,7 @@ def measured(data: Any, columns: Any = None) -> Measured:
     if not np.isfinite(table).any():
         raise _checks.fail("data", "measured values", "NaN alone")
     kept = np.isfinite(table).any(axis=1)
-    return Measured(ts[order][kept], table[kept], names)
+    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts))
 
 
 def _numbers(name: str, given: Any, count: int) -> np.ndarray:

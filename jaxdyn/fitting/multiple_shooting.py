@@ -115,7 +115,7 @@ def estimate(
     group = groups(system)
     counts = jnp.maximum(jnp.sum(segments.there, (0, 1)), 1.0)
     mean = jnp.sum(segments.values * segments.there, (0, 1)) / counts
-    off = (segments.values - mean) * segments.there
+    off = (segments.values - mean[None, None]) * segments.there
     spread = jnp.sqrt(jnp.sum(off**2, (0, 1)) / counts)
     spread = jnp.where(spread > 0, spread, jnp.where(mean != 0, jnp.abs(mean), 1.0))
     noise = jnp.ones(c) if sigma is not None else _FIRST_NOISE * spread
@@ -123,7 +123,7 @@ def estimate(
     weights = segments.there / given
     if nodes is None:
         sizes = _first_sizes(group, model, segments, start)
-        nodes = _filtered(model, segments, weights / noise, theta, start, sizes)
+        nodes = _filtered(model, segments, weights / noise[None, None], theta, start, sizes)
     p = theta.shape[0]
     sizes = group.sizes(jnp.max(jnp.abs(nodes), axis=0))
     sizes = jnp.where(sizes > 0, sizes, 1.0)
@@ -135,7 +135,7 @@ def estimate(
     def one(carry, _):
         x, noise = carry
         linear, x, iterations, converged = _minimum(
-            model, segments, weights / noise, x, everything, sizes, pin
+            model, segments, weights / noise[None, None], x, everything, sizes, pin
         )
         square = jnp.sum((linear.residuals * segments.there / given) ** 2, (0, 1))
         seen = jnp.sqrt(square / (counts * dof_share))
@@ -146,12 +146,12 @@ def estimate(
     (x, _), history = lax.scan(one, (Unknowns(theta, nodes), noise), None, length=rounds)
     linear, noise, iterations, converged = jax.tree.map(lambda a: a[-1], history)
     step = _Step(linear, p, nodes.shape, jnp.zeros(()))
-    kept = step.singular > UNDETERMINED * jnp.max(step.singular)
+    kept = step.singular > UNDETERMINED * jnp.max(step.singular, initial=0.0)
     inverse = jnp.where(kept, 1.0 / jnp.where(kept, step.singular, 1.0), 0.0)
     return Solution(
         x=x,
         sizes=everything,
-        factor=everything[:, None] * step.directions * inverse,
+        factor=everything[:, None] * step.directions * inverse[None],
         singular=step.singular,
         directions=step.directions,
         noise=noise,
@@ -166,7 +166,9 @@ def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) 
     """(k,) sizes of the entries of the state, from the guess and from columns that are entries."""
     most = jnp.max(jnp.abs(segments.values), (0, 1))
     rows = [
-        jnp.max(jnp.stack([jnp.abs(s), *(most[j] for j, c in enumerate(model.columns) if c.entry == i)]))
+        jnp.max(
+            jnp.stack([jnp.abs(s), *(most[j] for j, c in enumerate(model.columns) if c.entry == i)])
+        )
         for i, s in enumerate(start)
     ]
     sizes = group.sizes(jnp.stack(rows))
@@ -236,7 +238,7 @@ def _linear(
 
         z = jnp.concatenate([x.theta, start])
         jacobian, (value, d, end) = jax.jacfwd(both, has_aux=True)(z)
-        jacobian = jacobian * jnp.concatenate([sizes[:p], k_sizes])
+        jacobian = jacobian * jnp.concatenate([sizes[:p], k_sizes])[None]
         measured = jnp.concatenate([jacobian[:-k], value[:-k, None]], axis=1)
         square = jnp.concatenate([measured, jnp.zeros((q + 1, q + 1))])
         rows_ = jnp.linalg.qr(square, mode="r")
@@ -251,11 +253,11 @@ def _linear(
         )[::-1]
         gap = scene.system.difference(x.nodes[0], start)[fixed] / k_sizes[fixed]
         row = jnp.zeros((len(fixed), p + m * k))
-        row = row.at[:, :p].set(-(start_by[fixed] * sizes[:p]) / k_sizes[fixed][:, None])
+        row = row.at[:, :p].set(-start_by[fixed] * sizes[None, :p] / k_sizes[fixed][:, None])
         parts.append(row.at[np.arange(len(fixed)), p + fixed].set(1.0))
         violations.append(gap)
     if m > 1:
-        gap = jax.vmap(scene.system.difference)(x.nodes[1:], ends[:-1]) / k_sizes
+        gap = jax.vmap(scene.system.difference)(x.nodes[1:], ends[:-1]) / k_sizes[None]
         here, after = np.eye(m)[:-1], np.eye(m)[1:]
         row = after[:, None, :, None] * np.eye(k)[None, :, None, :]
         row = row - here[:, None, :, None] * ends_by[:-1, :, None, p:]
@@ -294,7 +296,7 @@ class _Step:
         u, self.singular, v = jnp.linalg.svd(a @ self.null, full_matrices=False)
         self.directions = self.null @ v.T
         seen = u.T @ left
-        top = jnp.max(self.singular)
+        top = jnp.max(self.singular, initial=0.0)
         kept = self.singular > UNDETERMINED * top
         squares = self.singular**2 + damping * top**2
         z = jnp.where(kept, self.singular * seen / jnp.where(kept, squares, 1.0), 0.0)

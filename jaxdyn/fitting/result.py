@@ -107,7 +107,7 @@ class Fit:
       params: the estimates, as the guess was given.
       bars: half-widths of their 95 % intervals, likewise; NaN where the data do not tell.
       scene: the scene of the estimates, from the estimated start.
-      names: of all estimated numbers: parameters, then entries of the start as "theta(0)".
+      names: of all estimated numbers: parameters, then entries of the start as "theta(t0)".
       covariance: (q, q) of these.
       residuals: (s, c) measured minus fitted, NaN for gaps.
       noise: standard deviation of each column by name: given, or estimated.
@@ -291,7 +291,11 @@ class Fit:
             return Propagated(value, jax.tree.map(half, *drawn))
         try:
             jacobian = jax.jacfwd(of)(z)
-        except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError, ValueError) as error:
+        except (
+            jax.errors.ConcretizationTypeError,
+            jax.errors.TracerArrayConversionError,
+            ValueError,
+        ) as error:
             got = f"one that is not ({str(error).splitlines()[0][:80]})"
             remedy = "Pass draws=200: it is then called for scenes drawn from the estimates."
             raise _checks.fail("function", "one that JAX differentiates", got, remedy) from error
@@ -334,9 +338,14 @@ class Fit:
             for name, x, s in zip(self.names, self.values, sd, strict=True)
         ]
         noise = ", ".join(f"{name} {x:.3g}" for name, x in self.noise.items())
+        started = f"at t0 = {self.t0:g} {_text.second(self.scene.labels())}".rstrip()
         rows += [
+            ("start", started if any(self.model.free) else ""),
             ("noise", noise),
-            ("data", f"{np.isfinite(self.table.values).sum()} numbers, {self.dof} degrees of freedom"),
+            (
+                "data",
+                f"{np.isfinite(self.table.values).sum()} numbers, {self.dof} degrees of freedom",
+            ),
             ("status", f"{self.status.name}: {self.message}"),
             ("warning", self.warning),
         ]
@@ -398,8 +407,6 @@ def undetermined(names: Sequence[str], solution: Solution) -> tuple[np.ndarray, 
     words, which = [], np.zeros(len(names), bool)
     for direction in directions.T:
         largest = np.abs(direction).max()
-        if largest == 0:
-            continue
         taken = np.flatnonzero(np.abs(direction) > _NAMED * largest)
         which[taken] = True
         if len(taken) == 1:

@@ -117,4 +117,5 @@ class Model(eqx.Module):
         d = seen - values
         if not angles.any():
             return d
+        angles = np.broadcast_to(angles, d.shape)
         return jnp.where(angles, (d + jnp.pi) % (2 * jnp.pi) - jnp.pi, d)
