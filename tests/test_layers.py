@@ -63,6 +63,7 @@ BELOW = {
     "orbits/tori": ("orbits/analysis",),
     "orbits/files": ("orbits/families", "orbits/proof"),
     "orbits/drawing": (
+        "orbits/discovery",
         "orbits/files",
         "orbits/manifolds",
         "orbits/responses",
@@ -105,6 +106,7 @@ UPWARDS = {
     ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/families/family.py", "orbits.drawing.periodic"),
+    ("orbits/discovery/basins.py", "orbits.drawing.basins"),
     ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/record.py", "orbits.drawing.tori"),
