@@ -39,6 +39,7 @@ _SAMPLES = 4000  # of a motion in which returns are sought, and of an orbit
 _PERIODS = 16  # of the drive: the longest orbit that is sought
 _CLOUD = 20_000  # points of a chaotic attractor
 _CLOUD_SPACING = 4.0  # of the largest gaps in it: how near a motion on it is
+_LARGER = 2.0  # than its first half: the second half of a motion that has no bound
 _EXPONENT_SPANS = 10.0  # spans of the exponents of a chaotic motion
 _SIZED = 8  # motions whose extent says how large entries are
 _TRIES = 6  # ends of a round from which no attractor was found
@@ -373,6 +374,9 @@ class _Settling:
         if guess is not None:
             orbit = find(scene, y, guess, throw=False)
             if orbit.ok and self._apart(np.asarray(orbit.y0)[None], y)[0] < _NEWTON:
+                orbits = [a for a in self.attractors if a.kind == ORBIT]
+                if any(self._distance(a, np.asarray(orbit.y0)[None])[0] for a in orbits):
+                    return None  # it is on its way
                 known = stability(orbit)
                 size = np.abs(np.asarray(known.nontrivial))
                 if (size + np.asarray(known.bars) < 1).all():  # not only stable: it attracts
@@ -420,4 +424,7 @@ class _Settling:
         else:
             ts = self.turn * np.arange(_CLOUD // 4)
         points = np.asarray(jaxdyn.simulate(scene, ts[-1], samples=ts, max_steps=10**8).ys)
+        early, late = np.array_split(np.abs(points), 2)
+        if (late.max(axis=0) > _LARGER * early.max(axis=0)).any():
+            return None  # tangents grow also where the motion does
         return Attractor(CHAOTIC, points, None, exponents, bars)

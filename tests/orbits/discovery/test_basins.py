@@ -130,6 +130,7 @@ def test_an_equilibrium_an_orbit_and_chaos_side_by_side():
     assert found.fractions[-1] < 0.01
 
 
+@pytest.mark.slow
 def test_what_reaches_nothing_has_no_label():
     scene = jaxdyn.ode(unstable, [1.0], 5.0, names=["x"])
     found = orbits.basins(scene, {"x": [1.0, 2.0]}, rounds=1)
