@@ -1,4 +1,4 @@
-"""Positions and velocities as astronomers have them: tables of JPL Horizons, simulations of REBOUND.
+"""Positions and velocities as astronomers have them: JPL Horizons and REBOUND.
 
 A vector table of Horizons is the text that its web page, its e-mail service and its programming
 interface return for "Vector Table", with or without "CSV format": lines between $$SOE and $$EOE.

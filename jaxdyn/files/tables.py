@@ -136,7 +136,7 @@ _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """The columns of a table in a text file, by name: what `write_csv` writes, and what others do.
+    r"""The columns of a table in a text file, by name: what `write_csv` writes, and what others do.
 
     Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
     spaces. Lines that begin with # are skipped. A unit in brackets behind a name is taken off;
@@ -154,7 +154,7 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
       >>> import tempfile, jaxdyn
       >>> with tempfile.TemporaryDirectory() as folder:
       ...     with open(f"{folder}/track.csv", "w") as file:
-      ...         _ = file.write("time (s),angle [deg]\\n0.0,90\\n0.1,\\n")
+      ...         _ = file.write("time (s),angle [deg]\n0.0,90\n0.1,\n")
       ...     table = jaxdyn.read_csv(f"{folder}/track.csv")
       >>> {name: column.round(4).tolist() for name, column in table.items()}
       {'t': [0.0, 0.1], 'angle': [1.5708, nan]}

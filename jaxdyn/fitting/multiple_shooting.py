@@ -144,7 +144,7 @@ def estimate(
 
     rounds = 1 if sigma is not None else 2 if c == 1 else _ROUNDS
     (x, _), history = lax.scan(one, (Unknowns(theta, nodes), noise), None, length=rounds)
-    linear, noise, iterations, converged = jax.tree.map(lambda a: a[-1], history)
+    linear, noise, _, converged = jax.tree.map(lambda a: a[-1], history)
     step = _Step(linear, p, nodes.shape, jnp.zeros(()))
     kept = step.singular > UNDETERMINED * jnp.max(step.singular, initial=0.0)
     inverse = jnp.where(kept, 1.0 / jnp.where(kept, step.singular, 1.0), 0.0)

@@ -1,6 +1,5 @@
 """A picture of basins of attraction, in one colour each, with the attractors."""
 
-import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch

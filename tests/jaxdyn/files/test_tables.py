@@ -4,9 +4,9 @@ import csv
 
 import numpy as np
 import pytest
+from helpers import refusal
 
 import jaxdyn
-from helpers import refusal
 from jaxdyn import end_error, scenes, simulate
 from jaxdyn.files import tables
 
