@@ -106,7 +106,7 @@ UPWARDS = {
     ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/families/family.py", "orbits.drawing.periodic"),
-    ("orbits/discovery/basins.py", "orbits.drawing.basins"),
+    ("orbits/discovery/basins.py", "orbits.drawing.basin_maps"),
     ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/record.py", "orbits.drawing.tori"),

@@ -101,7 +101,8 @@ class HingeDamper(Effect):
     """A damper in a hinge: the torque -c d(angle)/dt, or on two bars that it joins.
 
     Coefficient c [N m s], of the angle that is coordinate i of the system; where j is given of the
-    angle between the bars whose angles i and j are, with the opposite torque on j.
+    angle between the bars whose angles i and j are, with the opposite torque on j. For systems
+    whose coordinates are angles: it acts on any coordinate as if it were one.
     """
 
     c: Array = eqx.field(converter=as_float)

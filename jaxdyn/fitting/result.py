@@ -412,7 +412,7 @@ def undetermined(names: Sequence[str], solution: Solution) -> tuple[np.ndarray, 
         if len(taken) == 1:
             words.append(f"{names[taken[0]]} has no effect on what was measured.")
             continue
-        weights = direction[taken] / direction[taken[np.argmax(np.abs(direction[taken]))]]
+        weights = direction[taken] / direction[int(np.argmax(np.abs(direction)))]
         changes = ", ".join(
             f"{names[i]} by {100 * w:+.3g} %" for i, w in zip(taken, weights, strict=True)
         )

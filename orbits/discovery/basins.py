@@ -121,9 +121,9 @@ class Basins:
 
     def plot(self, path=None, *, title: str | None = None):
         """A picture of the basins and of the attractors; see `orbits.drawing.basins`."""
-        from orbits.drawing.basins import basins
+        from orbits.drawing import basin_maps
 
-        return basins(self, path, title=title)
+        return basin_maps.basins(self, path, title=title)
 
 
 @check_first

@@ -13,7 +13,7 @@ One more picture is one more file with one function, and one line below.
 """
 
 from orbits.drawing.about_centres import loops, rosette
-from orbits.drawing.basins import basins
+from orbits.drawing.basin_maps import basins
 from orbits.drawing.diagrams import diagram
 from orbits.drawing.families import family
 from orbits.drawing.graphs import graph
