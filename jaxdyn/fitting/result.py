@@ -410,11 +410,11 @@ def undetermined(names: Sequence[str], solution: Solution) -> tuple[np.ndarray, 
         taken = np.flatnonzero(np.abs(direction) > _NAMED * largest)
         which[taken] = True
         if len(taken) == 1:
-            words.append(f"{names[taken[0]]} has no effect on what was measured.")
+            words.append(f"{names[int(taken[0])]} has no effect on what was measured.")
             continue
         weights = direction[taken] / direction[int(np.argmax(np.abs(direction)))]
         changes = ", ".join(
-            f"{names[i]} by {100 * w:+.3g} %" for i, w in zip(taken, weights, strict=True)
+            f"{names[i]} by {100 * w:+.3g} %" for i, w in zip(taken.tolist(), weights, strict=True)
         )
         words.append(f"Together these changes leave what was measured as it is: {changes}.")
     return which, tuple(words)
