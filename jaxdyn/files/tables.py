@@ -1,4 +1,4 @@
-"""Results as plain data: samples of a motion, a record for JSON, CSV files; tables that are read."""
+"""Results as plain data: samples, a record for JSON, CSV files; tables that are read."""
 
 import csv
 import io

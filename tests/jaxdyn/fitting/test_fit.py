@@ -196,6 +196,7 @@ def test_a_motion_that_cannot_be_computed_is_said():
     assert np.isnan(found.params["a"])
 
 
+@pytest.mark.slow
 def test_a_network_is_a_guess_too():
     class Slope(eqx.Module):
         weight: jax.Array
