@@ -5,8 +5,8 @@ motion and fits it from a guess that is off by a tenth or more; the noise is est
 trials the share of a right interval is between 92 and 98 % with 95 %, that of all of a case's
 parameters together varies less. Bias is given in standard errors of one fit.
 
-Last numbers (2026-11): pendulum, 200 trials, parameters 96.0 %, all numbers 95.2 %; cannonball, 1000
-trials, 94.2 to 95.0 %; all of them converged.
+Last numbers (2026-11): pendulum, 200 trials, parameters 96.0 %, all numbers 95.2 %; cannonball,
+1000 trials, 94.2 to 95.0 %; all of them converged.
 """
 
 from collections.abc import Callable
