@@ -1,7 +1,8 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
-``python -m benchmarks published [ROW...]`` and ``python -m benchmarks verdicts`` compare answers
-instead, with published ones and with more digits; see their files.
+``python -m benchmarks published [ROW...]``, ``python -m benchmarks verdicts`` and ``python -m
+benchmarks coverage [CASE...]`` compare answers instead, with published ones, with more digits and
+with the truth; see their files.
 
 Prints a table of times and ratios after each part, with target ratios where there are any, and at
 the end what got slower since ``last_run.json``, the stored result of a full run;
@@ -32,6 +33,7 @@ from benchmarks import (
     calls,
     command,
     compile_time,
+    coverage,
     default_method,
     device,
     digits,
@@ -76,7 +78,7 @@ RUNS = {
 }
 
 #: Those of answers, not of times, which have options of their own.
-ANSWERS = {"published": published.main, "verdicts": verdicts.main}
+ANSWERS = {"coverage": coverage.main, "published": published.main, "verdicts": verdicts.main}
 
 
 def command_of(arguments: Sequence[str]) -> tuple[Callable[..., None], list[str]]:

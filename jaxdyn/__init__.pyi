@@ -8,6 +8,7 @@ from . import drawing as drawing
 from . import effects as effects
 from . import ensemble as ensemble
 from . import files as files
+from . import fitting as fitting
 from . import formulations as formulations
 from . import geometry as geometry
 from . import integrate as integrate
@@ -27,6 +28,8 @@ from .chaos.lyapunov import lyapunov_exponents as lyapunov_exponents
 from .continuation.equilibria import continue_equilibria as continue_equilibria
 from .continuation.two_parameters import continue_curve as continue_curve
 from .files.loading import load as load
+from .files.tables import read_csv as read_csv
+from .fitting.fit import fit as fit
 from .formulations.lagrange import lagrangian as lagrangian
 from .formulations.ode import ode as ode
 from .integrate.event_search.all_crossings import crossings as crossings

@@ -5,7 +5,9 @@ of what has another now. Folders that few need, such as the gallery, are reached
 are not among the public names.
 """
 
+import difflib
 import importlib
+import sys
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
@@ -43,7 +45,15 @@ def attribute_getter(
         if name in folders:
             return importlib.import_module(f"{package}.{name}")
         if name not in new:
-            return listed(name)
+            try:
+                return listed(name)
+            except AttributeError as error:
+                module = sys.modules.get(package)
+                known = [] if module is None or name.startswith("_") else dir(module)
+                near = difflib.get_close_matches(name, known, n=1)
+                if not near:
+                    raise
+                raise AttributeError(f"{error}. Did you mean {near[0]!r}?") from None
         place, now = new[name]
         whole = f"{place}.{now}".rstrip(".")
         told = f"{package}.{name} is now {whole}; the old name goes with the next version."

@@ -321,8 +321,13 @@ class Scene(Record):
         return " ".join(dict.fromkeys(text for text in said if text))
 
     def __add__(self, effect: Effect) -> "Scene":
-        """The same scene with one more effect."""
+        """The same scene with one more effect.
+
+        Raises:
+          ValueError: it is no effect, or one that the system would ignore.
+        """
         check_kind("effect", effect, (Effect,))
+        _check_accepted(self.system, effect)
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without(self, kind: type[Effect]) -> "Scene":

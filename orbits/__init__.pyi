@@ -37,6 +37,7 @@ from .closing.symmetry import Symmetry as Symmetry
 from .closing.symmetry import point_symmetry as point_symmetry
 from .closing.symmetry import time_reversal as time_reversal
 from .curves.following import continue_curve as continue_curve
+from .discovery.basins import basins as basins
 from .discovery.chunks import Box as Box
 from .discovery.figure_eight import figure_eight as figure_eight
 from .discovery.plane import search_plane as search_plane

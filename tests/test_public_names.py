@@ -84,8 +84,12 @@ def test_public_names_are_declared_and_nothing_else_is_shown():
         for name in package.__all__:
             assert getattr(package, name).__doc__, name
         assert {x for x in dir(package) if not x.startswith("_")} == set(package.__all__)
-        with pytest.raises(AttributeError, match="simulat"):
-            _ = package.simulat
+        with pytest.raises(AttributeError, match="xyzzy"):
+            _ = package.xyzzy
+    with pytest.raises(AttributeError, match=r"simulat.* Did you mean 'simulate'"):
+        _ = jaxdyn.simulat
+    with pytest.raises(AttributeError, match="Did you mean 'stability'"):
+        _ = orbits.stabilty
 
 
 @pytest.mark.parametrize(

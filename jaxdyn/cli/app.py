@@ -4,6 +4,7 @@ from jaxdyn.cli.accuracy import accuracy_command
 from jaxdyn.cli.chaos import chaos_command
 from jaxdyn.cli.course import course_command
 from jaxdyn.cli.equations import equations_command
+from jaxdyn.cli.fit import fit_command
 from jaxdyn.cli.gallery import gallery_command
 from jaxdyn.cli.hard import hard_command
 from jaxdyn.cli.info import info_command
@@ -25,6 +26,11 @@ add(
     "jaxdyn run double_pendulum --play",
     "jaxdyn run double_pendulum --live double_pendulum.html",
     "jaxdyn run three_body --solver stoermer14 --rtol 1e-13",
+)
+add(
+    *(app, "fit", fit_command),
+    "jaxdyn fit pendulum track.csv --free g --free damping --plot fit.png",
+    "jaxdyn fit mine.py:spring track.csv --free k=20 --set m=0.5 --start x",
 )
 add(
     *(app, "accuracy", accuracy_command),

@@ -1,5 +1,6 @@
 """The command `jaxdyn list`: the scenes with their parameters, or the problems of the course."""
 
+import re
 from typing import Annotated
 
 import typer
@@ -13,6 +14,15 @@ from jaxdyn.cli import completion
 from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
+
+#: Words of the field beside those in the texts of scenes: how these begin there.
+_SYNONYMS = {
+    "constraint": ("tie", "constrained", "rod", "roll"),
+    "forcing": ("drive", "driven", "shak", "pulse", "force f cos"),
+    "input": ("drive", "driven", "shak", "force f cos"),
+    "actuator": ("motor", "drive", "driven", "shak"),
+    "damping": ("damp", "drag", "friction"),
+}
 
 
 def list_command(
@@ -56,9 +66,16 @@ def _chosen(words: list[str]) -> dict[str, SceneText]:
         elif word in zoo:
             found[word] = zoo[word]
         else:
-            about = {name: x for name, x in zoo.items() if word.casefold() in _text(name, x)}
+            texts = {name: _text(name, x) for name, x in zoo.items()}
+            about = {name: zoo[name] for name, x in texts.items() if _is_about(word.casefold(), x)}
             found |= about or {word: zoo[choice("scene", word, zoo, "jaxdyn list")]}
     return found
+
+
+def _is_about(word: str, text: str) -> bool:
+    """Whether a word is in a text, or a word begins there that means the same."""
+    same = _SYNONYMS.get(word, ())
+    return word in text or any(re.search(rf"\b{re.escape(one)}", text) for one in same)
 
 
 def _text(name: str, scene: SceneText) -> str:

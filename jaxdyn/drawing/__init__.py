@@ -5,13 +5,13 @@ or .svg); `animate` writes a .gif or .mp4. A path that cannot be written raises 
 starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
-chaos), `bifurcations`, `responses` (Bode plots), `animation`, `free_body` (forces on each body).
-Their parts: `contents` (what is drawn of a motion), `figures` (the look of all pictures), `panels`
-(axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`, `titles`. Only the
-command lines and `orbits.drawing` import this folder, since Matplotlib is slow to load; ``import
-jaxdyn`` does not load it.
+chaos), `bifurcations`, `fits`, `responses` (Bode plots), `animation`, `free_body` (forces on each
+body). Their parts: `contents` (what is drawn of a motion), `figures` (the look of all pictures),
+`panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`, `titles`. Only
+the command lines and `orbits.drawing` import this folder, since Matplotlib is slow to load;
+``import jaxdyn`` does not load it.
 
-May import: `files`, `scenes`, `chaos`, `continuation`.
+May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`.
 
 One more picture is one more file with a function ``name(found, path=None, *, title=None)`` that
 checks its file by `image_files.picture_path`, draws on `figures.blank` with `figures.style`, and

@@ -1,8 +1,8 @@
 """Effects: what acts on material points, one file a family.
 
 `gravity` (uniform, and between all pairs of bodies), `drag` (drag and dry friction), `central`
-(central forces), `links` (springs, dashpots, networks of springs), `prescribed` (given functions of
-time). `_parts` checks what effects have in common.
+(central forces), `links` (springs, dashpots, hinge dampers, networks of springs), `prescribed`
+(given functions of time). `_parts` checks what effects have in common.
 
 Positions and velocities are (n, d) arrays, masses (n,); forces are (n, d). The parameters of an
 effect are array leaves; the points that it acts on are fixed when it is made.
@@ -19,7 +19,7 @@ from jaxdyn.effects._parts import unless_zero
 from jaxdyn.effects.central import CentralForce, PowerLaw
 from jaxdyn.effects.drag import DryFriction, LinearDrag, QuadraticDrag
 from jaxdyn.effects.gravity import PairGravity, UniformGravity
-from jaxdyn.effects.links import Dashpot, Spring, SpringNetwork
+from jaxdyn.effects.links import Dashpot, HingeDamper, Spring, SpringNetwork
 from jaxdyn.effects.prescribed import ConstantForce, SinusoidalForce, StepForce
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "ConstantForce",
     "Dashpot",
     "DryFriction",
+    "HingeDamper",
     "LinearDrag",
     "PairGravity",
     "PowerLaw",

@@ -1,6 +1,6 @@
-"""Springs and dashpots: between two points, or between a point and an anchor.
+"""Springs and dashpots, between two points or a point and an anchor; dampers in hinges.
 
-Both act along the line between their ends. Where the ends coincide the line has no
+Springs and dashpots act along the line between their ends. Where the ends coincide the line has no
 direction and the force is zero, except that a spring of rest length 0 is linear, -k r, throughout.
 """
 
@@ -95,6 +95,30 @@ class Dashpot(Effect):
         _check_ends(self.i, self.j, len(points.m))
         vector_or_zero("anchor", self.anchor, points.r.shape[1])
         _checks.array("c", self.c, (), "A damping coefficient is in kg/s.")
+
+
+class HingeDamper(Effect):
+    """A damper in a hinge: the torque -c d(angle)/dt, or on two bars that it joins.
+
+    Coefficient c [N m s], of the angle that is coordinate i of the system; where j is given of the
+    angle between the bars whose angles i and j are, with the opposite torque on j. For systems
+    whose coordinates are angles: it acts on any coordinate as if it were one.
+    """
+
+    c: Array = eqx.field(converter=as_float)
+    i: int = eqx.field(static=True, default=0, kw_only=True)
+    j: int | None = eqx.field(static=True, default=None, kw_only=True)
+
+    def generalized(self, t, q, v):
+        del t
+        ends = np.eye(q.shape[0])[self.i]
+        if self.j is not None:
+            ends = ends - np.eye(q.shape[0])[self.j]
+        return -self.c * jnp.sum(ends * v) * ends
+
+    def check(self, points: Points) -> None:
+        del points
+        _checks.array("c", self.c, (), "The damping coefficient of a hinge is in N m s.")
 
 
 # Links up to which a network is slices and sums, one a link. A gather, whose reverse mode is a

@@ -5,8 +5,8 @@ turns values of every kind, arrays and scenes among them, into JSON and back; th
 a file is, and writes documents; a `journal` grows line by line, by one program or several in turn.
 `loading` reads a file of any kind by what it says it is, with readers that packages register.
 `motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV and
-JSON, `data_frames` for pandas. All that is read again ends with one of the `digests`, by which any
-changed byte is noticed.
+JSON, `data_frames` for pandas; `astronomy` reads what astronomers have. All that is read again ends
+with one of the `digests`, by which any changed byte is noticed.
 
 May import: `accuracy`, `scenes`.
 
@@ -20,6 +20,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     [
         "archives",
+        "astronomy",
         "codec",
         "data_frames",
         "digests",

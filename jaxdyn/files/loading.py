@@ -15,6 +15,7 @@ from jaxdyn.files.input_files import content
 from jaxdyn.files.layout import format_of
 
 _REMEDY = "Give the path of a file that this library wrote."
+_ARCHIVE = b"PK"  # the first bytes of an archive of NumPy
 _MOTION = "jaxdyn-motion"
 _CONTINUATION = "jaxdyn-continuation"
 #: "module:function" that reads files of a kind. Files of continuations have kinds of branches.
@@ -69,8 +70,13 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
 
 def _kinds(path: str | Path) -> list[str]:
     """What a file says that it is; several for the file of a continuation."""
-    if not content(path, journal.MAX_BYTES, _REMEDY, "path").startswith(b"{"):
-        return [_MOTION]  # an archive, or what its reader says is none
+    data = content(path, journal.MAX_BYTES, _REMEDY, "path")
+    if data.startswith(_ARCHIVE):
+        return [_MOTION]  # whose reader says what is wrong with it
+    if not data.startswith(b"{"):
+        wanted = "an archive (.npz) or a text of JSON that this library wrote"
+        remedy = f"{_REMEDY} jaxdyn.read_csv reads tables, jaxdyn.ode makes scenes of equations."
+        raise fail("path", wanted, f"{path}, which is neither", remedy)
     kind = format_of(path, _REMEDY, "path", journal.MAX_BYTES)
     if kind != _CONTINUATION:
         return [] if kind is None else [kind]

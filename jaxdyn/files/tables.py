@@ -1,7 +1,9 @@
-"""Results as plain data: the samples of a motion, a record for JSON, CSV files of anything."""
+"""Results as plain data: samples, a record for JSON, CSV files; tables that are read."""
 
 import csv
 import io
+import math
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -9,9 +11,10 @@ import numpy as np
 
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.labelled import Labelled
-from jaxdyn._text import second
+from jaxdyn._text import fail, second
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
+from jaxdyn.files.input_files import MAX_BYTES, content
 from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -121,6 +124,89 @@ def write_labelled(path: str | Path, labelled: Labelled) -> Path:
     named = labelled.coordinates | labelled.variables
     names = [name if x.unit in ("", "1") else f"{name} [{x.unit}]" for name, x in named.items()]
     return write_columns(path, names, zip(*(list(x.array) for x in named.values()), strict=True))
+
+
+#: Names of the column of times, in small letters.
+_TIMES = ("t", "time")
+#: A name, and its unit in brackets if there is one.
+_HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
+#: Units of columns that are converted to SI units and radians.
+_UNITS = {"deg": math.pi / 180, "degrees": math.pi / 180, "cm": 0.01, "mm": 0.001, "ms": 0.001}
+_TABLE = "A line of names such as t, x, y, then lines of numbers."
+
+
+def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    r"""The columns of a table in a text file, by name: what `write_csv` writes, and what others do.
+
+    Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
+    spaces. Lines that begin with # are skipped. A unit in brackets behind a name is taken off;
+    degrees, cm, mm and ms become radians, m and s. "time" is called "t".
+
+    Args:
+      path: of the file.
+      names: of the columns, for a file without a line of names.
+    Returns:
+      Arrays (s,) by name; NaN for empty places.
+    Raises:
+      ValueError: `path` cannot be read, a line has another number of columns or what is no number,
+        or two columns have one name.
+    Example:
+      >>> import tempfile, jaxdyn
+      >>> with tempfile.TemporaryDirectory() as folder:
+      ...     with open(f"{folder}/track.csv", "w") as file:
+      ...         _ = file.write("time (s),angle [deg]\n0.0,90\n0.1,\n")
+      ...     table = jaxdyn.read_csv(f"{folder}/track.csv")
+      >>> {name: column.round(4).tolist() for name, column in table.items()}
+      {'t': [0.0, 0.1], 'angle': [1.5708, nan]}
+    """
+    data = content(path, MAX_BYTES, "Give the path of a table.", "path")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise fail("path", "a table as text", f"{path}, which is none", _TABLE) from error
+    lines = [line.strip() for line in text.splitlines()]
+    lines = [line for line in lines if line and not line.startswith("#")]
+    if not lines:
+        raise fail("path", "a table as text", f"{path} without lines", _TABLE)
+    separator = next((mark for mark in ";\t," if mark in lines[0]), None)
+    rows = [_cells(line, separator) for line in lines]
+    first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
+    heads = [_HEAD.fullmatch(name.strip()) for name in first]
+    found = {}
+    for i, head in enumerate(heads):
+        assert head is not None  # all text matches
+        name = head["name"]
+        name = "t" if name.casefold() in _TIMES else name
+        if name in found:
+            raise fail("names", "different ones", f"{name} twice")
+        column = np.array([_number(row, i, len(first), path) for row in rows], float)
+        found[name] = column * _UNITS.get((head["unit"] or "").strip(), 1.0)
+    if names is None and all(_is_number(name) for name in first):
+        raise fail("path", "a line of names first", f"{lines[0][:40]!r}", "Pass names=[...].")
+    return found
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
+    # Where commas do not separate columns they stand before decimals.
+    return cells if separator == "," else [cell.replace(",", ".") for cell in cells]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(row: list[str], i: int, count: int, path: str | Path) -> float:
+    if len(row) != count:
+        raise fail("path", f"{count} columns in each line of {path}", f"{len(row)}: {row}"[:90])
+    cell = row[i].strip()
+    if cell and not _is_number(cell):
+        raise fail("path", f"numbers in {path}", repr(cell)[:60], _TABLE)
+    return float(cell) if cell else math.nan
 
 
 def _finite(values) -> list:

@@ -10,6 +10,7 @@ import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -19,8 +20,22 @@ from jaxdyn._checks import refuse_narrow
 from jaxdyn._records.captured import PASS_AS_PARAMS
 
 
+class WithFunctions(eqx.Module):
+    """Parameters of which some leaves are no numbers: functions, as in a network.
+
+    Attributes:
+      numbers: the same pytree, with None in place of functions; its leaves can be traced.
+      rest: the same pytree, with None in place of numbers; part of the compiled program.
+    """
+
+    numbers: Any
+    rest: Any = eqx.field(static=True)
+
+
 def called(function: Callable, params: Any, *args: Array) -> Any:
     """The function of these arguments and, where there are any, of the parameters."""
+    if isinstance(params, WithFunctions):
+        params = eqx.combine(params.numbers, params.rest)
     return function(*args) if params is None else function(*args, params)
 
 
@@ -53,6 +68,9 @@ def name_of(function: Callable) -> str:
 def checked_params(params: Any) -> Any:
     """The parameters with numbers as float arrays; None for none."""
     remedy = "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays."
+    numbers, rest = eqx.partition(params, lambda x: not callable(x))
+    if jax.tree.leaves(rest) and jax.tree.leaves(numbers):
+        return WithFunctions(checked_params(numbers), rest)
     if params is not None and not jax.tree.leaves(params):
         raise _checks.fail("params", "numbers", f"none in {params!r}", "Leave it out.")
     return jax.tree.map(lambda x: _checks.numbers("params", x, remedy), params)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from jaxdyn import _checks
 from jaxdyn._checks import floats
-from jaxdyn.effects import UniformGravity
+from jaxdyn.effects import HingeDamper, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import Embedding, route
 from jaxdyn.formulations.mechanism import TIES
 from jaxdyn.mechanisms.bars import Bobs, Bodies, Chain
@@ -28,6 +28,7 @@ def pendulum(
     g=9.81,
     angle=1.0,
     rate=0.0,
+    damping=0.0,
     formulation="newton_euler",
     drift="projection",
     tie="length",
@@ -41,6 +42,7 @@ def pendulum(
       g: gravity [m/s^2].
       angle: at the start, from hanging down [rad].
       rate: of the angle at the start [rad/s].
+      damping: of the hinge [N m s]; exactly 0 leaves it out. Not for "constrained".
       formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y; the
         multiplier is then the force along the rod, positive where the rod pushes [N].
       drift: for "constrained": "projection", "baumgarte" or "raw".
@@ -53,7 +55,11 @@ def pendulum(
     tied = TiedStick(m, length, squared=_checks.choice("tie", tie, TIES) == "square")
     embeddings = {"constrained": Embedding(tied, free.end)}
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
-    return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
+    damper = unless_zero(damping, HingeDamper(damping))
+    if damper and formulation == "constrained":
+        remedy = "A hinge damps the angle, which that formulation has not."
+        raise _checks.fail("damping", "0 for formulation='constrained'", damping, remedy)
+    return Scene(system, (UniformGravity(g), *damper), y0=y0, t1=t1)
 
 
 @ready_made()

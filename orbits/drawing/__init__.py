@@ -3,16 +3,17 @@
 `periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `graphs` which
 families meet, `throwing` throws, `about_centres` closed loops, `manifolds` stable and unstable
 manifolds, `sections` surfaces of section, `tori` invariant tori, `responses` frequency responses
-and backbone curves, `unit_circle` multipliers; all use the parts of `jaxdyn.drawing` and follow its
-rules. Only the command line and what notebooks show import this folder, since Matplotlib is slow to
-load.
+and backbone curves, `unit_circle` multipliers, `basin_maps` basins of attraction; all use the parts
+of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show import this
+folder, since Matplotlib is slow to load.
 
-May import: `files`, `manifolds`, `responses`, `sections`, `targets`, `tori`.
+May import: `discovery`, `files`, `manifolds`, `responses`, `sections`, `targets`, `tori`.
 
 One more picture is one more file with one function, and one line below.
 """
 
 from orbits.drawing.about_centres import loops, rosette
+from orbits.drawing.basin_maps import basins
 from orbits.drawing.diagrams import diagram
 from orbits.drawing.families import family
 from orbits.drawing.graphs import graph
@@ -26,6 +27,7 @@ from orbits.drawing.unit_circle import multipliers
 
 __all__ = [
     "backbone",
+    "basins",
     "diagram",
     "family",
     "frequency_response",

@@ -278,11 +278,16 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
         assert all(change > 1e-6 for change in changes(bare, loaded))
 
 
+def _given(scene, effect):
+    """The scene with an effect that `+` refuses."""
+    return Scene(scene.system, (*scene.effects, effect), y0=scene.y0)
+
+
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
         (
-            scenes.lorenz() + UniformGravity(),
+            _given(scenes.lorenz(), UniformGravity()),
             r"UniformGravity: expected an effect that Lorenz accepts: none at all, got forces on "
             r"points\. It would be ignored silently\. Leave it out, or use another form",
         ),
@@ -296,11 +301,11 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
         ),
         (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. W"),
         (
-            skates.by_lagrange(scenes.two_skates()) + LinearDrag(0.1),
+            _given(skates.by_lagrange(scenes.two_skates()), LinearDrag(0.1)),
             r"LinearDrag: expected an effect that LagrangeSkates accepts: none at all, got forces",
         ),
         (
-            with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag) + Torque(),
+            _given(with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag), Torque()),
             r"Torque: expected an effect that Ledger accepts: forces on points, got forces on c",
         ),
     ],
@@ -308,6 +313,10 @@ def test_an_effect_changes_the_motion_or_is_refused(name):
 def test_an_effect_that_would_be_ignored_is_refused(scene, message):
     with pytest.raises(ValueError, match=f"^{message}"):
         scene.check()
+    *_, last = scene.effects
+    if isinstance(last, Effect):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            _ = scene + last
 
 
 class _Short(Effect):

@@ -44,6 +44,12 @@ def test_the_list_is_a_table(jaxdyn):
     assert re.search(r"car +│ 32 ", out)
 
 
+def test_words_of_the_field_find_scenes(jaxdyn):
+    found = json.loads(jaxdyn("list", "constraint", "--json")[1])
+    assert {"pendulum", "feynman_plate"} & found.keys()
+    assert "shaken_pendulum" in json.loads(jaxdyn("list", "forcing", "--json")[1])
+
+
 def test_a_scene_can_be_listed_alone(jaxdyn):
     code, out, _ = jaxdyn("list", "cannonball", "car")
     assert code == 0

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import EXACT, gap
+from helpers import EXACT, SOLVED, gap
 
-from jaxdyn import Effect
-from jaxdyn.effects import Dashpot, PowerLaw, Spring, SpringNetwork
+from jaxdyn import Effect, scenes, simulate
+from jaxdyn.effects import Dashpot, HingeDamper, PowerLaw, Spring, SpringNetwork
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)
@@ -70,3 +70,19 @@ def test_a_point_may_hold_most_springs_of_a_network(n):
     energy = network.potential
     assert gap(force, -jax.grad(energy, argnums=1)(T, r, jnp.ones(n))) < 1e-12 * n
     assert gap(force.sum(axis=0), np.zeros(3)) < 1e-12 * n
+
+
+def test_a_damper_in_a_hinge_takes_the_power_of_its_torque():
+    v = jnp.array([2.0, 5.0])
+    one, two = HingeDamper(0.5, i=1), HingeDamper(0.5, i=1, j=0)
+    assert one.generalized(T, jnp.zeros(2), v).tolist() == [0.0, -2.5]
+    assert two.generalized(T, jnp.zeros(2), v).tolist() == [1.5, -1.5]
+    # Where gravity is absent the rate of a pendulum decays by c / (m l^2).
+    swing = scenes.pendulum(g=0.0, rate=1.0, damping=0.3, m=2.0, length=0.5)
+    end = simulate(swing, 2.0, samples=2, rtol=1e-13).ys[-1, 1]
+    assert gap(end, jnp.exp(-0.3 / 0.5 * 2.0)) < SOLVED
+    assert scenes.pendulum(damping=0.0).effects == scenes.pendulum().effects
+    with pytest.raises(ValueError, match="N m s"):
+        scenes.pendulum(damping=float("nan")).check()
+    with pytest.raises(ValueError, match="damping: expected 0 for formulation='constrained'"):
+        scenes.pendulum(formulation="constrained", damping=0.1)

@@ -4,7 +4,9 @@ import csv
 
 import numpy as np
 import pytest
+from helpers import refusal
 
+import jaxdyn
 from jaxdyn import end_error, scenes, simulate
 from jaxdyn.files import tables
 
@@ -40,3 +42,38 @@ def test_a_record_carries_the_warning():
     record = tables.record(motion, end_error(motion, stiff, rtol=1e-8))
     assert record["warning"].startswith("The scene is stiff")
     assert record["status"] == "OK"
+
+
+def test_tables_are_read(tmp_path):
+    motion = jaxdyn.simulate(jaxdyn.scenes.pendulum(), 1.0, samples=5)
+    tables.write_csv(tmp_path / "swing.csv", motion)
+    back = jaxdyn.read_csv(tmp_path / "swing.csv")
+    assert list(back) == ["t", "theta", "theta_dot"]
+    assert np.array_equal(back["theta"], motion["theta"])  # to the bit
+    path = tmp_path / "track.txt"
+    path.write_text("# of a video\nTime (ms);angle [deg];x [cm]\n100;90,0;1,5\n200;;2\n")
+    back = jaxdyn.read_csv(path)
+    assert back["t"].tolist() == [0.1, 0.2]
+    assert back["angle"][0] == np.pi / 2
+    assert np.isnan(back["angle"][1])
+    assert np.allclose(back["x"], [0.015, 0.02], rtol=1e-15)
+    path.write_text("0 1.0 2.0\n1 3.0 4.0\n")
+    back = jaxdyn.read_csv(path, names=["t", "x", "vx"])
+    assert back["vx"].tolist() == [2.0, 4.0]
+
+
+def test_other_tables_are_refused(tmp_path):
+    path = tmp_path / "table.csv"
+
+    def refused(text, **options):
+        path.write_text(text)
+        return refusal(lambda: jaxdyn.read_csv(path, **options))
+
+    assert "Pass names=" in refused("0,1\n1,2\n")
+    assert "2 columns in each line" in refused("t,x\n1,2,3\n")
+    assert "expected numbers" in refused("t,x\n1,two\n")
+    assert "x twice" in refused("t,x,x\n1,2,3\n")
+    assert "without lines" in refused("# nothing\n")
+    path.write_bytes(b"\xff\xfe\x00")
+    assert "a table as text" in refusal(lambda: jaxdyn.read_csv(path))
+    assert "readable file" in refusal(lambda: jaxdyn.read_csv(tmp_path / "none.csv"))

@@ -352,3 +352,18 @@ MISUSE = [
 def test_misuse_is_refused(misuse, message):
     with pytest.raises(ValueError, match=message):
         misuse()
+
+
+def test_a_network_is_a_parameter():
+    net = eqx.nn.MLP(1, 1, 4, 1, jnp.tanh, key=jax.random.key(0))
+    scene = jaxdyn.ode(_learned, [0.5], params=net)
+    assert float(scene.rate(0.0, scene.y0)[0]) == float(net(scene.y0)[0])
+    slope = eqx.filter_grad(
+        lambda net: jaxdyn.ode(_learned, [0.5], params=net).rate(0.0, jnp.array([0.5]))[0]
+    )(net)
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves(slope))
+    assert float(slope.layers[-1].bias[0]) == 1.0
+
+
+def _learned(t, y, net):
+    return net(y)

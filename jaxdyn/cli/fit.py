@@ -1,0 +1,100 @@
+"""The command `jaxdyn fit`: numbers of a scene, and its start, from a table of measurements."""
+
+import functools
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+import jaxdyn
+from jaxdyn._text import choice, fail
+from jaxdyn.cli.docstrings import check_parameter, scene_settings
+from jaxdyn.cli.screen import Screen, screen
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SceneArgument,
+    SetOption,
+    TitleOption,
+    check_title,
+    number,
+    read,
+)
+
+FAILED = 1  # exit code: no estimates
+
+
+def fit_command(
+    name: SceneArgument,
+    data: Annotated[
+        Path, typer.Argument(metavar="TABLE", callback=read, help="A text file with a column t.")
+    ],
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--free",
+            metavar="NAME[=GUESS]",
+            help="A number to be estimated, from its value in the scene or from a guess.",
+        ),
+    ] = None,
+    settings: SetOption = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--start",
+            metavar="NAME",
+            help="An entry of the start to be estimated; all, if no free number changes the start.",
+        ),
+    ] = None,
+    column: Annotated[
+        list[str] | None, typer.Option("--column", metavar="NAME", help="A column to be used.")
+    ] = None,
+    noise: Annotated[
+        float | None, number("Standard deviation of the measurements; estimated by default.")
+    ] = None,
+    plot: PlotOption = None,
+    title: TitleOption = None,
+    as_object: JsonOption = False,
+) -> None:
+    """Estimate numbers of a scene, and its start, from measurements, with 95 % intervals."""
+    check_title(title, plot)
+    names = [text.partition("=")[0] for text in free or ()]
+    if not names:
+        raise fail("--free", "a number to be estimated", "none", "For example --free g.")
+    guesses = [text for text in free or () if "=" in text]
+    chosen = scene_settings(name, settings)
+    guessed = scene_settings(name, guesses)
+    for one in names:
+        check_parameter("--free", one, name)
+        if one in chosen:
+            raise fail(f"--set {one}", "another number", "one that is free", f"--free {one}=GUESS.")
+    with screen(f"fitting {name}", as_object) as out:
+        table = jaxdyn.read_csv(data)
+        catalogue = jaxdyn.scenes.catalogue
+        entry = catalogue.entry(name)
+        guess = {one: entry.parameters[choice("parameter", one, entry.parameters)] for one in names}
+        guess |= catalogue.numbers(name, guessed)
+        make = functools.partial(entry.make, **catalogue.numbers(name, chosen))
+        found = jaxdyn.fit(
+            make,
+            guess,
+            table,
+            start=start or None,
+            columns=column or None,
+            noise=noise,
+            throw=False,
+        )
+        if as_object:
+            out.result({"scene": name} | found.as_dict())
+        else:
+            _print(found, out)
+        if plot and found.ok:
+            with out.writing(plot, "drawn in"):
+                found.plot(plot, title=title)
+        if not found.ok:
+            raise typer.Exit(FAILED)
+
+
+def _print(found: "jaxdyn.fitting.Fit", out: Screen) -> None:
+    out.print(escape(repr(found)))

@@ -1,0 +1,66 @@
+"""A picture of a fit: what was measured, the fitted motion with its bands, the residuals."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
+from jaxdyn.drawing.panels import WIDTH
+from jaxdyn.drawing.titles import readable
+from jaxdyn.files.image_files import picture_path
+from jaxdyn.fitting.result import LEVEL, Fit, with_bar
+
+_HIGH, _LOW = 2.0, 1.0  # [in] of the two panels of a column
+
+
+def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
+    """A picture of a fit, for each column the data with the motion, and the residuals below.
+
+    The band is where the motion without noise lies with 95 %; residuals are in standard deviations
+    of the noise.
+
+    Args:
+      found: what `jaxdyn.fit` returned.
+      path: file to write, .png, .pdf or .svg.
+      title: its title; the parameters with their bars by default, "" for none.
+    Raises:
+      ValueError: `path` cannot be written.
+    """
+    path = picture_path(path)
+    predicted, table = found.predict(), found.table
+    second = " [s]" if any(unit != "1" for _, unit in found.scene.labels()) else ""
+    columns = found.model.columns
+    figure = blank(WIDTH, 0.8 + (_HIGH + _LOW) * len(columns))
+    ratios = [_HIGH, _LOW] * len(columns)
+    panels = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+    for i, column in enumerate(columns):
+        upper, lower = panels[2 * i : 2 * i + 2]
+        colour = PALETTE[i % len(PALETTE)]
+        values, bars = predicted[column.name]
+        style(upper)
+        style(lower)
+        low, high = values - bars, values + bars
+        upper.fill_between(predicted.ts, low, high, color=colour, alpha=0.25, lw=0)
+        upper.plot(predicted.ts, values, color=colour, lw=1.4, label="fit")
+        upper.plot(table.ts, table.values[:, i], ".", color=INK, ms=3, label="measured")
+        unit = "" if column.unit == "1" else f" [{column.unit}]"
+        upper.set_ylabel(f"{column.name}{unit}")
+        noise = found.noise[column.name]
+        lower.axhspan(-found.quantile, found.quantile, color=colour, alpha=0.15, lw=0)
+        lower.axhline(0.0, color=INK, lw=0.8)
+        lower.plot(table.ts, found.residuals[:, i] / noise, ".", color=INK, ms=3)
+        lower.set_ylabel("residual")
+        largest = np.nanmax(np.abs(found.residuals[:, i] / noise), initial=4.0)
+        lower.set_ylim(-1.1 * largest, 1.1 * largest)
+        upper.margins(x=0)
+        upper.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    panels[-1].set_xlabel(f"t{second}")
+    panels[0].set_title(_heading(found) if title is None else readable(title), fontsize=10)
+    return finish(figure, path)
+
+
+def _heading(found: Fit) -> str:
+    p = len(found.solution.x.theta)
+    sd = np.sqrt(np.diag(found.covariance))
+    numbers = zip(found.names[:p], found.values[:p], found.quantile * sd[:p], strict=True)
+    words = [f"{name} = {with_bar(x, bar)}" for name, x, bar in numbers]
+    return f"{', '.join(words)}   ({100 * LEVEL:g} %)"

@@ -1,0 +1,154 @@
+"""Positions and velocities as astronomers have them: JPL Horizons and REBOUND.
+
+A vector table of Horizons is the text that its web page, its e-mail service and its programming
+interface return for "Vector Table", with or without "CSV format": lines between $$SOE and $$EOE.
+REBOUND (Rein and Liu, 2012) is optional; a simulation is read by its attributes.
+"""
+
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxdyn import _checks
+from jaxdyn._records import labelled
+from jaxdyn._records.kinds import check_first
+from jaxdyn._text import fail
+from jaxdyn.effects import PairGravity
+from jaxdyn.files.input_files import MAX_BYTES, content
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import Scene
+from jaxdyn.scenes.nbody import n_body
+
+_NUMBER = r"[+-]?\d+\.?\d*(?:[EeDd][+-]?\d+)?"
+_BEGIN, _END = "$$SOE", "$$EOE"
+_NAMES = ("X", "Y", "Z", "VX", "VY", "VZ")
+_ENTRY = re.compile(rf"\b(?P<name>V?[XYZ])\s*=\s*(?P<value>{_NUMBER})")
+_TIME = re.compile(rf"^\s*(?P<time>{_NUMBER})\s*(?:=|,)")
+_HORIZONS = "Save the text of a Vector Table (table type 2 or 3) of ssd.jpl.nasa.gov/horizons."
+
+
+class Ephemeris(NamedTuple):
+    """Positions and velocities of a body at some times.
+
+    Attributes:
+      name: of the body, as the table says.
+      units: of the table: "AU-D", "KM-S" or "KM-D".
+      ts: (s,) Julian dates, in barycentric dynamical time [day].
+      r: (s, 3) positions.
+      v: (s, 3) velocities.
+    """
+
+    name: str
+    units: str
+    ts: np.ndarray
+    r: np.ndarray
+    v: np.ndarray
+
+
+def read_horizons(path: str | Path) -> Ephemeris:
+    """The vector table of JPL Horizons in a text file.
+
+    Args:
+      path: of the file.
+    Raises:
+      ValueError: `path` cannot be read, or is no such table.
+    """
+    data = content(path, MAX_BYTES, _HORIZONS, "path")
+    text = data.decode("utf-8", errors="replace")
+    before, begin, rest = text.partition(_BEGIN)
+    body, end, _ = rest.partition(_END)
+    if not (begin and end):
+        raise fail("path", f"a table between {_BEGIN} and {_END}", str(path), _HORIZONS)
+    name = re.search(r"Target body name:\s*(.+?)\s*(?:\(|\{|$)", before, re.MULTILINE)
+    units = re.search(r"Output units\s*:\s*([A-Z]+-[A-Z]+)", before)
+    ts, rows = _columns(body) if "=" not in body else _blocks(body)
+    if not ts or any(len(row) != len(_NAMES) for row in rows):
+        wanted = "six numbers, positions and velocities, at each time"
+        raise fail("path", wanted, str(path), _HORIZONS)
+    states = np.array(rows, float)
+    return Ephemeris(
+        name=name[1] if name else Path(path).stem,
+        units=units[1] if units else "",
+        ts=np.array(ts, float),
+        r=states[:, :3],
+        v=states[:, 3:],
+    )
+
+
+def _columns(body: str) -> tuple[list[float], list[list[float]]]:
+    """Of lines "date, calendar date, x, y, z, vx, vy, vz, ..."."""
+    ts, rows = [], []
+    for line in filter(str.strip, body.splitlines()):
+        cells = [cell.strip() for cell in line.split(",")]
+        if not all(re.fullmatch(_NUMBER, cell) for cell in (cells[0], *cells[2:8])):
+            raise fail("path", "numbers in columns", repr(line)[:60], _HORIZONS)
+        ts.append(_number(cells[0]))
+        rows.append([_number(cell) for cell in cells[2:8]])
+    return ts, rows
+
+
+def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
+    """Of blocks of lines that begin with a date and go on with X = ... and so on."""
+    ts: list[float] = []
+    rows: list[dict[str, float]] = []
+    for line in body.splitlines():
+        if time := _TIME.match(line):
+            ts.append(_number(time["time"]))
+            rows.append({})
+        elif rows:
+            rows[-1] |= {x["name"]: _number(x["value"]) for x in _ENTRY.finditer(line)}
+    return ts, [[row[name] for name in _NAMES if name in row] for row in rows]
+
+
+def _number(text: str) -> float:
+    return float(text.replace("D", "E").replace("d", "e"))
+
+
+def from_rebound(sim: Any, t1=1.0) -> Scene:
+    """The scene of a simulation of REBOUND: its bodies, from where they are, under its gravity.
+
+    Args:
+      sim: a `rebound.Simulation`, with point masses and Newtonian gravity.
+      t1: span, in the units of the simulation.
+    Raises:
+      ValueError: it has no bodies, or is no simulation.
+    """
+    try:
+        bodies, G = list(sim.particles), float(sim.G)
+        r = np.array([[p.x, p.y, p.z] for p in bodies], float)
+        v = np.array([[p.vx, p.vy, p.vz] for p in bodies], float)
+        m = np.array([p.m for p in bodies], float)
+    except AttributeError as error:
+        raise fail("sim", "a rebound.Simulation", type(sim).__name__) from error
+    if not len(bodies):
+        raise fail("sim", "a simulation with bodies", "none")
+    return n_body(r, v, m=m, G=G, t1=t1)
+
+
+@check_first
+def to_rebound(scene: Scene) -> Any:
+    """A simulation of REBOUND with the bodies of a scene, from its start, under its gravity.
+
+    Args:
+      scene: of free points in space or in a plane and one `PairGravity`.
+    Returns:
+      A `rebound.Simulation` whose integrator is REBOUND's default.
+    Raises:
+      ValueError: REBOUND is not installed, or the scene has other effects, or softened gravity.
+    """
+    kinds = [type(effect).__name__ for effect in scene.effects]
+    if not isinstance(scene.system, FreePoints) or kinds != ["PairGravity"]:
+        got = f"{type(scene.system).__name__} with {', '.join(kinds) or 'no effect'}"
+        raise _checks.fail("scene", "free points under PairGravity alone", got)
+    gravity = scene.effects[0]
+    assert isinstance(gravity, PairGravity)
+    sim = labelled.package("rebound", "to_rebound").Simulation()
+    sim.G = float(gravity.G)
+    r, v, m = (np.asarray(x) for x in scene.points(0.0, scene.y0))
+    flat = np.zeros((len(m), 3 - r.shape[1]))
+    for mass, place, velocity in zip(m, np.c_[r, flat], np.c_[v, flat], strict=True):
+        x, y, z, vx, vy, vz = map(float, (*place, *velocity))
+        sim.add(m=float(mass), x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
+    return sim

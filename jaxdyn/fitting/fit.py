@@ -1,0 +1,280 @@
+"""The call `fit`: from a guess and a table to a `Fit`."""
+
+import dataclasses
+import difflib
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import special
+
+from jaxdyn import _checks
+from jaxdyn._records.kinds import check_kind
+from jaxdyn.fitting import measurements, result
+from jaxdyn.fitting.multiple_shooting import estimate
+from jaxdyn.fitting.result import Fit, FitError, FitStatus
+from jaxdyn.fitting.segments import Model, cut
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL
+from jaxdyn.scene import Scene, check_scene
+from jaxdyn.solvers import Solver
+
+_estimate = eqx.filter_jit(estimate)
+
+
+def fit(
+    make: Callable[..., Scene],
+    guess: Any,
+    data: Any,
+    *,
+    start: Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    noise: Any = None,
+    observe: Mapping[str, Callable] | None = None,
+    t0: float | None = None,
+    segments: int | None = None,
+    rtol: float = RTOL,
+    solver: Solver | None = None,
+    max_steps: int = MAX_STEPS,
+    throw: bool = True,
+) -> Fit:
+    """Parameters and a start for which a scene moves as was measured, by least squares.
+
+    Multiple shooting: the motion is cut into short segments whose starts are unknowns as well, and
+    which join in the end. Neither a wrong phase nor chaos makes local minima then; the guess need
+    not be near.
+
+    Args:
+      make: of the parameters, returns the scene, such as `scenes.pendulum`.
+      guess: of the parameters: a dictionary by the names of `make`'s arguments, which are passed by
+        name, or any pytree of numbers, which is the one argument.
+      data: times "t" and measured columns by name, NaN for gaps: a mapping of arrays, a DataFrame,
+        a Trajectory, what `jaxdyn.read_csv` returns. A column has the name of an entry of the
+        state, or "x", "y", "z" of the scene's point ("x1", "y1", "x2", ... of several).
+      start: names of entries of the start that are estimated too; by default all of them where no
+        parameter changes the start of the scene, else none.
+      columns: those that are used; all by default.
+      noise: standard deviation of the measurements: one number, one for each column by name, each
+        () or (s,). By default it is estimated, one for each column, from the residuals.
+      observe: further columns by name, functions (scene, t, y) -> () of a state y.
+      t0: time of the start; by default the first measured time where all of the start is
+        estimated, else 0.
+      segments: how many; one for ten times by default, at most 64.
+      rtol: relative tolerance of a step.
+      solver: see `simulate`.
+      max_steps: largest number of steps of a segment.
+      throw: raise on any status but CONVERGED; with False look at `Fit.status`.
+    Returns:
+      Estimates with 95 % intervals from the Jacobian (Student's t where the noise is estimated),
+      correlations, residuals; `profile`, `predict`, `propagate` and `plot` go on from there.
+    Raises:
+      ValueError: `make` returns no scene, a column is that of nothing, times lie before `t0`, there
+        are fewer measured numbers than unknowns, or an argument is out of range.
+      FitError: it did not converge, or the data do not determine a parameter (``throw=True``).
+    Limits: noise is taken to be independent and normal, times to be exact, and the motion to be
+      without noise of its own. A scene in phases (bounces) cannot be fitted.
+    Reference: Bock (1983), Recent advances in parameter identification techniques for O.D.E.
+    Example:
+      >>> import jaxdyn, numpy as np
+      >>> from jaxdyn import scenes
+      >>> swing = jaxdyn.simulate(scenes.pendulum(g=9.7, angle=0.4), 6.0, samples=60)
+      >>> noisy = swing["theta"] + 0.01 * np.random.default_rng(0).standard_normal(60)
+      >>> found = jaxdyn.fit(scenes.pendulum, {"g": 8.0}, {"t": swing.ts, "theta": noisy})
+      >>> low, high = found.interval("g")
+      >>> low < 9.7 < high
+      True
+    """
+    _checks.float64()
+    leaves, rest = eqx.partition(guess, _is_number)
+    leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
+    flat, tree = jax.tree.flatten(leaves)
+    if not flat:
+        raise _checks.fail("guess", "numbers", repr(guess)[:60], 'For example {"g": 9.8}.')
+    by_name = _by_name(make, guess)
+    scene = make(**guess) if by_name else make(guess)
+    check_kind("make(guess)", scene, (Scene,))
+    check_scene(scene)
+    table = measurements.measured(data, columns)
+    found = measurements.resolved(scene, table.names, observe)
+    model = Model(
+        make=make,
+        by_name=by_name,
+        tree=tree,
+        shapes=tuple(x.shape for x in flat),
+        rest=rest,
+        columns=found,
+        free=(True,) * len(scene.y0),
+        options=(("rtol", rtol), ("solver", solver), ("max_steps", max_steps)),
+    )
+    theta = jnp.concatenate([jnp.ravel(x) for x in flat])
+    model = dataclasses.replace(model, free=_free(model, theta, scene, start))
+    t0 = float(_checks.host_array("t0", t0, ())) if t0 is not None else _t0(model, table)
+    if table.ts[0] < t0:
+        raise _checks.fail("data", f"times from t0 = {t0:g} on", table.ts[0], "Pass t0=.")
+    if segments is not None:
+        _checks.whole("segments", segments, 1, max(len(table.ts) // 2, 1))
+    sections = cut(table, t0, segments)
+    names = _names(leaves, scene, model)
+    count = int(np.isfinite(table.values).sum())
+    sigma = None if noise is None else _sigma(noise, table, sections)
+    dof = count - len(names)
+    if dof < (0 if sigma is not None else 1):
+        got = f"{count} of {len(names)} unknown: {', '.join(names)}"
+        remedy = "Measure more, or keep some of them at known values (start=)."
+        raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
+    solution = _estimate(model, sections, sigma, theta, jnp.asarray(scene.y0, float))
+    fitted = _report(model, sections, sigma, solution, names, table, dof)
+    if throw and not fitted.ok:
+        raise FitError(fitted.message)
+    return fitted
+
+
+def _is_number(x: Any) -> bool:
+    if isinstance(x, bool) or not eqx.is_array_like(x):
+        return False
+    return np.dtype(getattr(x, "dtype", type(x))).kind in "fiu"
+
+
+def _by_name(make: Callable, guess: Any) -> bool:
+    if not callable(make):
+        raise _checks.fail("make", "a function that returns a scene", repr(make)[:60])
+    if not isinstance(guess, dict):
+        return False
+    parameters = inspect.signature(make).parameters
+    takes_any = any(p.kind is p.VAR_KEYWORD for p in parameters.values())
+    known = [name for name in guess if name in parameters]
+    near = [name for name in guess if difflib.get_close_matches(str(name), parameters, n=1)]
+    if not (known or near or takes_any) and len(parameters) == 1:
+        return False  # the dictionary is the one argument
+    for name in () if takes_any else guess:
+        _checks.choice("guess", name, parameters)
+    return True
+
+
+def _free(model: Model, theta, scene: Scene, start: Sequence[str] | None) -> tuple[bool, ...]:
+    """Whether each entry of the start is estimated."""
+    names = [name for name, _ in scene.labels()]
+    if start is None:
+        moved = np.any(np.asarray(jax.jacfwd(lambda theta: model.scene(theta).y0)(theta)))
+        chosen = [] if moved else names
+    else:
+        if isinstance(start, str):
+            raise _checks.fail("start", "a list of names", repr(start), f"For example {names[:2]}.")
+        chosen = [_checks.choice("start", name, names) for name in start]
+    return tuple(name in chosen for name in names)
+
+
+def _t0(model: Model, table: measurements.Measured) -> float:
+    return float(table.ts[0]) if all(model.free) else 0.0
+
+
+def _names(leaves: Any, scene: Scene, model: Model) -> tuple[str, ...]:
+    """Of the parameters, and of the estimated entries of the start."""
+    found = []
+    for path, x in jax.tree_util.tree_flatten_with_path(leaves)[0]:
+        key = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+        indices = np.ndindex(x.shape)
+        found += [f"{key}{list(index)}" if index else key for index in indices]
+    labels = zip(scene.labels(), model.free, strict=True)
+    return (*found, *(f"{name}(t0)" for (name, _), free in labels if free))
+
+
+def _sigma(noise: Any, table: measurements.Measured, sections):
+    """(m, n, c) standard deviations in the shape of the segments."""
+    c = len(table.names)
+    if isinstance(noise, Mapping):
+        for name in noise:
+            _checks.choice("noise", name, table.names)
+        missing = [name for name in table.names if name not in noise]
+        if missing:
+            raise _checks.fail("noise", "one for each column", f"none for {', '.join(missing)}")
+        each = [_checks.positive(f"noise of {name}", noise[name]) for name in table.names]
+    else:
+        each = [_checks.positive("noise", noise)] * c
+    s, n = len(table.ts), table.count
+    for name, x in zip(table.names, each, strict=True):
+        if x.shape not in ((), (n,)):
+            raise _checks.fail(f"noise of {name}", f"shape () or ({n},)", f"shape {x.shape}")
+    values = np.stack([np.broadcast_to(np.asarray(x), (n,)) for x in each], axis=1)[table.rows]
+    found = np.ones(sections.values.shape)
+    for i, part in enumerate(np.array_split(np.arange(s), len(sections.begin))):
+        found[i, : len(part)] = values[part]
+    return jnp.asarray(found)
+
+
+def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
+    p, q = solution.x.theta.shape[0], len(names)
+    free = np.flatnonzero(np.array(model.free))
+    rows = np.concatenate([np.arange(p), p + free])
+    every = [names[j] if j < p else "" for j in range(p)]
+    every += [f"{label}(t0)" for label, _ in model.scene(solution.x.theta).labels()]
+    finite = bool(np.isfinite(solution.cost)) and bool(np.isfinite(solution.factor).all())
+    lost, words = (
+        result.undetermined(every, solution) if finite else (np.zeros(len(every), bool), ())
+    )
+    factor = np.asarray(solution.factor)[rows]
+    covariance = factor @ factor.T
+    lost = lost[rows]
+    covariance[lost, :] = covariance[:, lost] = np.nan
+    if not finite:
+        status = FitStatus.NO_MOTION
+    elif not bool(solution.converged):
+        status = FitStatus.NOT_CONVERGED
+    else:
+        status = FitStatus.UNDETERMINED if words else FitStatus.CONVERGED
+    known = sigma is not None
+    quantile = float(
+        special.ndtri(0.5 + result.LEVEL / 2)
+        if known
+        else special.stdtrit(dof, 0.5 + result.LEVEL / 2)
+    )
+    theta = np.where(lost[:p], np.nan, np.asarray(solution.x.theta))
+    if status in (FitStatus.NO_MOTION, FitStatus.NOT_CONVERGED):
+        theta, covariance = np.full(p, np.nan), np.full((q, q), np.nan)
+    halves = quantile * np.sqrt(np.diag(covariance))[:p]
+    scene = model.scene(solution.x.theta)
+    scene = scene.starting(solution.x.nodes[0])
+    weights = (
+        jnp.ones_like(sections.values) * solution.noise[None, None] if sigma is None else sigma
+    )
+    residuals = -_of_table(solution.residuals, table)
+    sd = _of_table(weights, table)
+    columns = zip(table.names, sd.T, strict=True)
+    noise = {name: float(np.mean(x[np.isfinite(x)] if finite else np.nan)) for name, x in columns}
+    good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
+    return Fit(
+        params=_as_given(model, theta),
+        bars=_as_given(model, halves),
+        scene=scene,
+        names=names,
+        covariance=covariance,
+        residuals=residuals,
+        noise=noise,
+        dof=dof,
+        status=status,
+        undetermined=words if good else (),
+        warning=result.doubts(residuals, sd, dof, known, table.names) if good else "",
+        table=table,
+        quantile=quantile,
+        model=model,
+        segments=sections,
+        sigma=weights,
+        solution=solution,
+    )
+
+
+def _of_table(x, table: measurements.Measured) -> np.ndarray:
+    """(s, c) what belongs to each measurement, NaN for gaps."""
+    x, s = np.asarray(x), len(table.ts)
+    parts = np.array_split(np.arange(s), len(x))
+    found = np.concatenate([x[i, : len(part)] for i, part in enumerate(parts)])
+    return np.where(np.isfinite(table.values), found, np.nan)
+
+
+def _as_given(model: Model, flat: np.ndarray):
+    """Numbers of all parameters as the guess was given; single ones as floats."""
+    params = model.params(jnp.asarray(flat))
+    return jax.tree.map(lambda x: float(x) if eqx.is_array(x) and x.ndim == 0 else x, params)

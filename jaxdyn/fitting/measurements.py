@@ -1,0 +1,142 @@
+"""Measured tables: times, and columns that are entries of a state, places of points, or functions.
+
+A column is known by its name. That of an entry of the state is the entry; "x", "y" and "z" are
+otherwise the place of a scene's point, numbered ("x1", "y2") where there are several; any other
+name needs a function (`observe=`). Gaps are NaN.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import _checks
+from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.scene import Scene
+
+TIME = "t"
+_AXES = "xyz"
+_REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
+
+
+class Measured(NamedTuple):
+    """A table: times (s,) in order and columns (s, c), NaN where nothing was measured.
+
+    Attributes:
+      rows: (s,) where each row was in the data, whose empty rows are left out.
+      count: how many rows the data had.
+    """
+
+    ts: np.ndarray
+    values: np.ndarray
+    names: tuple[str, ...]
+    rows: np.ndarray
+    count: int
+
+
+class Column(NamedTuple):
+    """What a column measures: one of the three; static.
+
+    Attributes:
+      name: of the column.
+      unit: of an entry of the state; "1" for others.
+      entry: number of the entry of the state.
+      place: point and axis.
+      function: (scene, t, y) -> ().
+    """
+
+    name: str
+    unit: str = "1"
+    entry: int | None = None
+    place: tuple[int, int] | None = None
+    function: Callable | None = None
+
+    def value(self, scene: Scene, t: Array, y: Array) -> Array:
+        """The measured quantity () of a state y (k,)."""
+        if self.entry is not None:
+            return y[self.entry]
+        if self.place is not None:
+            return scene.points(t, y).r[self.place]
+        assert self.function is not None
+        return jnp.asarray(self.function(scene, t, y), float).reshape(())
+
+
+def measured(data: Any, columns: Any = None) -> Measured:
+    """The table in one of the forms that data have.
+
+    Args:
+      data: columns by name with the times as "t": a mapping of arrays, a DataFrame (whose index may
+        be the times), a Trajectory.
+      columns: names of those to be used; all but "t" by default.
+    Raises:
+      ValueError: there are no times or no columns, lengths differ, a time is no number, or nothing
+        is measured.
+    """
+    if isinstance(data, Trajectory):
+        names = [name for name, _ in data.scene.labels()]
+        data = {TIME: data.ts} | {name: data[name] for name in names}
+    elif getattr(getattr(data, "index", None), "name", None) == TIME:
+        data = data.reset_index()
+    if not (isinstance(data, Mapping) or hasattr(data, "columns")):
+        raise _checks.fail("data", "columns by name", type(data).__name__, _REMEDY)
+    given = {str(name): data[name] for name in data}
+    if TIME not in given:
+        raise _checks.fail("data", "a column 't' with the times", sorted(given), _REMEDY)
+    if columns is None:
+        columns = [name for name in given if name != TIME]
+    names = tuple(_checks.choice("columns", name, given) for name in columns)
+    if not names:
+        raise _checks.fail("data", "a column besides the times", "none", _REMEDY)
+    ts = _checks.host_array("t", given[TIME], (None,))
+    values = [_numbers(name, given[name], len(ts)) for name in names]
+    order = np.argsort(ts, kind="stable")
+    table = np.stack(values, axis=1)[order]
+    if not np.isfinite(table).any():
+        raise _checks.fail("data", "measured values", "NaN alone")
+    kept = np.isfinite(table).any(axis=1)
+    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts))
+
+
+def _numbers(name: str, given: Any, count: int) -> np.ndarray:
+    try:
+        values = np.asarray(given, float)
+    except (TypeError, ValueError) as error:
+        raise _checks.fail(f"column {name}", "numbers", repr(given)[:60]) from error
+    _checks.check_shape(f"column {name}", values.shape, (count,), "One for each time.")
+    if np.isinf(values).any():
+        raise _checks.fail(f"column {name}", "numbers, or NaN for gaps", "infinity")
+    return values
+
+
+def resolved(
+    scene: Scene, names: tuple[str, ...], observe: Mapping[str, Callable] | None
+) -> tuple[Column, ...]:
+    """What each column measures of a scene.
+
+    Raises:
+      ValueError: a name is that of nothing the scene has.
+    """
+    labels, functions = scene.labels(), dict(observe or {})
+    entries = {name: (i, unit) for i, (name, unit) in enumerate(labels)}
+    points = scene.points(jnp.zeros(()), scene.y0).r.shape if scene.has_points else (0, 0)
+    places = {}
+    for i in range(points[0]):
+        for axis, letter in enumerate(_AXES[: points[1]]):
+            places[letter if points[0] == 1 else f"{letter}{i + 1}"] = (i, axis)
+    found = []
+    for name in names:
+        if name in functions:
+            found.append(Column(name, function=functions[name]))
+        elif name in entries:
+            found.append(Column(name, entries[name][1], entry=entries[name][0]))
+        elif name in places:
+            found.append(Column(name, "m", place=places[name]))
+        else:
+            try:
+                _checks.choice("column", name, {*entries, *places, *functions})
+            except ValueError as error:
+                remedy = "Leave it out with columns=[...], or say what it is with observe={...}."
+                raise ValueError(f"{error} {remedy}") from None
+    return tuple(found)

@@ -1,0 +1,121 @@
+"""A motion cut into segments, each with its own start: what multiple shooting solves for.
+
+Over one long segment the misfit of an oscillation has a local minimum for each period that it may
+be out of phase, and that of a chaotic motion too many to count. Each segment is so short that its
+start and the parameters determine it nearly linearly; that the end of each is the start of the
+next is a constraint (Bock, H. G., 1983, Recent advances in parameter identification techniques for
+O.D.E.; for chaos Baake, Baake, Bock and Briggs, 1992, Phys. Rev. A 45, 5524).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn.fitting.measurements import Column, Measured
+from jaxdyn.integrate.simulation import solve
+from jaxdyn.scene import Scene
+
+_RAD = "rad"
+#: Samples of a segment, and the most segments that are chosen by default.
+_SAMPLES, _MOST = 10, 64
+
+
+class Segments(NamedTuple):
+    """The cut table: m segments of at most n times, padded by the last one.
+
+    Attributes:
+      begin: (m,) times at which segments begin.
+      end: (m,) and end.
+      ts: (m, n) measured times.
+      values: (m, n, c) what was measured; 0 where nothing was.
+      there: (m, n, c) 1 where something was, else 0.
+    """
+
+    begin: Array
+    end: Array
+    ts: Array
+    values: Array
+    there: Array
+
+
+def cut(table: Measured, t0: float, count: int | None) -> Segments:
+    """The table in segments, the first of which begins at t0."""
+    s = len(table.ts)
+    if count is None:
+        count = min(max(s // _SAMPLES, 1), _MOST)
+    parts = np.array_split(np.arange(s), count)
+    n, c = len(parts[0]), table.values.shape[1]
+    ts, values = np.empty((count, n)), np.zeros((count, n, c))
+    there = np.zeros((count, n, c))
+    begin = np.array([table.ts[part[0]] for part in parts])
+    begin[0] = t0
+    end = np.append(begin[1:], max(table.ts[-1], t0))
+    for i, part in enumerate(parts):
+        ts[i] = end[i]
+        ts[i, : len(part)] = table.ts[part]
+        measured = table.values[part]
+        known = np.isfinite(measured)
+        there[i, : len(part)] = known
+        values[i, : len(part)] = np.where(known, measured, 0.0)
+    return Segments(*map(jnp.asarray, (begin, end, ts, values, there)))
+
+
+class Model(eqx.Module):
+    """How unknown numbers become what is measured; static but for numbers within `rest`.
+
+    Attributes:
+      make: of the parameters, returns the scene.
+      by_name: whether it takes them as keywords.
+      tree: structure of the parameters.
+      shapes: of its leaves.
+      rest: the parameters' leaves that are no numbers.
+      columns: what is measured.
+      free: whether each entry of the start is estimated; others are those of the scene.
+      options: of `solve`.
+    """
+
+    make: Callable = eqx.field(static=True)
+    by_name: bool = eqx.field(static=True)
+    tree: Any = eqx.field(static=True)
+    shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    rest: Any
+    columns: tuple[Column, ...] = eqx.field(static=True)
+    free: tuple[bool, ...] = eqx.field(static=True)
+    options: tuple[tuple[str, Any], ...] = eqx.field(static=True)
+
+    def params(self, theta: Array) -> Any:
+        """The parameters, as the guess was given, of a flat vector (p,) of their numbers."""
+        sizes = [int(np.prod(shape)) for shape in self.shapes]
+        parts = jnp.split(theta, np.cumsum(sizes)[:-1]) if sizes else []
+        leaves = [x.reshape(shape) for x, shape in zip(parts, self.shapes, strict=True)]
+        return eqx.combine(jax.tree.unflatten(self.tree, leaves), self.rest)
+
+    def scene(self, theta: Array) -> Scene:
+        """The scene of a flat vector (p,) of parameters."""
+        params = self.params(theta)
+        return self.make(**params) if self.by_name else self.make(params)
+
+    def run(self, theta: Array, start: Array, begin, end, ts, columns=None):
+        """What is seen (n, c) at times ts (n,) of a motion from a start (k,), and its end (k,)."""
+        scene = self.scene(theta).starting(start)
+        out = solve(scene, end, t0=begin, ts=ts, **dict(self.options))
+        seen = self.columns if columns is None else columns
+
+        def see(t, y):
+            return jnp.stack([column.value(scene, t, y) for column in seen])
+
+        return jax.vmap(see)(ts, out.ys), out.y1
+
+    def misfit(self, seen: Array, values: Array) -> Array:
+        """What is seen minus what was measured (..., c); angles differ by at most half a turn."""
+        angles = np.array([c.unit == _RAD and c.entry is not None for c in self.columns])
+        d = seen - values
+        if not angles.any():
+            return d
+        angles = np.broadcast_to(angles, d.shape)
+        return jnp.where(angles, (d + jnp.pi) % (2 * jnp.pi) - jnp.pi, d)

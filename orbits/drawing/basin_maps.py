@@ -1,0 +1,69 @@
+"""A picture of basins of attraction, in one colour each, with the attractors."""
+
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from jaxdyn import _checks
+from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
+from jaxdyn.drawing.titles import readable
+from jaxdyn.files.image_files import picture_path
+from orbits.discovery.basins import CHAOTIC, Basins
+
+_NOWHERE = "#ffffff"
+_SIZE = 6.0  # [in]
+_MOST_POINTS = 4000  # of a chaotic attractor that are drawn
+
+
+def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:
+    """A picture of the basins over two entries of the start.
+
+    Starts that reach no attractor are white; attractors are drawn where they are within the grid.
+
+    Args:
+      found: what `orbits.basins` returned, for a grid of two entries.
+      path: file to write, .png, .pdf or .svg.
+      title: its title; the scene's name by default.
+    Raises:
+      ValueError: the grid has another number of entries, or `path` cannot be written.
+    """
+    path = picture_path(path)
+    if len(found.axes) != 2:
+        raise _checks.fail("found", "basins over two entries", len(found.axes))
+    figure = blank(_SIZE + 0.5, _SIZE + 0.4 * (1 + len(found.attractors)))
+    ax = figure.subplots()
+    style(ax)
+    colours = [PALETTE[i % len(PALETTE)] for i in range(len(found.attractors))]
+    x, y = found.axes
+    mesh = ListedColormap([_NOWHERE, *colours])
+    ax.pcolormesh(
+        x,
+        y,
+        found.labels.T + 1,
+        cmap=mesh,
+        vmin=-0.5,
+        vmax=len(colours) + 0.5,
+        alpha=0.75,
+        rasterized=True,
+        shading="nearest",
+    )
+    labels = [name for name, _ in found.scene.labels()]
+    units = dict(found.scene.labels())
+    i, j = (labels.index(name) for name in found.names)
+    for attractor in found.attractors:
+        points = attractor.points[-_MOST_POINTS:]
+        mark = {"marker": ".", "ms": 1.5} if len(points) > 99 else {"marker": "o", "ms": 6}
+        line = "" if attractor.kind == CHAOTIC or len(points) < 99 else "-"
+        mark = {"lw": 1.2} if line else mark
+        ax.plot(points[:, i], points[:, j], line, color=INK, mec="white", mew=0.5, **mark)
+    ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
+    said = [f" [{units[name]}]" if units[name] != "1" else "" for name in found.names]
+    ax.set(xlabel=f"{found.names[0]}{said[0]}", ylabel=f"{found.names[1]}{said[1]}")
+    shares = zip(found.attractors, found.fractions, found.bars, strict=False)
+    names = [f"{a.said}: {100 * p:.1f} +- {100 * bar:.1f} %" for a, p, bar in shares]
+    handles = [Patch(color=c, label=n, alpha=0.75) for c, n in zip(colours, names, strict=True)]
+    if found.fractions[-1] > 0:
+        handles.append(Patch(fc=_NOWHERE, ec=INK, label=f"none: {100 * found.fractions[-1]:.1f} %"))
+    figure.legend(handles=handles, loc="outside lower center", frameon=False, fontsize=9)
+    ax.set_title(found.scene.name if title is None else readable(title), fontsize=10)
+    return finish(figure, path)

@@ -1,0 +1,153 @@
+"""Basins: symmetric wells, the fractions that Attractors.jl's tests state, resuming, messages."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import refusal
+
+import jaxdyn
+import orbits
+
+SIDE = np.linspace(-1.95, 1.95, 14)
+
+
+def wells(t, y):
+    return [y[1], y[0] - y[0] ** 3 - 0.3 * y[1]]
+
+
+def duffing(t, y):
+    return [y[1], y[0] - y[0] ** 3 - 0.15 * y[1] + 0.2 * jnp.cos(t)]
+
+
+def lorenz84(t, y):
+    x, y, z = y
+    a, b, f, g = 0.255, 4.0, 6.886, 1.347
+    return [-(y**2) - z**2 - a * x + a * f, x * y - y - b * x * z + g, b * x * y + x * z - z]
+
+
+def unstable(t, y):
+    return [y[0]]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return jaxdyn.ode(wells, [0.0, 0.0], 40.0, names=["x", "v"])
+
+
+@pytest.fixture(scope="module")
+def found(scene):
+    return orbits.basins(scene, {"x": SIDE, "v": SIDE})
+
+
+@pytest.mark.slow
+def test_two_wells_share_the_plane(found):
+    assert [a.kind for a in found.attractors] == ["equilibrium"] * 2
+    places = sorted(a.points[0].round(12).tolist() for a in found.attractors)
+    assert places == [[-1.0, 0.0], [1.0, 0.0]]
+    assert found.fractions.tolist() == [0.5, 0.5, 0.0]
+    # Where a start goes, by SciPy's integrator.
+    from scipy.integrate import solve_ivp
+
+    for i, j in ((0, 0), (3, 12), (9, 5), (13, 2)):
+        end = solve_ivp(lambda t, y: np.array(wells(t, y)), (0, 120), (SIDE[i], SIDE[j]), rtol=1e-9)
+        well = found.attractors[found.labels[i, j]].points[0]
+        assert np.abs(end.y[:, -1] - well).max() < 1e-3
+    assert "stable equilibrium at" in repr(found)
+    # The flow keeps the symmetry y -> -y.
+    assert (found.labels != found.labels[::-1, ::-1]).all()
+
+
+@pytest.mark.slow
+def test_refined_boundaries_are_those_of_a_fine_grid(scene, found):
+    fine = orbits.basins(scene, {"x": SIDE, "v": SIDE}, refine=1)
+    x, v = fine.axes
+    full = orbits.basins(scene, {"x": x, "v": v})
+    order = [
+        int(np.argmin([abs(a.points - b.points).max() for b in full.attractors]))
+        for a in fine.attractors
+    ]
+    same = np.take(order, fine.labels) == full.labels
+    assert same.mean() > 0.97  # thin tongues that no coarse start has seen are missed
+    assert fine.computed < full.computed
+    assert fine.fractions.tolist() == found.fractions.tolist()
+
+
+@pytest.mark.slow
+def test_it_resumes(scene, found, tmp_path, monkeypatch):
+    path = tmp_path / "basins.npz"
+    monkeypatch.setattr("orbits.discovery.basins._CHUNK", 100)
+    grid = {"x": SIDE, "v": SIDE}
+    counts = []
+    from jaxdyn.ensemble import engine
+
+    run = engine.run
+
+    def interrupted(scene, y0s, *args, **options):
+        counts.append(len(y0s))
+        if len(counts) == 2:
+            raise KeyboardInterrupt
+        return run(scene, y0s, *args, **options)
+
+    monkeypatch.setattr(engine, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        orbits.basins(scene, grid, path=path)
+    again = orbits.basins(scene, grid, path=path)
+    assert counts[:3] == [100, 96, 96]
+    assert np.array_equal(again.labels, found.labels)
+    other = {"x": SIDE[1:], "v": SIDE}
+    assert "of another" in refusal(lambda: orbits.basins(scene, other, path=path))
+
+
+@pytest.mark.slow
+def test_a_driven_oscillator_has_the_published_fractions(tmp_path):
+    scene = jaxdyn.ode(duffing, [0.0, 0.0], 60 * np.pi, names=["x", "v"])
+    side = np.linspace(-2.2, 2.2, 25)[:-1] + 2.2 / 24
+    found = orbits.basins(scene, {"x": side, "v": side})
+    assert [a.kind for a in found.attractors] == ["orbit", "orbit"]
+    for a in found.attractors:
+        assert a.orbit.period == pytest.approx(2 * np.pi, rel=1e-12)
+        # The product of the multipliers is that of the damping.
+        assert a.exponents.sum() == pytest.approx(-0.15, abs=1e-6)
+    # Attractors.jl, test/mapping/attractor_mapping.jl: of 1000 random starts.
+    published = np.array([0.489, 0.511])
+    bar = 1.96 * np.sqrt(0.25 / 1000)
+    assert (np.abs(np.sort(found.fractions[:2]) - published) < found.bars[:2] + bar).all()
+    figure = found.plot(tmp_path / "basins.png")
+    assert "stable orbit of period 6.28319" in figure.legends[0].get_texts()[0].get_text()
+
+
+@pytest.mark.slow
+def test_an_equilibrium_an_orbit_and_chaos_side_by_side():
+    scene = jaxdyn.ode(lorenz84, [0.0, 0.0, 0.0], 200.0, names=["x", "y", "z"])
+    side = np.linspace(-3, 3, 9)[:-1] + 3 / 8
+    found = orbits.basins(scene, {"x": side, "y": side, "z": side})
+    by_kind = {a.kind: i for i, a in enumerate(found.attractors)}
+    # As above; the numbers are those of "fixed point", "periodic" and "chaotic".
+    for kind, share in {"equilibrium": 0.642, "orbit": 0.193, "chaotic": 0.165}.items():
+        i = by_kind[kind]
+        bar = 1.96 * np.sqrt(share * (1 - share) / 1000)
+        assert abs(found.fractions[i] - share) < found.bars[i] + bar, kind
+    assert found.fractions[-1] < 0.01
+
+
+@pytest.mark.slow
+def test_what_reaches_nothing_has_no_label():
+    scene = jaxdyn.ode(unstable, [1.0], 5.0, names=["x"])
+    found = orbits.basins(scene, {"x": [1.0, 2.0]}, rounds=1)
+    assert found.labels.tolist() == [-1, -1]
+    assert found.fractions.tolist() == [1.0]
+    assert "two entries" in refusal(found.plot)
+
+
+def test_misuse_is_refused(scene):
+    def refused(grid, **options):
+        return refusal(lambda: orbits.basins(scene, grid, **options))
+
+    assert "values of entries by name" in refused([1.0])
+    assert "values of entries by name" in refused({})
+    assert "grid: expected one of v, x" in refused({"z": [1.0]})
+    assert "at least one value" in refused({"x": []})
+    assert "finite" in refused({"x": [np.nan]})
+    assert "a grid of two entries" in refused({"x": [1.0]}, refine=1)
+    assert "rounds" in refused({"x": [1.0]}, rounds=0)
+    assert "t1" in refused({"x": [1.0]}, t1=0.0)
