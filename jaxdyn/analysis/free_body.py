@@ -150,6 +150,8 @@ class FreeBodies(NamedTuple):
         rows += [("residual", f"{self.residual:.1e} of the largest force or moment")]
         return table(f"Free bodies at t = {brief(self.t, second)}", rows)
 
+    _repr_html_ = _text.html
+
     def named_units(self) -> tuple[str, str, str, str, str]:
         """Units of mass, length, force, moment and time; "" where the numbers have none."""
         return ("kg", "m", "N", "N m", "s") if self.units else ("", "", "", "", "")

@@ -1,6 +1,7 @@
 """The command `jaxdyn fit`: numbers of a scene, and its start, from a table of measurements."""
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -59,27 +60,13 @@ def fit_command(
 ) -> None:
     """Estimate numbers of a scene, and its start, from measurements, with 95 % intervals."""
     check_title(title, plot)
-    names = [text.partition("=")[0] for text in free or ()]
-    if not names:
-        raise fail("--free", "a number to be estimated", "none", "For example --free g.")
-    guesses = [text for text in free or () if "=" in text]
-    chosen = scene_settings(name, settings)
-    guessed = scene_settings(name, guesses)
-    for one in names:
-        check_parameter("--free", one, name)
-        if one in chosen:
-            raise fail(f"--set {one}", "another number", "one that is free", f"--free {one}=GUESS.")
+    model = _check(name, free or [], scene_settings(name, settings))
     with screen(f"fitting {name}", as_object) as out:
-        table = jaxdyn.read_csv(data)
-        catalogue = jaxdyn.scenes.catalogue
-        entry = catalogue.entry(name)
-        guess = {one: entry.parameters[choice("parameter", one, entry.parameters)] for one in names}
-        guess |= catalogue.numbers(name, guessed)
-        make = functools.partial(entry.make, **catalogue.numbers(name, chosen))
+        make, guess = model()
         found = jaxdyn.fit(
             make,
             guess,
-            table,
+            jaxdyn.read_csv(data),
             start=start or None,
             columns=column or None,
             noise=noise,
@@ -94,6 +81,27 @@ def fit_command(
                 found.plot(plot, title=title)
         if not found.ok:
             raise typer.Exit(FAILED)
+
+
+def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], tuple]:
+    """What gives the scene as a function of the numbers that are free, and their guesses."""
+    names = [text.partition("=")[0] for text in free]
+    if not names:
+        raise fail("--free", "a number to be estimated", "none", "For example --free g.")
+    guessed = scene_settings(name, [text for text in free if "=" in text])
+    for one in names:
+        check_parameter("--free", one, name)
+        if one in chosen:
+            raise fail(f"--set {one}", "another number", "one that is free", f"--free {one}=GUESS.")
+
+    def model():
+        catalogue = jaxdyn.scenes.catalogue
+        entry = catalogue.entry(name)
+        guess = {one: entry.parameters[choice("parameter", one, entry.parameters)] for one in names}
+        make = functools.partial(entry.make, **catalogue.numbers(name, chosen))
+        return make, guess | catalogue.numbers(name, guessed)
+
+    return model
 
 
 def _print(found: "jaxdyn.fitting.Fit", out: Screen) -> None:

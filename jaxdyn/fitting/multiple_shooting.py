@@ -316,6 +316,12 @@ class _Carry(NamedTuple):
     done: Array
 
 
+def _next_damping(damping: Array, better: Array) -> Array:
+    """() less after a step that came closer, down to none, more after one that did not."""
+    less = jnp.where(damping * _LESS < _NONE, 0.0, damping * _LESS)
+    return jnp.where(better, less, jnp.maximum(damping, _FIRST) * _MORE)
+
+
 def _minimum(
     model: Model,
     segments: Segments,
@@ -358,11 +364,7 @@ def _minimum(
         largest = jnp.max(jnp.abs(moved))
         small = (step.bars <= _OF_A_BAR * rms) | (largest <= _OF_SIZE)
         closed = jnp.max(jnp.abs(carry.linear.violation), initial=0.0) <= _CLOSED
-        damping = jnp.where(
-            better,
-            jnp.where(carry.damping * _LESS < _NONE, 0.0, carry.damping * _LESS),
-            jnp.maximum(carry.damping, _FIRST) * _MORE,
-        )
+        damping = _next_damping(carry.damping, better)
         stuck = damping > _MOST_DAMPING
         chosen = jax.tree.map(
             lambda new, old: jnp.where(better, new, old), (x, linear), (carry.x, carry.linear)

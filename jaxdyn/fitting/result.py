@@ -351,6 +351,8 @@ class Fit:
         ]
         return _text.table(f"Fit of {_text.title_of(self.scene)}, with 95 % intervals", rows)
 
+    _repr_html_ = _text.html
+
 
 @eqx.filter_jit
 def _profiled(model, segments, sigma, pin, thetas, starts):

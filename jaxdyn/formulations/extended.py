@@ -61,6 +61,18 @@ class Extended(System):
     def sketch(self, t, y):
         return self.system.sketch(*self.inside(t, y))
 
+    def cut(self, t, y):
+        return self.system.cut(*self.inside(t, y))
+
+    def held(self, t, y):
+        return self.system.held(*self.inside(t, y))
+
+    def loads(self, t, y):
+        return self.system.loads(*self.inside(t, y))
+
+    def constraint_forces(self, t, y, effects):
+        return self.system.constraint_forces(*self.inside(t, y), effects)
+
     def coordinates(self, y):
         return self.system.coordinates(self.parts(y)[0])
 

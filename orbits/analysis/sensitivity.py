@@ -176,10 +176,9 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
     """() when an entry of the state is level, by a step of Newton's method from a time nearby."""
-    y = solve(scene, t, rtol=rtol).y1
-    t = jnp.asarray(t)
-    rate, change = jax.jvp(scene.rate, (t, y), (jnp.ones(()), scene.rate(t, y)))
-    return t - jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
+    now, y = jnp.asarray(t), solve(scene, t, rtol=rtol).y1
+    rate, change = jax.jvp(scene.rate, (now, y), (jnp.ones(()), scene.rate(now, y)))
+    return now - jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
 
 
 class Posed(NamedTuple):

@@ -267,14 +267,11 @@ def judged(
     # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
     error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
 
-    # On a slow curve the rate is a small difference of large terms: rounding of the start turns it.
-    vague = 0.0 if orbit.stiff else _VAGUE
-
     def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widen(map_eigenvalues(reduced, error, *known), split, m)
         if form.kept:
             found = mirrored(bounded(found, 0.0))
-        elif (found.bars > np.maximum(vague, np.abs(found.values))).any():
+        elif _is_noise(found, orbit).any():
             found = bounded(found, *runs.log_determinant())
         return found, str(map_verdict(found, form.kept))
 
@@ -301,6 +298,16 @@ def judged(
         conservative=form.kept,
         growth=float(norm(m)),
     )
+
+
+def _is_noise(found: Eigenvalues, orbit: Orbit) -> np.ndarray:
+    """(p,) whether a multiplier is less than its bar, and that more than any of a motion has.
+
+    Of a stiff one none is too little: on a slow curve the rate is a small difference of large
+    terms, and rounding of the start turns it.
+    """
+    vague = 0.0 if orbit.stiff else _VAGUE
+    return found.bars > np.maximum(vague, np.abs(found.values))
 
 
 class _Runs(NamedTuple):

@@ -137,7 +137,7 @@ class Magnetic(Effect):
         return 3.0 * jnp.stack([v[:, 1], -v[:, 0]], axis=1)
 
 
-class Bare(Effect):
+class WithoutForce(Effect):
     """A linear spring that does not give its potential."""
 
     velocity_dependent: ClassVar[bool] = False
@@ -166,15 +166,17 @@ def test_a_force_that_does_no_work_changes_no_energy():
 
 
 def test_the_work_of_a_force_without_potential_is_measured():
-    motion = simulate(_ball(Bare(), Magnetic(), UniformGravity()))
+    motion = simulate(_ball(WithoutForce(), Magnetic(), UniformGravity()))
     found = energy_change(motion)
-    assert found.causes == found.without_potential == ("Bare",)
+    assert found.causes == found.without_potential == ("WithoutForce",)
     # The energy that is counted is all but that of the spring, r^2 / 2.
     gained = (jnp.sum(motion.r[0] ** 2) - jnp.sum(motion.r[-1] ** 2)) / 2
     whole, stored = along(energy, motion), along(potential, motion)
     size = jnp.max(jnp.abs(whole - stored) + jnp.abs(stored))
     assert gap(found.works[0], gained / size) < 1e-8
-    assert f"because of Bare (no potential known, work {found.works[0]:.1e})" in found.message
+    assert (
+        f"because of WithoutForce (no potential known, work {found.works[0]:.1e})" in found.message
+    )
 
 
 @pytest.mark.slow

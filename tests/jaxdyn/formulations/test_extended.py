@@ -31,6 +31,18 @@ class Answers(System):
     def sketch(self, t, y):
         return (Shape("line", np.full((2, 2), t + y[0])),)
 
+    def cut(self, t, y):
+        return (t + y[0],)
+
+    def held(self, t, y):
+        return (t + y[1],)
+
+    def loads(self, t, y):
+        return (t + y[2],)
+
+    def constraint_forces(self, t, y, effects):
+        return t + y + len(effects)
+
     @property
     def accepts(self):
         return frozenset({"generalized"})
@@ -89,6 +101,10 @@ CASES = [
 QUESTIONS = {
     "points": lambda s, t, y: s.points(t, y),
     "sketch": lambda s, t, y: s.sketch(t, y)[0].at,
+    "cut": lambda s, t, y: s.cut(t, y)[0],
+    "held": lambda s, t, y: s.held(t, y)[0],
+    "loads": lambda s, t, y: s.loads(t, y)[0],
+    "constraint_forces": lambda s, t, y: s.constraint_forces(t, y, EFFECTS),
     "accepts": lambda s, t, y: s.accepts,
     "singular": lambda s, t, y: s.singular,
     "coordinates": lambda s, t, y: s.coordinates(y),

@@ -167,7 +167,9 @@ def test_equilibria_and_what_is_near_them():
     assert (linear.verdict, linear.portrait) == ("unstable", "spiral")
     calm = jaxdyn.ode(odes.brusselator, [1.0, 1.0], params=(1.0, 1.5))
     assert jaxdyn.linearize(calm, [1.0, 1.5]).verdict == "stable"
-    with pytest.raises(ValueError, match=r"canonical momenta, got Ode.*`linearize` takes any"):
+    with pytest.raises(
+        ValueError, match=r"canonical momenta, got Ode.*`vibration.modes` takes any"
+    ):
         modes(scene, [1.0, 2.5])
 
 
