@@ -178,7 +178,7 @@ class System(Record):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """Which methods of its effects `rate` uses: "force", "generalized", both, or none.
+        """Which methods of its effects `rate` uses, "force", "generalized", both, or none.
 
         An effect that acts in another way would be ignored; `Scene.check` raises for it.
         """

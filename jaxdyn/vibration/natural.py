@@ -45,7 +45,7 @@ class NaturalModes:
 
     @property
     def frequencies(self) -> Array:
-        """(m,) natural angular frequencies [rad/s], as without damping: |eigenvalue|."""
+        """(m,) natural angular frequencies |eigenvalue| [rad/s], as without damping."""
         return jnp.abs(self.eigenvalues)
 
     @property
@@ -61,7 +61,7 @@ class NaturalModes:
 
     @property
     def shapes(self) -> Array:
-        """(n, m) complex columns: the coordinates in each mode, the largest of them 1.
+        """(n, m) complex coordinates, a column for each mode, the largest of them 1.
 
         Of a state that is not [q, v] all its entries.
         """

@@ -119,6 +119,8 @@ class Basins:
         head = f"Basins of {_text.title_of(self.scene)}, {shape} starts in {', '.join(self.names)}"
         return _text.table(head, rows)
 
+    _repr_html_ = _text.html
+
     def plot(self, path=None, *, title: str | None = None):
         """A picture of the basins and of the attractors; see `orbits.drawing.basins`."""
         from orbits.drawing import basin_maps

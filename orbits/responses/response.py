@@ -87,7 +87,7 @@ class FrequencyResponse:
 
     @property
     def folds(self) -> tuple[tuple[Member, ...], ...]:
-        """The folds of each curve: where a slow sweep jumps."""
+        """The folds of each curve, where a slow sweep jumps."""
         return tuple(
             tuple(m for m in curve.special if m.kind == Kind.FOLD) for curve in self.curves
         )
