@@ -91,7 +91,9 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     sources.texts()
     sources.reference(found.get(_FORMULAS, {}).get("formulas", {}))
     sources.finish()
-    pages, warnings = sphinx(sources.folder, folder)
+    # In a process of its own: Sphinx changes the defaults of the functions that it reads.
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        pages, warnings = pool.submit(sphinx, sources.folder, folder).result()
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
     return Built(folder, pages, failed, untrue, warnings)
 

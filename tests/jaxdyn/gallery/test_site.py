@@ -30,6 +30,7 @@ from jaxdyn.gallery import (
     texts,
     tutorials,
 )
+from jaxdyn.scenes import catalogue
 
 #: Cheap problems, in the plane and in space, with sliders, several motions, none.
 CHOSEN = (7, 16, 22, 54)
@@ -485,3 +486,9 @@ def test_the_page_of_a_problem_prints_its_equations(site):
     page = (site.folder / "course/simple_pendulum.html").read_text()
     assert "<h2>The equations<" in page
     assert page.count('<math display="block">') == 3  # of motion, T and V
+
+
+def test_a_build_leaves_functions_as_they_are(site):
+    assert site.pages
+    beta = catalogue.entry("lorenz").parameters["beta"]
+    assert type(beta) is float
