@@ -91,6 +91,7 @@ def test_a_motion_at_a_time_between_its_samples():
         drawing.free_body(motion, 0.5, scene.y0)
 
 
+@pytest.mark.slow
 def test_a_phase_has_its_own_forces():
     scene = scenes.cylinder_on_ramp(slope=0.9, mu=0.1)
     chain = simulate_phases(scenes.phases_of(scene), None, scene.y0, 0.5)

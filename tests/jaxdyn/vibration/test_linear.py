@@ -71,6 +71,7 @@ def test_the_modes_of_a_plain_ode_are_those_of_its_rate():
     )
 
 
+@pytest.mark.slow
 def test_modes_are_differentiable_and_run_under_vmap():
     slope = jax.grad(lambda k: vibration.modes(one(k=k)).frequencies[0])(K)
     assert_allclose(slope, 0.5 / np.sqrt(K * M), rtol=1e-13)

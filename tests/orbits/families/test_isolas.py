@@ -52,6 +52,7 @@ def test_a_family_of_cycles_ends_where_it_began(down):
     np.testing.assert_allclose(folds, [-0.5, 0.5], atol=SOLVED)
 
 
+@pytest.mark.slow
 def test_so_does_one_of_a_drive_and_its_file_says_so(tmp_path):
     first = orbits.find(follows_at(0.3), [1.4], 2 * np.pi)
     options = {"step": 0.1, "path": tmp_path / "isola.jsonl"}

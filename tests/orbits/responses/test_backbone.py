@@ -90,6 +90,7 @@ def test_the_modes_begin_at_the_linear_frequencies_and_are_those_of_harmonic_bal
             assert_allclose(energy(0.0, [*x, *v]), member.energy, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_tongue_of_the_3_to_1_resonance_joins_both_modes(modes):
     """The in-phase mode leads to it, and returns at three periods of the other one."""
     slow, fast = modes

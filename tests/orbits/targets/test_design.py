@@ -60,6 +60,7 @@ def test_a_hopf_point_where_it_is_wanted_with_a_wanted_frequency(hopf):
     assert 2 * b * s * (s + 1) / (s - b - 1) == pytest.approx(121.0, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_reached_is_said(hopf):
     # No positive sigma and beta have one at rho = 3.
     found = design(
@@ -79,6 +80,7 @@ def van_der_pol(t, y, n):
     return [y[1], n[0] * (1 - y[0] ** 2) * y[1] - n[1] * y[0]]
 
 
+@pytest.mark.slow
 def test_period_and_multiplier_of_a_cycle():
     def make(n):
         return jaxdyn.ode(van_der_pol, [2.0, 0.0], 6.66, params=n)
