@@ -48,7 +48,7 @@ def output_option(check: Callable[[Path, str], object], about: str, *names: str)
 def read(option: typer.CallbackParam, path: Path | None) -> Path | None:
     """The callback of an option or argument for a file to read: refused if it cannot be."""
     if path is not None:
-        content(path, MAX_BYTES, "Give the path of a file that --save wrote.", option.opts[0])
+        content(path, MAX_BYTES, "Give the path of a file that is there.", option.opts[0])
     return path
 
 
