@@ -234,8 +234,8 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         grows = ((new > 0) & (u == 0)).any()
         return n, look, new, before, tau, step, rate, then, noise, grows
 
-    start, none = jnp.zeros((), int), jnp.zeros((), int)
-    begin = start, none, here, zero, span, span, zero, zero, zero, jnp.ones((), bool)
+    none = jnp.zeros((), int)
+    begin = none, none, here, zero, span, span, zero, zero, zero, jnp.ones((), bool)
     _, _, sizes, _, tau, _, rate, _, noise, _ = lax.while_loop(again, round_, begin)
     return Scales(sizes, tau, noise), rate
 

@@ -22,7 +22,6 @@ from jaxdyn.status import Code
 LEVEL = 0.95  # of all bars
 _GRID = 15  # values of a profile
 _WIDENINGS = 4  # times that it is made twice as wide
-_CURVED = 0.2  # relative change of a half-width by the profile above which bars are doubted
 _NAMED = 0.1  # of the largest weight: parameters that a combination names
 _CORRELATED = 4.0  # standard errors of the correlation of residuals in time
 _UNLIKELY = 1e-3  # probability of the misfit below which the model is doubted

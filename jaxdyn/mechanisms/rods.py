@@ -70,17 +70,35 @@ class Rods(Mechanism):
         _checks.positive("length", self.length, "Lengths are in m.")
 
 
-class Dumbbell(Mechanism):
-    """Two points on a rod in the plane, by the centre's x and y and the rod's angle."""
+class TwoOnARod(Mechanism):
+    """Two points on a rod, whatever the coordinates."""
 
     m: Array
     length: Array
 
-    def coordinates(self):
-        return (("x", "m"), ("y", "m"), ("theta", "rad"))
-
     def masses(self):
         return self.m
+
+    def cut(self, t, q):
+        del t, q
+        return particles(self.m)
+
+    def held(self, t, q):
+        r = self.positions(t, q)
+        return (rod("rod", 1, 0, (r[0], r[1])),)
+
+    def sketch(self, t, q):
+        return (line(*self.positions(t, q)),)
+
+    def check(self):
+        _checks.positive("length", self.length, "Lengths are in m.")
+
+
+class Dumbbell(TwoOnARod):
+    """Two points on a rod in the plane, by the centre's x and y and the rod's angle."""
+
+    def coordinates(self):
+        return (("x", "m"), ("y", "m"), ("theta", "rad"))
 
     def positions(self, t, q):
         return self.place(t, q).reshape(2, 2)
@@ -92,32 +110,12 @@ class Dumbbell(Mechanism):
         first = q[:2] - self.m[1] / jnp.sum(self.m) * along
         return jnp.concatenate([first, first + along])
 
-    def cut(self, t, q):
-        del t, q
-        return particles(self.m)
 
-    def held(self, t, q):
-        r = self.positions(t, q)
-        return (rod("rod", 1, 0, (r[0], r[1])),)
-
-    def sketch(self, t, q):
-        return (line(*self.positions(t, q)),)
-
-    def check(self):
-        _checks.positive("length", self.length, "Lengths are in m.")
-
-
-class Coupled(Mechanism):
+class Coupled(TwoOnARod):
     """Two points on a rod along a line, by the position of the first."""
-
-    m: Array
-    length: Array
 
     def coordinates(self):
         return (("x1", "m"),)
-
-    def masses(self):
-        return self.m
 
     def positions(self, t, q):
         return self.place(t, q)[:, None]
@@ -126,17 +124,3 @@ class Coupled(Mechanism):
         """(2,) positions of both: the coordinates of `Rods`."""
         del t
         return jnp.stack([q[0], q[0] + self.length])
-
-    def cut(self, t, q):
-        del t, q
-        return particles(self.m)
-
-    def held(self, t, q):
-        r = self.positions(t, q)
-        return (rod("rod", 1, 0, (r[0], r[1])),)
-
-    def sketch(self, t, q):
-        return (line(*self.positions(t, q)),)
-
-    def check(self):
-        _checks.positive("length", self.length, "Lengths are in m.")
