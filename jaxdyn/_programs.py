@@ -35,7 +35,7 @@ def bind(eqn, args: list) -> Sequence[Any]:
     return found if eqn.primitive.multiple_results else [found]
 
 
-def used(jaxpr: Any) -> list[Any]:
+def live_operations(jaxpr: Any) -> list[Any]:
     """The operations of a program on which its results depend, and those with effects, in order.
 
     JAX traces what is computed and thrown away as well; only the compiler leaves it out.

@@ -1,7 +1,8 @@
 """Progress reports of long work; without a listener, the default, they cost nothing.
 
-Work reports its activity by `doing`, and iterates over its parts by `each`; a command line, say,
-listens by `listening`. Listeners belong to their context: other threads do not report to them.
+Work reports its activity by `report_progress`, and iterates over its parts by `each`; a command
+line, say, listens by `progress_to`. Listeners belong to their context: other threads do not report
+to them.
 """
 
 import contextlib
@@ -16,7 +17,7 @@ Listener = Callable[[str, int, int | None], None]
 _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
-def doing(what: str, done: int = 0, total: int | None = None) -> None:
+def report_progress(what: str, done: int = 0, total: int | None = None) -> None:
     """Report an activity, e.g. "testing stability", and the parts done out of a total."""
     listener = _listener.get()
     if listener is not None:
@@ -34,12 +35,12 @@ def each(items: Iterable[Item], what: str, total: int | None = None) -> Iterator
     if total is None and hasattr(items, "__len__"):
         total = len(items)  # pyright: ignore[reportArgumentType]
     for done, item in enumerate(items):
-        doing(what, done, total)
+        report_progress(what, done, total)
         yield item
 
 
 @contextlib.contextmanager
-def listening(listener: Listener) -> Iterator[None]:
+def progress_to(listener: Listener) -> Iterator[None]:
     """A context whose reports go to a listener."""
     token = _listener.set(listener)
     try:

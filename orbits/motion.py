@@ -16,7 +16,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status
 from jaxdyn._checks import is_traced
 from jaxdyn.analysis.energy import potential
-from jaxdyn.analysis.regularised import logarithmic_span, regularised, solve_regularised
+from jaxdyn.analysis.regularised import logarithmic_span, regularize, solve_regularised
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.flow import SolveResult
@@ -126,7 +126,7 @@ def _depth(scene: Scene, ts: Array, ys: Array) -> Array:
 @jax.jit
 def at_s(scene: Scene, s: Array, rtol) -> tuple[Array, Array]:
     """(n,) times and (n, k) states at logarithmic times s (n,), of which the last is the end."""
-    flow = solve(regularised(scene), s[-1], ts=s, rtol=rtol)
+    flow = solve(regularize(scene), s[-1], ts=s, rtol=rtol)
     return flow.ys[:, -1], flow.ys[:, :-2]
 
 

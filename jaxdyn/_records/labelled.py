@@ -46,7 +46,7 @@ class Labelled(NamedTuple):
 
 
 class _Result(Protocol):
-    def _labelled(self) -> Labelled: ...
+    def _to_labelled(self) -> Labelled: ...
 
 
 def to_pandas(self: _Result) -> Any:
@@ -58,7 +58,7 @@ def to_pandas(self: _Result) -> Any:
     Raises:
       ValueError: pandas is not installed.
     """
-    return frame(self._labelled())
+    return frame(self._to_labelled())
 
 
 def to_xarray(self: _Result) -> Any:
@@ -67,7 +67,7 @@ def to_xarray(self: _Result) -> Any:
     Raises:
       ValueError: xarray is not installed.
     """
-    return to_dataset(self._labelled())
+    return to_dataset(self._to_labelled())
 
 
 def package(name: str, wanted_by: str) -> Any:

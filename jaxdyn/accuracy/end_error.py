@@ -144,7 +144,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
         return EndError(y=y, error=nothing, rounding=nothing, scale=nothing)
     start = pieces_of(motion)[0].scene
     finer = max(rtol * RATIO, FINEST)
-    other = changed(start, _LAST_DIGIT, np.random.default_rng(_SEED))
+    other = perturb(start, _LAST_DIGIT, np.random.default_rng(_SEED))
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
     apart, scale = _largest_gap(scene, ends[1], ends[:1]), _scales(motion, y)
     error = np.maximum(_largest_gap(scene, y, ends), apart)
@@ -183,7 +183,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
 
 
 @check_first
-def changed(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
+def perturb(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
     """The scene with all its numbers and its start changed by a factor, up or down at random."""
 
     def nudge(x):

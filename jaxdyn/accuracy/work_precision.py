@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks, _text
-from jaxdyn._progress import doing, each
+from jaxdyn._progress import each, report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleave
@@ -196,7 +196,7 @@ def work_precision(
     for solver in solvers:
         grid = tolerances if solver.adaptive else [abs(t1) / n for n in steps]
         program, counter = programs(solver)
-        doing(f"preparing {solver.name}")
+        report_progress(f"preparing {solver.name}")
         start = time.perf_counter()
         program(grid[0])
         compiling[solver] = time.perf_counter() - start

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._records.kinds import check_first
-from jaxdyn.analysis.regularised import followed
+from jaxdyn.analysis.regularised import run_regularized
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import explanation
@@ -38,7 +38,7 @@ def closest_approaches(
     """Local minima of the distances between the bodies of a motion, the smallest first.
 
     Args:
-      scene: see `regularised`.
+      scene: see `regularize`.
       t1: () end time [s], after t0; the scene's own span by default.
       t0: () start time [s].
       samples: number of samples; two approaches of the same pair between two samples are missed.
@@ -54,7 +54,7 @@ def closest_approaches(
       [0.034527, 0.034527]
     """
     options = SolverOptions(rtol=rtol, max_steps=max_steps)
-    slow, grid, run, _ = followed(scene, t1, t0, samples, options, throw=True)
+    slow, grid, run, _ = run_regularized(scene, t1, t0, samples, options, throw=True)
     n = scene.system.points(run.ys[0, -1], run.ys[0, :-2]).m.shape[0]
     found = []
     for i, j in itertools.combinations(range(n), 2):

@@ -57,7 +57,7 @@ class Eigenvalues(NamedTuple):
     values: np.ndarray
     bars: np.ndarray
 
-    def ordered(self, order: np.ndarray) -> "Eigenvalues":
+    def reorder(self, order: np.ndarray) -> "Eigenvalues":
         """In the order of indices (..., k)."""
         return Eigenvalues(*(np.take_along_axis(x, order, axis=-1) for x in self))
 
@@ -153,14 +153,14 @@ def rate_eigenvalues(jacobian, error=None) -> Eigenvalues:
         found = eigenvalues(map_in_units(jacobian, balance(jacobian)))
     else:
         found = eigenvalues(jacobian, error)
-    return found.ordered(np.lexsort((found.values.imag, -found.values.real)))
+    return found.reorder(np.lexsort((found.values.imag, -found.values.real)))
 
 
 def map_eigenvalues(monodromy, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     """`eigenvalues` of a map x -> M x, the largest absolute value first."""
     found = eigenvalues(monodromy, error, changes, unseen)
     sizes = np.round(np.abs(found.values), _PLACES)
-    return found.ordered(np.lexsort((-found.values.imag, -sizes)))
+    return found.reorder(np.lexsort((-found.values.imag, -sizes)))
 
 
 @check_first
@@ -193,7 +193,7 @@ def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
     return np.where(np.asarray(conservative) & (growing != "unstable"), held, growing)
 
 
-def bounded(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigenvalues:
+def bound_by_product(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigenvalues:
     """The eigenvalues (k,), the vaguest of them from the others and the product of all.
 
     Where the others are known to less than themselves it is the product over theirs: of a map whose
@@ -223,7 +223,7 @@ def bounded(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigen
     return Eigenvalues(values, bars)
 
 
-def mirrored(found: Eigenvalues) -> Eigenvalues:
+def pair_reciprocals(found: Eigenvalues) -> Eigenvalues:
     """The eigenvalues (k,) of a symplectic map, with bars at least as wide as these show.
 
     To each belongs another one, z and w with z conj(w) = 1; both are wrong by what is missing. A

@@ -320,7 +320,7 @@ def _of_effects(
             (
                 name,
                 [
-                    _gathered(f, part, found.parts, points, body)
+                    _force_on_body(f, part, found.parts, points, body)
                     for part, body in zip(found.parts, bodies, strict=True)
                 ],
             )
@@ -344,7 +344,7 @@ def _of_effects(
     return own
 
 
-def _gathered(
+def _force_on_body(
     f: np.ndarray, part: Part, parts: tuple[Part, ...], points: Points, body: FreeBody
 ) -> Force | None:
     """The force of an effect on a body: at the only point it acts on, or at the mass centre."""

@@ -70,7 +70,7 @@ def angular_momentum_about(scene: Scene | Field, t, y, c: MovingPoint, definitio
     () in the plane, (3,) in space.
     """
     _checks.choice("definition", definition, DEFINITIONS)
-    points, _, c_now, c_rate = _moving(scene, t, y, c)
+    points, _, c_now, c_rate = _motion_about(scene, t, y, c)
     v = points.v - c_rate[None] if definition == "relative" else points.v
     return _moment(points.r - c_now[None], points.m[:, None] * v)
 
@@ -81,7 +81,7 @@ def moment_about(scene: Scene | Field, t, y, c: MovingPoint) -> Array:
 
     For free points this is the moment of the forces; with constraints, reactions count too.
     """
-    points, a, c_now, _ = _moving(scene, t, y, c)
+    points, a, c_now, _ = _motion_about(scene, t, y, c)
     return _moment(points.r - c_now[None], points.m[:, None] * a)
 
 
@@ -119,7 +119,7 @@ def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Bala
     scene = motion.scene
 
     def sides(t, y):
-        points, a, c_now, c_rate = _moving(scene, t, y, c)
+        points, a, c_now, c_rate = _motion_about(scene, t, y, c)
         m, arm = points.m[:, None], jnp.abs(points.r - c_now[None])
         v = jnp.abs(points.v) + jnp.abs(c_rate[None])
         moment = jnp.sum(m * arm) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
@@ -192,7 +192,7 @@ def _along(scene: Scene | Field, t, y, quantity: Callable) -> tuple:
     return jax.jvp(quantity, (t, y), (jnp.ones_like(t), scene.rate(t, y)))
 
 
-def _moving(scene: Scene | Field, t, y, c: MovingPoint) -> tuple[Points, Array, Array, Array]:
+def _motion_about(scene: Scene | Field, t, y, c: MovingPoint) -> tuple[Points, Array, Array, Array]:
     """The points, their accelerations (n, d), and position and velocity (d,) of C."""
 
     def look(t, y):

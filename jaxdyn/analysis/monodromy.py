@@ -134,7 +134,7 @@ def _form_slopes(scene: Scene, t, y: Array) -> tuple[Array, Array]:
 
 
 @check_first
-def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None:
+def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None:
     """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
 
     A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
@@ -162,7 +162,7 @@ def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
     if len(slopes) <= _STATES // 2:
         return None
-    forms = kept_by(list(slopes))
+    forms = invariant_forms(list(slopes))
     for weights in WEIGHTS:
         total = sum((w * form for w, form in zip(itertools.cycle(weights), forms)), 0 * slopes[0])
         s = np.linalg.svd(total, compute_uv=False)
@@ -174,7 +174,7 @@ def kept_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray | None
     return None
 
 
-def kept_by(slopes: Sequence[np.ndarray]) -> np.ndarray:
+def invariant_forms(slopes: Sequence[np.ndarray]) -> np.ndarray:
     """(n, k, k) independent antisymmetric J with A^T J + J A = 0 for each A (k, k)."""
     k = len(slopes[0])
     above = np.triu_indices(k, 1)

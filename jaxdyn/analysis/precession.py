@@ -29,7 +29,7 @@ from jaxdyn._checks import floats
 from jaxdyn._numerics import safe_sqrt
 from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose
-from jaxdyn.geometry.frames import checked_rotation
+from jaxdyn.geometry.frames import check_rotation
 from jaxdyn.geometry.rotations import (
     Matrix,
     matrix_from_rotation_vector,
@@ -111,7 +111,7 @@ def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Sc
     Raises:
       ValueError: R0 is not a rotation.
     """
-    R0 = checked_rotation("R0", R0)
+    R0 = check_rotation("R0", R0)
     H = R0 @ (jnp.stack([I1, I1, I3]) * omega_b0)
     axis = jnp.array([0.0, 0.0, 1.0])
     own = matrix_from_rotation_vector(t * (1 - I3 / I1) * omega_b0[2] * axis)

@@ -72,7 +72,7 @@ class LogarithmicTime(Extended):
 
 
 @check_first
-def regularised(scene: Scene, t0=0.0) -> Scene:
+def regularize(scene: Scene, t0=0.0) -> Scene:
     """The same motion in logarithmic time: a scene of states [q, v, E, t].
 
     Args:
@@ -118,7 +118,7 @@ def simulate_regularised(
     """As `simulate`, through close encounters; samples are evenly spaced in s, not in t.
 
     Args:
-      scene: see `regularised`.
+      scene: see `regularize`.
       t1: () end time [s], after or before t0; the scene's own span by default.
       t0: () start time [s].
       samples: number of samples, at least 2; their times are the trajectory's `ts`.
@@ -128,7 +128,7 @@ def simulate_regularised(
     Returns:
       The motion of the given scene, in its own time and states.
     Raises:
-      ValueError: see `regularised` and `simulate`.
+      ValueError: see `regularize` and `simulate`.
       IntegrationError: the end was not reached.
     Example:
       >>> from jaxdyn.analysis import energy
@@ -138,7 +138,7 @@ def simulate_regularised(
       True
     """
     options = SolverOptions(rtol=rtol, max_steps=max_steps)
-    _, _, run, status = followed(scene, t1, t0, samples, options, throw=throw)
+    _, _, run, status = run_regularized(scene, t1, t0, samples, options, throw=throw)
     return Trajectory(
         scene=scene,
         ts=run.ys[:, -1],
@@ -166,7 +166,7 @@ def solve_regularised(
     the end, and derivatives cost no more than those of two solves.
 
     Args:
-      scene: see `regularised`.
+      scene: see `regularize`.
       t1: () end time [s].
       s: () span of logarithmic time [J s] that comes near t1; see `logarithmic_span`.
       t0: () start time [s].
@@ -176,7 +176,7 @@ def solve_regularised(
     Returns:
       The state at t1, the steps of both parts, and the status of the worse one.
     """
-    slow = regularised(scene, t0)
+    slow = regularize(scene, t0)
     run = solve(slow, s, rtol=rtol, solver=solver, max_steps=max_steps)
     near = scene.starting(run.y1[:-2])
     end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
@@ -196,7 +196,7 @@ def logarithmic_span(
     scene: Scene, t1, *, t0=0.0, rtol: float = 1e-10, max_steps: int = MAX_STEPS
 ) -> Array:
     """() the span of logarithmic time [J s] in which a motion comes near t1; NaN if it does not."""
-    slow = regularised(scene, t0)
+    slow = regularize(scene, t0)
     stop = _until(slow, t0, t1, SolverOptions(rtol=rtol, max_steps=max_steps))
     return jnp.where(stop.event >= 0, stop.t, jnp.nan)
 
@@ -208,10 +208,10 @@ def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
 
 
 @check_first
-def followed(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, throw: bool):
+def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, *, throw: bool):
     """The scene in logarithmic time, a grid of s, the run over it that ends at t1, its status."""
     t0, t1 = span(scene, t1, t0)
-    slow = regularised(scene, t0)
+    slow = regularize(scene, t0)
     if samples < 2:
         raise _checks.fail("samples", "at least 2", samples, "They include start and end.")
     if t1 == t0:

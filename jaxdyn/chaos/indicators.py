@@ -188,7 +188,7 @@ def megno(
       True
     """
     run = _Run(scene, params, 1, averaged=True)
-    ends, shape = run.ended(starts, t0, t1, rtol, progress)
+    ends, shape = run.run_all(starts, t0, t1, rtol, progress)
     growth, weighted, mean, time = np.moveaxis(ends.y1[:, -4:], -1, 0)
     with np.errstate(invalid="ignore"):
         values = (weighted / time, mean / time, growth / np.abs(time), np.abs(time), ends.status)
@@ -232,7 +232,7 @@ def sali(
       (True, True)
     """
     run = _Run(scene, params, 2)
-    ends, shape = run.ended(starts, t0, t1, rtol, progress, run.parallel())
+    ends, shape = run.run_all(starts, t0, t1, rtol, progress, run.parallel())
     u = run.tangents(ends)
     index = np.minimum(*(np.linalg.norm(u[:, 0] + s * u[:, 1], axis=1) for s in (1, -1)))
     return _alignment(index, ends, t0, shape)
@@ -275,7 +275,7 @@ def gali(
     """
     _checks.whole("count", count, 2, len(check_scene(scene).y0))
     run = _Run(scene, params, count)
-    ends, shape = run.ended(starts, t0, t1, rtol, progress)
+    ends, shape = run.run_all(starts, t0, t1, rtol, progress)
     u = run.tangents(ends)
     lost = np.isnan(np.sum(u, axis=(1, 2)))
     stretches = np.linalg.svd(np.where(lost[:, None, None], 0.0, u), compute_uv=False)
@@ -316,7 +316,7 @@ class _Run:
         """Where two tangents become parallel."""
         return Until(_Parallel(self.system(sizes_at_start(self.scene))))
 
-    def ended(
+    def run_all(
         self, starts, t0, t1, rtol: float, progress: bool, watch: Watch | None = None
     ) -> tuple[Ends, tuple[int, ...]]:
         """The ends of all motions in a row, and the axes of the starts."""

@@ -46,7 +46,7 @@ class ChaosMap(Record):
     to_pandas = labelled.to_pandas
     to_xarray = labelled.to_xarray
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         axes = "first", "second"
         units = {"mean": "1", "exponent": "", "time": "", "status": ""}  # of the scene's time
         return Labelled(

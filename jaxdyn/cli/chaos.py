@@ -111,7 +111,9 @@ def _map(
     out: Screen,
 ) -> "tuple[jaxdyn.chaos.ChaosMap, list[str]]":
     """A map, printed; and its two numbers with their units."""
-    make, labels = jaxdyn.scenes.catalogue.varied(name, chosen, [one.name for one in varied])
+    make, labels = jaxdyn.scenes.catalogue.function_of_numbers(
+        name, chosen, [one.name for one in varied]
+    )
     first, second = (_grid(one, size) for one in varied)
     found = jaxdyn.chaos.chaos_map(make, first, second, t1)
     if out.as_object:

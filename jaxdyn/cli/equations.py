@@ -45,11 +45,11 @@ def equations_command(
             return
         found = jaxdyn.equations(scene)
         if as_object:
-            out.result({part.name: _shown(found, part.name) for part in found.sections})
+            out.result({part.name: _as_json(found, part.name) for part in found.sections})
         else:
             out.print(Text(found.latex() if latex else found.text()))
 
 
-def _shown(found: "jaxdyn.symbolic.Equations", part: str) -> dict:
+def _as_json(found: "jaxdyn.symbolic.Equations", part: str) -> dict:
     title, *lines = found.text(part).splitlines()
     return {"title": title, "text": [x.strip() for x in lines], "latex": found.latex(part)}

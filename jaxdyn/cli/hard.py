@@ -37,7 +37,7 @@ def hard_command(
         cases = jaxdyn.hard.chosen(names or ())
         held, seconds = [], 0.0
         for done, case in enumerate(cases):
-            out.doing(f"running {case.name}", done, len(cases))
+            out.show_task(f"running {case.name}", done, len(cases))
             verdict = jaxdyn.hard.judge(case)
             held.append(verdict.passed)
             seconds += verdict.seconds

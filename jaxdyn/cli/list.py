@@ -50,14 +50,14 @@ def list_command(
         else:
             out.print(_problems(found))
         return
-    chosen = _chosen(names) if names else scenes()
+    chosen = _matching_scenes(names) if names else scenes()
     if as_object:
         out.result({name: _description(scene) for name, scene in chosen.items()})
     else:
         out.print(_scenes(chosen))
 
 
-def _chosen(words: list[str]) -> dict[str, SceneText]:
+def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
     """The scenes that are named, and those whose name or text has a word in it."""
     zoo, found = scenes(), {}
     for word in words:

@@ -84,7 +84,7 @@ def run_command(
             return entry.motion(scene, t1, samples=samples, rtol=rtol, solver=method, dt=dt)
 
         motion = made(scene, rtol)
-        out.doing(f"simulating {name} again, to count its certain digits")
+        out.show_task(f"simulating {name} again, to count its certain digits")
         end = jaxdyn.end_error(motion, made, rtol=rtol)
         record = {"scene": name} | jaxdyn.files.tables.record(motion, end)
         if as_object:
@@ -101,7 +101,7 @@ def run_command(
 
 def _check_arrived(motion, out: Screen) -> None:
     """Exit with a code of its own if the motion did not reach its end."""
-    if not jaxdyn.files.tables.arrived(motion):
+    if not jaxdyn.files.tables.reached_end(motion):
         out.print(f"[red]stopped[/red]: {motion.message}")
         raise typer.Exit(STOPPED)
 

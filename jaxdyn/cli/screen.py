@@ -46,7 +46,7 @@ class Screen:
         with self._without_line():
             print(json.dumps(with_null(record)), flush=True)  # noqa: T201
 
-    def doing(self, what: str, done: int = 0, total: int | None = None) -> None:
+    def show_task(self, what: str, done: int = 0, total: int | None = None) -> None:
         """Show the current task and, with a total, how much of it is done."""
         if self._live is None:
             return
@@ -62,7 +62,7 @@ class Screen:
         Raises:
           ValueError: `path` could not be written, e.g. because the disk is full by now.
         """
-        self.doing(f"writing {path}")
+        self.show_task(f"writing {path}")
         try:
             yield
         except OSError as error:
@@ -90,8 +90,8 @@ def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
       as_object: whether its result is a JSON object.
     """
     shown = Screen(as_object)
-    shown.doing(what)
-    with shown._live or contextlib.nullcontext(), _progress.listening(shown.doing):
+    shown.show_task(what)
+    with shown._live or contextlib.nullcontext(), _progress.progress_to(shown.show_task):
         jaxdyn.configure()
         if shown._live is not None:
             shown._live.clock = jaxdyn.accuracy.timing.Clock()

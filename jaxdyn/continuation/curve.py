@@ -138,7 +138,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
             ("special", ", ".join(special)),
             ("end", self.end),
         ]
-        return _text.table(f"Curve of {self._called()}", rows)
+        return _text.table(f"Curve of {self._summary()}", rows)
 
     @_text.with_picture
     def _repr_html_(self):
@@ -146,7 +146,7 @@ class ParameterCurve(abc.ABC, Generic[Point]):
 
         return bifurcations.bifurcation_curves([self], title="")
 
-    def _called(self) -> str:
+    def _summary(self) -> str:
         """How many points of which kind, in words."""
         return _text.number_of(len(self.members), self.kind)
 

@@ -122,7 +122,7 @@ class EquilibriumFamily:
     to_pandas = labelled.to_pandas
     to_xarray = labelled.to_xarray
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         labels, axes = self.make(self.members[0].parameter).labels(), ("member",)
         return Labelled(
             {"parameter": Values(axes, self.parameters)},

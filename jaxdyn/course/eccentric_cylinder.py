@@ -241,10 +241,10 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     """
     g = _check_gravity(scene, turns)
     given = scene.system
-    slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).touching("slip_on")
+    slides = eqx.tree_at(lambda system: system.mu, given, 0.0 * given.mu).with_contact("slip_on")
     contact, fly = (
         dataclasses.replace(scene, system=system)
-        for system in (given.touching("roll") if rolls else slides, given.touching("fly"))
+        for system in (given.with_contact("roll") if rolls else slides, given.with_contact("fly"))
     )
     leaves = Rises(fly, 2)
     lands = (Height(given), Rises(fly, 1), leaves, Caught(given, 1))
@@ -311,7 +311,7 @@ def pull(hop: HybridOrbit) -> float:
 
 
 def _gravity(scene: Scene) -> float:
-    fly = scene.system.touching("fly")
+    fly = scene.system.with_contact("fly")
     fall = fly.rate(jnp.zeros(()), scene.y0, scene.effects)
     return -float(fall[4])
 

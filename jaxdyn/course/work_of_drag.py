@@ -31,7 +31,7 @@ PROBLEM = 12
 TOPIC = "one particle"
 
 
-def thrown():
+def throws():
     """The same throw through air of different density, by the drag coefficient [kg/m]."""
     shots = {}
     for c in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
@@ -78,7 +78,7 @@ def solve(page: Page) -> None:
     ax.legend(frameon=False)
     page.draw(figure, "Any difference is an error of integration, and goes away with it.")
 
-    shots = thrown()
+    shots = throws()
     spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]
     page.number("b: work in 1.2 s with c = 0.03, 0.1, 0.3, 1, 3 and 10 kg/m", spent, "J")
     names = [f"c = {c} kg/m" for c in shots]

@@ -294,7 +294,7 @@ def _alone(
     for f in body.forces:
         colour, at = colours[f.name], place(f.at)
         end, way = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
-        wanted.append((end, way, _named(f, found), colour))
+        wanted.append((end, way, _name_of(f, found), colour))
         if np.any(f.couple):
             named = brief(_magnitude(f.couple), moment, 4)
             wanted.append((_arc(ax, at, f.couple, colour), np.array([0.7, 0.7]), named, colour))
@@ -326,7 +326,7 @@ def _draw_force(
     return (ends[0], -arrow / size) if pushes else (ends[1], arrow / size)
 
 
-def _named(f: Force, found: FreeBodies) -> str:
+def _name_of(f: Force, found: FreeBodies) -> str:
     star = "*" if f.source == BALANCE else ""
     size = _magnitude(f.force)
     size = 0.0 if size <= 1e-12 * found.largest else size

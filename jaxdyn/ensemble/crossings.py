@@ -265,7 +265,7 @@ def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array 
     after = jnp.where(end.side == 0, side, end.side)
     last, this = _stretch(before, here), _stretch(here, end)
     fourth = jnp.abs((this.third - last.third) / (0.5 * (last.width + this.width)))
-    known = this.settled(fourth, side, after, noise) & ~jnp.asarray(hidden)
+    known = this.is_settled(fourth, side, after, noise) & ~jnp.asarray(hidden)
     known |= search.halved >= _MAX_HALVINGS
     across = known & (side * after < 0) & ((wanted == 0) | (wanted == after))
     guess = zero_between(before, here, end)

@@ -90,7 +90,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: pandas is not installed.
         """
-        return labelled.frame(self._labelled(scene))
+        return labelled.frame(self._to_labelled(scene))
 
     def to_xarray(self, scene: Scene) -> Any:
         """The ends as an xarray Dataset along the axis "motion".
@@ -100,9 +100,9 @@ class Ends(NamedTuple):
         Raises:
           ValueError: xarray is not installed.
         """
-        return labelled.to_dataset(self._labelled(scene))
+        return labelled.to_dataset(self._to_labelled(scene))
 
-    def _labelled(self, scene: Scene) -> Labelled:
+    def _to_labelled(self, scene: Scene) -> Labelled:
         labels, axes = scene.labels(), ("motion",)
         counts = {name: getattr(self, name) for name in ("status", "steps", "rejected")}
         return Labelled(

@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxdyn._text import fail
 from jaxdyn.files.digests import DIGITS, has_digest, plain_text, with_digest
-from jaxdyn.files.input_files import content, parsed
+from jaxdyn.files.input_files import content, parse_json
 from jaxdyn.files.output_files import archive_path, replace, unwritable
 
 #: Bytes of an archive: all of it is in memory at once.
@@ -92,7 +92,7 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
         raise fail("path", "an archive (.npz)", f"{path} ({error})", remedy) from error
     if name not in entries:
         raise fail("path", f"an archive with the entry {name}", f"{path} without it", remedy)
-    record = parsed(entries.pop(name), str(path), remedy)
+    record = parse_json(entries.pop(name), str(path), remedy)
     arrays = {key.removesuffix(_ARRAY): _unpack(key, x) for key, x in entries.items()}
     return Read(record, arrays, digested)
 

@@ -243,7 +243,7 @@ def _decode_array(value: Any, name: str, remedy: str = "") -> np.ndarray:
         numbers = np.array([*map(_decode_number, found.ravel())], dtype=float)
     except (ValueError, OverflowError) as error:
         raise fail(name, "an array of numbers", reprlib.repr(value), remedy) from error
-    return _limited(numbers, found.shape, name, remedy)
+    return _check_array(numbers, found.shape, name, remedy)
 
 
 def _decode_shaped(value: dict, name: str, remedy: str) -> np.ndarray:
@@ -257,15 +257,17 @@ def _decode_shaped(value: dict, name: str, remedy: str) -> np.ndarray:
         for key in ("real", "imag")
         if key in keys
     )
-    real = _limited(real, shape, name, remedy)
+    real = _check_array(real, shape, name, remedy)
     if not imaginary:
         return real
     found = real.astype(complex)
-    found.imag = _limited(imaginary[0], shape, name, remedy)  # a sum would lose the signs of zeros
+    found.imag = _check_array(
+        imaginary[0], shape, name, remedy
+    )  # a sum would lose the signs of zeros
     return found
 
 
-def _limited(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy: str) -> np.ndarray:
+def _check_array(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy: str) -> np.ndarray:
     if numbers.size > MAX_NUMBERS:
         raise fail(name, f"at most {MAX_NUMBERS} numbers", numbers.size)
     if min(shape, default=0) < 0 or math.prod(shape) != numbers.size:

@@ -37,7 +37,7 @@ def plain_text(record: Any, indent: int | None = None) -> bytes:
     """A value as text of JSON.
 
     Raises:
-      ValueError: it has numbers that are not finite, or more values than `parsed` takes.
+      ValueError: it has numbers that are not finite, or more values than `parse_json` takes.
     """
     try:
         text = json.dumps(record, indent=indent, allow_nan=False).encode()

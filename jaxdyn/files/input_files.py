@@ -39,7 +39,7 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
     return data
 
 
-def parsed(data: bytes, what: str, remedy: str = "") -> Any:
+def parse_json(data: bytes, what: str, remedy: str = "") -> Any:
     """The value of JSON text with finite numbers only, and integers that floats can hold.
 
     Raises:

@@ -17,7 +17,7 @@ import filelock
 
 from jaxdyn._text import fail
 from jaxdyn.files.digests import digest_of_values, has_digest, json_text
-from jaxdyn.files.input_files import content, parsed
+from jaxdyn.files.input_files import content, parse_json
 from jaxdyn.files.layout import Layout
 from jaxdyn.files.output_files import append, replace, target_of, unwritable, writable
 
@@ -62,7 +62,7 @@ class Journal:
             if data is not first:
                 os.truncate(self._path, len(data))
             elif self._path.exists() and not first.startswith(self._path.read_bytes()):
-                raise _damaged(self._path, layout.format, layout.remedy, "no whole line")
+                raise _damage_error(self._path, layout.format, layout.remedy, "no whole line")
             else:
                 replace(self._path, first)
         except OSError as error:
@@ -152,9 +152,9 @@ def _whole_lines(path: Path, kind: str, remedy: str) -> bytes:
     # A file system may have made room for a line that a lost machine did not write.
     rest = data[size:].rstrip(b"\0")
     if size and not (rest.startswith(_BEGIN) or _BEGIN.startswith(rest)):
-        raise _damaged(path, kind, remedy, "something after its last line")
+        raise _damage_error(path, kind, remedy, "something after its last line")
     if _is_whole(data[size:-1]):
-        raise _damaged(path, kind, remedy, "another byte for a line break")
+        raise _damage_error(path, kind, remedy, "another byte for a line break")
     return data[:size]
 
 
@@ -171,12 +171,12 @@ def _records(data: bytes, path: str | Path, kind: str, remedy: str) -> list[dict
     try:
         return [_record(each + b"\n") for each in data.removesuffix(b"\n").split(b"\n")]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise _damaged(path, kind, remedy, str(error)) from error
+        raise _damage_error(path, kind, remedy, str(error)) from error
 
 
 def _record(line: bytes) -> dict[str, Any]:
     digested = has_digest(line)
-    record = parsed(line, "a line of another type")
+    record = parse_json(line, "a line of another type")
     claimed = record.pop("digest")
     # Older files have a digest of the values.
     if not digested and claimed != digest_of_values(record):
@@ -184,6 +184,6 @@ def _record(line: bytes) -> dict[str, Any]:
     return record
 
 
-def _damaged(path: str | Path, kind: str, remedy: str, why: str) -> ValueError:
+def _damage_error(path: str | Path, kind: str, remedy: str, why: str) -> ValueError:
     got = f"'{path}', which is another or was edited ({why[:80]})"
     return fail("path", f"a {kind} file", got, remedy)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from jaxdyn._text import fail
 from jaxdyn.files import digests
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.input_files import MAX_BYTES, content, parse_json
 from jaxdyn.files.output_files import replace, unwritable, writable
 
 
@@ -79,7 +79,7 @@ class Layout(NamedTuple):
         """
         data = content(path, MAX_BYTES, self.remedy)
         digested = digests.has_digest(data)
-        record = parsed(data, str(path), self.remedy)
+        record = parse_json(data, str(path), self.remedy)
         self.check(record)
         claimed = record.pop("digest", None)
         version = record["version"]
@@ -110,6 +110,6 @@ def format_of(
         if len(data) > MAX_BYTES:
             raise fail(name, f"at most {MAX_BYTES} bytes", "more", remedy)
         first = data
-    record = parsed(first, str(path), remedy)
+    record = parse_json(first, str(path), remedy)
     found = record.get("format") if isinstance(record, dict) else None
     return found if isinstance(found, str) else None

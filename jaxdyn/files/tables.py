@@ -40,7 +40,7 @@ def columns(motion: Trajectory | HybridTrajectory) -> list[str]:
 
 
 @check_first
-def arrived(motion: Trajectory | HybridTrajectory) -> bool:
+def reached_end(motion: Trajectory | HybridTrajectory) -> bool:
     """Whether a motion reached the end of its span, or a terminal event."""
     if isinstance(motion, HybridTrajectory):
         done = motion.ended or motion.t >= motion.pieces[-1].scene.t1

@@ -97,8 +97,8 @@ def fit(
     scene = make(**guess) if by_name else make(guess)
     check_kind("make(guess)", scene, (Scene,))
     check_scene(scene)
-    table = measurements.measured(data, columns)
-    found = measurements.resolved(scene, table.names, observe)
+    table = measurements.read_measurements(data, columns)
+    found = measurements.columns_of(scene, table.names, observe)
     model = Model(
         make=make,
         by_name=by_name,

@@ -63,7 +63,7 @@ class Column(NamedTuple):
         return jnp.asarray(self.function(scene, t, y), float).reshape(())
 
 
-def measured(data: Any, columns: Any = None) -> Measured:
+def read_measurements(data: Any, columns: Any = None) -> Measured:
     """The table in one of the forms that data have.
 
     Args:
@@ -110,7 +110,7 @@ def _numbers(name: str, given: Any, count: int) -> np.ndarray:
     return values
 
 
-def resolved(
+def columns_of(
     scene: Scene, names: tuple[str, ...], observe: Mapping[str, Callable] | None
 ) -> tuple[Column, ...]:
     """What each column measures of a scene.

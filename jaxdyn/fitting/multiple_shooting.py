@@ -123,7 +123,7 @@ def estimate(
     weights = segments.there / given
     if nodes is None:
         sizes = _first_sizes(group, model, segments, start)
-        nodes = _filtered(model, segments, weights / noise[None, None], theta, start, sizes)
+        nodes = _filter_starts(model, segments, weights / noise[None, None], theta, start, sizes)
     p = theta.shape[0]
     sizes = group.sizes(jnp.max(jnp.abs(nodes), axis=0))
     sizes = jnp.where(sizes > 0, sizes, 1.0)
@@ -175,7 +175,7 @@ def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) 
     return jnp.where(sizes > 0, sizes, 1.0)
 
 
-def _filtered(
+def _filter_starts(
     model: Model, segments: Segments, weights: Array, theta: Array, start: Array, sizes: Array
 ) -> Array:
     """(m, k) starts of the segments, one after another at the guessed parameters.

@@ -198,7 +198,7 @@ class Fit:
         thetas = np.asarray(theta) + offsets[:, None] * along[:p]
         starts = np.asarray(nodes) + (offsets[:, None] * along[p:]).reshape(-1, *nodes.shape)
         pin = jnp.asarray(np.eye(p)[i])
-        costs, closed = _profiled(self.model, self.segments, self.sigma, pin, thetas, starts)
+        costs, closed = _profile(self.model, self.segments, self.sigma, pin, thetas, starts)
         rise = 2.0 * np.asarray(costs - self.solution.cost)
         return thetas[:, i], np.where(np.asarray(closed), rise, np.nan)
 
@@ -354,7 +354,7 @@ class Fit:
 
 
 @eqx.filter_jit
-def _profiled(model, segments, sigma, pin, thetas, starts):
+def _profile(model, segments, sigma, pin, thetas, starts):
     def one(theta, nodes):
         found = estimate(model, segments, sigma, theta, nodes[0], pin, nodes)
         return found.cost, found.converged

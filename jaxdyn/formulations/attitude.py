@@ -45,7 +45,7 @@ class Attitude(Record):
     def nearest(self, a: Array) -> Array:
         """The nearest n numbers (n,) that represent a rotation."""
 
-    def aligned(self, a: Array, like: Array) -> Array:
+    def align(self, a: Array, like: Array) -> Array:
         """Of all representations of the same rotation, the one closest to another."""
         del like
         return a
@@ -69,7 +69,7 @@ class Quaternion(Attitude):
     def nearest(self, a):
         return normalise_wxyz(a)
 
-    def aligned(self, a, like):
+    def align(self, a, like):
         return jnp.where(jnp.sum(a * like) < 0, -a, a)
 
 

@@ -32,14 +32,14 @@ class WithFunctions(eqx.Module):
     rest: Any = eqx.field(static=True)
 
 
-def called(function: Callable, params: Any, *args: Array) -> Any:
+def call(function: Callable, params: Any, *args: Array) -> Any:
     """The function of these arguments and, where there are any, of the parameters."""
     if isinstance(params, WithFunctions):
         params = eqx.combine(params.numbers, params.rest)
     return function(*args) if params is None else function(*args, params)
 
 
-def checked_function(name: str, function: Any, params: Any, *args: str) -> Callable:
+def check_function(name: str, function: Any, params: Any, *args: str) -> Callable:
     """The function, if it can be called with so many arguments and be part of a program."""
     wanted = f"a function of ({', '.join((*args, 'params') if params is not None else args)})"
     if not callable(function):
@@ -65,12 +65,12 @@ def name_of(function: Callable) -> str:
     return "" if name == "<lambda>" else name.strip("_").replace("_", " ")
 
 
-def checked_params(params: Any) -> Any:
+def as_params(params: Any) -> Any:
     """The parameters with numbers as float arrays; None for none."""
     remedy = "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays."
     numbers, rest = eqx.partition(params, lambda x: not callable(x))
     if jax.tree.leaves(rest) and jax.tree.leaves(numbers):
-        return WithFunctions(checked_params(numbers), rest)
+        return WithFunctions(as_params(numbers), rest)
     if params is not None and not jax.tree.leaves(params):
         raise _checks.fail("params", "numbers", f"none in {params!r}", "Leave it out.")
     return jax.tree.map(lambda x: _checks.numbers("params", x, remedy), params)
@@ -103,7 +103,7 @@ def vector(name: str, value: Any, like: Array) -> Array:
         raise _checks.fail(name, "an array or a list of numbers", got) from error
 
 
-def named(
+def name_entries(
     names: Sequence[str | tuple[str, str]] | None, letter: str, count: int
 ) -> tuple[tuple[str, str], ...]:
     """(name, unit) of each entry, "1" where no unit is given; y0, y1, ... if left out."""

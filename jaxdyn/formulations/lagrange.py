@@ -26,19 +26,19 @@ from jaxdyn import _checks, _shapes
 from jaxdyn._numerics import solve_spd
 from jaxdyn._shapes import potential_energy
 from jaxdyn.formulations.functions import (
-    called,
-    checked_function,
-    checked_params,
+    as_params,
+    call,
+    check_function,
     finite_params,
+    name_entries,
     name_of,
-    named,
 )
 from jaxdyn.formulations.mechanism import (
     Mechanism,
     MechanismSystem,
     on_coordinates,
     positions_and_velocities,
-    pulled_back,
+    pull_back,
     with_rates,
 )
 from jaxdyn.scene import Effect, Scene, System
@@ -68,7 +68,7 @@ class Lagrange(MechanismSystem):
         energetic, others = self._partition(effects, t, y)
         force = on_coordinates(t, q, v, effects)
         if others:
-            force = force + pulled_back(self.mechanism, t, q, v, others)
+            force = force + pull_back(self.mechanism, t, q, v, others)
         return jnp.concatenate([v, _accelerations(self._bare(energetic), t, q, v, force)])
 
     def energies(self, t, y, effects):
@@ -113,8 +113,8 @@ class Lagrangian(System):
 
     def lagrangian(self, t: Array, q: Array, v: Array) -> Array:
         """The Lagrangian () [J]."""
-        whole = called(self.functions[0], self.params, t, q, v)
-        return whole - called(self.functions[1], self.params, t, q) if self._in_parts else whole
+        whole = call(self.functions[0], self.params, t, q, v)
+        return whole - call(self.functions[1], self.params, t, q) if self._in_parts else whole
 
     def rate(self, t, y, effects):
         q, v = jnp.split(y, 2)
@@ -131,7 +131,7 @@ class Lagrangian(System):
             return _energies(self.lagrangian, t, y)
         q, v = jnp.split(y, 2)
         kinetic, potential = self.functions
-        return called(kinetic, self.params, t, q, v), called(potential, self.params, t, q)
+        return call(kinetic, self.params, t, q, v), call(potential, self.params, t, q)
 
     def canonical(self, t, y):
         return _canonical(self.lagrangian, t, y)
@@ -194,18 +194,18 @@ def lagrangian(
     q0 = _checks.array("q0", q0, (None,))
     v0 = _checks.array("v0", v0, q0.shape, "One for each coordinate.")
     t1 = _checks.array("t1", t1, ())
-    params = checked_params(params)
+    params = as_params(params)
     functions = tuple(L) if isinstance(L, tuple | list) else (L,)
     if len(functions) > 2 or not functions:
         raise _checks.fail("L", "a function, or a pair (T, V)", f"{len(functions)} of them")
     t, one = jnp.zeros(()), "An energy is one number."
     for function, args in zip(functions, (("t", "q", "v"), ("t", "q")), strict=False):
         name = "TV"[len(args) == 2] if len(functions) == 2 else "L"
-        checked_function(name, function, params, *args)
+        check_function(name, function, params, *args)
         values = (t, q0, v0)[: len(args)]
-        of = eqx.Partial(called, function, params)
+        of = eqx.Partial(call, function, params)
         _shapes.check_value(name, (), one, of, *values)
-    system = Lagrangian(functions, params, named(names, "q", len(q0)))
+    system = Lagrangian(functions, params, name_entries(names, "q", len(q0)))
     name = name_of(functions[0]) if len(functions) == 1 else ""
     return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)
 

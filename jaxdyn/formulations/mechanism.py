@@ -212,7 +212,7 @@ def mass_and_force(
 
 
 @check_first
-def pulled_back(
+def pull_back(
     mechanism: Mechanism,
     t: Array,
     q: Array,

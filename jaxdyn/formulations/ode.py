@@ -15,12 +15,12 @@ from jaxtyping import Array
 from jaxdyn import _checks, _shapes
 from jaxdyn._records.repeated import check_repeatable
 from jaxdyn.formulations.functions import (
-    called,
-    checked_function,
-    checked_params,
+    as_params,
+    call,
+    check_function,
     finite_params,
+    name_entries,
     name_of,
-    named,
     vector,
 )
 from jaxdyn.scene import Scene, System
@@ -53,20 +53,20 @@ class Ode(System):
 
     def rate(self, t, y, effects):
         del effects
-        return vector("rate", called(self.function, self.params, t, y), y)
+        return vector("rate", call(self.function, self.params, t, y), y)
 
     def energies(self, t, y, effects):
         del effects
         if self.energy is None:
             return ()
-        return (vector("energy", called(self.energy, self.params, t, y), y),)
+        return (vector("energy", call(self.energy, self.params, t, y), y),)
 
     def integrals(self, t, y):
-        values = {name: called(function, self.params, t, y) for name, function in self.conserved}
+        values = {name: call(function, self.params, t, y) for name, function in self.conserved}
         return {name: vector(name, value, y) for name, value in values.items()}
 
     def generators(self, y):
-        values = {name: called(function, self.params, y) for name, function in self.moves}
+        values = {name: call(function, self.params, y) for name, function in self.moves}
         return {name: vector(name, value, y) for name, value in values.items()}
 
     def check(self, t, y):
@@ -138,7 +138,7 @@ def ode(
       True
     """
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
-    params = checked_params(params)
+    params = as_params(params)
     extra = _by_name("integrals", integrals, "momentum")
     if "energy" in dict(extra):
         raise _checks.fail("integrals", "other names", "'energy'", "Pass it as energy=.")
@@ -146,13 +146,13 @@ def ode(
     functions = {"rate": rate} | ({} if energy is None else {"energy": energy})
     functions |= {f"integrals {key!r}": function for key, function in extra}
     for name, function in functions.items():
-        checked_function(name, function, params, "t", "y")
+        check_function(name, function, params, "t", "y")
     for key, function in moves:
-        checked_function(f"generators {key!r}", function, params, "y")
+        check_function(f"generators {key!r}", function, params, "y")
     system = Ode(
         function=rate,
         params=params,
-        names=named(names, "y", len(y0)),
+        names=name_entries(names, "y", len(y0)),
         energy=energy,
         conserved=extra,
         moves=moves,
@@ -167,7 +167,7 @@ def ode(
     check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
         one = "An energy is one number."
-        _shapes.check_value("energy", (), one, lambda t, y: called(energy, params, t, y), t, y0)
+        _shapes.check_value("energy", (), one, lambda t, y: call(energy, params, t, y), t, y0)
     for key, _ in moves:
         name = f"generators {key!r}"
         _shapes.check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)

@@ -146,7 +146,7 @@ class RigidBody(System):
         del t
         r, R, v, omega = self.pose(y)
         s, m = self.matter
-        return Points(r[None] + turned(R, s), v[None] + turned(R, _cross_rows(omega[None], s)), m)
+        return Points(r[None] + rotate(R, s), v[None] + rotate(R, _cross_rows(omega[None], s)), m)
 
     def coordinates(self, y):
         n = len(y) - (3 if self.pivoted else 6)
@@ -184,7 +184,7 @@ class RigidBody(System):
 
     def difference(self, y1, y0):
         r, a, v, omega = self._parts(y1)
-        return self._state(r, self.attitude.aligned(a, self._parts(y0)[1]), v, omega) - y0
+        return self._state(r, self.attitude.align(a, self._parts(y0)[1]), v, omega) - y0
 
     def generators(self, y):
         r, a, v, _ = self._parts(y)
@@ -223,7 +223,7 @@ class RigidBody(System):
             R = self.attitude.matrix(a)
             r, velocity, m = self.points(t, y)
             forces = total_force(effects, t, r, velocity, m)
-            moments = _cross_rows(self.matter.r, turned(R.T, forces))
+            moments = _cross_rows(self.matter.r, rotate(R.T, forces))
             total = jnp.stack([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
             for f in generalized_forces(effects, t, *self.coordinates(y)):
                 total = total + jnp.concatenate([jnp.zeros(6 - len(f)), f]).reshape(2, 3)
@@ -292,7 +292,7 @@ def at_pivot(pivoted: bool) -> tuple[Joint, ...]:
     return (pinned("pivot", 0, None, jnp.zeros(3)),) if pivoted else ()
 
 
-def turned(R: Array, s: Array) -> Array:
+def rotate(R: Array, s: Array) -> Array:
     """R s for one s (3,) or many (p, 3); a sum for the reason at mechanism.weighted_gram."""
     return jnp.sum(R[(None,) * (s.ndim - 1)] * s[..., None, :], axis=-1)
 

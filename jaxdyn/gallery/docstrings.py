@@ -72,12 +72,12 @@ def _prose(text: str) -> str:
             # As in Markdown, an indented block is shown as it stands.
             found += [block] if shown else ["::", block]
         else:
-            found.append(block if example else _escaped(block))
+            found.append(block if example else _escape(block))
         shown = indented and not example
     return "\n\n".join(found)
 
 
-def _escaped(block: str) -> str:
+def _escape(block: str) -> str:
     """A paragraph whose code is literal and whose other characters mean themselves."""
     pieces = _CODE.split(block)
     for i, piece in enumerate(pieces):

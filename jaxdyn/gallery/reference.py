@@ -134,7 +134,7 @@ def _class_page(entry: Entry) -> str:
             directive = "autoproperty" if kind == "property" else "automethod"
             body += ["", f".. rubric:: {title}", ""]
             body += [line for name in names for line in (f".. {directive}:: {name}", "")]
-    inherited = _inherited(entry)
+    inherited = _inherited_members(entry)
     if inherited:
         body += ["", ".. rubric:: Inherited", "", ", ".join(f"``{one}``" for one in inherited)]
     return "\n".join([_title(entry.name), _directive("autoclass", entry.name, "", *body)])
@@ -256,7 +256,7 @@ def _members(name: str, cls: type) -> Iterator[Member]:
             yield Member(f"{name}.{key}", kind)
 
 
-def _inherited(entry: Entry) -> list[str]:
+def _inherited_members(entry: Entry) -> list[str]:
     """The documented members that a class has from other classes of ours, where those say so."""
     own = {member.name.rpartition(".")[2] for member in entry.members}
     homes = {id(one.thing): one for of in chapters().values() for one in of if one.kind == "class"}

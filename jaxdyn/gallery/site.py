@@ -13,7 +13,7 @@ from sphinx.application import Sphinx
 
 from jaxdyn import _checks
 from jaxdyn._config import configure
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._text import whole
 from jaxdyn.course.page import Problem, problems
 from jaxdyn.files.output_files import unwritable, writable
@@ -74,7 +74,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
         raise unwritable(folder, error, "folder") from error
     writable(folder / "index.html", "folder", (".html",))
     failed = _run(jobs, folder, workers or min(os.cpu_count() or 1, _MOST_WORKERS))
-    doing("writing pages")
+    report_progress("writing pages")
     names = [*_names().values(), *exhibits.PARTS, *tutorials.files(), _FORMULAS]
     records = {name: stored_record(folder, name) for name in names}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
@@ -130,7 +130,7 @@ def _jobs(only: Collection[int | str]) -> list[str]:
 def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
     """Run those pages in parallel that have changed; the errors of those that failed, by name."""
     jobs = [name for name in jobs if current(folder, name, _source(name)) is None]
-    doing("running pages", 0, len(jobs))
+    report_progress("running pages", 0, len(jobs))
     failed = {}
     timed = [name for name in jobs if name in exhibits.PARTS and exhibits.PARTS[name].timed]
     quick = [name for name in jobs if name not in timed]
@@ -139,7 +139,7 @@ def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
         if names:
             for name, error in _each(names, folder, min(workers, len(names)), prepare):
                 done += 1
-                doing(f"running pages, {name} done", done, len(jobs))
+                report_progress(f"running pages, {name} done", done, len(jobs))
                 if error is not None:
                     failed[name] = f"{type(error).__name__}: {error}"
     return failed

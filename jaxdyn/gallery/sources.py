@@ -90,7 +90,7 @@ class Sources:
                 "exhibit.md",
                 record=record,
                 verdicts=[case["holds"] for topic in record["cases"] for case in topic["cases"]],
-                minis=player.embedded([one["path"] for one in record["minis"]]),
+                minis=player.embed([one["path"] for one in record["minis"]]),
             )
         self.fill("exhibits.md", "exhibits.md", exhibits=records)
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import safe_norm
-from jaxdyn.geometry.frames import Matrix, checked_rotation
+from jaxdyn.geometry.frames import Matrix, check_rotation
 from jaxdyn.geometry.indices import levi_civita
 from jaxdyn.geometry.vectors import Vector, cross, dot
 
@@ -71,7 +71,7 @@ def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     Raises:
       ValueError: R_wb is not a rotation; under traces the result is NaN then.
     """
-    R_wb = checked_rotation("R_wb", R_wb)
+    R_wb = check_rotation("R_wb", R_wb)
     i, j, k, again = _axes(sequence)
     sign = levi_civita()[i, j, k]
     # Tait-Bryan: column k is R_i R_j e_k; Euler: column i is R_i R_j e_i. Its part across e_i

@@ -36,7 +36,7 @@ def tensor_in_world(R_wb: Matrix, A_b: Matrix) -> Matrix:
     Raises:
       ValueError: R_wb is not a rotation; under traces the result is NaN then.
     """
-    R_wb = checked_rotation("R_wb", R_wb)
+    R_wb = check_rotation("R_wb", R_wb)
     return R_wb @ A_b @ R_wb.T
 
 
@@ -47,7 +47,7 @@ def tensor_in_body(R_wb: Matrix, A_w: Matrix) -> Matrix:
     Raises:
       ValueError: R_wb is not a rotation; under traces the result is NaN then.
     """
-    R_wb = checked_rotation("R_wb", R_wb)
+    R_wb = check_rotation("R_wb", R_wb)
     return R_wb.T @ A_w @ R_wb
 
 
@@ -71,7 +71,7 @@ def orthonormalise(A: Matrix, iterations: int = 10) -> Matrix:
 
 
 @arrays
-def checked_rotation(name: str, R: Matrix) -> Matrix:
+def check_rotation(name: str, R: Matrix) -> Matrix:
     """R, checked to be a rotation: orthogonal, with determinant 1.
 
     Raises:

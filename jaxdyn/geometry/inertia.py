@@ -20,7 +20,7 @@ from jaxdyn import _checks
 from jaxdyn._arguments import arrays
 from jaxdyn._checks import as_float
 from jaxdyn._numerics import safe_sqrt, square_norm
-from jaxdyn.geometry.frames import checked_rotation
+from jaxdyn.geometry.frames import check_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross
 from jaxdyn.system import Record
 
@@ -50,7 +50,7 @@ class Body(Record):
         Raises:
           ValueError: R is not a rotation; under traces the body is NaN then.
         """
-        R = checked_rotation("R", R)
+        R = check_rotation("R", R)
         return Body(self.mass, R @ self.centre, R @ self.inertia @ R.T)
 
     @arrays

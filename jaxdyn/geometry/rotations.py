@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import atanc, cos_of_root, safe_norm, sinc_of_root, square_norm
-from jaxdyn.geometry.frames import Matrix, checked_rotation
+from jaxdyn.geometry.frames import Matrix, check_rotation
 from jaxdyn.geometry.vectors import Scalar, Vector, cross, dot, skew
 
 Wxyz = Float[Array, "4"]
@@ -159,7 +159,7 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
     """
-    R = checked_rotation("R", R)
+    R = check_rotation("R", R)
     a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
     d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
     x, y, z = R[0, 0], R[1, 1], R[2, 2]

@@ -27,7 +27,7 @@ from jaxdyn.integrate.event_search.event_values import coincident, time_slope, v
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
-from jaxdyn.integrate.switching import switching
+from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
@@ -249,7 +249,7 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
       sides: (E,) signs of the values just after the start, 0 where they are to be looked at.
     """
     t0, t1 = span(scene, t1, t0)
-    events = checked_events(events, len(scene.y0))
+    events = as_events(events, len(scene.y0))
     sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
     method = check_method(scene, options.solver, several=True)
     held_to = limits(options)
@@ -259,10 +259,10 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
         held_to = jax.tree.map(jnp.asarray, held_to)
         return _compiled(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
 
-    return switching(run, held_to, method, default=options.solver is None and not traced)[0]
+    return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]
 
 
-def checked_events(events, k: int) -> tuple[Event, ...]:
+def as_events(events, k: int) -> tuple[Event, ...]:
     """One or several events of a state of k entries as a tuple.
 
     Raises:

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
-from jaxdyn.solvers.sizes import PART, Begun, above_noise, begun, state_of
+from jaxdyn.solvers.sizes import PART, Begun, above_noise, sizes_at_start, state_of
 
 #: Of the size that a drive gives to an entry later: one that is smaller is at rest.
 _REST = 1e-6
@@ -86,7 +86,7 @@ def look_from_start(
     field: Any, t0: Array, y0: Array, t1: Array, tolerance: Array
 ) -> tuple[Begun, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over."""
-    start, look = begun(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
+    start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
         start = _sizes_of_drives(look, t0, t1, y0, start)
     return above_noise(start, tolerance), look

@@ -36,7 +36,7 @@ _ROUNDINGS = 64  # units in the last place of all inputs within which a value co
 _MAX_PROJECTION = 1e-10
 
 
-def unchanged(t: Array, y: Array) -> Array:
+def keep_state(t: Array, y: Array) -> Array:
     """The state is unchanged."""
     del t
     return y
@@ -84,7 +84,7 @@ class Exit(Record):
 
     event: Event
     to: str | tuple[str, ...] = eqx.field(static=True)
-    change: Callable[[Array, Array], Array] = unchanged
+    change: Callable[[Array, Array], Array] = keep_state
     choose: Callable[[Array, Array], Array] | None = None
     lasts: Callable[[Array, Array], Array] = no_time
     one_sided: bool = eqx.field(static=True, default=True)

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import stop_of
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
@@ -80,7 +80,7 @@ def simulate_phases(
     shortest = np.finfo(float).eps * (t1 - t0)  # [s] below which two times are equal
     names, pieces, path, idle, status = [], [], [], 0, Status.OK
     while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
-        doing(f"phase {name} from t = {float(t):.4g}")
+        report_progress(f"phase {name} from t = {float(t):.4g}")
         here, leg = name, _leg(phases[name], t, y, t1, samples, options)
         if leg.piece is not None:
             names.append(name)

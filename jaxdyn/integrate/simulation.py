@@ -26,13 +26,13 @@ from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
     Share,
     SolverOptions,
-    filling,
     host_floats,
     limits,
+    padding,
     sampled_span,
 )
 from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.switching import switching
+from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
@@ -248,10 +248,10 @@ def _solve(
         method = within_trace(scene, method) if default else method
     elif n and not adjoint:
         # NaN is never reached; derivatives would see it, and traces recompile anyway.
-        ts = np.append(ts, np.full(filling(n, y0.size), np.nan))
+        ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
     march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
-    out, switched = switching(run, held_to, method, default=default and not traced)
+    out, switched = run_or_switch(run, held_to, method, default=default and not traced)
     if not switched and len(ts) == n:
         return out, False
     # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.

@@ -193,7 +193,7 @@ def limits(options: SolverOptions, dt=None) -> Limits:
     return found._replace(max_step=longest, breaks=breaks)
 
 
-def filling(n: int, k: int) -> int:
+def padding(n: int, k: int) -> int:
     """How much n samples of a state (k,) are less than the number of samples of their program.
 
     That is a power of 8 from 64 on; of 2 for long states or very many samples.
@@ -206,7 +206,7 @@ def fill(ts: Array, ys: Array) -> tuple[Array, Array]:
     """Times (s,) and states (s, k) with the last repeated; as they are if traced."""
     if _checks.is_traced((ts, ys)):
         return ts, ys
-    more = filling(*ys.shape)
+    more = padding(*ys.shape)
     last = np.minimum(np.arange(len(ts) + more), len(ts) - 1)
     return _put_on_device(np.asarray(ts)[last]), _put_on_device(np.asarray(ys)[last])
 

@@ -32,7 +32,7 @@ class Ended(Protocol):
 R = TypeVar("R", bound=Ended)
 
 
-def switching(
+def run_or_switch(
     run: Callable[..., R], limits: Limits, method: Method, *, default: bool
 ) -> tuple[R, bool]:
     """The result of a run, and whether `RADAU9` took over because the motion is stiff.

@@ -156,7 +156,7 @@ class Cylinder(System):
         stop = -_both(a, off) if self.contact == "roll" else -off * np.eye(2)[0] / a[0, 0]
         return jnp.concatenate([y[:3], y[3:] + self._velocity_change(rows, stop)])
 
-    def landed(self, y: Array) -> Array:
+    def after_landing(self, y: Array) -> Array:
         """(6,) the state after an inelastic impact with Coulomb friction."""
         y = self._place(y)
         rows, _ = self._conditions(y)
@@ -168,7 +168,7 @@ class Cylinder(System):
         impulse = jnp.where(sticks, rolling, slipping * jnp.stack([1.0 + 0 * way, -way * self.mu]))
         return jnp.concatenate([y[:3], y[3:] + self._velocity_change(rows, impulse)])
 
-    def touching(self, contact: str) -> "Cylinder":
+    def with_contact(self, contact: str) -> "Cylinder":
         """The same cylinder with another contact."""
         return dataclasses.replace(self, contact=contact)
 

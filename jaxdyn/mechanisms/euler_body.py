@@ -19,7 +19,7 @@ from jaxdyn.formulations.rigid import (
     about_centre,
     at_pivot,
     check_matter,
-    turned,
+    rotate,
 )
 from jaxdyn.geometry.euler import (
     SEQUENCES,
@@ -78,7 +78,7 @@ class EulerBody(Mechanism):
     def positions(self, t, q):
         del t
         r, angles = self._parts(q)
-        return r[None] + turned(matrix_from_euler(angles, self.sequence), self.matter.r)
+        return r[None] + rotate(matrix_from_euler(angles, self.sequence), self.matter.r)
 
     def sketch(self, t, q):
         del t
@@ -98,7 +98,7 @@ class EulerBody(Mechanism):
         """Position, attitude and angular velocity at coordinates and velocities (n,)."""
         r, angles = self._parts(q)
         velocity, rates = self._parts(v)
-        omega_b = turned(omega_b_from_euler(angles, self.sequence), rates)
+        omega_b = rotate(omega_b_from_euler(angles, self.sequence), rates)
         return Pose(r=r, R_wb=matrix_from_euler(angles, self.sequence), v=velocity, omega_b=omega_b)
 
     def state(self, pose: Pose) -> Array:

@@ -36,7 +36,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import SMOOTH
-from jaxdyn._programs import CALLS, Loop, bind, inner_program, loop, used
+from jaxdyn._programs import CALLS, Loop, bind, inner_program, live_operations, loop
 
 #: What a value depends on: time and state, along a motion (it moves), or through outcomes of
 #: conditions only (it jumps, and is constant in a branch).
@@ -153,7 +153,7 @@ class Walk:
 
         # A condition whose outcome is thrown away would end steps and take long to compile: the
         # work of an effect, whose error is measured by the magnitudes of its terms, took 26 s.
-        for eqn in used(jaxpr):
+        for eqn in live_operations(jaxpr):
             found = self._apply(eqn, [read(a) for a in eqn.invars])
             values |= dict(zip(eqn.outvars, found, strict=True))
         return [read(a) for a in jaxpr.outvars]

@@ -14,6 +14,6 @@ the same for pages, notebooks and the gallery.
 
 from jaxdyn.player.export import export
 from jaxdyn.player.live import live
-from jaxdyn.player.pages import Playing, embedded, fragment, look, play, script
+from jaxdyn.player.pages import Playing, embed, fragment, look, play, script
 
-__all__ = ["Playing", "embedded", "export", "fragment", "live", "look", "play", "script"]
+__all__ = ["Playing", "embed", "export", "fragment", "live", "look", "play", "script"]

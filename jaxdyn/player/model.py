@@ -23,7 +23,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._text.tables import unit_of
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.phase import END, Exit, Phase
-from jaxdyn.player.pages import embedded
+from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
@@ -71,14 +71,14 @@ def model(scene: Scene, motions: int = 1) -> str:
       ValueError: the scene is invalid, or its rate, or what ends a phase of it, has no formulas.
     """
     scene = check_scene(scene)
-    outlines, marks, drawn = _drawn(scene)
+    outlines, marks, drawn = _drawing(scene)
     switches = _switches(scene)
     phases = ",".join(_phase(scene, name, switches) for name in _phases(scene))
     functions = {
         "phases": f"[{phases}]",
         "energies": f"[{','.join(_rates(scene, switches, _energies))}]",
-        "places": _written(scene, drawn),
-        "forces": _written(scene, _forces) if any(map(_pulls, scene.effects)) else "null",
+        "places": _javascript(scene, drawn),
+        "forces": _javascript(scene, _forces) if any(map(_pulls, scene.effects)) else "null",
         "consistent": "null" if has_corners(scene) else _consistent(scene, ""),
     }
     data = {
@@ -103,11 +103,11 @@ def model(scene: Scene, motions: int = 1) -> str:
         "singular": scene.singular,
         "motions": motions,
     }
-    parts = [f"{name}: {text}" for name, text in ({"data": embedded(data)} | functions).items()]
+    parts = [f"{name}: {text}" for name, text in ({"data": embed(data)} | functions).items()]
     return "{" + ",\n".join(parts) + "}"
 
 
-def _written(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> str:
+def _javascript(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> str:
     """A function of a scene in JavaScript."""
     try:
         source = code(scene, "javascript", of=of, name="f")
@@ -159,7 +159,7 @@ def _rates(scene: Scene, switches: list, of: Callable) -> list[str]:
 
         return function
 
-    return [_written(scene, chosen(on)) for on in range(2 ** len(switches))]
+    return [_javascript(scene, chosen(on)) for on in range(2 ** len(switches))]
 
 
 def _energies(scene: Scene, t: Array, y: Array) -> Array:
@@ -197,7 +197,7 @@ def _phase(scene: Scene, name: str, switches: list) -> str:
     here = _phases(scene)
     rates = _rates(scene, switches, lambda s, t, y: _phases(s)[name].scene.rate(t, y))
     parts = {
-        "name": embedded(name),
+        "name": embed(name),
         "rates": f"[{','.join(rates)}]",
         "consistent": _consistent(scene, name),
         "projects": str(_projects(here[name].scene.system)).lower(),
@@ -216,7 +216,7 @@ def _exit(scene: Scene, name: str, number: int) -> str:
             phase = _phases(moved.starting(scene.y0))[name]
             return _row([of(phase.exits[number], phase, t, y)])
 
-        return _written(scene, function)
+        return _javascript(scene, function)
 
     def slope(way: Exit, phase: Phase, t: Array, y: Array) -> Array:
         moves = jnp.ones_like(t), phase.scene.rate(t, y)
@@ -246,7 +246,7 @@ def _consistent(scene: Scene, name: str) -> str:
         # Also where steps do not: a start that is dragged is to be on them.
         return system.nearest(t, y) if isinstance(system, Constrained) else system.project(t, y)
 
-    return _written(scene, nearest)
+    return _javascript(scene, nearest)
 
 
 def _projects(system: System) -> bool:
@@ -256,7 +256,7 @@ def _projects(system: System) -> bool:
     return type(system).project is not System.project
 
 
-def _drawn(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
+def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
     """The shapes, the names of the marked points, and the function of all their places."""
     shapes = eqx.filter_eval_shape(scene.sketch, jnp.zeros(()), scene.y0)
     named = [shape.name for shape in shapes if shape.kind == "trace"]

@@ -89,11 +89,11 @@ def fragment(shown: Mapping[str, Any], label: str = "A motion.") -> str:
     """The part of a page that becomes a player of an export, where `script` is on the page."""
     return (
         f'<div class="player" data-label="{html.escape(label, quote=True)}">'
-        f'<script type="application/json">{embedded(shown)}</script></div>'
+        f'<script type="application/json">{embed(shown)}</script></div>'
     )
 
 
-def embedded(found: Any) -> str:
+def embed(found: Any) -> str:
     """JSON that can stand in a script of a page, whatever its texts contain.
 
     A "<" could begin a tag that ends the script, or a comment that keeps it from ending.

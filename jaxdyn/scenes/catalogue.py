@@ -134,7 +134,7 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     return entry(name).make(**values)
 
 
-def varied(
+def function_of_numbers(
     name: str, settings: Mapping[str, str], names: Sequence[str]
 ) -> tuple[Callable[..., Scene], list[str]]:
     """A function from numbers to the scene that has them, and their names with units.

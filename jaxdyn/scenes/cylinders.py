@@ -99,14 +99,14 @@ class Touches(Event):
 
 
 class Landed(eqx.Module):
-    """The state after a landing, as `Cylinder.landed`."""
+    """The state after a landing, as `Cylinder.after_landing`."""
 
     cylinder: Cylinder
 
     def __call__(self, t: Array, y: Array) -> Array:
         """(6,) state after the impact."""
         del t
-        return self.cylinder.landed(y)
+        return self.cylinder.after_landing(y)
 
 
 @ready_made()
@@ -193,7 +193,7 @@ def contact_lost(scene: Scene, t1=None) -> Stop:
 @check_first
 def friction_needed(scene: Scene, y: Array) -> Array:
     """() ratio of friction to normal force [1] of rolling in a state (problem 38 b)."""
-    normal, friction = scene.system.touching("roll").reaction(jnp.zeros(()), y, scene.effects)
+    normal, friction = scene.system.with_contact("roll").reaction(jnp.zeros(()), y, scene.effects)
     return jnp.abs(friction) / normal
 
 
@@ -206,7 +206,7 @@ def contact_phases(scene: Scene) -> dict[str, Phase]:
     """
 
     def as_(contact):
-        return dataclasses.replace(scene, system=scene.system.touching(contact))
+        return dataclasses.replace(scene, system=scene.system.with_contact(contact))
 
     roll, fly = as_("roll"), as_("fly")
     grips = tuple(Exit(Grip(roll, int(way)), CONTACTS) for way in SLIPS.values())

@@ -41,7 +41,7 @@ from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in
 _CORRECTED_STAGES = 4  # stages whose weights are corrected
 
 
-def lacking(
+def weight_correction(
     c: np.ndarray, a: np.ndarray, weights: np.ndarray, order: int, *, position_only: bool
 ) -> np.ndarray:
     """(w, s) a correction of a few weights that restores the order conditions.
@@ -149,7 +149,7 @@ class Pair(Method):
     @functools.cached_property
     def lacking(self) -> np.ndarray:
         """(w, s) the correction of the rounded solution weights."""
-        return lacking(
+        return weight_correction(
             self.c, self.a, self.weights[0], self.order, position_only=self.position_only
         )
 

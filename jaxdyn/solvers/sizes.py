@@ -49,7 +49,7 @@ class Begun(NamedTuple):
     noise: Array | None = None
 
 
-def begun(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
+def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:

@@ -11,7 +11,7 @@ language.
 
 May import: `solvers`, `mechanisms`, `effects`.
 
-One more kind of system is a function in `deriving` and a line in `derived`; one more language a row
+One more kind of system is a function in `deriving` and a line in `derive`; one more language a row
 of `LANGUAGES` in `code`; one more way of writing a `Style` in `typesetting`.
 """
 

@@ -293,17 +293,17 @@ class Expression:
         """All symbols in it."""
         return {s for m in self.terms for a, _ in m for s in symbols_of(a)}
 
-    def replaced(self, what: Callable[[Atom], "Expression | None"]) -> "Expression":
+    def replace(self, what: Callable[[Atom], "Expression | None"]) -> "Expression":
         """With other expressions for atoms, where `what` has one; inside of others too."""
         found = number(0)
         for m, c in self.terms.items():
             term = number(c)
             for a, e in m:
-                term = term * _replaced(a, what) ** e
+                term = term * _replace(a, what) ** e
             found = found + term
         return found
 
-    def differentiated(self, by: Symbol) -> "Expression":
+    def differentiate(self, by: Symbol) -> "Expression":
         """The derivative with respect to a symbol."""
         found = number(0)
         for m, c in self.terms.items():
@@ -314,7 +314,7 @@ class Expression:
                     found = found + rest * _atom(a, ONE) ** (e - 1) * inner
         return found
 
-    def expanded(self) -> "Expression":
+    def expand(self) -> "Expression":
         """With all brackets multiplied out, of whole positive powers."""
         found: dict[Monomial, Coefficient] = {}
         for m, c in self.terms.items():
@@ -322,9 +322,9 @@ class Expression:
             for a, e in m:
                 factors = [{((a, e),): ONE}]
                 if isinstance(a, Group) and e.denominator == 1 and e > 0:
-                    factors = [a.sum.expanded().terms] * int(e)
+                    factors = [a.sum.expand().terms] * int(e)
                 for factor in factors:
-                    term = _multiplied(term, factor)
+                    term = _multiply(term, factor)
             for n, d in term.items():
                 found[n] = found.get(n, 0) + d
         return Expression(found)
@@ -335,11 +335,11 @@ class Expression:
         lines = {a for m in found.terms for a, e in m if _is_line(a, e)}
         for line in sorted(lines, key=lambda a: a.key):
             most = max((-e for m in found.terms for a, e in m if a == line and e < 0), default=0)
-            whole = _multiplied(found.terms, {((line, Fraction(most)),): ONE})
-            above = Expression(whole).expanded()
-            while most and (quotient := _divided(above, line.sum.expanded())) is not None:
+            whole = _multiply(found.terms, {((line, Fraction(most)),): ONE})
+            above = Expression(whole).expand()
+            while most and (quotient := _divide(above, line.sum.expand())) is not None:
                 above, most = quotient, most - 1
-            found = Expression(_multiplied(above.terms, {((line, -most),) if most else (): ONE}))
+            found = Expression(_multiply(above.terms, {((line, -most),) if most else (): ONE}))
         return found
 
     def value(self, values: Mapping[Symbol, Any]) -> Any:
@@ -494,7 +494,7 @@ def _is_line(a: Atom, e: Fraction) -> bool:
     return isinstance(a, Group) and e.denominator == 1 and e < 0
 
 
-def _divided(above: Expression, below: Expression) -> Expression | None:
+def _divide(above: Expression, below: Expression) -> Expression | None:
     """The quotient of two sums of whole powers, if it has no remainder."""
     lead = _highest(below)
     found, left = number(0), above
@@ -505,7 +505,7 @@ def _divided(above: Expression, below: Expression) -> Expression | None:
             return None
         part = {m: left.terms[top] / below.terms[lead]}
         found = found + Expression(part)
-        left = left - Expression(_multiplied(part, below.terms))
+        left = left - Expression(_multiply(part, below.terms))
     return found
 
 
@@ -515,7 +515,7 @@ def _highest(x: Expression) -> Monomial:
     return max(x.terms, key=lambda m: [dict(m).get(a, Fraction(0)) for a in atoms])
 
 
-def _multiplied(
+def _multiply(
     a: Mapping[Monomial, Coefficient], b: Mapping[Monomial, Coefficient]
 ) -> dict[Monomial, Coefficient]:
     """A product without any brackets."""
@@ -536,14 +536,14 @@ def _is_of_state(a: Atom) -> bool:
     return isinstance(a, Symbol) and a.kind in _OF_STATE
 
 
-def _replaced(a: Atom, what: Callable[[Atom], Expression | None]) -> Expression:
+def _replace(a: Atom, what: Callable[[Atom], Expression | None]) -> Expression:
     found = what(a)
     if found is not None:
         return found
     if isinstance(a, Group):
-        return a.sum.replaced(what)
+        return a.sum.replace(what)
     if isinstance(a, Call):
-        return function(a.op, *(x.replaced(what) for x in a.args))
+        return function(a.op, *(x.replace(what) for x in a.args))
     return _atom(a, ONE)
 
 
@@ -569,14 +569,14 @@ def _derivative(a: Atom, by: Symbol) -> Expression:
     if by not in symbols_of(a):
         return number(0)
     if isinstance(a, Group):
-        return a.sum.differentiated(by)
+        return a.sum.differentiate(by)
     if a.op == "select":
         which, yes, no = a.args
-        return function("select", which, yes.differentiated(by), no.differentiated(by))
+        return function("select", which, yes.differentiate(by), no.differentiate(by))
     if a.op == "pow":
         base, exponent = a.args
-        slope = exponent.differentiated(by) * function("log", base)
-        return as_expression(a) * (slope + exponent * base.differentiated(by) / base)
+        slope = exponent.differentiate(by) * function("log", base)
+        return as_expression(a) * (slope + exponent * base.differentiate(by) / base)
     if a.op in _STEPS:
         return number(0)
     if a.op not in _SLOPES:
@@ -587,7 +587,7 @@ def _derivative(a: Atom, by: Symbol) -> Expression:
             "jaxdyn.symbolic.code(scene, 'python') has the rate with it.",
         )
     (x,) = a.args
-    return _SLOPES[a.op](x) * x.differentiated(by)
+    return _SLOPES[a.op](x) * x.differentiate(by)
 
 
 _STEPS = frozenset({"sign", "floor", "ceil", "step"})

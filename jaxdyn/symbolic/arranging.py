@@ -35,18 +35,18 @@ def depends_on_state(a: Atom) -> bool:
     return any(s.kind in _OF_STATE for s in symbols_of(a))
 
 
-def collected(x: Expression) -> Expression:
+def collect(x: Expression) -> Expression:
     """Terms with the same motion united, their coefficients in brackets: (m1 + m2) x''."""
     for key in (_outer, _motion, _lengths, _beside_velocities):
-        x = _united(_alike(x), key)
+        x = _unite(_alike(x), key)
     return x
 
 
 def of_energy(x: Expression) -> Expression:
     """An energy: squares of velocities with their coefficients, and squares with one together."""
     for key in (_velocities, _motion, _lengths):
-        x = _united(x, key)
-    return gathered(_with_halves(x))
+        x = _unite(x, key)
+    return gather_squares(_with_halves(x))
 
 
 def _with_halves(x: Expression) -> Expression:
@@ -63,13 +63,13 @@ def _with_halves(x: Expression) -> Expression:
     return Expression(found)
 
 
-def bracketed(x: Expression) -> Expression:
+def factor_common(x: Expression) -> Expression:
     """What all terms share in front of brackets with the rest."""
     if len(x.terms) < 2:
-        return collected(x)
-    content, common, inner = factored(x)
+        return collect(x)
+    content, common, inner = split_common(x)
     if not common:
-        return collected(x)
+        return collect(x)
     return Expression({times(common, ((Group(inner), ONE),)): content})
 
 
@@ -135,7 +135,7 @@ def _is_length(a: Atom, e: Fraction) -> bool:
     return isinstance(a, Group) and (e.denominator > 1 or e < 0)
 
 
-def _united(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expression:
+def _unite(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expression:
     """Terms with an equal part in front of brackets with the rest."""
     parts: dict[Monomial, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
@@ -151,15 +151,15 @@ def _united(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expres
             ((rest, c),) = terms.items()
             found[times(rest, part)] = c
             continue
-        for together in _parted(terms):
-            content, common, inner = factored(Expression(together))
-            inner = _united(inner, key) if any(key(m) for m in inner.terms) else inner
+        for together in _partition(terms):
+            content, common, inner = split_common(Expression(together))
+            inner = _unite(inner, key) if any(key(m) for m in inner.terms) else inner
             brackets = () if inner == number(1) else ((Group(inner), ONE),)
             found[times(times(common, part), brackets)] = content
     return Expression(found)
 
 
-def _parted(terms: dict[Monomial, Coefficient]) -> list[dict[Monomial, Coefficient]]:
+def _partition(terms: dict[Monomial, Coefficient]) -> list[dict[Monomial, Coefficient]]:
     """Coefficients as they belong together: k with -k l0 / r, and other powers of lengths apart."""
     lengths = {m: tuple((a, e) for a, e in m if _is_short(a, e)) for m in terms}
     if not any(lengths.values()):
@@ -176,7 +176,7 @@ def _is_short(a: Atom, e: Fraction) -> bool:
     return (isinstance(a, Symbol) and a.kind == "short") or _is_length(a, e)
 
 
-def factored(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
+def split_common(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
     """A number and powers that all terms share, and the rest."""
     powers = [dict(m) for m in x.terms]
     shared = {a for m in powers for a in m}
@@ -208,7 +208,7 @@ def shared_number(x: Expression) -> Coefficient:
     return content if content >= 1 else ONE
 
 
-def gathered(x: Expression) -> Expression:
+def gather_squares(x: Expression) -> Expression:
     """Squares with one factor together: m (x'^2 + y'^2) / 2."""
     squares: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
@@ -254,7 +254,7 @@ def _is_steady(a: Atom) -> bool:
     )
 
 
-def completed(x: Expression) -> Expression:
+def complete_squares(x: Expression) -> Expression:
     """Sums with r^2 - 2 l r + l^2 as (r - l)^2, for lengths r."""
     for m, c in x.terms.items():
         for square, e in m:
@@ -278,7 +278,7 @@ def completed(x: Expression) -> Expression:
                     left = {k: v for k, v in x.terms.items() if k not in (m, n, last)}
                     inner = Expression({((a, ONE),): ONE, b: ratio})
                     square = times(rest, ((Group(inner), Fraction(2)),))
-                    return completed(Expression(left)) + Expression({square: c})
+                    return complete_squares(Expression(left)) + Expression({square: c})
     return x
 
 
@@ -332,7 +332,7 @@ class Lengths:
                 if isinstance(a, Group) and a.sum in self._names:
                     term = term * as_expression(self._names[a.sum]) ** (2 * e)
                 else:
-                    term = term * as_expression(a).replaced(inside) ** e
+                    term = term * as_expression(a).replace(inside) ** e
             found = found + term
         return found
 

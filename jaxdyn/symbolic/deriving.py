@@ -24,13 +24,13 @@ from jaxdyn.formulations.mechanism import (
     MechanismSystem,
     on_coordinates,
     positions_and_velocities,
-    pulled_back,
+    pull_back,
 )
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.polar import PolarParticle, polar_basis
 from jaxdyn.formulations.prescribed import Prescribed
-from jaxdyn.formulations.rigid import RigidBody, inertia_matrix, turned
+from jaxdyn.formulations.rigid import RigidBody, inertia_matrix, rotate
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.geometry.vectors import cross
 from jaxdyn.mechanisms.cylinders import SLIPS, Cylinder
@@ -40,7 +40,7 @@ from jaxdyn.scene import Scene
 from jaxdyn.solvers.formulas.formulas import objects
 from jaxdyn.symbolic.algebra import Expression, Group, Symbol, as_expression, number, total
 from jaxdyn.symbolic.reading import read
-from jaxdyn.symbolic.simplifying import simplified
+from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols, halves, symbols
 
 
@@ -77,7 +77,7 @@ class Derived(NamedTuple):
     kinematic: int = 0
 
 
-def derived(scene: Scene) -> Derived:
+def derive(scene: Scene) -> Derived:
     """The equations of motion of a scene, by the law that fits its system."""
     system = scene.system
     if isinstance(system, FreePoints):
@@ -145,7 +145,7 @@ def _lagrange(scene: Scene) -> Derived:
     rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
 
     def by_time(x: Expression) -> Expression:
-        return total(x.differentiated(s) * as_expression(rate) for s, rate in rates.items())
+        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
 
     phi, rolling = _conditions(scene, found)
     conditions = [by_time(x) for x in phi] + rolling
@@ -165,26 +165,26 @@ def _lagrange(scene: Scene) -> Derived:
     forces = _forces(scene, found)
     equations, others, conserved = [], [], {}
     for x, velocity, force in zip(q, v, forces, strict=True):
-        momentum = L.differentiated(velocity)
+        momentum = L.differentiate(velocity)
         reaction = total(
-            c.differentiated(velocity) * multiplier
+            c.differentiate(velocity) * multiplier
             for c, multiplier in zip(conditions, multipliers, strict=True)
         )
-        whole = by_time(momentum) - L.differentiated(x) - _with_lengths(reaction, lengths) - force
-        equations.append(simplified(whole))
-        others.append(simplified(force))
-        if not conditions and not L.differentiated(x) and not force:
-            conserved[x.name] = simplified(momentum)
+        whole = by_time(momentum) - L.differentiate(x) - _with_lengths(reaction, lengths) - force
+        equations.append(simplify(whole))
+        others.append(simplify(force))
+        if not conditions and not L.differentiate(x) and not force:
+            conserved[x.name] = simplify(momentum)
     return Derived(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
-        (*equations, *map(simplified, second)),
+        (*equations, *map(simplify, second)),
         multipliers=tuple(multipliers),
         forces=tuple(others),
         energies=energies,
         conserved=conserved,
         values=values,
-        conditions=(tuple(map(simplified, phi)), tuple(map(simplified, rolling))),
+        conditions=(tuple(map(simplify, phi)), tuple(map(simplify, rolling))),
     )
 
 
@@ -266,7 +266,7 @@ def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict
     )
     height = r[2] + total(R[2, i] * matter.arm[i] for i in range(3))
     weight = matter.mass * total(g.item() for g in gravity)
-    return simplified(kinetic * Fraction(1, 2)), simplified(weight * height), matter.values
+    return simplify(kinetic * Fraction(1, 2)), simplify(weight * height), matter.values
 
 
 def _with_potential(scene: Scene, field) -> tuple[tuple, tuple]:
@@ -286,7 +286,7 @@ def _forces(scene: Scene, found: Symbols) -> list[Expression]:
         if not isinstance(field.system, MechanismSystem):
             return direct
         others = _with_potential(scene, field)[1]
-        return direct + pulled_back(field.system.mechanism, t, q, v, others)
+        return direct + pull_back(field.system.mechanism, t, q, v, others)
 
     return _row(read(scene, found, forces))
 
@@ -447,7 +447,7 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         # Its length is 1, which the program of the matrix leaves open.
         square = total(as_expression(s) ** 2 for s in found.state[3 * free : 3 * free + 4])
         one = {Group(square): number(1)}
-        R = objects([simplified(x.replaced(one.get)) for x in R.ravel()], (3, 3))
+        R = objects([simplify(x.replace(one.get)) for x in R.ravel()], (3, 3))
     for g in gravity:
         weight = matter.mass * g.item()
         force[2] = force[2] - weight
@@ -463,7 +463,7 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         effects = tuple(e for e, yes in zip(field.effects, heavy, strict=True) if not yes)
         r, v, m = system.points(t, y)
         forces = _shapes.total_force(effects, t, r, v, m)
-        inside = turned(system.attitude.matrix(_attitude(field, y)).T, forces)
+        inside = rotate(system.attitude.matrix(_attitude(field, y)).T, forces)
         s = system.matter.r
         moments = cross(s.T, inside.T).T
         whole = jnp.concatenate([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
@@ -504,7 +504,7 @@ def _cylinder(scene: Scene) -> Derived:
     return Derived(
         found,
         "Newton's law with the forces of contact",
-        tuple(map(simplified, (*laws, *conditions))),
+        tuple(map(simplify, (*laws, *conditions))),
         multipliers=(N, F)[:touching],
         energies=_energies(scene, found),
         alone=True,
@@ -522,7 +522,7 @@ def _as_given(scene: Scene) -> Derived:
     found = symbols(scene, pairs)
     names = {a: as_expression(b) for a, b in zip(plain.state, found.state, strict=True)}
     equations = tuple(
-        as_expression(rate) - x.replaced(names.get)
+        as_expression(rate) - x.replace(names.get)
         for rate, x in zip(found.rates, rates.tolist(), strict=True)
         if rate in found.unknowns
     )

@@ -20,15 +20,15 @@ from jaxdyn.symbolic.algebra import (
 )
 from jaxdyn.symbolic.arranging import (
     Lengths,
-    bracketed,
-    collected,
-    completed,
-    factored,
+    collect,
+    complete_squares,
+    factor_common,
     of_energy,
     shared_factor,
+    split_common,
 )
 from jaxdyn.symbolic.code import code
-from jaxdyn.symbolic.deriving import derived
+from jaxdyn.symbolic.deriving import derive
 from jaxdyn.symbolic.linear import Linear, jacobian
 from jaxdyn.symbolic.matrices import Matrices
 from jaxdyn.symbolic.to_sympy import ToSympy
@@ -81,7 +81,7 @@ class Equations:
 
     def __init__(self, scene: Scene):
         self.scene = scene
-        self._derived = found = derived(scene)
+        self._derived = found = derive(scene)
         places, speeds = found.conditions
         sums = (*found.equations, *found.forces, *places, *speeds)
         sums += (*found.energies.values(), *found.conserved.values())
@@ -91,11 +91,10 @@ class Equations:
         conditions = [_condition(short(x)) for x in (*places, *speeds)]
         definitions = [Line(as_expression(s), x) for s, x in short.definitions]
         energies = [
-            Line(_named(name), of_energy(completed(short(x)))) for name, x in found.energies.items()
+            Line(_named(name), of_energy(complete_squares(short(x))))
+            for name, x in found.energies.items()
         ]
-        momenta = [
-            Line(_momentum(name), collected(short(x))) for name, x in found.conserved.items()
-        ]
+        momenta = [Line(_momentum(name), collect(short(x))) for name, x in found.conserved.items()]
         sections = [
             self._motion(),
             Section("constraints", "Constraints", tuple(conditions)),
@@ -114,7 +113,7 @@ class Equations:
         found = self._derived
         n = len(found.symbols.unknowns)
         laws, conditions = found.equations[:n], found.equations[n:]
-        mass = [[x.differentiated(s) for s in found.symbols.unknowns] for x in laws]
+        mass = [[x.differentiate(s) for s in found.symbols.unknowns] for x in laws]
         coupled = any(mass[i][j] for i in range(n) for j in range(n) if i != j)
         law = found.law
         if coupled and n >= _MATRIX_FROM and not found.alone:
@@ -131,7 +130,7 @@ class Equations:
         """One equation: what moves on the left, forces without a potential on the right."""
         found = self._derived
         whole, force = self._lengths(whole), self._lengths(force)
-        parts = {s: whole.differentiated(s) for s in self._unknowns}
+        parts = {s: whole.differentiate(s) for s in self._unknowns}
         rates = [s for s in found.symbols.unknowns if parts[s]]
         inertial = total(parts[s] * as_expression(s) for s in rates)
         reactions = total(parts[s] * as_expression(s) for s in found.multipliers)
@@ -148,9 +147,9 @@ class Equations:
             right = left - whole
         else:
             left, right = whole, number(0)
-        line = _positive(collected(left), collected(right))
+        line = _positive(collect(left), collect(right))
         if found.kinematic and len(line.right.terms) > 1 and not _is_physical(line.right):
-            content, _, inner = factored(line.right)
+            content, _, inner = split_common(line.right)
             line = Line(line.left, Expression({((Group(inner), ONE),): content}))
         self._rows.append(self._read(line))
         return line
@@ -159,9 +158,9 @@ class Equations:
         """The equation of a line, solved for the part with unknowns."""
         unknowns: dict[Atom, Expression] = dict.fromkeys(self._unknowns, number(0))
         slopes = {
-            s: line.left.differentiated(s) - line.right.differentiated(s) for s in self._unknowns
+            s: line.left.differentiate(s) - line.right.differentiate(s) for s in self._unknowns
         }
-        rest = (line.right - line.left).replaced(unknowns.get)
+        rest = (line.right - line.left).replace(unknowns.get)
         return _Row({s: x for s, x in slopes.items() if x}, rest)
 
     def _entries(self, laws: Sequence[Expression], mass: list) -> list[Line]:
@@ -169,9 +168,9 @@ class Equations:
         found, short = self._derived, self._lengths
         unknowns, n = found.symbols.unknowns, len(laws)
         nothing: dict[Atom, Expression] = dict.fromkeys(self._unknowns, number(0))
-        m = [[bracketed(short(x)) for x in row] for row in mass]
-        h = [collected(short(-x.replaced(nothing.get))) for x in laws]
-        g = [[bracketed(short(-x.differentiated(s))) for x in laws] for s in found.multipliers]
+        m = [[factor_common(short(x)) for x in row] for row in mass]
+        h = [collect(short(-x.replace(nothing.get))) for x in laws]
+        g = [[factor_common(short(-x.differentiate(s))) for x in laws] for s in found.multipliers]
         lines = [Line(_named("M", i, j), m[i][j]) for i in range(n) for j in range(i, n)]
         lines += [Line(_named("h", i), h[i]) for i in range(n)]
         lines += [Line(_named("G", k, i), x) for k, row in enumerate(g) for i, x in enumerate(row)]
@@ -374,7 +373,7 @@ def _condition(x: Expression) -> Line:
     """A constraint: what moves on the left, lengths on the right."""
     fixed = {m: -c for m, c in x.terms.items() if _is_parameter(Expression({m: c}))}
     right = Expression(fixed)
-    return _positive(collected(x + right), collected(right))
+    return _positive(collect(x + right), collect(right))
 
 
 def _positive(left: Expression, right: Expression) -> Line:

@@ -7,10 +7,10 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, as_expression, number
-from jaxdyn.symbolic.arranging import bracketed
+from jaxdyn.symbolic.arranging import factor_common
 from jaxdyn.symbolic.deriving import Derived
 from jaxdyn.symbolic.matrices import Matrices, Rows
-from jaxdyn.symbolic.simplifying import simplified
+from jaxdyn.symbolic.simplifying import simplify
 
 #: Largest force at an equilibrium, as a displacement relative to the coordinates.
 _AT_REST = 1e-9
@@ -44,7 +44,7 @@ class Linear(Matrices):
         self.coordinates, self.at = q, tuple(float(x) for x in y[:n])
         self._values = values
         slopes = {
-            name: [[x.differentiated(s).replaced(at.get) for s in of] for x in found.equations]
+            name: [[x.differentiate(s).replace(at.get) for s in of] for x in found.equations]
             for name, of in (("M", a), ("C", v), ("K", q))
         }
         super().__init__({name: _in_print(rows) for name, rows in slopes.items()})
@@ -68,7 +68,7 @@ def jacobian(found: Derived) -> Matrices:
     symbols = found.symbols
     solved: dict[Symbol, Expression] = {}
     for whole in found.equations:
-        own = {s: whole.differentiated(s) for s in (*symbols.unknowns, *found.multipliers)}
+        own = {s: whole.differentiate(s) for s in (*symbols.unknowns, *found.multipliers)}
         own = {s: x for s, x in own.items() if x}
         if len(own) == 1:
             ((s, x),) = own.items()
@@ -82,11 +82,11 @@ def jacobian(found: Derived) -> Matrices:
             "jaxdyn.linearize has the Jacobian of every scene in numbers.",
         )
     rates = [solved.get(s, as_expression(s)) for s in symbols.rates]
-    return Matrices({"J": _in_print([[x.differentiated(s) for s in symbols.state] for x in rates])})
+    return Matrices({"J": _in_print([[x.differentiate(s) for s in symbols.state] for x in rates])})
 
 
 def _in_print(rows: Rows) -> Rows:
-    return [[bracketed(simplified(x)) for x in row] for row in rows]
+    return [[factor_common(simplify(x)) for x in row] for row in rows]
 
 
 def _check_rest(
@@ -98,8 +98,8 @@ def _check_rest(
     moving = bool(np.any(y[len(q) :] != 0))
     if not timed and not moving:
         for x in found.equations:
-            left = x.replaced(at.get).value(values)
-            stiffness = (x.differentiated(s).replaced(at.get).value(values) for s in q)
+            left = x.replace(at.get).value(values)
+            stiffness = (x.differentiate(s).replace(at.get).value(values) for s in q)
             sizes = 1 + np.abs(y[: len(q)])
             moving |= abs(left) > _AT_REST * sum(np.abs(list(stiffness)) * sizes)
     if timed or moving:

@@ -14,7 +14,7 @@ from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementar
 from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
 from jaxdyn.symbolic.parameters import rebuild
-from jaxdyn.symbolic.simplifying import simplified
+from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols
 from jaxdyn.symbolic.trigonometry import deeply_shortened
 
@@ -73,7 +73,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
     results = []
     for array in found:
         flat = [_meant(x, meant) for x in np.ravel(array).tolist()]
-        results.append(objects([simplified(x) for x in flat], np.shape(array)))
+        results.append(objects([simplify(x) for x in flat], np.shape(array)))
     return results
 
 

@@ -4,19 +4,19 @@ from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial, inve
 from jaxdyn.symbolic.trigonometry import deeply_shortened
 
 
-def simplified(x: Expression) -> Expression:
+def simplify(x: Expression) -> Expression:
     """An expression with the fewest terms.
 
     Of the forms with differences in brackets, multiplied out, and over common denominators; in
     each, sums that stand in brackets elsewhere are put into brackets.
     """
     plain = deeply_shortened(x)
-    forms = [plain, deeply_shortened(plain.expanded())]
+    forms = [plain, deeply_shortened(plain.expand())]
     forms.append(deeply_shortened(forms[-1].over_one_line()))
-    return min((recognised(form) for form in forms), key=lambda form: len(form.terms))
+    return min((recognize_differences(form) for form in forms), key=lambda form: len(form.terms))
 
 
-def recognised(x: Expression) -> Expression:
+def recognize_differences(x: Expression) -> Expression:
     """k x1 - k x2 as k (x1 - x2), where x1 - x2 stands in brackets elsewhere."""
     for bracket in sorted(_differences(x), key=lambda x: x.key):
         while found := with_sum(x, bracket.sum):

@@ -110,7 +110,7 @@ def symbols(scene: Scene, velocities: Mapping[int, int]) -> Symbols:
     state: list[Symbol] = [_entry(name, i)[0] for i, name in enumerate(labels)]
     rates: list[Symbol] = [_entry(name, i)[1] for i, name in enumerate(labels)]
     for v, q in velocities.items():
-        state[q], state[v], rates[v] = moving(labels[q], q)
+        state[q], state[v], rates[v] = moving_coordinate(labels[q], q)
         rates[q] = state[v]
     taken = {"t", *(s.name for s in (*state, *rates))}
     found, values, names = _parameters(scene, taken)
@@ -123,9 +123,9 @@ def halves(scene: Scene) -> dict[int, int]:
     return {n + i: i for i in range(n)}
 
 
-def moving(name: str, rank: float) -> tuple[Symbol, Symbol, Symbol]:
+def moving_coordinate(name: str, rank: float) -> tuple[Symbol, Symbol, Symbol]:
     """A coordinate, its velocity and its acceleration."""
-    stem, index = spelled(name)
+    stem, index = split_name(name)
     given = {"stem": stem, "index": index, "rank": rank}
     kinds = ("coordinate", "velocity", "acceleration")
     q, v, a = (Symbol(name + "'" * i, kind, dots=i, **given) for i, kind in enumerate(kinds))
@@ -133,13 +133,13 @@ def moving(name: str, rank: float) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _entry(name: str, rank: float) -> tuple[Symbol, Symbol]:
-    stem, index = spelled(name)
+    stem, index = split_name(name)
     given = {"stem": stem, "index": index, "rank": rank}
     kind = "velocity" if stem == "omega" and index else "coordinate"
     return Symbol(name, kind, **given), Symbol(f"{name}'", "rate", dots=1, **given)
 
 
-def spelled(name: str) -> tuple[str, str]:
+def split_name(name: str) -> tuple[str, str]:
     """The stem and the index of a name: theta1, m_table, x_Earth, omega3, qx."""
     if len(name) == 2 and name[0] in "qv" and name[1] in "wxyz":
         return name[0], name[1]
@@ -188,7 +188,7 @@ def _spelling(leaf: Leaf) -> tuple[str, str]:
     field = next(part for part in reversed(leaf.path) if not part.startswith("["))
     if leaf.path[0] == "effects" and field in _OF_EFFECTS:
         return _OF_EFFECTS[field]
-    return _SPELLED.get(field) or spelled(field)
+    return _SPELLED.get(field) or split_name(field)
 
 
 def _places(leaf: Leaf) -> Iterable[str]:

@@ -15,7 +15,7 @@ from jaxdyn.symbolic.algebra import (
 )
 
 
-def shortened(x: Expression) -> Expression:
+def shorten(x: Expression) -> Expression:
     """The sum with pairs of terms united until none is left that can be.
 
     sin^2 a + cos^2 a is 1, 1 - sin^2 a is cos^2 a, and products of the sines and cosines of two
@@ -39,10 +39,10 @@ def deeply_shortened(x: Expression) -> Expression:
 
     def inside(a: Atom) -> Expression | None:
         if isinstance(a, Group):
-            return shortened(a.sum.replaced(inside))
+            return shorten(a.sum.replace(inside))
         return None
 
-    return shortened(x.replaced(inside))
+    return shorten(x.replace(inside))
 
 
 #: The monomials that go, and what comes for them.

@@ -20,7 +20,7 @@ from jaxdyn.symbolic.algebra import (
     Symbol,
     symbols_of,
 )
-from jaxdyn.symbolic.symbols import GREEK, spelled
+from jaxdyn.symbolic.symbols import GREEK, split_name
 
 _PLACES = {
     **{"parameter": 0, "multiplier": 1, "time": 3, "coordinate": 3, "short": 3},
@@ -76,7 +76,7 @@ class Style(abc.ABC):
 
     def expression(self, x: Expression) -> str:
         """A sum of terms in a readable order."""
-        terms = [_turned(m, c) for m, c in x.terms.items()]
+        terms = [_turn(m, c) for m, c in x.terms.items()]
         terms.sort(key=lambda term: _term_place(term[0]))
         if len(terms) > 1 and terms[0][1] < 0:
             first = next((i for i, (_, c) in enumerate(terms) if c > 0), 0)
@@ -168,7 +168,7 @@ def _sizes(x: Expression) -> set[Monomial]:
     return {m for m in x.terms if len(m) == 1 and isinstance(m[0][0], Call) and m[0][0].op == "abs"}
 
 
-def _turned(m: Monomial, c: Coefficient) -> tuple[Monomial, Coefficient]:
+def _turn(m: Monomial, c: Coefficient) -> tuple[Monomial, Coefficient]:
     """A term with -(x1 - x2) as x2 - x1."""
     if c > 0:
         return m, c
@@ -298,7 +298,7 @@ class Latex(Style):
         return f"{dotted}_{{{plain}}}" if len(plain) > 1 else f"{dotted}_{plain}"
 
     def _index(self, index: str) -> str:
-        stem, number = spelled(index)
+        stem, number = split_name(index)
         if stem in GREEK or (number and len(stem) == 1 and stem.isalpha()):
             return self.symbol(Symbol(index, "short", stem=stem, index=number))
         return f"\\mathrm{{{index}}}" if index.isalpha() and len(index) > 1 else index
@@ -371,7 +371,7 @@ class MathML(Style):
             stem = f'<mover>{stem}<mo stretchy="false">{"." * s.dots}</mo></mover>'
         if not s.index:
             return stem
-        inner, number = spelled(s.index)
+        inner, number = split_name(s.index)
         if inner in GREEK:
             index = self.symbol(Symbol(s.index, "short", stem=inner, index=number))
             return f"<msub>{stem}<mrow>{index}</mrow></msub>"

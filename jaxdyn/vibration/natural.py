@@ -158,14 +158,14 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
         values, vectors = values[order], vectors[:, order]
         values = jnp.where(values.imag > 0, values, jnp.nan)
     else:
-        values = _cleared(np.asarray(values), np.asarray(a))
+        values = _clear_noise(np.asarray(values), np.asarray(a))
         upper = [i for i in range(len(values)) if values[i].imag >= 0]
         order = np.array(sorted(upper, key=lambda i: (abs(values[i]), values[i].real)))
         values, vectors = jnp.asarray(values[order]), vectors[:, order]
     return NaturalModes(values, vectors, a, mass, tuple(scene.labels()))
 
 
-def _cleared(values: np.ndarray, a: np.ndarray) -> np.ndarray:
+def _clear_noise(values: np.ndarray, a: np.ndarray) -> np.ndarray:
     """(k,) eigenvalues with parts that are within their error bars of 0 set to 0."""
     known = rate_eigenvalues(a)
     near = np.abs(values[:, None] - known.values).argmin(axis=1)

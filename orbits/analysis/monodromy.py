@@ -70,16 +70,16 @@ class Segments(NamedTuple):
         found = newton.solve(closed, x, lower=lower, upper=upper, **options)
         return Segments(equations, found.x, rtol) if found.converged else None
 
-    def returned(self, basis: np.ndarray, each: np.ndarray) -> "Returned":
+    def monodromy(self, basis: np.ndarray, each: np.ndarray) -> "Returned":
         """The monodromy matrix from these segments."""
         equations, unknowns = self.equations, self.equations.unpack(self.x)
         closing, system = equations.closing, equations.scene_at(unknowns.parameter).system
         here, times = jax.tree.map(np.asarray, pieces(equations, self.x)), closing.parts
-        ends, status, slopes = equations.passed(here, self.rtol)
+        ends, status, slopes = equations.pass_segments(here, self.rtol)
         starts, maps = here.start, np.asarray(slopes.start)
         if closing.mirror is not None:
-            again = _mirrored(here, ends[-1], closing.mirror, equations.driven)
-            more, later, slopes = equations.passed(again, self.rtol)
+            again = _mirror_image(here, ends[-1], closing.mirror, equations.driven)
+            more, later, slopes = equations.pass_segments(again, self.rtol)
             starts, ends = np.concatenate([starts, again.start]), np.concatenate([ends, more])
             status, maps = np.append(status, later), np.concatenate([maps, slopes.start])
             times = times // 2
@@ -96,7 +96,7 @@ class Segments(NamedTuple):
         return Returned(basis.T @ m @ basis, _status(m, status.max()), growth)
 
 
-def _mirrored(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) -> Piece:
+def _mirror_image(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) -> Piece:
     """The segments (n) of the next part of a motion, by which a time reversal retraces them."""
     starts = np.concatenate([end[None], here.start[:0:-1]])
     later = 2 * float(np.sum(here.span)) - (here.t0 + here.span)[::-1]

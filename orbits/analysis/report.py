@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn._text import with_null
 from jaxdyn.files.codec import decode
@@ -100,15 +100,15 @@ def report(orbit: Orbit | HybridOrbit) -> Report:
 
     Those about a chain of legs are computed from its legs and its closing.
     """
-    doing("identifying the orbit")
+    report_progress("identifying the orbit")
     what = identify(orbit)
-    doing("testing its stability")
+    report_progress("testing its stability")
     linear = stability(orbit, throw=False)
     form = None
     if isinstance(orbit, Orbit) and has_normal_form(orbit):
         normal = normal_form(orbit)
         form = NormalForm(normal.period, _floats(normal.y0))
-    doing("simulating it again, by a second integrator too")
+    report_progress("simulating it again, by a second integrator too")
     return Report(
         outcome=orbit.outcome.name,
         period=orbit.period,

@@ -9,7 +9,7 @@ the test |multiplier| > 1 would be random. They are removed first, as a block.
 itself, and the symmetries' generators inside it, G, to themselves; the quotient, M on N / G,
 has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
 Where the scene is conservative M is symplectic, which is known better than M: that is proved from
-the rate, and the multipliers then come in pairs (`mirrored`).
+the rate, and the multipliers then come in pairs (`pair_reciprocals`).
 
 Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
 tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an orbit
@@ -31,18 +31,18 @@ from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
     SAFETY,
     Eigenvalues,
-    bounded,
+    bound_by_product,
     map_eigenvalues,
     map_in_units,
     map_verdict,
-    mirrored,
     norm,
+    pair_reciprocals,
     with_bars,
 )
 from jaxdyn.analysis.monodromy import (
     SYMPLECTIC,
     coarser,
-    kept_form,
+    invariant_form,
     symplectic_defect,
     symplectic_form,
     uncertainty,
@@ -235,10 +235,10 @@ def stability(
         if along is not None:
             raise fail("along", "None for a chain of legs", "directions", "Leave it out.")
         return _of_chain(orbit, rtol, throw)
-    return judged(orbit, None, sizes(orbit.scene), rtol=rtol, along=along, throw=throw)
+    return judge(orbit, None, sizes(orbit.scene), rtol=rtol, along=along, throw=throw)
 
 
-def judged(
+def judge(
     orbit: Orbit,
     segments: Segments | None,
     each: np.ndarray,
@@ -270,9 +270,9 @@ def judged(
     def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widen(map_eigenvalues(reduced, error, *known), split, m)
         if form.kept:
-            found = mirrored(bounded(found, 0.0))
+            found = pair_reciprocals(bound_by_product(found, 0.0))
         elif _is_noise(found, orbit).any():
-            found = bounded(found, *runs.log_determinant())
+            found = bound_by_product(found, *runs.log_determinant())
         return found, str(map_verdict(found, form.kept))
 
     found, verdict = multipliers()
@@ -329,7 +329,7 @@ class _Runs(NamedTuple):
     def of(cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, each) -> "_Runs":
         """Those of an orbit; along one where errors grow much a run ends far from its start."""
         if segments is not None:
-            found = cls._joined(segments, rtol, basis, each)
+            found = cls._from_segments(segments, rtol, basis, each)
             if found is not None:
                 return found
 
@@ -339,22 +339,22 @@ class _Runs(NamedTuple):
         fine = at(rtol)
         if segments is None and orbit.mesh is None and _leaves(fine):
             segments = Segments.of(orbit)
-            found = None if segments is None else cls._joined(segments, rtol, basis, each)
+            found = None if segments is None else cls._from_segments(segments, rtol, basis, each)
             if found is not None:
                 return found
         return cls(fine, at(coarser(rtol)), at, lambda: log_determinant(orbit))
 
     @classmethod
-    def _joined(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
+    def _from_segments(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
         """Those from segments; None where they do not join at the tolerances."""
         first, second = segments.at(rtol), segments.at(coarser(rtol))
         if first is None or second is None:
             return None
 
         def at(rtol: float) -> Returned:
-            return (segments.at(rtol) or segments).returned(basis, each)
+            return (segments.at(rtol) or segments).monodromy(basis, each)
 
-        fine, coarse = first.returned(basis, each), second.returned(basis, each)
+        fine, coarse = first.monodromy(basis, each), second.monodromy(basis, each)
         error = abs(fine.log_determinant - coarse.log_determinant) + ROUNDING
         return cls(fine, coarse, at, lambda: (fine.log_determinant, error))
 
@@ -444,7 +444,7 @@ def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np
         form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
         kept = trivial.keeps_form(scene, each)
     elif basis.shape[1] == len(each):  # no constraints
-        form = kept_form(scene, each)
+        form = invariant_form(scene, each)
     if form is None:
         return _Form(None, None, False)
     form = form / (np.abs(form).max() or 1.0)

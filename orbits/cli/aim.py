@@ -38,11 +38,11 @@ def aim_command(
         out.print(_line("farthest", best))
         hits = least = None
         if x is not None:
-            out.doing(f"looking for the angles that hit {x:g} m")
+            out.show_task(f"looking for the angles that hit {x:g} m")
             hits = orbits.targets.aim.hit(scene, x, speed)
             _print_hits(hits, out)
             if x > 0:
-                out.doing(f"looking for the least speed that reaches {x:g} m")
+                out.show_task(f"looking for the least speed that reaches {x:g} m")
                 least = orbits.targets.aim.slowest(scene, x)
                 out.print(_line("least speed", least))
         if as_object:

@@ -73,7 +73,7 @@ def figure_eight_command(
             raise not_found(eight, _REMEDY, more, as_object, out, stage)
         testing = "testing both: choreography, stability, a second integrator"
         out.print(f"[bold]{testing}[/bold]")
-        out.doing(testing)
+        out.show_task(testing)
         first = orbits.report(plain)
         neighbour = orbits.analysis.as_json(first) | {"seconds": _seconds(clock)}
         claims = {"closed plainly": first, "choreography": orbits.report(eight)}

@@ -94,7 +94,7 @@ def find_command(
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         if save_to:
             jaxdyn.files.codec.encode(scene)  # or refuse before the search what no file holds
-        orbit = orbits.discovery.nearby.searched(
+        orbit = orbits.discovery.nearby.search_near(
             scene,
             period,
             closing=_closings(scene, closing),
@@ -106,7 +106,7 @@ def find_command(
         )
         if not orbit.ok:
             raise not_found(orbit, _remedy(orbit), {}, as_object, out)
-        out.doing(f"testing the orbit of {name}: stability, a second integrator")
+        out.show_task(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:
             record = {"scene": name, "start_moved": orbit.shift}

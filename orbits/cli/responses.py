@@ -60,7 +60,7 @@ def response_command(
     with screen(f"following the responses of {name}", as_object) as out:
         scene = _scene(name, settings, start, output)
         found = orbits.frequency_response(
-            scene, drive, (low, high), levels=amplitudes, step=step, report=_doing(out)
+            scene, drive, (low, high), levels=amplitudes, step=step, report=_reporter(out)
         )
         if as_object:
             out.result({"scene": name} | _columns(found.table(output)))
@@ -104,7 +104,7 @@ def backbone_command(
             frequencies=frequencies,
             members=members,
             step=step,
-            report=_doing(out),
+            report=_reporter(out),
         )
         table = found.table()
         if as_object:
@@ -127,10 +127,10 @@ def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdy
     return scene
 
 
-def _doing(out: Screen):
+def _reporter(out: Screen):
     def report(member) -> None:
         frequency = brief(2 * math.pi / member.orbit.period)
-        out.doing(f"at {frequency} rad/s, {member.stability.verdict}")
+        out.show_task(f"at {frequency} rad/s, {member.stability.verdict}")
 
     return report
 

@@ -170,7 +170,7 @@ def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
     own = dict(zip(labels, [[float(y)] for y in scene.y0], strict=True))
     if energy is None:
         return list(map(list, itertools.product(*(own | given).values())))
-    fixed = orbits.sections.coordinates.fixed(plane)
+    fixed = orbits.sections.coordinates.fixed_entry(plane)
     free = labels[orbits.sections.coordinates.unknown_of(scene, plane, unknown)]
     if fixed is not None:
         own[labels[fixed]] = [float(plane.level)]

@@ -38,7 +38,7 @@ def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
             )
         for name in again:
             out.print(_REPEATED[name])
-        out.doing("counting the certain digits, by another integrator")
+        out.show_task("counting the certain digits, by another integrator")
         standing = orbits.digits(orbit)
         out.print(
             f"every claim of the file holds; by another integrator {standing.period:.1f} digits "

@@ -88,7 +88,7 @@ class Closing(Record):
         del system, end, y0
         return 0.0
 
-    def fitted(self, scene: Scene) -> "Closing":
+    def fit_to(self, scene: Scene) -> "Closing":
         """The same condition with the numbers that it needs of a scene to which it applies."""
         del scene
         return self
@@ -173,7 +173,7 @@ class Return(Closing):
         missed = jax.vmap(lambda angle: self.miss(system, end, y0, angle))(jnp.asarray(tries))
         return float(tries[np.argmin(np.linalg.norm(np.asarray(missed), axis=1))])
 
-    def fitted(self, scene):
+    def fit_to(self, scene):
         if self.turn is None:
             return self
         fastest = np.linalg.norm(_slope(scene, self.turn), 2)

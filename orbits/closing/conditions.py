@@ -26,7 +26,7 @@ class Condition(Record):
     def value(self, scene: Scene, y0: Float[Array, " k"], period: Array) -> Array:
         """() the error of the condition, zero where it holds."""
 
-    def fixed(
+    def fix(
         self, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
@@ -72,7 +72,7 @@ class Period(Condition):
         del scene, y0
         return period - self.length
 
-    def fixed(self, guess, lower, upper):
+    def fix(self, guess, lower, upper):
         return _hold(-1, self.length, guess, lower, upper)
 
     def check(self, scene):
@@ -93,7 +93,7 @@ class Section(Condition):
         del scene, period
         return y0[self.entry] - self.level
 
-    def fixed(self, guess, lower, upper):
+    def fix(self, guess, lower, upper):
         return _hold(self.entry, self.level, guess, lower, upper)
 
     def check(self, scene):

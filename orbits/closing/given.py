@@ -96,7 +96,7 @@ def pose(
             low[-1] = high[-1] = guess[-1]
     closings, held = _closings(scene, closing), conditions(scene, hold)
     for condition in held if type(scene.system).project is System.project else ():
-        low, high = condition.fixed(guess, low, high)
+        low, high = condition.fix(guess, low, high)
     return Problem(
         scene=scene,
         closings=closings,
@@ -118,7 +118,7 @@ def _closings(scene: Scene, closing: Closing | Sequence[Closing]) -> tuple[Closi
             raise fail("closing", "a Closing", repr(one), remedy)
         one.check_functions()
         one.check(scene)
-        closings.append(one.fitted(scene))
+        closings.append(one.fit_to(scene))
     return tuple(closings)
 
 

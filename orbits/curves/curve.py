@@ -78,8 +78,8 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
 
     equations: Extended
 
-    def _called(self) -> str:
-        return f"{super()._called()} of {_text.title_of(self.members[0].orbit.scene)}"
+    def _summary(self) -> str:
+        return f"{super()._summary()} of {_text.title_of(self.members[0].orbit.scene)}"
 
     def _more(self) -> list[tuple[str, str]]:
         return [("period", _text.extent(self.periods))]

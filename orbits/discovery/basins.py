@@ -203,7 +203,7 @@ def basins(
     counts = [np.mean(found == i) for i in range(len(settling.attractors))]
     fractions = np.array([*counts, np.mean(found < 0)])
     for _ in range(refine):
-        axes, found = _refined(axes, found, settling, starts)
+        axes, found = _refine(axes, found, settling, starts)
     return Basins(
         scene=scene,
         names=names,
@@ -227,7 +227,7 @@ def _period(scene: Scene, period: float | None) -> float | None:
     return found
 
 
-def _refined(axes, labels: np.ndarray, settling: "_Settling", starts):
+def _refine(axes, labels: np.ndarray, settling: "_Settling", starts):
     """Axes and labels with a value between every two; only starts at a boundary run."""
     axes = tuple(np.sort(np.append(x, (x[1:] + x[:-1]) / 2)) if len(x) > 1 else x for x in axes)
     coarse = [np.arange(len(x)) / 2 for x in axes]
@@ -258,7 +258,7 @@ class _Settling:
         """(n,) number of the attractor of each start."""
         self.computed += len(y0s)
         found = np.full(len(y0s), -1)
-        ends = self._ends(y0s) if path is None else self._kept(y0s, path)
+        ends = self._ends(y0s) if path is None else self._run_resumably(y0s, path)
         if not self.attractors:
             self.sizes = self._sizes(y0s[np.isfinite(ends).all(axis=1)])
         for number in range(1, self.rounds + 1):
@@ -285,7 +285,7 @@ class _Settling:
         done = engine.run(self.scene, y0s, self.span, rtol=self.rtol, progress=self.progress)
         return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
 
-    def _kept(self, y0s: np.ndarray, path) -> np.ndarray:
+    def _run_resumably(self, y0s: np.ndarray, path) -> np.ndarray:
         """The ends of the first round, of which those in a file do not run again."""
         numbers = [np.asarray(x) for x in jax.tree.leaves(self.scene)]
         parts = [y0s, np.array([self.span, self.rtol]), *numbers]
@@ -319,8 +319,8 @@ class _Settling:
 
     def _distance(self, attractor: Attractor, ys: np.ndarray) -> np.ndarray:
         """(n,) whether states are near an attractor."""
-        points = self._wrapped(attractor.points) / self.sizes
-        places = self._wrapped(ys) / self.sizes
+        points = self._wrap(attractor.points) / self.sizes
+        places = self._wrap(ys) / self.sizes
         tree = cKDTree(points)
         distance, nearest = tree.query(places, p=np.inf)
         if attractor.kind == CHAOTIC:
@@ -336,7 +336,7 @@ class _Settling:
                 distance = np.minimum(distance, np.abs(places - foot).max(axis=1))
         return distance < _REACHED
 
-    def _wrapped(self, ys: np.ndarray) -> np.ndarray:
+    def _wrap(self, ys: np.ndarray) -> np.ndarray:
         """States with angles within half a turn of those of the start."""
         y0 = np.asarray(self.scene.y0)
         return y0 + np.asarray(jax.vmap(self.scene.system.difference, (0, None))(ys, y0))

@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
@@ -34,7 +34,7 @@ _RTOL = 1e-10  # as in `returns`
 
 
 @check_first
-def searched(
+def search_near(
     scene: Scene,
     period: float | None = None,
     *,
@@ -102,7 +102,7 @@ def _seeds(scene: Scene) -> list[Seed]:
             remedy = "The rate depends on time, but not with a period that can be read from it."
             raise fail("--period", "one, a multiple of the drive's", "none", remedy)
         return [Seed(np.asarray(scene.y0), period)]
-    doing("simulating the scene, to find close returns")
+    report_progress("simulating the scene, to find close returns")
     for span in _spans(scene):
         seeds = returns(scene, span, longest=span, most=_TRIES)
         if seeds:

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import check_untraced, fail, positive, whole
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
@@ -178,7 +178,7 @@ def _work_through(plan: Plan, file: File, pool: futures.Executor, bar: Progress)
         seconds = max(bar.tasks[task].elapsed or 0.0, 1e-9)
         said = ", ".join(f"{n} {name}" for name, n in sums.items())
         bar.update(task, completed=len(file.chunks), said=f"{said} in {seconds:.0f} s")
-        doing(f"searching: {said}", len(file.chunks), plan.chunks)
+        report_progress(f"searching: {said}", len(file.chunks), plan.chunks)
 
     try:
         while True:

@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_untraced, fail, whole
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from orbits.analysis.same import minimal_period, same_orbit
@@ -98,7 +98,7 @@ def find_all(
 
     for i, (y0, span) in enumerate(zip(starts, np.broadcast_to(spans, len(starts)), strict=True)):
         while len(found) < most:
-            doing(f"looking for orbits: {number_of(len(found), 'orbit')}", i, len(starts))
+            report_progress(f"looking for orbits: {number_of(len(found), 'orbit')}", i, len(starts))
             orbit = _once(closest(y0, span, known=tuple(found)), closest)
             if not orbit.ok or any(same_orbit(known, orbit) for known in found):
                 break

@@ -72,7 +72,7 @@ def frequency_response(
         for ax, of in zip(axes, (amplitude, phase), strict=True):
             places = _places(curve, lambda m, of=of: of(m.orbit, output))
             if of is phase:
-                places = _unwrapped(curve, places)
+                places = _unwrap(curve, places)
             _curve(ax, curve, places, colour, name, kinds)
     if backbone is not None:
         line = list(zip(backbone.frequencies, backbone.amplitudes(output), strict=True))
@@ -160,7 +160,7 @@ def _places(curve: Family, of: Callable[[Member], float]) -> dict[int, tuple[flo
     return {id(m): (m.parameter, of(m)) for m in (*curve.members, *curve.special)}
 
 
-def _unwrapped(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
+def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
     """The same with angles that do not jump along the curve."""
     angles = np.unwrap([places[id(m)][1] for m in curve.members])
     if angles.mean() < 0:

@@ -59,7 +59,7 @@ def special_points(
         doublings = [] if point is None else [_with_kind(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
-    if halvings and _singly(surface, a, b) and _spiralling(a) != _spiralling(b):
+    if halvings and _singly(surface, a, b) and _count_spiralling(a) != _count_spiralling(b):
         middle = OrbitChart(surface, a).between(a, b, 0.5)
         if middle is not None:
             halves = ((a, middle), (middle, b))
@@ -206,7 +206,7 @@ def _singly(surface: Surface, a: Member, b: Member) -> int:
     return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in told)
 
 
-def _spiralling(member: Member) -> int:
+def _count_spiralling(member: Member) -> int:
     """The number of complex multipliers outside of the unit circle."""
     complexes = np.abs(member.stability.nontrivial.imag) > member.stability.bars
     return int((_off(member) & complexes).sum())

@@ -47,7 +47,7 @@ from orbits.shooting.segmentation import cut_into_segments
 # one, the family is closed.
 
 
-def met_again(surface: Surface, first: Member, a: Member, b: Member) -> Member | None:
+def first_met_again(surface: Surface, first: Member, a: Member, b: Member) -> Member | None:
     """The first member as it is met again between two neighbours; None if it is not."""
 
     def compared(point: Point, x: np.ndarray) -> np.ndarray:
@@ -235,7 +235,7 @@ def switch_branch(
     point, rtol = special.point, special.orbit.rtol
     old = point.equations
     kind = ChainSurface if isinstance(old, Chain) else OrbitSurface
-    surface = kind(old.repeated(times), rtol, GOAL)
+    surface = kind(old.over_periods(times), rtol, GOAL)
     if times > 1 and kind(old, rtol, GOAL).parts > 1:
         remedy = "Continue the family with plain closing."
         raise fail("times", "1 where orbits close by a symmetry", times, remedy)
@@ -304,7 +304,7 @@ class _Problem(BranchProblem[Member]):
         return special_points(chart.surface, a, b)
 
     def again(self, chart: OrbitChart, first, a, b) -> Member | None:
-        return met_again(chart.surface, first, a, b)
+        return first_met_again(chart.surface, first, a, b)
 
     def end_before(self, new: Member, special: list[Member]) -> str:
         ends = [_ENDS[x.kind] for x in special if x.kind in _ENDS]

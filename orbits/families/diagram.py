@@ -167,7 +167,7 @@ def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict
     """The diagram whose orbits are in `found` in the end."""
     make, report, log = found.make, found.report, found.log
     rests, failures = [], []
-    _progress.doing("following equilibria")
+    _progress.report_progress("following equilibria")
     for down in (False, True):
         rests.append(continue_equilibria(make, parameter, start, down=down, **options))
         report(rests[-1])
@@ -247,7 +247,7 @@ class _Orbits:
         if any(_near(point, x) for x in self.seen) or self._has_reached(point):
             return
         self.seen.append(point)
-        _progress.doing(f"following orbits from {point.parameter:.6g}")
+        _progress.report_progress(f"following orbits from {point.parameter:.6g}")
         size = self.amplitude
         amplitude = None if size is None else in_sizes(rests, point, size)
         self._follow(point, lambda: from_hopf(rests, point, amplitude=amplitude), 0, depth)
@@ -278,7 +278,7 @@ class _Orbits:
             double = special.kind == Kind.DOUBLING
             if not (double and doublings < depth) and not self._new_branch(special):
                 continue
-            _progress.doing(f"following a {special.kind} at {special.parameter:.6g}")
+            _progress.report_progress(f"following a {special.kind} at {special.parameter:.6g}")
             # The halves of a doubled family are the same orbits, half a period later.
             for opposite in (False,) if double else (False, True):
 

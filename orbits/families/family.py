@@ -105,7 +105,7 @@ class Family:
     to_pandas = labelled.to_pandas
     to_xarray = labelled.to_xarray
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         labels, axes = self.members[0].orbit.scene.labels(), ("member",)
         time = second(labels)
         verdicts = [member.stability.verdict for member in self.members]

@@ -158,7 +158,9 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
         smooth_orbit("families", family.members[0].orbit)
     places: list[Place] = []
     for place in _places(several, rests):
-        _progress.doing(f"which families meet at the {place.kind} at {_where(place)}", len(places))
+        _progress.report_progress(
+            f"which families meet at the {place.kind} at {_where(place)}", len(places)
+        )
         if not any(_same(place, other) for other in places):
             places.append(_with_families(place, several))
     kept = tuple(place for place in places if len(place.families) + len(place.rests) > 1)

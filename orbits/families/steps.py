@@ -147,14 +147,14 @@ def in_segments(surface: Surface, member: Member) -> Member:
     old, new = member.point, surface.recut(member.point)
     if new is None:
         return member
-    known = old.equations.moved(old.x, new.equations, surface.rtol)
+    known = old.equations.move_to(old.x, new.equations, surface.rtol)
     point = new.nearest(known, near=old)
     if point is None:
         return member
 
     def directions(old_ways: np.ndarray) -> np.ndarray:
         ahead = (old.x + _NUDGE * way for way in old_ways.T)
-        moved = [old.equations.moved(x, new.equations, surface.rtol) - known for x in ahead]
+        moved = [old.equations.move_to(x, new.equations, surface.rtol) - known for x in ahead]
         return np.reshape(moved, (len(moved), known.size)).T / point.units[:, None] / _NUDGE
 
     ways = new.directions(point)

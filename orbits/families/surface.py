@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status
 from orbits.analysis.monodromy import Segments
-from orbits.analysis.stability import Stability, judged
+from orbits.analysis.stability import Stability, judge
 from orbits.closing.sizes import rate
 from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
@@ -348,7 +348,7 @@ class OrbitSurface(Surface):
         lost = self.parts * self.equations.segments * math.log10(max(1.0, point.growth))
         alone = self.equations.collocated or lost <= _FEW_DIGITS
         segments = None if alone else Segments(point.equations, point.x, self.rtol)
-        return judged(orbit, segments, point.sizes, rtol=orbit.rtol, along=along, throw=False)
+        return judge(orbit, segments, point.sizes, rtol=orbit.rtol, along=along, throw=False)
 
     def judge(self, orbit: Orbit, known: Stability) -> Orbit:
         lost = math.log10(max(1.0, known.growth)) if known.ok else math.inf

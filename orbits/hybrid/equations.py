@@ -199,16 +199,16 @@ class Chain(NamedTuple):
             return dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
         return found
 
-    def repeated(self, times: int) -> "Chain":
+    def over_periods(self, times: int) -> "Chain":
         """The equations of the same chains, with `times` periods counted as one."""
         return self._replace(legs=self.legs * times, path=self.path * times)
 
     def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
-        """x of the same chain for `repeated` equations."""
+        """x of the same chain for the equations `over_periods`."""
         del rtol  # nothing is integrated
         unknowns = self.unpack(x)
         spans = np.tile(unknowns.spans, times)
-        return self.repeated(times).pack(unknowns.start, spans, unknowns.parameter)
+        return self.over_periods(times).pack(unknowns.start, spans, unknowns.parameter)
 
     def residual(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
         """(m,) the equations after some periods, by given methods of integration.
@@ -259,7 +259,7 @@ def _end(leg: Leg, y: Array, span, rtol, *, solver: Method | None):
     return leg.change(span, end), _ends(leg, span, end)
 
 
-def _passing(leg: Leg, y: Array, span, rtol):
+def _passage(leg: Leg, y: Array, span, rtol):
     end = solve(leg.scene.starting(y), span, rtol=rtol).y1
     both = leg.change(span, end), _ends(leg, span, end)
     return both, (*both, end)
@@ -271,7 +271,7 @@ def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> 
     first = y = legs[0].scene.system.project(jnp.zeros(()), start)
     found = []
     for i, leg in enumerate(legs):
-        (y, left), _ = _passing(leg, y, spans[i], rtol)
+        (y, left), _ = _passage(leg, y, spans[i], rtol)
         found.append(left)
     return jnp.concatenate([*found, closes(y, first)])
 
@@ -281,7 +281,7 @@ def leg_passed(leg: Leg, y: Array, span, rtol):
     """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
 
     def passed(y, span):
-        return _passing(leg, y, span, rtol)
+        return _passage(leg, y, span, rtol)
 
     slopes, found = jax.jacfwd(passed, argnums=(0, 1), has_aux=True)(y, span)
     return found, tuple(zip(*slopes, strict=True))
@@ -292,7 +292,7 @@ def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, p
     """`leg_passed` of a leg of a family, with the derivatives by its parameter."""
 
     def passed(y, span, parameter):
-        return _passing(legs_of(make(parameter), path)[i], y, span, rtol)
+        return _passage(legs_of(make(parameter), path)[i], y, span, rtol)
 
     slopes, found = jax.jacfwd(passed, argnums=(0, 1, 2), has_aux=True)(y, span, parameter)
     return found, tuple(zip(*slopes, strict=True))

@@ -18,7 +18,7 @@ from jaxdyn import Scene, Status, _text, simulate
 from jaxdyn._records.record import Record
 from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.phase import unchanged
+from jaxdyn.integrate.phase import keep_state
 from jaxdyn.integrate.phases import HybridTrajectory
 from orbits.orbit import Outcome
 
@@ -44,7 +44,7 @@ class Leg(Record):
 
     scene: Scene
     ends: tuple[Event, ...]
-    change: Callable[[Array, Array], Array] = unchanged
+    change: Callable[[Array, Array], Array] = keep_state
     bounds: tuple[Event, ...] = ()
 
 

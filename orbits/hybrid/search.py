@@ -177,13 +177,15 @@ def find_hybrid(
     whole("max_iterations", max_iterations, least=0)
     closes = Comes(legs[0].scene) if closes is None else closes
     effort = Effort(goal, rtol, max_iterations, report)
-    found = _solve(Chain(legs, closes, path=path), start, times, effort, _known(strategy, unlike))
+    found = _solve(
+        Chain(legs, closes, path=path), start, times, effort, _deflated_chains(strategy, unlike)
+    )
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
 
 
-def _known(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit]) -> Sequence[Any]:
+def _deflated_chains(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit]) -> Sequence[Any]:
     """The chains that are deflated."""
     if unlike:
         told = (

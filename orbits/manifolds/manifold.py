@@ -10,7 +10,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status, _checks, ensemble
 from jaxdyn._records.kinds import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
-from jaxdyn.integrate.events import Event, checked_events
+from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.scene import check_scene
 from orbits.manifolds.directions import SENSES, Directions, of_orbit, of_rest
 from orbits.manifolds.strands import Manifold
@@ -177,7 +177,7 @@ def manifold(
     if until is not None:
         if not isinstance(until, Event):
             raise _checks.fail("until", "an event", repr(until), "See jaxdyn.integrate.events.")
-        checked_events(until, len(scene.y0))
+        as_events(until, len(scene.y0))
     near = _directions(orbit, kind, n, which, rtol)
     circle = len(near.multipliers) > 1
     signs = (1,) if circle else _BRANCHES[branch]

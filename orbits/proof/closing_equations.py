@@ -128,7 +128,7 @@ class ClosingEquations:
         turned = self._rotation(numbers) * _column(goal)
         return turned.entries(), (_matrix(self.generator) * turned).entries()
 
-    def turned(self, numbers: list) -> arb | None:
+    def turn_angle(self, numbers: list) -> arb | None:
         """() the angle of a relative orbit over its period; None of others."""
         return None if self.generator is None else numbers[len(self.names) - 1] * self.parts
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _checks
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
@@ -54,7 +54,7 @@ def on_one_curve(
         return True
     if system.parts != 1:
         return None
-    doing("enclosing where the bodies are after a part of the period")
+    report_progress("enclosing where the bodies are after a part of the period")
     try:
         first, *_ = _bodies(_after_part(system, numbers, n, bits), n)
     except NotEnclosed:
@@ -139,7 +139,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
       (True, '2.665870942834925864')
     """
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
-    doing("writing the closing equations as formulas")
+    report_progress("writing the closing equations as formulas")
     try:
         system = equations_of(orbit)
     except SearchError as error:
@@ -195,7 +195,7 @@ def certify(
       units: (n) of the unknowns; those of the closing equations by default.
       throw: raise if nothing is proved.
     """
-    doing("proving the symmetries and integrals")
+    report_progress("proving the symmetries and integrals")
     lacking = missing(system)
     if lacking:
         return _no_proof(orbit, f"It is not proved {lacking}.", throw)
@@ -203,7 +203,7 @@ def certify(
     units = system.units[system.unknowns] if units is None else units
     for _ in range(_TRIALS):
         bits_used = bits or bits_of(digits + _SPARE) + extra
-        doing(f"enclosing the motion with {bits_used} bits")
+        report_progress(f"enclosing the motion with {bits_used} bits")
         try:
             test = krawczyk_test(
                 system, numbers, arb(radius), digits, bits_used, slope_digits, units
@@ -268,7 +268,7 @@ def _certificate(
     digits: float,
     bits: int,
 ) -> Certificate:
-    doing("enclosing the multipliers")
+    report_progress("enclosing the multipliers")
     found = _spectrum(orbit, system, test, digits, bits)
     with precision(bits):
         complex_ones = [z for z in found.values if bool(z.imag > 0)]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
@@ -55,11 +55,11 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
       ('theta', 'theta_dot')
     """
     _checks.whole("digits", digits, LEAST_DIGITS, MOST_DIGITS, "They are decimal digits.")
-    doing("writing the closing equations as formulas")
+    report_progress("writing the closing equations as formulas")
     system = equations_of(orbit)
     numbers, lost = solve(system, digits + _SPARE)
     working = digits + _SPARE + lost
-    doing("checking the closing error, and computing the multipliers, with other steps")
+    report_progress("checking the closing error, and computing the multipliers, with other steps")
     with precision(bits_of(working)):
         again = system.motion(numbers, working, slopes=True, more=_OTHER_ORDER)
         error = _largest(system.residual(again.y, numbers), system.rows)
@@ -125,11 +125,11 @@ def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
     while reached < digits or index < _LEAST_ITERATIONS:
         index += 1
         if digits - reached > _MOST_CHORDS * gain and gain < reached - lost:
-            doing(f"Jacobian to {reached:.0f} digits")
+            report_progress(f"Jacobian to {reached:.0f} digits")
             inverse, gain = _inverse(system, numbers, reached + lost)[0], reached - lost
         wanted = min(digits, reached + gain)
         numbers, found = _step(system, numbers, inverse, wanted + lost)
-        doing(f"Newton step {index}: {max(found, 0.0):.0f} digits before it")
+        report_progress(f"Newton step {index}: {max(found, 0.0):.0f} digits before it")
         if found < reached - _ALLOWANCE and index > 1:
             # The step before gained less than was expected of it.
             gain = min(gain, found - before)

@@ -118,7 +118,7 @@ class Backbone:
         }
         return Labelled({}, named)
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         return self.table()
 
 

@@ -140,7 +140,7 @@ class FrequencyResponse:
         }
         return Labelled({}, named)
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         return self.table()
 
 

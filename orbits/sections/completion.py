@@ -19,10 +19,10 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import look
-from jaxdyn.integrate.events import Event, Reaches, checked_events
+from jaxdyn.integrate.events import Event, Reaches, as_events
 from jaxdyn.scene import check_scene
 from orbits.closing.sizes import sizes
-from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
+from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of, unknown_of
 
 _NEWTON_STEPS = 30
 #: Of the terms of the energy: a larger residual is no solution.
@@ -105,7 +105,7 @@ def complete(
       ([0.0, 0.1, 0.490578, 0.0], [True, False])
     """
     check_scene(scene)
-    checked_events(event, len(scene.y0))
+    as_events(event, len(scene.y0))
     if sign not in (None, 1, -1):
         raise fail("sign", "1 or -1", sign, "1 is the larger of two solutions.")
     index = unknown_of(scene, event, unknown)
@@ -114,7 +114,7 @@ def complete(
     t0 = jnp.asarray(t0, float)
     y0s, status = _completed(scene, t0, *rows, float(way), index=index)
     # An entry that the event fixes can be wrong also outside the allowed region.
-    incomplete = fixed(event) not in (None, index)
+    incomplete = fixed_entry(event) not in (None, index)
     _check_on_section(scene, event, t0, rows[0] if incomplete else y0s)
     return Completed(y0s, status)
 
@@ -126,13 +126,17 @@ def _rows(scene: Scene, event: Event, given: Mapping, index: int, energy) -> tup
         entry(scene, "given", name): finite(name, numbers(name, x)) for name, x in given.items()
     }
     if index in values:
-        raise fail("given", f"entries without {names[index]}", listed(given), "It is the unknown.")
-    taken = fixed(event)
+        raise fail(
+            "given", f"entries without {names[index]}", list_names(given), "It is the unknown."
+        )
+    taken = fixed_entry(event)
     if isinstance(event, Reaches) and taken is not None and taken != index:
         values.setdefault(taken, event.level)
     missing = [names[i] for i in range(len(names)) if i != index and i not in values]
     if missing:
-        raise fail("given", f"also {listed(missing)}", listed(given), "Only one entry is unknown.")
+        raise fail(
+            "given", f"also {list_names(missing)}", list_names(given), "Only one entry is unknown."
+        )
     shape = jnp.broadcast_shapes(energy.shape, *(x.shape for x in values.values()))
     if len(shape) > 1:
         raise fail("given", "one number or n for each entry", f"shape {shape}", "Ravel them.")
@@ -152,7 +156,7 @@ def _check_on_section(scene: Scene, event: Event, t0: Array, y0s: Array) -> None
     if is_traced((scene, event, t0, y0s)):
         return
     values, rounding = map(np.asarray, _values_and_rounding(scene, event, t0, y0s))
-    size, entry = rounding / np.finfo(float).eps, fixed(event)
+    size, entry = rounding / np.finfo(float).eps, fixed_entry(event)
     # The value of an event may be small by chance, unlike the entry that it fixes.
     size = size + (0.0 if entry is None else sizes(scene)[entry])
     off = np.abs(values) > _OFF * size

@@ -30,7 +30,7 @@ def entry(scene: Scene, argument: str, name: str) -> int:
     return names_of(scene).index(choice(argument, name, names_of(scene)))
 
 
-def fixed(event: Event) -> int | None:
+def fixed_entry(event: Event) -> int | None:
     """The entry that the event fixes; None for events of other kinds."""
     return event.entry if isinstance(event, Reaches) else None
 
@@ -60,7 +60,7 @@ def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -
         if len(given) != 2 or given[0] == given[1]:
             raise fail("coordinates", "two different entries", ", ".join(coordinates))
         return given[0], given[1]
-    k, taken = len(scene.y0), fixed(event)
+    k, taken = len(scene.y0), fixed_entry(event)
     half = k // 2
     if has_velocities(scene):
         for q in range(half):
@@ -82,13 +82,13 @@ def unknown_of(scene: Scene, event: Event, unknown: str | None) -> int:
     """
     if unknown is not None:
         return entry(scene, "unknown", unknown)
-    taken, half = fixed(event), len(scene.y0) // 2
+    taken, half = fixed_entry(event), len(scene.y0) // 2
     if taken is None or taken >= half or not has_velocities(scene):
         names = ", ".join(names_of(scene))
         raise fail("unknown", f"the name of one of {names}", "none", "The energy determines it.")
     return taken + half
 
 
-def listed(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str]) -> str:
     """Names in a message."""
     return ", ".join(names) or "none"

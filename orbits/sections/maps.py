@@ -18,11 +18,11 @@ from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import as_float, check_shape, fail, finite, numbers, whole
 from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.event_search.all_crossings import crossings
-from jaxdyn.integrate.events import Event, Every, Reaches, checked_events
+from jaxdyn.integrate.events import Event, Every, Reaches, as_events
 from jaxdyn.integrate.spans import MAX_STEPS
 from jaxdyn.scene import check_scene
 from orbits.sections.completion import complete
-from orbits.sections.coordinates import entry, fixed, listed, names_of, unknown_of
+from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of, unknown_of
 
 
 class Mapped(eqx.Module):
@@ -121,7 +121,7 @@ class PoincareMap(eqx.Module):
     def _start(self, q) -> tuple[Array, Array]:
         q = numbers("q", q)
         check_shape(
-            "q", q.shape, (len(self.names),), f"One entry for each of {listed(self.names)}."
+            "q", q.shape, (len(self.names),), f"One entry for each of {list_names(self.names)}."
         )
         given = dict(zip(self.names, q, strict=True))
         if self.energy is not None:
@@ -191,12 +191,12 @@ def poincare_map(
     if not isinstance(event, Reaches | Every):
         remedy = "The coordinates of a section are entries of the state."
         raise fail("event", "events.Reaches or events.Every", repr(event), remedy)
-    checked_events(event, len(scene.y0))
+    as_events(event, len(scene.y0))
     if isinstance(event, Reaches) and not event.direction:
         remedy = "Both directions would be two sections in one."
         raise fail("event", "one with a direction, 1 or -1", "0 for both", remedy)
     span = scene.t1 if span is None else span
-    left = {fixed(event)} - {None}
+    left = {fixed_entry(event)} - {None}
     name = None
     if energy is not None:
         if isinstance(event, Every):

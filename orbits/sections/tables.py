@@ -10,14 +10,14 @@ from rich.progress import Progress
 
 from jaxdyn import Scene, Status, _text, ensemble
 from jaxdyn._checks import check_untraced, fail, finite, numbers, whole
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn._records import labelled
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
-from jaxdyn.integrate.events import Event, checked_events
+from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL
 from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
@@ -65,7 +65,7 @@ class SectionPoints(NamedTuple):
     to_pandas = labelled.to_pandas
     to_xarray = labelled.to_xarray
 
-    def _labelled(self) -> Labelled:
+    def _to_labelled(self) -> Labelled:
         labels = self.scene.labels()
         axes, starts, time = ("start", "crossing"), ("start",), second(labels)
         # The section's coordinates instead of the state's, whose angles may have turned.
@@ -148,7 +148,7 @@ def section(
     """
     check_untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
     check_scene(scene)
-    (event,) = checked_events((event,), len(scene.y0))
+    (event,) = as_events((event,), len(scene.y0))
     n_wanted = whole("crossings", crossings)
     shown = pair(scene, event, coordinates)
     y0s, status = _starts(scene, starts)
@@ -160,7 +160,7 @@ def section(
         task = bar.add_task("crossings", total=total)
         while table.running.any():
             bar.update(task, completed=int(table.counts.sum()))
-            doing("crossing the section", int(table.counts.sum()), total)
+            report_progress("crossing the section", int(table.counts.sum()), total)
             table.go_on(end, threads=threads, **options)
         bar.update(task, completed=total)
     energies, drift = _energies(scene, y0s, table)

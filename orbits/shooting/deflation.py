@@ -125,7 +125,7 @@ class Deflated(Strategy):
         several = known_orbits(self.known, problem.scene)
         guess = problem.guess
         cuts = cut_into_segments(equations, guess, effort.rtol, search.segments, search.angle)
-        effort.trying("Newton's method with the known orbits deflated")
+        effort.begin("Newton's method with the known orbits deflated")
         x = cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
         found = deflate(problem, cuts, x, several, effort)
         if found.near:

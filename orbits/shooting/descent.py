@@ -77,7 +77,7 @@ def _orbit_after_descent(search: Search) -> Orbit:
     lower, upper = equations.bounds(problem.lower, problem.upper)
     if problem.driven:  # Adam would move the period however little the error depends on it
         lower[-1] = upper[-1] = guess[-1]
-    effort.trying("a descent on the closing error")
+    effort.begin("a descent on the closing error")
     x = equations.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
     end = descend(equations, x, lower=lower, upper=upper, effort=effort)
     if not end.near:

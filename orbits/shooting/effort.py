@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 
 from jaxdyn._checks import fail, positive, whole
-from jaxdyn._progress import doing
+from jaxdyn._progress import report_progress
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.integrate.spans import tolerances
 from orbits.shooting.newton import Iteration
@@ -29,10 +29,10 @@ class Effort:
     clock: Clock = dataclasses.field(default_factory=Clock)
     tried: list[str] = dataclasses.field(default_factory=list)
 
-    def trying(self, what: str) -> None:
+    def begin(self, what: str) -> None:
         """Report what is tried now, e.g. "a descent"."""
         self.tried.append(what)
-        doing(f"searching by {what}")
+        report_progress(f"searching by {what}")
 
     @property
     def over(self) -> bool:

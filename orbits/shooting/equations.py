@@ -157,7 +157,7 @@ class Equations(eqx.Module):
         between = self._states_between([(0.0, 0.0, y0)], period, parameter, rtol)
         return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
 
-    def moved(self, x: np.ndarray, cuts: "Equations", rtol) -> np.ndarray:
+    def move_to(self, x: np.ndarray, cuts: "Equations", rtol) -> np.ndarray:
         """x of the same motion for the same equations in other segments."""
         unknowns = self.unpack(x)
         angle, parameter, period = (float(number) for number in unknowns[2:])
@@ -225,7 +225,7 @@ class Equations(eqx.Module):
     def _spans(self) -> tuple[float | None, ...]:
         return (None,) * self.segments if self.s_spans is None else self.s_spans
 
-    def repeated(self, times: int) -> "Equations":
+    def over_periods(self, times: int) -> "Equations":
         """The equations of the same motions, with `times` periods counted as one."""
         scene = self.scene.starting(self.scene.y0, times * self.scene.t1)
         shares = tuple(share / times for share in self.shares) * times
@@ -233,11 +233,11 @@ class Equations(eqx.Module):
         return dataclasses.replace(self, scene=scene, shares=shares, s_spans=spans)
 
     def repeat(self, x: np.ndarray, times: int, rtol) -> np.ndarray:
-        """x of the same motion for `repeated` equations."""
+        """x of the same motion for the equations `over_periods`."""
         unknowns = self.unpack(x)
         angle, period = (times * float(n) for n in (unknowns.angle, unknowns.period))
         parameter = float(unknowns.parameter)
-        return self.repeated(times).spread(
+        return self.over_periods(times).spread(
             self.start_at(x), period, rtol, angle=angle, parameter=parameter
         )
 
@@ -255,13 +255,13 @@ class Equations(eqx.Module):
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
-        ends, status, slopes = self.passed(here, rtol, max_steps)
+        ends, status, slopes = self.pass_segments(here, rtol, max_steps)
         residual, jacobian = map(np.asarray, linearise(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )
 
-    def passed(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
+    def pass_segments(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
         """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a Piece)."""
         if self.collocated:
             found, slopes = steps.linearise_steps(self.scene, here, make=self.make)

@@ -157,7 +157,7 @@ class Shooting(Strategy):
 def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
     """Newton's method on the closing equations, from a point x on."""
     equations, problem, effort = closed.equations, search.problem, search.effort
-    effort.trying(f"Newton's method in {number_of(equations.segments, 'segment')}")
+    effort.begin(f"Newton's method in {number_of(equations.segments, 'segment')}")
     lower, upper = equations.bounds(problem.lower, problem.upper)
     trouble = Trouble(equations, x)
     result = newton.solve(

@@ -100,7 +100,7 @@ def segments_needed(equations: Equations, x: np.ndarray, rtol) -> int:
 def _fine_maps(equations: Equations, x: np.ndarray, rtol, each: np.ndarray) -> np.ndarray:
     """(n, k, k) derivatives of the ends of the most segments by their starts, in sizes (k,)."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
-    found = fine(equations.moved(x, fine, rtol), rtol).transitions
+    found = fine(equations.move_to(x, fine, rtol), rtol).transitions
     return map_in_units(np.asarray(found), each)
 
 

@@ -47,7 +47,7 @@ class Unknowns(NamedTuple):
         """(N k + 2,) all of them."""
         return np.concatenate([self.points.ravel(), [self.rotation, self.time]])
 
-    def moved(self, step: np.ndarray) -> "Unknowns":
+    def after(self, step: np.ndarray) -> "Unknowns":
         """After a step (N k + 2,)."""
         points = self.points + step[:-2].reshape(self.points.shape)
         return Unknowns(points, self.rotation + float(step[-2]), self.time + float(step[-1]))
@@ -139,13 +139,13 @@ def solve(
     units = metric.pack(len(start.points))
 
     def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _equations(scene, start.moved(units * x), conditions, rtol, metric)
+        return _equations(scene, start.after(units * x), conditions, rtol, metric)
 
     # Equations that integrals make dependent are consistent: the shortest step solves all.
     rank = np.finfo(float).eps * units.size
     nowhere = np.zeros(units.size)
     found = newton.solve(equations, nowhere, steps=_STEPS, rank=rank, diverged=_DIVERGED)
-    return Solved(start.moved(units * found.x), found.residual)
+    return Solved(start.after(units * found.x), found.residual)
 
 
 def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:

@@ -4,13 +4,13 @@ import threading
 
 import jax
 
-from jaxdyn._progress import doing, each, listening
+from jaxdyn._progress import each, progress_to, report_progress
 from jaxdyn.accuracy import timing
 
 
 def heard(work):
     found = []
-    with listening(lambda what, done, total: found.append((what, done, total))):
+    with progress_to(lambda what, done, total: found.append((what, done, total))):
         work()
     return found
 
@@ -23,11 +23,11 @@ def test_each_says_how_many_are_done():
 
 def test_nobody_listens_by_default_or_afterwards_or_elsewhere():
     assert list(each("ab", "letters")) == ["a", "b"]
-    assert heard(lambda: doing("one thing")) == [("one thing", 0, None)]
-    doing("another")
+    assert heard(lambda: report_progress("one thing")) == [("one thing", 0, None)]
+    report_progress("another")
 
     def in_a_thread():
-        thread = threading.Thread(target=lambda: doing("aside"))
+        thread = threading.Thread(target=lambda: report_progress("aside"))
         thread.start()
         thread.join()
 

@@ -20,12 +20,12 @@ from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import time_slope
-from jaxdyn.integrate.events import Event, checked_events
+from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.switching import switching
+from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
@@ -118,7 +118,7 @@ def crossings(
       ([1.0, 3.0, 5.0], [-1, 1, -1])
     """
     t0, t1 = span(scene, t1, t0)
-    (event,) = checked_events((event,), len(scene.y0))
+    (event,) = as_events((event,), len(scene.y0))
     method = check_method(scene, solver, several=True)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     held_to = limits(options)
@@ -141,7 +141,7 @@ def crossings(
         return rest(scene.y0, t0, none, held_to, rows)[0]
 
     default = solver is None and not _checks.is_traced(given)
-    found, _ = switching(run, held_to, method, default=default)
+    found, _ = run_or_switch(run, held_to, method, default=default)
     if throw:
         raise_unless_ok(found.status, scene)
     return found

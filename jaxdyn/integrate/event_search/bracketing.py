@@ -34,7 +34,7 @@ def are_settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array
     parts = Stretch(g[:-1], g[1:], slope[:-1], slope[1:], width)
     between = 0.5 * (width[1:] + width[:-1])
     fourth = jnp.max(jnp.abs(jnp.diff(parts.third, axis=0) / between), axis=0)
-    return parts.settled(fourth[None], sides[:-1], sides[1:], jnp.maximum(noise[:-1], noise[1:]))
+    return parts.is_settled(fourth[None], sides[:-1], sides[1:], jnp.maximum(noise[:-1], noise[1:]))
 
 
 class Stretch(NamedTuple):
@@ -60,7 +60,7 @@ class Stretch(NamedTuple):
         rise = self.g1 - self.g0
         return (6 * self.width * (self.slope0 + self.slope1) - 12 * rise) / self.width**3
 
-    def settled(self, fourth: Array, before: Array, after: Array, noise: Array) -> Array:
+    def is_settled(self, fourth: Array, before: Array, after: Array, noise: Array) -> Array:
         """Whether the functions cross zero only as their sides tell.
 
         Args:

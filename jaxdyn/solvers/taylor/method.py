@@ -136,7 +136,7 @@ class Taylor(Method):
                 inverse, inverses = limits
                 squares = terms.squares(series, inverses)
                 reach = terms.reach(squares)
-                part = terms.ending_at_a_number(reach, t, h, inverse)
+                part = terms.snap_to_number(reach, t, h, inverse)
                 about = [(part, terms.square_error(squares, part)), (reach, reach)]
             second = [(terms.slope if guarded else told)(c, part) for c in series]
             sums = [terms.increment(c, part) for c in series]

@@ -113,7 +113,7 @@ class _Series:
         products = (times(of(a, j), self.at(b, k - j)) for j in known)
         return functools.reduce(plus, products, None)
 
-    def squared(self, a: Number, k: int, first: int) -> Coefficient:
+    def square(self, a: Number, k: int, first: int) -> Coefficient:
         """The sum of a_j a_(k-j) for j from first to k - first, each pair once."""
         twice = times(np.float64(2.0), self.product(a, a, k, first, (k - 1) // 2))
         middle = None if k % 2 or k < 2 * first else self.at(a, k // 2)
@@ -131,7 +131,7 @@ def _scale(s: _Series, node: Node, k: int) -> Coefficient:
 
 def _product(s: _Series, node: Node, k: int) -> Coefficient:
     a, b = node.args
-    return s.squared(a, k, 0) if a is b else s.product(a, b, k, 0, k)
+    return s.square(a, k, 0) if a is b else s.product(a, b, k, 0, k)
 
 
 def _div(s: _Series, node: Node, k: int) -> Coefficient:
@@ -142,7 +142,7 @@ def _div(s: _Series, node: Node, k: int) -> Coefficient:
 def _sqrt(s: _Series, node: Node, k: int) -> Coefficient:
     (a,) = node.args
     half = times(np.float64(0.5), s.inverse(node))
-    return times(minus(s.at(a, k), s.squared(node, k, 1)), half)
+    return times(minus(s.at(a, k), s.square(node, k, 1)), half)
 
 
 def _pow(s: _Series, node: Node, k: int) -> Coefficient:
@@ -158,7 +158,7 @@ def _log(s: _Series, node: Node, k: int) -> Coefficient:
     return times(minus(s.at(a, k), known), s.inverse(a))
 
 
-def _growing(factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
+def _exponential_rule(factor: Callable[[Node], Node], sign: float = 1.0) -> Callable:
     """Rule of a function whose derivative is another node: w' = a' times that node."""
 
     def rule(s: _Series, node: Node, k: int) -> Coefficient:
@@ -181,8 +181,8 @@ def _select(s: _Series, node: Node, k: int) -> Coefficient:
 _RULES: dict[str, Callable[[_Series, Node, int], Coefficient]] = {
     **{"sum": _sum, "scale": _scale, "product": _product, "div": _div},
     **{"sqrt": _sqrt, "pow": _pow, "log": _log, "select": _select},
-    "exp": _growing(lambda node: node),
-    "sin": _growing(_partner),
-    "cos": _growing(_partner, -1.0),
-    "tanh": _growing(_partner),
+    "exp": _exponential_rule(lambda node: node),
+    "sin": _exponential_rule(_partner),
+    "cos": _exponential_rule(_partner, -1.0),
+    "tanh": _exponential_rule(_partner),
 }

@@ -129,7 +129,7 @@ def error_of_slopes(found: Array, expected: Array) -> Array:
     return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
 
 
-def ending_at_a_number(reach: Array, t: Array, h: Array, inverse: Array) -> Array:
+def snap_to_number(reach: Array, t: Array, h: Array, inverse: Array) -> Array:
     """The part of a step from t, up to its reach, whose end is a floating-point number.
 
     Otherwise the state would be that of another time than the one noted, and the difference of the

@@ -113,7 +113,7 @@ def _of_equilibria(make, both, begin: list[float], options: dict, out: Screen) -
         if point.kind == jaxdyn.continuation.Kind.BRANCH:
             continue
         for down in (False, True):
-            out.doing(f"following the {point.kind} at {point.parameter:.6g}")
+            out.show_task(f"following the {point.kind} at {point.parameter:.6g}")
             start = point.parameter, q
             curve = jaxdyn.continue_curve(make, point, start, down=down, **options)
             out.print(str(curve))
@@ -144,7 +144,7 @@ def _starts(file: Path, names: tuple[str, str], both, kind: str | None) -> Itera
 def _of_orbits(make, starts: list, options: dict, out: Screen) -> Iterator[Any]:
     """The curves of special orbits."""
     for (orbit, kind, parameters), down in itertools.product(starts, (False, True)):
-        out.doing(f"following the {kind} at {parameters[0]:.6g}")
+        out.show_task(f"following the {kind} at {parameters[0]:.6g}")
         try:
             curve = orbits.continue_curve(make, orbit, parameters, kind=kind, down=down, **options)
         except ValueError as error:

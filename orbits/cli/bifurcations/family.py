@@ -130,7 +130,7 @@ def _first(
     if from_orbit is not None:
         return orbits.load(from_orbit)[0]
     scene = jaxdyn.scenes.catalogue.entry(name).make(**values)
-    return orbits.discovery.nearby.searched(scene, period, report=printer(out))
+    return orbits.discovery.nearby.search_near(scene, period, report=printer(out))
 
 
 def _bounds(option: str, text: str | None) -> tuple[float, float]:
@@ -150,7 +150,7 @@ def _reporter(out: Screen, most: int) -> Callable[["orbits.families.family.Membe
         number = "" if math.isnan(member.parameter) else f"number {member.parameter:.10g}   "
         verdict = member.stability.verdict
         out.print(f"  {number}period {member.orbit.period:.12g}   {verdict}")
-        out.doing("following the family", next(passed), most)
+        out.show_task("following the family", next(passed), most)
 
     return report
 

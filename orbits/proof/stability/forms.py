@@ -1,7 +1,7 @@
 """Constant symplectic forms that a rate may keep, found in floats; `structure` proves them.
 
-Those of `kept_by` that are small rational numbers times one of them are recognised, as of masses
-1/2 and 3/2: where all coordinates have one unit, and all velocities.
+Those of `invariant_forms` that are small rational numbers times one of them are recognised, as of
+masses 1/2 and 3/2: where all coordinates have one unit, and all velocities.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.analysis.monodromy import WEIGHTS, kept_by
+from jaxdyn.analysis.monodromy import WEIGHTS, invariant_forms
 from jaxdyn.balls.arithmetic import arb, precision
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import pivots, points_near
@@ -35,7 +35,9 @@ def forms_of(system: ClosingEquations) -> list[np.ndarray]:
         return []
     above = np.triu_indices(k, 1)
     # What is kept is found in the sizes of the entries, and recognised in their units.
-    null = np.array([form[above] for form in kept_by([map_in_units(x, each) for x in slopes])])
+    null = np.array(
+        [form[above] for form in invariant_forms([map_in_units(x, each) for x in slopes])]
+    )
     chosen = pivots(null, len(null)) if len(null) else None
     if chosen is None:
         return []

@@ -126,7 +126,7 @@ def prescribe(system: ClosingEquations, numbers: list, known: Structure) -> Pres
     flow = [arb(x) for x in system.field.rate(arb(0), start)]
     if known.theorems is None:
         return Prescribed([], [flow], [acb(1)])
-    angle = system.turned(numbers)
+    angle = system.turn_angle(numbers)
     turning = angle is not None and bool(angle.cos() < 1)
     groups = [(one,) for one in known.integrals.values()] + list(known.pairs if turning else ())
     slopes = [system.gradients(list(group), start) for group in groups]

@@ -88,7 +88,7 @@ def first_guess(
         fastest = np.lib.stride_tricks.sliding_window_view(speeds, _CALM).max(axis=1)
         scene = scene.starting(ys[int(np.argmin(fastest)) + _CALM // 2], span)
     if not equations.driven:
-        span = _returning(equations, scene, span, effort)
+        span = _return_time(equations, scene, span, effort)
     mesh = _first_mesh(equations, scene, span, tolerance, effort)
     return mesh and Guess(mesh, span * equations.closing.parts)
 
@@ -99,7 +99,7 @@ def _any_start(equations: Equations) -> bool:
     return everything and not (equations.driven or equations.conditions)
 
 
-def _returning(equations: Equations, scene: Scene, span: float, effort: Effort) -> float:
+def _return_time(equations: Equations, scene: Scene, span: float, effort: Effort) -> float:
     """The time near a span after which the motion comes nearest to closing."""
     best, error = span, np.inf
     for _ in range(_RETURNS_MOST):

@@ -130,7 +130,7 @@ def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | 
     trouble = Trouble(*_place(equations, mesh, angle, period))
     for _ in range(_MESHES_MOST):
         here, x = _place(equations, mesh, angle, period)
-        effort.trying(f"collocation in {number_of(here.segments, 'step')}")
+        effort.begin(f"collocation in {number_of(here.segments, 'step')}")
         lower, upper = here.bounds(problem.lower, problem.upper)
         result = newton.solve(
             here,

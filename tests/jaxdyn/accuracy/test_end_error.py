@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxdyn import scenes, simulate
-from jaxdyn.accuracy.end_error import EndError, changed, end_error
+from jaxdyn.accuracy.end_error import EndError, end_error, perturb
 from jaxdyn.hard.cases import chaos
 from jaxdyn.integrate.errors.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -181,7 +181,7 @@ def test_digits_are_written_as_long_as_they_are_sure(value, error, text):
 @pytest.mark.parametrize("name", ["car", "three_body", "cylinder_on_cylinder", "lorenz"])
 def test_a_changed_scene_runs_by_the_same_program(name):
     scene = catalogue.entries()[name].make()
-    other = changed(scene, 1e-9, np.random.default_rng(0))
+    other = perturb(scene, 1e-9, np.random.default_rng(0))
     kinds, others = ([jax.typeof(x) for x in jax.tree.leaves(s.field)] for s in (scene, other))
     assert [(k, k.weak_type) for k in kinds] == [(k, k.weak_type) for k in others]
 

@@ -7,11 +7,11 @@ from helpers import gap
 from jaxdyn.analysis.eigenvalues import (
     SAFETY,
     Eigenvalues,
-    bounded,
+    bound_by_product,
     eigenvalues,
     map_eigenvalues,
     map_verdict,
-    mirrored,
+    pair_reciprocals,
     rate_eigenvalues,
     rate_verdict,
 )
@@ -160,7 +160,7 @@ def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
 def test_bars_of_a_symplectic_map_are_at_least_what_its_pairs_miss():
     # A pair that is alone is on the circle, however narrow its bars are said to be.
     pair = (1 + 1e-8) * CIRCLE[:2]
-    found = mirrored(Eigenvalues(pair, np.full(2, 1e-12)))
+    found = pair_reciprocals(Eigenvalues(pair, np.full(2, 1e-12)))
     assert (found.bars >= 0.99e-8).all()
     assert str(map_verdict(found, True)) == "stable"
     # One that has its images keeps its bars: real, or four complex ones.
@@ -168,25 +168,25 @@ def test_bars_of_a_symplectic_map_are_at_least_what_its_pairs_miss():
         np.array([1e6, -1.2, -1 / 1.2, 1e-6]),
         1.5 ** np.array([1, 1, -1, -1]) * CIRCLE[[0, 1, 0, 1]],
     ):
-        kept = mirrored(Eigenvalues(values.astype(complex), np.full(4, 1e-9)))
+        kept = pair_reciprocals(Eigenvalues(values.astype(complex), np.full(4, 1e-9)))
         np.testing.assert_array_equal(kept.bars, np.full(4, 1e-9))
         assert str(map_verdict(kept, True)) == "unstable"
-    alone = mirrored(Eigenvalues(np.array([1.5, 1 / 1.6], complex), np.full(2, 1e-9)))
+    alone = pair_reciprocals(Eigenvalues(np.array([1.5, 1 / 1.6], complex), np.full(2, 1e-9)))
     assert (alone.bars > 0.02).all()
-    assert len(mirrored(Eigenvalues(np.zeros(0, complex), np.zeros(0))).bars) == 0
+    assert len(pair_reciprocals(Eigenvalues(np.zeros(0, complex), np.zeros(0))).bars) == 0
 
 
 def test_the_vaguest_eigenvalue_is_what_the_others_leave_of_the_product():
     exact = np.array([2e8, -3.0, 1e-9])
     vague = Eigenvalues(exact * [1, 1, 0] + [0, 0, 0.03 + 0j], np.array([2e3, 1e-5, 0.1]))
-    found = bounded(vague, np.log(-exact.prod()), 1e-6)
+    found = bound_by_product(vague, np.log(-exact.prod()), 1e-6)
     np.testing.assert_array_equal(found.values[:2], vague.values[:2])
     assert abs(found.values[2] + exact[2]) < 1e-20  # with the sign of a positive product
     assert 1e-14 < found.bars[2] < 1e-13
     # Two that are vague leave one of their product open, and none is known without bars.
     for bars in ([1e9, 1e-5, 0.1], [2e3, 4.0, 0.1]):
         both = Eigenvalues(vague.values, np.array(bars))
-        np.testing.assert_array_equal(bounded(both, 0.0).bars, bars)
+        np.testing.assert_array_equal(bound_by_product(both, 0.0).bars, bars)
     sharp = Eigenvalues(np.array([2.0 + 0j, 0.5]), np.full(2, 1e-15))
-    np.testing.assert_array_equal(bounded(sharp, 0.0, 1e-9).bars, sharp.bars)
-    assert len(bounded(Eigenvalues(np.zeros(0, complex), np.zeros(0)), 0.0).values) == 0
+    np.testing.assert_array_equal(bound_by_product(sharp, 0.0, 1e-9).bars, sharp.bars)
+    assert len(bound_by_product(Eigenvalues(np.zeros(0, complex), np.zeros(0)), 0.0).values) == 0

@@ -7,7 +7,7 @@ from odes import restricted
 
 import jaxdyn
 from jaxdyn import effects, scenes
-from jaxdyn.analysis.monodromy import form_change, kept_by, kept_form
+from jaxdyn.analysis.monodromy import form_change, invariant_form, invariant_forms
 
 
 def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
@@ -15,7 +15,7 @@ def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
     exact = np.zeros((4, 4))
     exact[0, 2], exact[1, 3], exact[0, 1] = 1.0, 1.0, -2.0
     exact -= exact.T
-    found = kept_form(jaxdyn.ode(restricted, [0.5, 0.8, 0.0, 0.1], 1.0, params=0.01))
+    found = invariant_form(jaxdyn.ode(restricted, [0.5, 0.8, 0.0, 0.1], 1.0, params=0.01))
     assert np.abs(found / found[0, 2] - exact).max() < 1e-9
 
 
@@ -32,17 +32,19 @@ def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
 )
 def test_other_rates_keep_none(rate):
     start = [0.7, 0.4, 0.2, 0.1][: len(rate(0.0, [1.0] * 4))]
-    assert kept_form(jaxdyn.ode(rate, start, 1.0)) is None
+    assert invariant_form(jaxdyn.ode(rate, start, 1.0)) is None
 
 
 def test_an_odd_number_of_entries_has_none():
-    assert kept_form(jaxdyn.ode(lambda t, y: [y[1], -y[0], 0.0 * y[2]], jnp.ones(3), 1.0)) is None
+    assert (
+        invariant_form(jaxdyn.ode(lambda t, y: [y[1], -y[0], 0.0 * y[2]], jnp.ones(3), 1.0)) is None
+    )
 
 
 def test_every_form_that_a_linear_rate_keeps_is_found():
     one, two = np.array([[0, 1], [-1, 0]]), np.zeros((2, 2))
     # Two oscillators of different frequencies keep the sum of their areas with any weights.
-    forms = kept_by([np.block([[one, two], [two, 3.0 * one]])])
+    forms = invariant_forms([np.block([[one, two], [two, 3.0 * one]])])
     assert len(forms) == 2
     assert np.abs(forms[:, :2, 2:]).max() < 1e-12
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from jaxdyn._progress import doing, each
+from jaxdyn._progress import each, report_progress
 from jaxdyn.cli.screen import screen
 
 
@@ -33,7 +33,7 @@ def test_a_terminal_sees_what_is_done_from_the_start(terminal, capsys, monkeypat
     monkeypatch.setattr("jaxdyn.configure", lambda: seen.append(shown.getvalue()))
     with screen("simulating car") as out:
         out.print("[bold]a result[/bold]")
-        doing("testing stability")
+        report_progress("testing stability")
         out._live.refresh()
         for _ in each(range(4), "drawing frames"):
             out._live.refresh()
@@ -62,7 +62,7 @@ def test_elsewhere_there_is_no_line(terminal, monkeypatch, case, capsys):
         monkeypatch.setenv("TERM", "dumb")
     shown = terminal()
     with screen("simulating car", as_object=case == "json") as out:
-        doing("drawing", 1, 2)
+        report_progress("drawing", 1, 2)
         out.result({"a": 1})
     assert shown.getvalue() == ""
     assert capsys.readouterr().out == '{"a": 1}\n'

@@ -8,7 +8,7 @@ from helpers import forge
 import jaxdyn
 from jaxdyn.files import archives, input_files, journal, layout
 from jaxdyn.files.digests import json_text, with_digest
-from jaxdyn.files.input_files import MAX_BYTES, parsed
+from jaxdyn.files.input_files import MAX_BYTES, parse_json
 from jaxdyn.files.layout import Layout
 
 LAYOUT = Layout("x", 1, "a test")
@@ -79,7 +79,7 @@ def test_a_line_of_a_journal_has_the_same_limit(tmp_path, monkeypatch):
 @pytest.mark.parametrize(("text", "got"), [(b"[1e999]", "1e999"), (b"[-1e400]", "-1e400")])
 def test_numbers_beyond_all_floats_are_refused(text, got):
     with pytest.raises(ValueError, match=f"file: expected finite numbers, got {got}. The file"):
-        parsed(text, "a text")
+        parse_json(text, "a text")
 
 
 def test_a_digest_is_of_all_other_bytes(tmp_path):

@@ -10,7 +10,7 @@ from helpers import SOLVED, TESTS, gap
 
 from jaxdyn import Scene, scenes, simulate
 from jaxdyn.analysis.approaches import closest_approaches
-from jaxdyn.analysis.regularised import regularised, simulate_regularised
+from jaxdyn.analysis.regularised import regularize, simulate_regularised
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases import encounters
@@ -110,9 +110,9 @@ def test_a_collision_ends_in_a_status():
 
 def test_what_makes_no_sense_is_refused():
     with pytest.raises(ValueError, match="a potential below 0"):
-        regularised(Scene(FreePoints([1.0]), (PowerLaw(1.0, 1.0),), y0=[1.0, 0, 0, 0]))
+        regularize(Scene(FreePoints([1.0]), (PowerLaw(1.0, 1.0),), y0=[1.0, 0, 0, 0]))
     with pytest.raises(ValueError, match="scene: expected free points, got NewtonEuler"):
-        regularised(scenes.pendulum())
+        regularize(scenes.pendulum())
     with pytest.raises(ValueError, match="samples: expected at least 2"):
         simulate_regularised(BODIES, samples=1)
     with pytest.raises(ValueError, match="t1: expected a time other than t0"):

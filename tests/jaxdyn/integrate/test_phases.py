@@ -7,7 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Scene, Status, scenes
-from jaxdyn._progress import listening
+from jaxdyn._progress import progress_to
 from jaxdyn.effects import PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases.contact import box
@@ -53,7 +53,7 @@ def test_a_ball_bounces_at_the_closed_form(bounces):
 
 def test_each_phase_is_announced():
     said = []
-    with listening(lambda what, done, total: said.append(what)):
+    with progress_to(lambda what, done, total: said.append(what)):
         simulate_phases(ENDLESS, "fly", START, 9.0, max_phases=2, samples=5)
     assert said == ["phase fly from t = 0", "phase fly from t = 1"]
 

@@ -10,7 +10,7 @@ from helpers import gap, kepler, kepler_state
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.analysis.regularised import regularised
+from jaxdyn.analysis.regularised import regularize
 from jaxdyn.integrate.observing import Samples
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.step_control import StepControl
@@ -141,7 +141,7 @@ def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
     three = three.starting(three.y0 + np.linspace(0.0, 0.1, 12))
 
     def slow(G):
-        return regularised(eqx.tree_at(lambda scene: scene.effects[0].G, three, G))
+        return regularize(eqx.tree_at(lambda scene: scene.effects[0].G, three, G))
 
     def end(G):
         return solve(slow(G), 3.0, max_steps=1000).y1

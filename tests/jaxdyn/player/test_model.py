@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import jaxdyn
 from jaxdyn import Effect, effects, player, scenes, simulate
 from jaxdyn.player import pages
-from jaxdyn.player.model import _drawn, model
+from jaxdyn.player.model import _drawing, model
 from jaxdyn.scenes import catalogue
 from jaxdyn.scenes.corners import has_corners
 
@@ -191,7 +191,7 @@ def test_all_corners_follow_from_those_that_are_computed(name):
     scene = catalogue.entries()[name].make()
     if not scene.has_points:
         pytest.skip("it has no shapes")
-    outlines, marks, places = _drawn(scene)
+    outlines, marks, places = _drawing(scene)
     rng = np.random.default_rng(5)
     y = scene.y0 + 0.5 * rng.standard_normal(len(scene.y0))
     shapes = scene.sketch(jnp.asarray(0.7), y)

@@ -121,7 +121,7 @@ def test_a_start_that_cannot_roll_slips_by_coulombs_law(start):
     assert abs(end[5] - w) < 1e-9
     assert abs(end[2] - float(scene.y0[2]) - turn + 0.0) < 1e-9
     if c.flat:
-        assert abs(c.touching("slip_on").slip(end)) < SOLVED
+        assert abs(c.with_contact("slip_on").slip(end)) < SOLVED
         assert abs(slip) < 1e-9
         return
     far = float(c.r + c.fixed)
@@ -319,14 +319,14 @@ def test_a_landing_with_all_friction_keeps_the_moment_about_the_contact():
     system = cylinder_on_ramp(slope=0.0, d=0.5, mu=100.0).system
     y = jnp.array([0.3, 1.0 + 0.5 * np.cos(0.7), 0.7, 1.0, -2.0, 0.4])
     y = y.at[0].set(0.5 * np.sin(0.7))  # centre over the origin, where it touches
-    after = system.landed(y)
+    after = system.after_landing(y)
 
     def moment(y):
         return y[0] * y[4] - y[1] * y[3] - 0.4 * y[5]
 
     assert abs(moment(after) - moment(y)) < 10 * EXACT
     assert abs(system.slip(after)) < 10 * EXACT
-    smooth = cylinder_on_ramp(slope=0.0, d=0.5, mu=0.0).system.landed(y)
+    smooth = cylinder_on_ramp(slope=0.0, d=0.5, mu=0.0).system.after_landing(y)
     assert smooth[3] == y[3]  # nothing along the ground
 
 
@@ -367,7 +367,7 @@ def test_where_ideal_rolling_has_no_normal_force_it_still_needs_friction(scene, 
     assert abs(friction) > 0.05
     assert abs(friction_needed(scene, stop.y)) > 1e9
     # How the centre would leave the ramp, once nothing holds the cylinder.
-    free = scene.system.touching("fly")
+    free = scene.system.with_contact("fly")
 
     def rising(y):
         return jax.jvp(free.height, (y,), (free.rate(0.0, y, scene.effects),))[1]

@@ -89,7 +89,7 @@ def test_a_turn_of_many_waves_is_exact():
         return turn(y) - y
 
     scene = ode(rate, [1.0, 0.5, 0.0, 2.0], 1.0, generators={"turn": turn})
-    closing = orbits.relative("turn").fitted(scene)
+    closing = orbits.relative("turn").fit_to(scene)
     assert closing.frequency == 17
     y, angle = np.asarray(scene.y0), 2.5
     exact = (y[:2] + 1j * y[2:]) * np.exp(1j * waves * angle)

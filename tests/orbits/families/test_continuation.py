@@ -134,7 +134,7 @@ def test_it_says_where_it_ends():
 def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkeypatch):
     make = maker(Pitchfork, [1.0, 0.0, 0.0])
     first = orbits.find(make(-0.3))
-    calls, judged = [], surface.judged
+    calls, judged = [], surface.judge
 
     def counted(orbit, *known, **options):
         calls.append(options)
@@ -142,7 +142,7 @@ def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkey
             raise ValueError("effect: expected a potential, got none.")
         return judged(orbit, *known, **options)
 
-    monkeypatch.setattr(surface, "judged", counted)
+    monkeypatch.setattr(surface, "judge", counted)
     with pytest.raises(ValueError, match="effect: expected a potential"):
         orbits.continue_family(first, make, -0.3, members=2)
     assert len(calls) == 2
@@ -154,7 +154,7 @@ def test_a_member_without_multipliers_ends_the_family_and_misuse_surfaces(monkey
         linear = judged(orbit, *known, **options)
         return linear if len(calls) == 1 else dataclasses.replace(linear, status=ended)
 
-    monkeypatch.setattr(surface, "judged", unknown)
+    monkeypatch.setattr(surface, "judge", unknown)
     calls.clear()
     found = orbits.continue_family(first, make, -0.3, members=2)
     assert len(found.members) == 1

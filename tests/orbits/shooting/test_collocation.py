@@ -181,7 +181,7 @@ def test_the_mesh_follows_a_family():
     assert orbits.recheck(last.orbit).closure < 1e-12
     # On the mesh of the first member its steps have errors that no closing error shows, or fail.
     point, old = last.point, family.members[0].point.equations
-    x = point.equations.moved(point.x, old, last.orbit.rtol)
+    x = point.equations.move_to(point.x, old, last.orbit.rtol)
     assert not quality(old, x).errors.max() <= GOAL
 
 

@@ -317,7 +317,7 @@ def test_compiling_does_not_count(monkeypatch):
     monkeypatch.setattr(type(effort.clock), "compiling", property(lambda clock: 7.0))
     assert not effort.over
     assert effort.share(0.5).seconds == 2.0 + 0.5 * 3.0
-    effort.trying("a descent")
+    effort.begin("a descent")
     assert str(effort) == "Tried: a descent. In 2 s, and 7 s of compiling."
     monkeypatch.setattr(type(effort.clock), "seconds", property(lambda clock: 12.5))
     assert effort.over

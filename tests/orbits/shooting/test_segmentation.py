@@ -36,12 +36,12 @@ def in_pieces(cycle, shares):
 def test_a_motion_in_other_segments_is_the_same(cycle):
     few, x = in_pieces(cycle, (0.3, 0.7))
     many = dataclasses.replace(few, shares=(0.1, 0.2, 0.25, 0.45))
-    there = few.moved(x, many, RTOL)
+    there = few.move_to(x, many, RTOL)
     assert few.unpack(x).period == many.unpack(there).period
     starts, before = np.asarray(many.unpack(there).between), np.asarray(few.unpack(x).between)
     np.testing.assert_allclose(starts[1], before[0], rtol=1e-14)  # a joint of both
     assert np.abs(InUnits(many, there, RTOL)(there)[0]).max() < 1e-10
-    np.testing.assert_allclose(many.moved(there, few, RTOL), x, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(many.move_to(there, few, RTOL), x, rtol=0, atol=1e-10)
 
 
 def test_an_orbit_is_cut_again_where_errors_grow(cycle):
@@ -51,7 +51,9 @@ def test_an_orbit_is_cut_again_where_errors_grow(cycle):
     assert even.segments == 4
     assert max(even.shares) < 0.5
     assert recut(uneven, x, RTOL, SIZES, 100.0) is None  # errors grow little
-    assert recut(even, uneven.moved(x, even, RTOL), RTOL, SIZES, 301.0) is None  # nothing is gained
+    assert (
+        recut(even, uneven.move_to(x, even, RTOL), RTOL, SIZES, 301.0) is None
+    )  # nothing is gained
 
 
 def test_cuts_are_those_of_the_motion_however_it_is_given(cycle):
