@@ -1,6 +1,6 @@
 """Numeric arguments of public functions: lists become arrays, and shapes are checked.
 
-Two decorators, for the two ways in which a function declares its arguments: tools for vectors and
+There are two decorators, since functions declare their arguments in two ways: tools for vectors and
 matrices by annotations, functions that make a scene by defaults.
 """
 
@@ -56,13 +56,13 @@ def arrays(function: Callable[..., T]) -> Callable[..., T]:
 
 
 def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
-    """A decorator that raises if the shape of a number is not that of the parameter's default.
+    """The decorator that raises unless a number has the shape of the parameter's default.
 
     It also raises for a keyword that the function does not have, and suggests the nearest.
 
     Args:
-      rows: parameters that may have a different number of rows than their defaults, but all the
-        same number, that of the first one.
+      rows: parameters whose number of rows may differ from that of their defaults; all must have
+        as many rows as the first one.
       but: parameters with more than one valid shape, which the function itself checks.
     """
 
@@ -78,7 +78,7 @@ def like_defaults(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
                 _checks.choice(f"keyword of {function.__name__}", name, defaults)
             given = signature.bind(*args, **kwargs).arguments if args or kwargs else {}
             if not given.keys() & shapes.keys():
-                return function(*args, **kwargs)  # defaults are what they have to be
+                return function(*args, **kwargs)  # the defaults have the right shapes
             got = shapes | {name: _shape(name, given[name]) for name in shapes if name in given}
             n = got[rows[0]][:1] if rows else ()
             for name, shape in shapes.items():

@@ -1,8 +1,8 @@
 """Numbers as arithmetic expressions: ``pi/2``, ``sqrt(2)``, ``30*deg``; nothing else is evaluated.
 
-Allowed are numbers, + - * / ** and parentheses, the constants pi, e and deg (one degree in
-radians), and the functions sqrt, sin and cos. It evaluates only these nodes of Python's syntax
-tree: no names, calls or attributes of Python itself can be reached.
+A text may contain numbers, + - * / ** and parentheses, the constants pi, e and deg (one degree in
+radians), and the functions sqrt, sin and cos. Only these nodes of Python's syntax tree are
+evaluated: no names, calls or attributes of Python itself can be reached.
 """
 
 import ast
@@ -57,9 +57,9 @@ def setting(name: str, text: str, default: Any) -> Any:
     """The value of a parameter from its text, of the type of its default.
 
     Args:
-      name: of the parameter, for the message.
+      name: the parameter's name, for the message.
       text: a number, comma-separated numbers, a boolean or a word.
-      default: of the parameter.
+      default: the parameter's default.
     Raises:
       ValueError: the text is of another type.
     Example:

@@ -52,15 +52,15 @@ def as_float(x: Any) -> Array:
 
 
 def too_large(name: str, x: Any) -> ValueError:
-    """The error for a whole number beyond all floats."""
+    """The error for a whole number that is too large for any float."""
     return fail(name, "numbers of at most 1.8e308", reprlib.repr(x))
 
 
 def refuse_unreal(x: Any, name: str = "number") -> None:
-    """Raise ValueError for what has no number of its own, or two.
+    """Raise ValueError for complex numbers, and for dates and durations.
 
-    NumPy's dates and durations have one in some unit; conversion drops the imaginary part of
-    complex numbers.
+    A date or a duration of NumPy is a number only in some unit, and the conversion of a complex
+    number would drop its imaginary part.
     """
     kind = "c" if type(x) is complex else getattr(getattr(x, "dtype", None), "kind", "")
     if kind in ("m", "M"):
@@ -73,7 +73,7 @@ def refuse_unreal(x: Any, name: str = "number") -> None:
 def refuse_narrow(x: Any, name: str, remedy: str = "Compute it in 64 bits.") -> None:
     """Raise ValueError for a result in floats of fewer than 64 bits.
 
-    Data may come in them, and are converted; what is computed in them has lost half of its digits.
+    Input in fewer bits is converted; a result that was computed in them has lost half its digits.
     """
     dtype = getattr(x, "dtype", None)
     if dtype is not None and jnp.issubdtype(dtype, jnp.floating) and dtype.itemsize < 8:
@@ -81,7 +81,7 @@ def refuse_narrow(x: Any, name: str, remedy: str = "Compute it in 64 bits.") -> 
 
 
 def is_plain(x: Any) -> bool:
-    """Whether x is a number of Python, or a list or tuple of them; True and False are none."""
+    """Whether x is a Python number, or a list or tuple of them; True and False do not count."""
     kinds = {*map(type, x)} if isinstance(x, list | tuple) else {type(x)}
     return kinds <= {float, int}
 
@@ -99,8 +99,8 @@ _WITH_VALUES = frozenset({float, int, np.ndarray, type(None)})
 
 def is_traced(x: Any) -> bool:
     """True while x is inside a jax transformation and has no known value."""
-    # The usual cases, in a tenth of the time that a search through a pytree takes; a Tracer says
-    # that it is a jax.Array.
+    # The usual cases, in a tenth of the time that a search through a pytree takes; a Tracer, which
+    # is a jax.Array for isinstance, is asked for before these.
     if type(x) in _WITH_VALUES or (type(x) is tuple and not x):
         return False
     if isinstance(x, jax.core.Tracer):
@@ -126,7 +126,7 @@ def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") ->
 
 
 def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Any:
-    """`array` as NumPy where x has a value: for further use on the host."""
+    """The result of `array` as a NumPy array if x has a value, for further use on the host."""
     if is_traced(x):
         return array(name, x, shape, remedy)
     if type(x) is float and not shape and math.isfinite(x):
@@ -149,7 +149,7 @@ def array_of_shape(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
 
 
 def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
-    """Raise unless the shape is as given: None allows any length, a last ... any axes."""
+    """Raise unless the shape fits: None allows any length, and a final ... any further axes."""
     if got == shape:
         return
     front = shape[:-1] if shape[-1:] == (...,) else shape

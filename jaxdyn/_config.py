@@ -7,7 +7,7 @@ ODEs, appending to the user's settings and never overwriting them:
 - XLA's loop folding on CPU: a ``while`` whose body touches less memory than a threshold is
   compiled as ONE function instead of one kernel launch per fusion. The default threshold of
   1 KiB is below any useful stepping loop; 1 MiB covers all of ours (a solve gets 2 to 10
-  times faster). Larger values also fold wide batched loops, where it gains nothing.
+  times faster). Larger values also fold wide batched loops, where folding gains nothing.
 - Programs run in the calling thread on CPU. By default JAX passes all but the smallest to another
   thread, and waking it takes about as long (40 us) as a whole short trajectory.
 - A persistent compile cache, so that a second process starts in a fraction of the time.
@@ -24,19 +24,19 @@ from pathlib import Path
 
 import jax
 
-# ---- Flags of XLA's compiler, of which a new jaxlib may have lost some
+# ---- Flags of XLA's compiler, some of which a new jaxlib may no longer know
 #
 # An unknown flag in ``XLA_FLAGS`` ends the process at the first use of a device, with one line on
 # standard error that is easily lost.
 
-#: The newest jaxlib with which all flags that are set here were tested; what is newer is tried.
+#: The newest jaxlib with which all flags that are set here were tested; newer ones try each flag.
 TESTED = (0, 12)
 
-_START = "import jax; jax.devices('cpu')"  # which reads the flags
+_START = "import jax; jax.devices('cpu')"  # this reads the flags
 
 
 def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
-    """Those of some flags that this jaxlib knows; a warning names the others.
+    """The flags among those given that this jaxlib knows; a warning names the others.
 
     Args:
       flags: such as ``--xla_backend_optimization_level=0``.
@@ -87,7 +87,7 @@ def _keep(file: Path | None, answers: dict[str, bool]) -> None:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(json.dumps(answers))
-        except OSError:  # a folder that cannot be written costs a second every time
+        except OSError:  # a folder that cannot be written to: it costs a second every time
             pass
 
 
@@ -161,14 +161,14 @@ def _warn_if_too_late(fold_loops: bool, same_thread: bool) -> None:
 
 
 def _fold_loops(folder: Path | None) -> None:
-    # It may be set already, perhaps by the user, whose value is kept.
+    # A value that is set already, perhaps by the user, is kept.
     if _FOLD_KEY not in os.environ.get("XLA_FLAGS", ""):
         # XLA merges repeated occurrences of the option, so appending keeps the user's keys.
         add_flags([f"{_EXTRA}{_FOLD_KEY}={_FOLD_BYTES}"], folder)
 
 
 def add_flags(flags: list[str], folder: Path | None) -> None:
-    """Append to ``XLA_FLAGS`` flags that this jaxlib knows; see `known_flags`."""
+    """Append those flags to ``XLA_FLAGS`` that this jaxlib knows; see `known_flags`."""
     given = os.environ.get("XLA_FLAGS", "")
     os.environ["XLA_FLAGS"] = " ".join([given, *known_flags(flags, folder)]).strip()
 

@@ -1,8 +1,8 @@
 """The front door of a package: names that have moved or changed, and folders it does not list.
 
-A name that has moved keeps its old place for one minor version, where it warns; so does an old name
-of what has another now. Folders that few need, such as the gallery, are reached as attributes, but
-are not among the public names.
+A name that has moved keeps its old place for one minor version, where it warns, and so does the old
+name of anything that was renamed. Folders that few need, such as the gallery, are reached as
+attributes, but are not among the public names.
 """
 
 import difflib
@@ -32,9 +32,9 @@ def attribute_getter(
       package: its name.
       listed: finds the public names.
       moved: the module, below the package, of each name that has moved.
-      renamed: the new name of each that has another one.
-      modules: of each module that has moved, the module in which its names are.
-      folders: those that are no public names.
+      renamed: the new name of each name that has changed.
+      modules: for each module that has moved, the module in which its names are now.
+      folders: the folders that are not public names.
     """
     new = {old: (package, name) for old, name in (renamed or {}).items()}
     new |= {name: (f"{package}.{place}", name) for name, place in (moved or {}).items()}

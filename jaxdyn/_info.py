@@ -1,4 +1,4 @@
-"""What a report of an error has to say of the machine: versions, devices, settings, the cache."""
+"""What an error report should say about the machine: versions, devices, settings, the cache."""
 
 import importlib.metadata
 import os
@@ -8,7 +8,7 @@ from typing import Any
 
 import jax
 
-#: Those that results depend on, then those that are optional.
+#: The packages that results depend on, then the optional ones.
 _PACKAGES = (
     *("jaxdyn", "jax", "jaxlib", "diffrax", "equinox", "optax", "numpy", "scipy", "matplotlib"),
     *("dask", "python-flint", "pandas", "xarray"),
@@ -16,7 +16,7 @@ _PACKAGES = (
 
 
 def info() -> dict[str, Any]:
-    """Versions, devices, settings and the cache: what a report of an error has to say.
+    """Versions, devices, settings and the cache: what an error report should say.
 
     Returns:
       A record of texts and numbers, which `json.dumps` takes: ``packages`` (None for one that is

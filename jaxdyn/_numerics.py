@@ -14,15 +14,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-#: Begins the names, in programs, of functions that are `smooth`.
+#: Prefix of the names that functions decorated by `smooth` have in programs.
 SMOOTH = "smooth_"
 
 
 def smooth(function: Callable) -> Callable:
-    """Decorate a function whose conditions no step of an integration has to end at.
+    """Decorate a function whose conditions do not require a step of an integration to end.
 
-    They choose between two formulas of one smooth function, or decide a rank. They are evaluated
-    as they stand, where `jaxdyn.plan` would otherwise read them as switches of the rate.
+    Such conditions choose between two formulas of one smooth function, or decide a rank. They are
+    evaluated as they stand; otherwise `jaxdyn.plan` would read them as switches of the rate.
     """
 
     @functools.wraps(function)
@@ -57,8 +57,8 @@ def safe_norm(x: Float[Array, "*b d"]) -> Float[Array, "*b"]:
     return safe_sqrt(square_norm(x))
 
 
-# Below these arguments a smooth function is its series, whose next term is below 1e-17 there;
-# its formula has a root of 0, and a derivative that cancels, at 0.
+# Below these arguments a smooth function is evaluated as its series, whose next term is below 1e-17
+# there: at 0 its formula contains the root of 0, and has a derivative that cancels.
 _SINC_SERIES_BELOW = 0.25
 _ATANC_SERIES_BELOW = 0.01
 _COS = tuple((-1) ** k / math.factorial(2 * k) for k in range(8))
@@ -102,9 +102,9 @@ def atanc(ss: Array, w: Array) -> Array:
 def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]:
     """One compensated addition: the new total and its rounding error.
 
-    Two sums, each with its error: Knuth's of increment and carry, which may be of any size, and
-    Kahan's of the total, right when ``|increment| <= |total|``, as for a step of an integrator.
-    Without the first the carry would have no finer digits than the increment, and smaller
+    There are two sums, each with its error: Knuth's, of increment and carry, which may be of any
+    size, and Kahan's, of the total, right when ``|increment| <= |total|``, as for an integrator's
+    step. Without the first the carry would have no finer digits than the increment, and smaller
     contributions would be lost at every step. XLA on CPU keeps the order of these operations (there
     is no product that could be contracted), which a test verifies.
     """
@@ -147,10 +147,10 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     Every operation outside a folded loop is launched separately, from a pool of threads once
     there are more than a few; a short solve spends most of its time there (measured: 60 us for
     one step of the three-body problem against 12 us this way). So the whole calculation becomes
-    the body of a loop that runs once, which XLA folds like any small loop. It must not be able to
-    tell: the limit of its count, 1 or 1/2, both of which end it after one round, is known only at
-    run time, and the arguments depend on the round by adding zero times its number, or
-    loop-invariant code would be moved out.
+    the body of a loop that runs once, which XLA folds like any small loop. XLA must not be able to
+    tell that it runs once: the limit of the count, 1 or 1/2, both of which end it after one round,
+    is known only at run time. The arguments depend on the round, since zero times its number is
+    added to them; otherwise loop-invariant code would be moved out.
 
     Args:
       fn: a pure function of arrays, with array results; never differentiated.
@@ -159,7 +159,7 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     """
     fn = jax.jit(fn)  # traced once, for the shapes and for the loop
     numbers, rest = eqx.partition(args, eqx.is_inexact_array)
-    # Also for Python numbers, whose weak type ends with the first sum.
+    # This also removes the weak type of Python numbers, which would not survive the first sum.
     numbers = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), numbers)
     shapes = jax.eval_shape(fn, *eqx.combine(numbers, rest))
     empty = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
@@ -174,18 +174,19 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
-_MANTISSA = 52  # bits of a float, below those of its exponent
+_MANTISSA = 52  # bits of the mantissa of a float, below those of the exponent
 _BIAS = 1023  # of the exponent
-_MEAN = 0.043  # of what the binary logarithm is more than the bits say: 0 to 0.086
+_MEAN = 0.043  # mean excess of the binary logarithm over what the bits say, which is 0 to 0.086
 _BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
 
 
 def rough_power(x: Array, n: float) -> Array:
     """x^n for 64-bit x >= 0 to 1 % for |n| <= 1/5, 2 % for 1/2; finite for |n| <= 1/2 and every x.
 
-    From the bits of a float, which are nearly its logarithm. XLA on CPU computes powers, roots and
-    divisions in functions of their own, together with all that they depend on; so the function that
-    such a number is an intermediate result of would be split, and most of it computed twice.
+    It is computed from the bits of a float, which are nearly its logarithm. XLA on CPU computes
+    powers, roots and divisions in functions of their own, together with all that they depend on; so
+    a function with such a number as an intermediate result would be split, and most of it computed
+    twice.
     """
     bits = jax.lax.bitcast_convert_type(x, jnp.int64).astype(x.dtype)
     logarithm = n * (bits * 2.0**-_MANTISSA - (_BIAS - _MEAN))
@@ -230,7 +231,7 @@ class Reduced(NamedTuple):
     Attributes:
       x: b's shape; a solution that is 0 for the unknowns of dependent rows.
       kept: (n,) bool, False for rows that depend on those before them.
-      combination: (n, n) row k of a = sum over kept j of combination[j, k] times row j.
+      combination: (n, n); row k of a is the sum over kept j of combination[j, k] times row j.
     """
 
     x: Array
@@ -242,9 +243,9 @@ class Reduced(NamedTuple):
 def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
     """A solution of a x = b where rows of a may depend on each other, without LAPACK.
 
-    As `solve_spd`, but a row whose pivot falls to `least` or below is left out. Where
-    a = G W G^T, the pivot over the diagonal is the squared sine of the angle of a row of G to
-    those before it; and G^T x is the same for all solutions.
+    This is `solve_spd`, except that a row whose pivot falls to `least` or below is left out. For
+    a = G W G^T, the pivot divided by the diagonal entry is the squared sine of the angle between a
+    row of G and the span of those before it; and G^T x is the same for all solutions.
 
     Args:
       a: (n, n) symmetric positive semidefinite.
@@ -296,7 +297,7 @@ def _clear_column(x: Array, k: Array | int, row: Array, here: Array) -> Array:
 def _each(n: int, body: Callable, start: Any) -> Any:
     """body(k, carry) for k from 0 to n - 1: unrolled where short, else a loop.
 
-    Unrolled, the program of nine bars' hinges takes four times as long to compile.
+    Unrolled, the program for the hinges of nine bars takes four times as long to compile.
     """
     if n > _WRITTEN_OUT:
         return jax.lax.fori_loop(0, n, body, start)

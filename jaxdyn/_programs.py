@@ -1,9 +1,9 @@
 """The programs of JAX (jaxprs), read the same way in every version.
 
-The parameters of JAX's operations are no public interface, and they change: `scan` counts its
-operands by numbers up to JAX 0.10, and by trees from 0.11 on; programs that are called have been
-open and closed ones under several names. Whatever interprets a program asks here, so that a new
-version is met in one file, and what it does not know is left as it stands.
+The parameters of JAX's operations are not a public interface, and they change: `scan` describes its
+operands by their numbers up to JAX 0.10, and by trees from 0.11 on; called programs have been open
+or closed, under several names. Whatever interprets a program asks here, so that only this file has
+to follow a new version; an operation that it does not know is left as it stands.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ def inner_program(eqn: Any) -> Any:
 def bind(eqn, args: list) -> Sequence[Any]:
     """The results of an operation of a program for other arguments."""
     given = eqn.primitive.get_bind_params(eqn.params)
-    # Until JAX 0.9 a pair: functions, and the other parameters.
+    # Up to JAX 0.9 this is a pair: functions, and the other parameters.
     functions, params = ((), given) if isinstance(given, dict) else given
     with np.errstate(all="ignore"):  # known numbers are NumPy's
         found = eqn.primitive.bind(*functions, *args, **params)
@@ -53,7 +53,7 @@ class Loop(NamedTuple):
     """A loop of known length, `scan`.
 
     Attributes:
-      body: its closed program, of constants, carried values and rows.
+      body: its closed program, a function of constants, carried values and rows.
       length: number of rounds.
       reverse: whether the last row comes first.
       consts: number of operands that are the same in every round.

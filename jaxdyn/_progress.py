@@ -1,8 +1,8 @@
 """Progress reports of long work; without a listener, the default, they cost nothing.
 
-Work reports its activity by `report_progress`, and iterates over its parts by `each`; a command
-line, say, listens by `progress_to`. Listeners belong to their context: other threads do not report
-to them.
+Work reports its activity with `report_progress`, and iterates over its parts with `each`; a command
+line, say, listens with `progress_to`. Listeners belong to their context: other threads do not
+report to them.
 """
 
 import contextlib

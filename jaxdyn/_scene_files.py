@@ -1,7 +1,8 @@
-"""Scenes in a file of the user's: functions, as "mine.py:roessler", or texts, as "lorenz.ode".
+"""Scenes in a file of the user: functions, as "mine.py:roessler", or texts, as "lorenz.ode".
 
-The text says what there is within milliseconds, and runs nothing. A file of Python is run only
-where a scene is made that the user has named; one of XPPAUT never (`jaxdyn.formulations.xpp`).
+What a file contains is read from its text, within milliseconds and without running it. A Python
+file is run only when a scene is made that the user has named; an XPPAUT file never is (see
+`jaxdyn.formulations.xpp`).
 """
 
 import ast
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 
 from jaxdyn._text import choice, fail
 
-#: The ending of a text of XPPAUT, of which nothing is run.
+#: The ending of an XPPAUT file, which is never run.
 TEXT = ".ode"
 _NAME = re.compile(r"(?P<path>.*\.py)(?::(?P<function>\w+))?", re.DOTALL)
 
@@ -26,8 +27,8 @@ class Place(NamedTuple):
 
     Attributes:
       path: the file.
-      function: its name.
-      node: its text.
+      function: the function's name.
+      node: the function's syntax tree.
     """
 
     path: Path
@@ -47,7 +48,7 @@ def is_in_file(name: str) -> bool:
 
 
 def text_of(name: str) -> str | None:
-    """The content of a file of XPPAUT; None for a name of another kind.
+    """The content of an XPPAUT file; None for a name of another kind.
 
     Raises:
       ValueError: the file cannot be read.
@@ -61,15 +62,15 @@ def text_of(name: str) -> str | None:
 
 
 def check_parameter(name: str, what: str, parameter: str) -> None:
-    """Raise ValueError unless a file of Python has a parameter; of others it is seen later."""
+    """Raise ValueError unless a Python file's function has a parameter; not for other files."""
     if not name.endswith(TEXT):
         choice(what, parameter, place(name).parameters)
 
 
 def place(name: str) -> Place:
-    """Where the scene of a name is, from the text of its file.
+    """The place of the function that a name denotes, found from the text of its file.
 
-    Without a function's name it is the only public function there that needs no arguments.
+    A file without a function's name must have one public function that needs no arguments.
 
     Raises:
       ValueError: there is no such file or function, the file is no Python, or the function needs
@@ -109,7 +110,7 @@ def _needs_more(function: ast.FunctionDef) -> bool:
 
 
 def load(name: str) -> Callable[..., Any]:
-    """The function of a name; its file is run.
+    """The function that a name denotes; its file is run.
 
     Raises:
       ValueError: see `place`.
@@ -126,7 +127,7 @@ def _module(path: Path, changed: int) -> Any:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # Its neighbours may be imported, as if it were run itself.
+    # It may import its neighbours, as if it were run as a program.
     folder = str(path.parent)
     sys.path.insert(0, folder)
     sys.modules[spec.name] = module

@@ -1,4 +1,4 @@
-"""Checks of the shapes and the precision that the methods of a system and its effects return.
+"""Checks of the shape and the precision of what the methods of a system and its effects return.
 
 An array of the wrong shape is often broadcast silently: one force of shape (d,) on n points would
 act on each of them. Shapes are known as soon as a function is traced, so these checks need no

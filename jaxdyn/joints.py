@@ -2,8 +2,8 @@
 
 A system says of which bodies it consists (`Part`), where these are held, by what and in which
 directions (`Joint`), and which forces its own equations have besides those of effects (`Load`). The
-forces in the joints are not said: they are the multipliers of a constrained formulation, or follow
-from the accelerations.
+forces in the joints are not among these: they are the multipliers of a constrained formulation, or
+follow from the accelerations.
 """
 
 from typing import NamedTuple
@@ -19,10 +19,10 @@ class Part(NamedTuple):
     """A body that a system consists of: a particle, or several points that move as a rigid body.
 
     Attributes:
-      name: of the body.
+      name: the body's name.
       points: indices of its material points; none for a body without mass.
-      m: (p,) mass of each that belongs to it [kg]; bodies may share a point.
-      rigid: whether it resists moments: the law of moments holds for it by itself.
+      m: (p,) the mass of each point that belongs to it [kg]; bodies may share a point.
+      rigid: whether it resists moments, so that the law of moments holds for it by itself.
       outline: shapes that show it alone; by default those of the sketch, or a dot.
       at: (d,) any place of a body without mass [m].
     """
@@ -42,11 +42,11 @@ class Joint(NamedTuple):
     opposite one.
 
     Attributes:
-      name: of the force in it.
+      name: the name of the force in it.
       on: index of the body.
       by: index of the body that holds it; None for the ground.
       at: (d,) its place [m].
-      directions: (k, d) of the force, of length 1 where x is to be in N.
+      directions: (k, d) directions of the force, of length 1 where x is to be in N.
       multiplier: index of the first of the k multipliers, in a constrained formulation, that are
         these unknowns; None where they are not among them.
       other: (d,) the place on the other body [m], at the far end of a rod; by default the same.

@@ -1,22 +1,24 @@
 """Scales of a motion: the sizes of the entries of its state, and its time.
 
-What is compared with a tolerance is compared in these. A motion in other units of length, time and
-mass, or whose entries are multiplied by numbers of their own, has the scales of the motion before,
-multiplied likewise, up to rounding; so nothing that is decided in them depends on units.
+Whatever is compared with a tolerance is measured in these scales. A motion in other units of
+length, time and mass, or one whose entries are multiplied by constants, has the same scales
+multiplied likewise, up to rounding; so nothing that is decided with them depends on units.
 
-Entries with the same unit share one size, the largest (`Groups`): places do, and velocities, so
-that a coordinate that is zero, or rounding, is measured by the others. An angle that turns many
-times is known by its radian. What has no unit, as in a plain `jaxdyn.ode`, has a size of its own.
+Entries with the same unit share one size, the largest (`Groups`): all positions do, and all
+velocities, so that a coordinate that is zero, or only rounding, is measured by the others. An angle
+may turn many times, so its size is at most one radian. An entry without a unit, as in a plain
+`jaxdyn.ode`, has a size of its own.
 
-`at_start` finds them before a step is taken, from the rate and its derivatives. |J| u is J times
-one vector of u with generic weights of random signs, since all of J would take as many derivatives
-as there are entries; terms that cancel in J u do not with these weights.
+`at_start` finds the scales before a step is taken, from the rate and its derivatives. In place of
+|J| u it takes the absolute value of J times one vector, u with generic weights of random signs,
+since the whole of J would take as many derivatives as there are entries; terms that cancel in J u
+do not cancel with these weights.
 
-`at_rest` finds those of the motions near an equilibrium, which the rate there does not show: from
-the entries, from the Jacobian J, and where all entries are 0 from the distance at which the rate is
-no longer linear. A linear rate at 0 has no such distance, and its motions are the same at all
-sizes: entries that move each other have sizes in the ratio that they make of each other, and one of
-them has 1; nothing that is compared in these depends on it.
+`at_rest` finds the scales of the motions near an equilibrium, which the rate there does not show.
+It takes them from the entries, from the Jacobian J, and, where all entries are 0, from the distance
+at which the rate is no longer linear. A linear rate at 0 has no such distance, and its motions are
+the same at all sizes: then the sizes of entries that move each other have the ratio in which they
+do so, and one of them is 1; nothing that is compared in these sizes depends on that choice.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -34,44 +36,46 @@ if TYPE_CHECKING:
 
 _RADIAN = "rad"
 _UNSPECIFIED = "1"
-#: Products with |J| before its growth is measured, and those over which it is: an even number,
-#: since the sizes of places and velocities are exchanged by each; four, for two square roots.
+#: Number of products with |J| before their growth is measured, and over which it is measured. The
+#: latter is even, since each product exchanges the sizes of positions and velocities; it is four,
+#: so that the growth per product takes two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
-#: Times in which sizes are carried on at least, besides those that reach further entries.
+#: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
+#: further entries.
 _REACH = 2
-#: When the rate is looked at besides the start, in times of the motion: not half of it, where a
-#: force that is zero at the start may be zero again.
+#: Second time at which the rate is looked at, in times of the motion after the start: not half of
+#: one, where a force that is zero at the start may be zero again.
 LATER = 0.37
-#: Where, in parts of the sizes: a coupling that vanishes at the start, as that of a product of two
-#: entries at zero, does not there.
+#: Distance from the start at which it is looked at, as a part of the sizes: a coupling that
+#: vanishes at the start, as in a product of two entries at zero, does not vanish there.
 _ASIDE = 1 / 16
-#: How far ahead, in parts of the horizon, the change of a rate is seen.
+#: Time over which the change of a rate is seen, as a part of the horizon.
 _AHEAD = 2.0**-20
-#: The horizon is the span, or so many of the times in which the slowest entry changes by its size
-#: if that is sooner: a span may be a mere limit, as that of a search for an event.
+#: The horizon is the span or, if that is shorter, this multiple of the time in which the slowest
+#: entry changes by its size: a span may be a mere limit, as in a search for an event.
 _HORIZON = 2.0**10
-#: Roundings of a state by which a rate is looked at beside it.
+#: Number of roundings by which a state is shifted to see what rounding makes of its rate.
 _PERTURBED = 4.0
-#: Times the rate that is the motion's: where there is more, rounding is that of another place.
+#: Multiple of the motion's own speed above which the rounding found belongs to another place.
 _FASTER = 16.0
-#: Of a rate: what rounding makes of it at least, if it is hardly anything else.
+#: Least part of a rate that rounding makes of it where the rate is hardly anything else.
 _ALL_ROUNDING = 2.0**-16
-#: Of a rate: what rounding makes of any. Held to the tightest tolerances it may be less.
+#: Part of a rate that rounding makes of any rate. Held to the tightest tolerances it may be less.
 _USUAL = 2.0**-40
-#: Rounds in which what rounding makes of a rate is looked at.
+#: Number of rounds that look at what rounding makes of a rate.
 _NOISE_LOOKS = 4
-#: Times that noise at which a rate is more than rounding.
+#: Multiple of that noise above which a rate is more than rounding.
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
-#: Of what others make of an entry at rest: less is rounding.
+#: Part of what the other entries make of an entry at rest below which its own value is rounding.
 _ROUNDING = 1e-9
-#: Of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is 0.
+#: Part of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is at 0.
 _NOTHING = 1e-12
-#: Of the terms of a Jacobian: their changes where the rate is no longer linear.
+#: Relative change of the terms of a Jacobian at which the rate is no longer linear.
 _NONLINEAR = 0.5
-#: Distances at which that is asked at once, and how often, each time between two of them.
+#: Distances at which that is asked at once, and the number of passes, each between two of the last.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
 
 
@@ -80,9 +84,9 @@ class Groups(NamedTuple):
 
     Attributes:
       of: the group of each of the k entries, numbered from 0 in the order in which they appear.
-      most: the largest size of each entry: 1 for angles, which are known by the radian; infinite
-        for others.
-      known: whether units, or [q, v], say of all entries what belongs together.
+      most: the largest size that each entry may have: 1 for angles, whose scale is the radian;
+        infinite for others.
+      known: whether units, or the form [q, v], say for all entries which belong together.
     """
 
     of: tuple[int, ...]
@@ -95,7 +99,7 @@ class Groups(NamedTuple):
         return len(set(self.of)) == len(self.of)
 
     def sizes(self, x: Array, *, in_loop: bool = False) -> Array:
-        """(k, ...) the size of each group of entries that are as large as x (k, ...)."""
+        """(k, ...) the size of each entry, the same in a group, for entries of sizes x (k, ...)."""
         x = self.largest(x, in_loop=in_loop)
         if all(most == np.inf for most in self.most):
             return x
@@ -104,8 +108,8 @@ class Groups(NamedTuple):
     def largest(self, x: Array, *, in_loop: bool = False) -> Array:
         """(k, ...) the largest of each group of numbers x (k, ...) that are not negative.
 
-        By reductions, which compile soonest; in a loop over steps, written out where there are few
-        entries, since a reduction would keep XLA from fusing it.
+        It is found by reductions, which compile fastest; in a loop over steps it is written out
+        where there are few entries, since a reduction would keep XLA from fusing the loop.
         """
         if self.alone:
             return x
@@ -123,7 +127,7 @@ _WRITTEN_OUT = 32  # entries of a state
 
 
 def _maximum(parts: list[Array]) -> Array:
-    """Of numbers, pairwise, so that they do not wait for each other."""
+    """The maximum of numbers, found pairwise, so that comparisons do not wait for each other."""
     while len(parts) > 1:
         pairs = [lax.max(a, b) for a, b in zip(parts[::2], parts[1::2], strict=False)]
         parts = pairs + ([parts[-1]] if len(parts) % 2 else [])
@@ -131,7 +135,7 @@ def _maximum(parts: list[Array]) -> Array:
 
 
 def groups(system: "System") -> Groups:
-    """The groups of a system's state: entries with one unit, or of [q, v] without any, are one."""
+    """The groups of a system's state: one for each unit, or half of [q, v] without units."""
     units = [unit for _, unit in system.labels()]
     k, second = len(units), system.second_order
     halves = ["q"] * (k // 2) + ["v"] * (k - k // 2)
@@ -156,8 +160,8 @@ class Scales(NamedTuple):
     """The scales of a motion.
 
     Attributes:
-      sizes: (k,) of the entries of its state.
-      time: () that in which it changes.
+      sizes: (k,) the sizes of the entries of its state.
+      time: () the time in which it changes.
       noise: (k,) what a few roundings of the state make of each rate, where that is a notable part
         of it; None if that is not known.
     """
@@ -171,18 +175,18 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     """The scales of the motion from (t0, y0) before it is known, and its rate (k,) there.
 
     Where units say what belongs together, the time is the shortest in which the rate, or its change
-    along the motion, changes a size; a group at zero has the size that it gets to in that time.
+    along the motion, changes a size; a group at zero has the size that it reaches in that time.
 
     Entries without units have no others to be measured by. With J the Jacobian of the rate f at and
     near the start, the time tau is 1 over the spectral radius of |J|. Sizes are the largest of
-    |y0|, tau |f|, also that of a time later, and tau |J| times sizes: an entry that is zero, or
-    whose terms cancel, has the size that others give to it.
+    |y0|, tau |f|, at the start and a time later, and tau |J| times the sizes: an entry that is
+    zero, or whose terms cancel, has the size that others give to it.
 
     An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
     Args:
-      field: has ``rate(t, y)``.
-      groups: of its state.
+      field: an object with ``rate(t, y)``.
+      groups: the groups of its state.
       t0: () start time.
       y0: (k,) start.
       t1: () end time.
@@ -205,7 +209,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        # For its rounding, a little later in the motion, twice; at the start; and beside it.
+        # To find rounding it looks twice a little later in the motion, at the start, beside it.
         far, rounded = (look == 1) | (look == 2), (look == 2) | (look == 3)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
         way = LATER * tau * ahead * far.astype(float) * rate
@@ -241,7 +245,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
-    """(k,) the sizes of `at_start` of a scene; what nothing moves has the mean of others, or 1."""
+    """(k,) the sizes of `at_start`; what nothing moves has the mean of the others, or 1."""
     starts = np.asarray(scene.y0)[None]
     return sizes_at_starts(scene, starts, t0, scene.t1 if t1 is None else t1)[0]
 
@@ -249,7 +253,7 @@ def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
 def sizes_at_starts(
     scene: Any, starts: np.ndarray, t0: Any, t1: Any, params: Any | None = None
 ) -> np.ndarray:
-    """(n, k) those of a scene from several starts (n, k), each with its own numbers in `params`."""
+    """(n, k) sizes of a scene from several starts (n, k), each with its own numbers in `params`."""
     times = (jnp.asarray(t, float) for t in (t0, t1))
     numbers, tree = jax.tree.flatten((scene if params is None else params).field)
     shared = map(np.ndim, jax.tree.leaves(scene.field))
@@ -274,14 +278,15 @@ def _at_starts(tree, own, numbers, groups: Groups, starts: Array, t0: Array, t1:
 def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
     """The scales of the motions near an equilibrium, or a steady motion; host only.
 
-    The time is 1 over the spectral radius of |J|, of the rate's Jacobian J. An entry that is 0, or
-    rounding of what the others make of it in that time, has the size of that; an angle has its
-    radian. Where this says nothing, or all is rounding, an entry has the size at which the rate is
-    no longer linear; and in a linear one, of which no size follows, the mean of all sizes, or 1.
+    The time is 1 over the spectral radius of |J|, where J is the Jacobian of the rate. An entry
+    that is 0, or only rounding of what the others make of it in that time, has the size that they
+    make; an angle has the size 1. Where this says nothing, or all of it is rounding, an entry has
+    the size at which the rate is no longer linear. If the rate is linear, no size follows from it,
+    and the entry has the mean of all sizes, or 1.
 
     Args:
-      field: has ``rate(t, y)``.
-      groups: of its state.
+      field: an object with ``rate(t, y)``.
+      groups: the groups of its state.
       y: (k,) the equilibrium.
       t: () time at which the field is frozen.
     """
@@ -304,7 +309,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
         sizes = alike(new)
     slope = terms(field, y, sizes, t)
     fastest = _radius(slope)
-    # Of a fold the Jacobian itself may be rounding, and what it makes of an entry.
+    # At a fold the Jacobian itself may be rounding, and so may be what it makes of an entry.
     moved = alike((slope * sizes).max(axis=1) / (fastest or 1.0))
     sizes = np.where(here == 0, np.maximum(sizes, moved), sizes)
     return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
@@ -335,17 +340,17 @@ def with_one_more(
     alike: Callable,
     fastest: float = 0.0,
 ) -> np.ndarray:
-    """The sizes (k,), and of an entry that no other one moves that at which the rate bends.
+    """The sizes (k,), and one more: of an entry that no other moves, where the rate bends.
 
-    Where it is linear, any size is as good as another: the mean of those known, or 1.
+    Where the rate is linear, any size is as good as another: the mean of the known ones, or 1.
 
     Args:
-      field: has ``rate(t, y)``.
+      field: an object with ``rate(t, y)``.
       t: () time at which the field is frozen.
       y: (k,) the state.
-      sizes: (k,) 0 where there is none.
+      sizes: (k,) the sizes so far, 0 where there is none.
       made: (k, k) what entries make of each other in the time of the motion.
-      alike: of numbers (k,), the largest of each group.
+      alike: takes numbers (k,) to the largest in the group of each.
       fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
     """
     for i in np.flatnonzero(sizes == 0):
@@ -359,7 +364,7 @@ def with_one_more(
 
 
 def _reach(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """(k,) a way along some entries, and those of `which` that they move, as far as they do."""
+    """(k,) a displacement of some entries, extended to those of `which` that they move."""
     for _ in way:
         way = np.where(which & (way == 0), (made * way).max(axis=1), way)
     return way
@@ -373,11 +378,11 @@ def _linear_up_to(
     sizes: np.ndarray,
     fastest: float = 0.0,
 ) -> float:
-    """How far along a way (k,), up and down, a rate is linear.
+    """How far along a displacement (k,), in both senses, a rate is linear.
 
-    That is until its Jacobian's terms change by about themselves in a row, or by `fastest`
-    [1/time]: those of entries with sizes (k,) or on the way; and of others, which may have any
-    size, each for itself.
+    It is linear until terms of its Jacobian change by about their own size, or by `fastest`
+    [1/time]. Terms of entries with sizes (k,) or on the way are compared in a row together; those
+    of other entries, which may have any size, each for itself.
     """
     slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
     alone = (slope > 0) & (sizes == 0) & (way == 0)
@@ -395,8 +400,8 @@ def _linear_up_to(
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
             for part in (rows, ones.reshape(len(ones), -1)):
                 share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
-        # A product of an entry on the way with one that has a size stays the same part of a row:
-        # more is nonlinear, and less, as where a force decays with distance.
+        # The product of an entry on the way with one that has a size stays the same part of a row.
+        # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
         if bounds is None:
             bounds = 0.5 * share[0] * (share[0] > _NONLINEAR), max(_NONLINEAR, 2 * share[0])
         beyond = np.flatnonzero((share < bounds[0]) | (share > bounds[1]))
@@ -421,9 +426,9 @@ def _by_its_change(
 ) -> tuple[Scales, Array]:
     """`at_start` for groups that are known, of sizes `here` (k,); looks at the rate.
 
-    First at the start, twice a little after it, at both but for rounding, and beside the start by
-    what that makes of it; then twice later in the motion, the second time but for rounding, which
-    may be more there, and again beside the start.
+    It looks at the start and twice a little after it, at both of these with a rounding added, and
+    beside the start, displaced by what rounding makes; then later in the motion, there with a
+    rounding added, which may make more there, and again beside the start.
     """
     off = rounding(y0)
 
@@ -436,7 +441,7 @@ def _by_its_change(
         change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
         moves, turns = groups.largest(jnp.stack([known(lax.abs(f)), change], -1)).T
         turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
-        # What is rounding beside the way of the motion is as good as zero: no time is read from it.
+        # What is rounding of the motion's displacement is as good as zero: it gives no time.
         way = jnp.finfo(y0.dtype).eps * horizon * moves
         there = lax.select(here > way, here, jnp.zeros_like(here))
         speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
@@ -455,7 +460,7 @@ def _by_its_change(
         off_by = lax.select(n == 5, horizon * noise, tau * most) * aside.astype(float)
         at = y0 + time * first + off_by
         rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
-        # At rest the rate grows with time from zero; where nothing moves at all, the span is left.
+        # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
         slowest = _most(here, groups.largest(lax.abs(rate)))
         slowest = lax.select(moving, slowest, lax.sqrt(_AHEAD * horizon * slowest))
         new = ((n == 0) | ((n == 1) & ~moving)) & (slowest > 0)
@@ -484,13 +489,13 @@ class _Round(NamedTuple):
 
     Attributes:
       later: when the rate is looked at, in times of the motion.
-      aside: where, in parts of the sizes.
+      aside: how far from the state it is looked at, as a part of the sizes.
       here: how much of |y0| is kept, at least.
-      kept: how much of the sizes.
-      first: how much of the rate moves them in the time that is known first,
-      time: and in that of the motion.
-      product: how much of |J| times the sizes is taken,
-      step: and in a time.
+      kept: how much of the sizes is kept.
+      first: how much the rate adds to the sizes in the time that is known first.
+      time: how much it adds in the time of the motion.
+      product: how much of |J| times the sizes is taken.
+      step: how much of it is taken in a time.
       shrinks: whether the time is at most that in which the fastest entry changes by its size:
         sizes must not be too large, since the motion soon shows larger ones, but never smaller.
     """
@@ -524,15 +529,15 @@ def rounding(y: Array) -> np.ndarray:
 
 
 def notable(gap: Array, rate: Array) -> Array:
-    """What rounding makes of a rate, where that is more of it than of any; else 0."""
+    """What rounding makes of a rate where that is more than it makes of any rate; else 0."""
     return lax.select(gap > _USUAL * rate, gap, jnp.zeros_like(gap))
 
 
 def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array) -> Array:
-    """(k,) `notable` in groups, whose rates have the size `usual` (k,): at rest they are zero.
+    """(k,) `notable` in groups whose rates have the size `usual` (k,), since they vanish at rest.
 
-    Beside the start by what rounding made in a while, it counts where a rate is hardly else: what
-    holds a motion on its constraints answers to any distance from these.
+    Beside the start, displaced by what rounding made in a while, it counts only where the rate is
+    hardly anything else: what holds a motion on its constraints responds to any distance from them.
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)
@@ -553,9 +558,9 @@ def _finite(x: Array) -> Array:
 
 
 def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
-    """() whether a place is as fast as the motion: not a singularity, which has other rounding.
+    """() whether a place is as fast as the motion: not a singularity, where rounding is another.
 
-    What is hardly more than rounding says nothing about it.
+    Entries that are hardly more than rounding say nothing about it.
     """
     moved = tau * lax.abs(rate)
     return (
@@ -565,12 +570,12 @@ def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
 
 
 def _most(a: Array, b: Array) -> Array:
-    """() the most of a / b, of numbers that are not negative, where b is positive; else 0."""
+    """() the largest a / b where b is positive, of numbers that are not negative; else 0."""
     return lax.reduce_max(_ratio(a, b), (0,))
 
 
 def _ratio(a: Array, b: Array) -> Array:
-    """a / b, of numbers that are not negative, where b is positive; else 0."""
+    """The ratio a / b where b is positive, of numbers that are not negative; else 0."""
     positive = b > 0
     return lax.select(positive, a, jnp.zeros_like(a)) / lax.select(positive, b, jnp.ones_like(b))
 

@@ -42,7 +42,7 @@ from jaxdyn.system import Effect, Points, System
 class Field(NamedTuple):
     """A system with its effects, without a start: what integrators and Jacobians need.
 
-    A tuple, not a module: it is created at each call of a solver, ten times as fast.
+    A tuple, not a module: one is created at each call of a solver, ten times as fast.
     """
 
     system: System
@@ -146,7 +146,7 @@ def _rate(field: Field, t: Array, y: Array) -> Array:
 
 @jax.jit
 def properties_at(field: Field, t: Array, y: Array) -> tuple:
-    """The points at a state, whether each force depends on velocity, whether v is dq/dt.
+    """The points, which forces depend on velocity against their claim, and whether v is dq/dt.
 
     One compiled call for all: each call takes as long as a short solve, and an uncompiled force
     takes milliseconds. Shapes are checked while it is traced.
@@ -170,7 +170,7 @@ def _depends_on_velocity(effect: Effect, t: Array, points: Points) -> Array | bo
 
 
 def _is_second_order(system: System, t: Array, y: Array) -> Array | bool:
-    """Whether dq/dt = v and dv/dt does not depend on v, where that is claimed; tested likewise."""
+    """Whether dq/dt = v and dv/dt is independent of v, where that is claimed; tested with NaN."""
     if len(y) % 2 or not system.second_order:
         return False
     q, v = jnp.split(y, 2)
@@ -421,8 +421,8 @@ def _are_units(units: Any) -> bool:
     return len(units) == len(_SI) and all(isinstance(x, str) and x.isidentifier() for x in units)
 
 
-#: Compiling takes some 0.06 s an effect, and more than in proportion to their number [measured: 200
-#: drags 12 s, on a loaded core]; this many take a minute.
+#: Compiling takes some 0.06 s per effect, and grows faster than their number [measured: 200 drags
+#: took 12 s, on a loaded core]; this many take a minute.
 _MOST_EFFECTS = 500
 
 #: Descriptions of an effect's methods.

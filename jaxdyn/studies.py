@@ -1,4 +1,4 @@
-"""Answers to single problems, which are beside their one caller since version 0.3."""
+"""Old names of answers to single problems, which moved beside their one caller in version 0.3."""
 
 from jaxdyn._doors import attribute_getter
 

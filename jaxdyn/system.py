@@ -1,8 +1,9 @@
 """Systems and effects: the two interfaces that make up a scene.
 
 A `System` defines coordinates and their motion; an `Effect` acts on material points, or on
-coordinates directly. `jaxdyn.scene` combines them, and exports both. Like all that is made or read
-in every call, they are a `Record`. Every formulation sums its effects by functions of `_shapes`.
+coordinates directly. `jaxdyn.scene` combines them, and exports both. Like everything that is made
+or read in every call, both are a `Record`. Every formulation sums its effects by functions of
+`_shapes`.
 """
 
 import abc
@@ -57,11 +58,11 @@ class Effect(Record):
         return -jax.grad(self._potential, argnums=1)(t, r, m)
 
     def acceleration(self, t: Array, r: Array, v: Array, m: Array) -> Array:
-        """Accelerations (n, d) [m/s^2] of the points: those of a force proportional to their mass.
+        """Accelerations (n, d) [m/s^2] of the points by a force proportional to their mass.
 
-        Gravity is one: what it does to a point does not depend on the mass of that point, and is
-        known also where that is zero. Such an effect overrides this, and `force` by the masses
-        times it; where both are overridden free points are moved by this.
+        Gravity is such a force: what it does to a point does not depend on the mass of that point,
+        and is known even where the mass is zero. Such an effect overrides this method, and `force`
+        by the masses times its result; where both are overridden, this one moves free points.
         """
         return self.force(t, r, v, m) / m[:, None]
 
@@ -76,9 +77,9 @@ class Effect(Record):
         return ()
 
     def pieces(self, m: Array) -> tuple["Effect", ...]:
-        """Effects whose sum it is, one for each force that a free-body diagram shows by itself.
+        """The effects that it is the sum of, one for each force that a free-body diagram shows.
 
-        Those of a network of springs are the springs. m (n,) are the masses of the points.
+        For a network of springs they are the springs. m (n,) are the masses of the points.
         """
         del m
         return (self,)
@@ -95,9 +96,9 @@ class Effect(Record):
 
     @property
     def acts(self) -> frozenset[str]:
-        """What it acts on by its methods, "force" on points and "generalized" on coordinates.
+        """What its methods act on: "force" stands for points, "generalized" for coordinates.
 
-        A potential is a force on points. It follows from what a class overrides.
+        A potential is a force on points. The answer follows from what a class overrides.
         """
         cls = type(self)
         on_points = cls.force is not Effect.force or cls.potential is not Effect.potential
@@ -107,7 +108,7 @@ class Effect(Record):
     @property
     def accelerates(self) -> bool:
         """Whether its force is proportional to mass, that is, it overrides `acceleration`."""
-        # A subclass that overrides the force alone has another one.
+        # A subclass that overrides the force alone has another acceleration.
         given = ({"acceleration", "force"} & vars(cls).keys() for cls in type(self).__mro__)
         first = next(names for names in given if names)
         return "acceleration" in first and type(self).acceleration is not Effect.acceleration
@@ -200,7 +201,7 @@ class System(Record):
         return False
 
     def kinetic(self, t: Array, y: Float[Array, " k"]) -> Array:
-        """Kinetic energy () [J] of the material points; must be overridden without any."""
+        """Kinetic energy () [J] of the material points; a system without any must override it."""
         _, v, m = self.points(t, y)
         if not len(m):
             remedy = "It has no material points; `energies` tells whether an energy is known."
