@@ -1,13 +1,13 @@
 """Records: parts of a scene that are pytrees, and remember what their functions captured.
 
-`record` is the class, with how it is pickled; `captured` finds in the code of the user's functions
+`record` has the class, and how it is pickled; `captured` finds in the code of the user's functions
 which numbers they captured, and whether these have changed since; `notes` keeps what was found out
-about one. `repeated` tells whether functions depend on their arguments alone. `kinds` checks which
-record, or other result, a public function is given first; `labelled` makes tables of pandas and
-data sets of xarray from results.
+about a record. `repeated` tells whether functions depend on their arguments alone. `kinds` checks
+that the first argument of a public function is a record, or another result, of the right kind;
+`labelled` makes tables of pandas and data sets of xarray from results.
 
 May import: `_text`.
 
-One more kind of record is a subclass of `Record`; an entry point that is given one calls its
+One more kind of record is a subclass of `Record`; an entry point that takes one calls its
 `check_functions`.
 """

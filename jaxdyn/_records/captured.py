@@ -2,13 +2,14 @@
 
 In a compiled program they are constants. If one changes afterwards, as in a notebook, a program
 compiled before would silently go on with the old value. So a `Record` (a system, an effect, an
-event) remembers a digest of what its functions and its methods captured: one that is made again is
-compiled again, an old one is refused.
+event) remembers a digest of what its functions and its methods captured: a record that is made
+again is compiled again, and an old one is refused.
 
-Remembered are numbers and arrays, also those in lists, dictionaries and other pytrees, in default
-arguments, and in the attributes of objects, classes and modules that the function reads; and what
-functions that it calls captured, but not those of installed packages. What the function itself
-changes is left out: it may count its calls. Functions of this library capture nothing that changes.
+It remembers numbers and arrays, including those in lists, dictionaries and other pytrees, in
+default arguments, and in the attributes of objects, classes and modules that the function reads. It
+also remembers what the functions that it calls captured, except those of installed packages. What
+the function itself changes is left out: it may count its calls. Functions of this library capture
+nothing that changes.
 
 What a function reads besides its arguments is found in its code, without running it: global
 variables, variables of closures, defaults and owners, by name; and the numbers and the functions
@@ -54,7 +55,7 @@ def of_library(module: str | None) -> bool:
 
 
 def reachable_from(functions: Iterable[Callable]) -> tuple[list[Callable], frozenset[str]]:
-    """The functions, those of their modules that they call, and the attributes that these read."""
+    """The functions with those that they call in turn, and the attributes that these read."""
     reached = list(functions)
     while True:
         attributes = frozenset().union(*(code_reads(plain(x).__code__).attributes for x in reached))
@@ -74,7 +75,7 @@ def reachable_from(functions: Iterable[Callable]) -> tuple[list[Callable], froze
 
 
 def _is_installed(called: types.FunctionType, by: types.FunctionType) -> bool:
-    """Whether a function that another one calls is of a package that the latter only uses."""
+    """Whether a function that another one calls is of a package that the latter merely uses."""
     if called.__globals__ is by.__globals__:
         return False
     return of_library(called.__module__) or called.__code__.co_filename.startswith(_INSTALLED)
@@ -128,7 +129,7 @@ def parts_of(value: Any, attributes: frozenset[str]) -> Iterator[Any]:
 
 
 def _attribute(owner: Any, name: str) -> Any:
-    """An attribute without running code of its class; of a property its function."""
+    """An attribute, without running code of its class; for a property, its function."""
     found = inspect.getattr_static(owner, name, None)
     if isinstance(found, types.MemberDescriptorType) and not isinstance(owner, type):
         return getattr(owner, name, None)  # a slot
@@ -144,7 +145,7 @@ class _Read(NamedTuple):
 
 @functools.cache
 def code_reads(code: types.CodeType) -> _Read:
-    """What a function reads and does not change, as it would a counter."""
+    """What a function reads, except what it changes itself, such as a counter."""
     lines = list(dis.get_instructions(code))
     outer = [x for x in lines if x.opname in ("LOAD_GLOBAL", "LOAD_DEREF")]
     filled = {_line(x) for x in lines if x.opname in ("STORE_SUBSCR", "DELETE_SUBSCR")}
@@ -182,14 +183,14 @@ PASS_AS_PARAMS = (
 _MAKE_AGAIN = (
     "Make the scene or the event again, or pass what changes as params; of a class, as a field."
 )
-#: Of values of these types another value is another object, or one that cannot change.
+#: Types whose values cannot change in place: another value is another object.
 _FIXED = (
     *(bool, int, float, complex, str, bytes, type(None), np.number, jax.Array),
     *(types.FunctionType, types.BuiltinFunctionType, property),
 )
-#: What records hold whose parts cannot be exchanged.
+#: The contents of records whose parts cannot be exchanged.
 _held_for_good: ByIdentity[tuple[tuple[Callable, ...], list[Any]]] = ByIdentity()
-#: Functions whose captured values are kept at hand; more are read anew.
+#: Number of functions whose captured values are kept at hand; beyond it all are read anew.
 _MOST_KEPT = 4096
 
 
@@ -221,7 +222,7 @@ def check_captured(record: Any) -> None:
 
 
 def _contents(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
-    """The functions and records of `_walk`: as found before, where they cannot change."""
+    """The functions and records of `_walk`, from an earlier walk where they cannot change."""
     known = _held_for_good.get(record)
     if known is not None:
         return known
@@ -232,9 +233,9 @@ def _contents(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
 
 
 def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
-    """The user's functions in a record, its methods among them; and the records in it.
+    """The user's functions in a record, including its methods, and the records in it.
 
-    And whether they stay these: others may be put into a list or a dictionary.
+    The last result says whether these are fixed: a list or a dictionary may get other ones.
     """
     functions, records, for_good = _methods(type(record)), [], True
     waiting = [record.__dict__.values()]
@@ -258,7 +259,7 @@ def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
 
 @functools.cache
 def _way(kind: type) -> str | None:
-    """How functions are sought in what is of a type; None where there are none."""
+    """How functions are sought in objects of a type; None where there are none."""
     if issubclass(kind, eqx.Module):
         return "record" if "captured" in kind.__dataclass_fields__ else "module"
     if issubclass(kind, dict):
@@ -270,7 +271,7 @@ def _way(kind: type) -> str | None:
 
 
 def _of_user(function: Any) -> tuple[Callable, ...]:
-    """A function as the only one of a tuple, unless it is one of this library."""
+    """A user's function in a tuple; of a function of this library, its owner's user methods."""
     if type(function) is functools.partial or not of_library(plain(function).__module__):
         return (function,)
     owner = getattr(function, "__self__", None)
@@ -331,7 +332,7 @@ class Remembered(NamedTuple):
 
     Attributes:
       function: any.
-      captured: see `captured`.
+      captured: see `captures`.
     """
 
     function: Callable
@@ -350,10 +351,10 @@ class Remembered(NamedTuple):
 
 
 def with_captures(name: str, function: Callable) -> Remembered:
-    """A function that scenes are made by, with what it captures now.
+    """A function that makes scenes, with what it captures now.
 
     Raises:
-      ValueError: it is one already, and what it captured has changed since.
+      ValueError: the function has been given so before, and what it captured has changed since.
     """
     if not isinstance(function, Remembered):
         return Remembered(function, captures(name, function))
@@ -388,7 +389,7 @@ _kept: dict[tuple[Callable, ...], _Kept] = {}
 
 
 def _by_identity(functions: tuple[Callable, ...]) -> bool:
-    """Whether all are plain functions, or of classes, which are equal only if they are the same."""
+    """Whether all are plain functions, or methods of classes, which are equal only if the same."""
     return all(
         type(x) is types.FunctionType
         or (type(x) is types.MethodType and isinstance(x.__self__, type))
@@ -397,7 +398,7 @@ def _by_identity(functions: tuple[Callable, ...]) -> bool:
 
 
 def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Place, ...] | None:
-    """The variables that functions read; None if one holds what may change within itself."""
+    """The variables that functions read; None if one holds an object that may change in place."""
     found: list[_Place] = []
     for function in functions:
         inside = plain(function)
@@ -431,7 +432,7 @@ def _is_constant(value: Any) -> bool:
         return of_library(value.__module__)
     if isinstance(value, _FIXED):
         return True
-    # Those of JAX have types of their own.
+    # Functions of JAX have types of their own.
     return callable(value) and of_library(type(value).__module__)
 
 

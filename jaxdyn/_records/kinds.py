@@ -1,7 +1,7 @@
 """The kind of the first argument of public functions: a scene, a motion, an orbit, a family.
 
-One decorator for all of them, so that a scene where an orbit belongs is refused with what to call
-first. It also notices functions whose captured numbers have changed since a scene was made.
+One decorator serves all of them, so that a scene given in place of an orbit is refused with what to
+call first. It also notices functions whose captured numbers have changed since a scene was made.
 """
 
 import collections.abc
@@ -62,7 +62,7 @@ def check_first(function: F) -> F:
 
 
 def check_kind(name: str, x: Any, kinds: tuple[type, ...], of: tuple[type, ...] = ()) -> None:
-    """Raise ValueError unless x is of one of these kinds, or a list or tuple of the others."""
+    """Raise ValueError unless x is of one of these kinds, or a list or tuple of the kinds `of`."""
     if isinstance(x, kinds):
         return
     if of and isinstance(x, list | tuple):

@@ -1,7 +1,7 @@
 """Results as tables of pandas and as data sets of xarray, which are optional.
 
 A result says what its numbers are called, along which axes they lie and in which units they are:
-`Labelled`. Both libraries make of it what they have for that.
+`Labelled`. Each of the two libraries makes its own structure from that.
 """
 
 import importlib
@@ -31,8 +31,8 @@ class Labelled(NamedTuple):
     """The numbers of a result with their names.
 
     Attributes:
-      coordinates: by name; those with the name of an axis count along it.
-      variables: by name.
+      coordinates: coordinates by name; one with the name of an axis labels the places along it.
+      variables: variables by name.
     """
 
     coordinates: dict[str, Values]
@@ -40,7 +40,7 @@ class Labelled(NamedTuple):
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of what has one."""
+        """The units by name, of what has a unit."""
         named = self.coordinates | self.variables
         return {name: values.unit for name, values in named.items() if values.unit}
 
@@ -52,7 +52,7 @@ class _Result(Protocol):
 def to_pandas(self: _Result) -> Any:
     """The numbers as a pandas DataFrame: a row for each place along the axes.
 
-    The index are the axes; every other number has a column, repeated along axes that it lacks.
+    The index consists of the axes; every other number has a column, repeated along axes it lacks.
     ``frame.attrs["units"]`` has the units.
 
     Raises:

@@ -34,7 +34,7 @@ _noted: ByIdentity[dict[Any, Any]] = ByIdentity()
 
 
 def notes_on(tree: PyTree) -> dict[Any, Any] | None:
-    """What is known about a tree, by what was asked; kept as long as it exists.
+    """What is known about a tree, by the question that was asked; kept as long as it exists.
 
     Returns:
       A dictionary to look in and add to; None for a tree whose numbers may change, as those of

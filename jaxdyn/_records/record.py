@@ -1,4 +1,4 @@
-"""`Record`: what systems, effects, events and other parts of a scene are: fields, and functions."""
+"""`Record`, the class of systems, effects, events and other parts of a scene, with functions."""
 
 import dataclasses
 import pickle
@@ -47,7 +47,7 @@ def state_of(record: Any) -> dict[str, Any]:
 
 
 def fields_of(state: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a record that `state_of` was given."""
+    """The fields of a record from what `state_of` returned."""
     return {name: _map_functions(_function, value) for name, value in state.items()}
 
 
@@ -73,7 +73,7 @@ def _has_name(function: types.FunctionType) -> bool:
         return False
 
 
-# ---- `Record`: what systems, effects, events and other parts of a scene are: fields, and functions
+# ---- `Record`, the class of systems, effects, events and other parts of a scene, with functions
 
 if TYPE_CHECKING:
 
@@ -116,14 +116,15 @@ else:
         """An equinox module without what equinox does at each access and each assignment.
 
         An equinox module returns its methods as pytrees, and notices assignments: a record of
-        three fields takes 11 us to make and 1 us an attribute, here 2 us and 0.03 us [measured;
-        an empty compiled call takes 5 us]. Methods are those of Python: ``jax.jit(scene.rate)``
+        three fields takes 11 us to make and 1 us per attribute, but here 2 us and 0.03 us
+        [measured; an empty compiled call takes 5 us]. Methods are those of Python:
+        ``jax.jit(scene.rate)``
         is compiled for this scene alone; `Scene.vector_field` is a pytree, and compiled once
         for all scenes of a kind.
 
         Attributes:
-          captured: what the user's functions in it captured when it was made, of which compiled
-            programs are made; None without any. See `_records.captured`.
+          captured: what the user's functions in it captured when it was made, with which programs
+            are compiled; None without such functions. See `_records.captured`.
         """
 
         captured: Captured | None = eqx.field(static=True, init=False, repr=False)
@@ -145,6 +146,6 @@ else:
         def check_functions(self) -> None:
             """Raise ValueError if a number that one of its functions captured has changed since.
 
-            Unlike its own numbers, which cannot change, these are looked at in every call.
+            Unlike its own numbers, which cannot change, these are checked in every call.
             """
             check_captured(self)

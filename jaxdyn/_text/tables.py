@@ -20,7 +20,7 @@ _UNIT = rf"\[((?:1|{TOKEN})(?:[ /*^()\d-]|{TOKEN})*)\]"
 
 
 def brief(x: Any, unit: str = "", digits: int = 6) -> str:
-    """One or a few numbers with their unit; of more numbers the shape.
+    """One or a few numbers with their unit; for more numbers, their shape.
 
     Example:
       >>> brief(0.1), brief(9.81, "m/s^2")
@@ -211,7 +211,7 @@ def fields(self: Any) -> str:
 def _field(kind: type, name: str, x: Any) -> str:
     """A field of a record; codes by name if it is annotated like ``Annotated[Array, Status]``.
 
-    Of many codes, how often each occurs, the most frequent first.
+    For many codes, it says how often each occurs, the most frequent first.
     """
     code = (*getattr(inspect.get_annotations(kind).get(name), "__metadata__", ()), None)[0]
     values = as_lists(x) if code else None
@@ -224,7 +224,7 @@ def _field(kind: type, name: str, x: Any) -> str:
 
 
 def shorten(rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Rows of a table; of many the first and the last, and the number between."""
+    """The rows of a table; of many rows the first and the last, and the number between them."""
     between = len(rows) - _MOST_ROWS
     if between <= 0:
         return list(rows)
