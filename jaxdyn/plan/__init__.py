@@ -1,9 +1,9 @@
 """What is true of a kind of scene, read once from the program of its rate.
 
 `plan` says how the rate depends on time and which conditions it contains; `branches` evaluates
-it with the outcomes of its conditions given, and `in_branch` is a field so evaluated, also where it
-slides. `bounds` encloses what depends on time alone, `times` finds with them what a step must not
-pass over, `period` reads the period of a drive.
+it with the outcomes of its conditions given, and `in_branch` is a field evaluated in this way, also
+where its motion slides. `bounds` encloses what depends on time alone, `times` finds with these
+bounds what a step must not pass over, `period` reads the period of a drive.
 
 May import: `jaxdyn`, that is the files at the top level.
 

@@ -33,12 +33,12 @@ _Value = Bounds | Any
 def enclose_program(
     program, args: Sequence[_Value], unknown: set[str] | None = None
 ) -> list[_Value]:
-    """The results of a program (a ``ClosedJaxpr``), bounds where they move.
+    """The results of a program (a ``ClosedJaxpr``), as bounds where they move.
 
     Args:
       program: of float operations on arrays.
       args: its arguments, known numbers or `Bounds`.
-      unknown: takes the names of operations without a rule, whose bounds are the whole line.
+      unknown: receives the names of operations without a rule, whose bounds are the whole line.
     """
     jaxpr = program.jaxpr
     values = dict(zip(jaxpr.constvars, program.consts, strict=True))
@@ -70,7 +70,7 @@ def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value
     if name in CALLS:
         return enclose_program(inner_program(eqn), args, unknown)
     if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
-        return _without(eqn, unknown)  # those of a branch are known
+        return _without(eqn, unknown)  # integers that a branch fixes are known numbers
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Bounds) for x in args[n:]):
@@ -98,11 +98,11 @@ def _unbounded(shape) -> Bounds:
 
 
 def as_bounds(x: _Value) -> Bounds:
-    """A value with bounds, those of a known number being itself."""
+    """A value as bounds; a known number is both of its own bounds."""
     return x if isinstance(x, Bounds) else Bounds(jnp.asarray(x), jnp.asarray(x))
 
 
-#: Operations that move entries, or are increasing in each: of how many first arguments.
+#: Operations that only move entries, or increase in each: how many first arguments may be bounds.
 _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev")),
     **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "copy")),
@@ -110,14 +110,14 @@ _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("cumsum", "cummax", "cummin", "stop_gradient", "convert_element_type")),
     **{"dynamic_slice": 1, "gather": 1},
 }
-#: Whether a function rises.
+#: Whether a monotone function increases.
 _MONOTONE = {
     **dict.fromkeys(("exp", "exp2", "expm1", "log", "log1p", "sqrt", "cbrt", "tanh"), True),
     **dict.fromkeys(("sinh", "asinh", "atan", "asin", "logistic", "erf", "acosh", "atanh"), True),
     **{"neg": False, "acos": False, "erfc": False, "rsqrt": False},
     **dict.fromkeys(("floor", "ceil", "round", "sign"), True),
 }
-#: Where a function is not defined below.
+#: The least argument at which a function is defined.
 _DEFINED_FROM = {"log": 0.0, "sqrt": 0.0, "log1p": -1.0, "rsqrt": 0.0}
 
 
@@ -248,7 +248,7 @@ def _logic(name: str, params, *args) -> Bounds:
 
 
 def _product(params, a, b) -> Bounds:
-    """A product of arrays, of which at most one moves: the other by its signs."""
+    """A product of arrays, by the signs of the one that does not move; unbounded if both move."""
     if isinstance(a, Bounds) and isinstance(b, Bounds):
         shape = jax.eval_shape(functools.partial(lax.dot_general, **params), a.low, b.low).shape
         return _unbounded(shape)

@@ -38,8 +38,8 @@ from jaxtyping import Array
 from jaxdyn._numerics import SMOOTH
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, live_operations, loop
 
-#: What a value depends on: time and state, along a motion (it moves), or through outcomes of
-#: conditions only (it jumps, and is constant in a branch).
+#: What a value depends on: time and state, so that it moves along a motion, or only outcomes of
+#: conditions, so that it jumps, and is constant in a branch.
 BY_TIME, BY_STATE, JUMPS_IN_TIME, JUMPS_WITH_STATE = 1, 2, 4, 8
 _MOVES = BY_TIME | BY_STATE
 OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
@@ -50,7 +50,7 @@ _TABLE = "searchsorted"
 _SMOOTH_OF_JAX = frozenset({"hypot", "sinc", "softplus", "log_softmax"})
 #: Rounds of a loop with conditions up to which it is written out.
 _LONGEST_LOOP = 100
-#: Numbers up to which their order is read.
+#: Largest count of numbers whose order is read.
 _LONGEST_ROW = 20
 #: Operations on floats whose conditions are not read.
 _UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
@@ -64,8 +64,8 @@ class Value(NamedTuple):
     Attributes:
       array: the value; None where it is not computed.
       on: what it depends on, a sum of `BY_TIME`, ...
-      degree: of the polynomial in time that it is where it depends on time alone; infinite if it
-        is none.
+      degree: its degree as a polynomial in time, where it depends on time alone; infinite if it is
+        not a polynomial.
     """
 
     array: Any
@@ -98,17 +98,17 @@ class Walk:
     Args:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
-      every_call: look into all that is called; rules for its derivatives are lost then.
+      every_call: look into all that is called, where the call's rules for derivatives are lost.
       waves: note sines of time as well among the parts that a step may pass over.
 
     Attributes:
       conditions: those met so far.
-      outcomes: of each, as a vector; likewise the margins and the outcomes beyond.
+      outcomes: the outcomes of each, as a vector; likewise `margins`, and outcomes `beyond`.
       unread: names of operations that may hide conditions.
       partial: whether a function of the state is not defined everywhere, such as a root.
       leaves: values of time alone that meet the state, or are a result.
-      mixed: arguments and values, in turn, of functions of time and state that may be flat but for
-        a brief part of a motion.
+      mixed: arguments and values, in turn, of functions of time and state that may be flat except
+        in a brief part of a motion.
     """
 
     def __init__(
@@ -168,10 +168,10 @@ class Walk:
                 return found if isinstance(found, list) else [found]
             if name in CALLS:
                 if params.get("name") == _TABLE and not args[0].on & _MOVES:
-                    # A derivative of it has the changes of both behind them, and the same result.
+                    # Its derivative has the tangents of both after them, and the same result.
                     return [self._table(*args[:2])]
                 inner = inner_program(eqn)
-                # Also where only the degrees of time's polynomials are to be followed.
+                # Calls are entered also to follow nothing but the degrees of polynomials in time.
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
                 name = str(params.get("name", ""))
                 if enter and not (name.startswith(SMOOTH) or name in _SMOOTH_OF_JAX):
@@ -192,7 +192,7 @@ class Walk:
         return self._as_it_stands(eqn, args, on)
 
     def take(self, which: Array, no: Value, yes: Value, found: Value) -> None:
-        """Note that a result of ``max`` or ``min`` is one of its operands by an outcome."""
+        """Note that a result of ``max`` or ``min`` is the operand that an outcome chooses."""
         if self.branch is not None and found.array is not None:
             self._taken[id(found.array)] = which, no, yes, found
 
@@ -202,10 +202,10 @@ class Walk:
             self._compared.append((a, b))
 
     def _are_apart(self, a: Value, b: Value) -> bool:
-        """Whether an outcome says which is larger: in a branch they are not equal, nor on its end.
+        """Whether an outcome says which is larger: then a branch takes them as never equal.
 
-        So the derivatives of ``max`` and ``min`` are those of the branch: half of both where the
-        operands are equal, in the rules of JAX 0.11 and newer.
+        So the derivatives of ``max`` and ``min`` are those of the branch, though the rules of JAX
+        0.11 and newer take half of both where the operands are equal.
         """
         return any(
             (_is_same(a, x) and _is_same(b, y)) or (_is_same(a, y) and _is_same(b, x))
@@ -213,7 +213,7 @@ class Walk:
         )
 
     def _operand(self, a: Value, b: Value) -> Array | None:
-        """Whether the one value is the operand that the other, a maximum or minimum, is.
+        """Whether one value is the operand that was taken for the other, a maximum or minimum.
 
         The rules for derivatives of JAX 0.10 and older ask for it.
         """
@@ -228,7 +228,7 @@ class Walk:
 
     def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
         if _is_callback(eqn):
-            # As if it depended on the state, so that it is not asked for ahead.
+            # It counts as depending on the state, so that it is not evaluated ahead of the motion.
             self.unread.add("a call of Python")
             on |= BY_STATE
         elif _is_unread(eqn) and on & _MOVES:
@@ -239,7 +239,7 @@ class Walk:
         if self.time_only and on & OF_STATE:
             return [Value(None, on, math.inf) for _ in eqn.outvars]
         if eqn.primitive.name == "mul" and any(map(_is_zero, args)):
-            on = 0  # as in what makes a zero of the type and shape of another number
+            on = 0  # as in code that makes a zero with the type and shape of another number
         self.partial |= eqn.primitive.name in _PARTIAL and bool(args[0].on & BY_STATE)
         waves = self.waves and eqn.primitive.name in _WAVES
         degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
@@ -277,10 +277,10 @@ class Walk:
         """The outcome of a condition in the branch, and what it depends on.
 
         Args:
-          kind: of `Condition`.
+          kind: see `Condition`.
           args: its arguments.
-          at: of the outcome in the branch, or None for the one at the point: the outcome at the
-            point, the margin of the outcome in the branch, and the outcome beyond.
+          at: a function of the outcome in the branch, or of None for the one at the point; returns
+            the outcome at the point, the margin of the outcome in the branch, and the one beyond.
           shape: of the outcomes; by default that to which the arguments are broadcast.
         Returns:
           None for the outcome where only what depends on time is computed.
@@ -387,11 +387,11 @@ _WAVES = frozenset({"sin", "cos"})
 _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 #: Functions that are not defined for all numbers.
 _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
-#: Operations whose operands are looked at one by one: a small pulse beside a large drive.
+#: Operations whose operands are looked at one by one, to see a small pulse beside a large drive.
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
-#: Likewise where only one operand moves: a force divided by a mass.
+#: Likewise those of which only one operand moves, such as a force divided by a mass.
 _SCALES = frozenset({"mul", "div", "dot_general"})
 
 
@@ -457,7 +457,7 @@ def _is_unread(eqn) -> bool:
 
 
 def _is_readable(eqn) -> bool:
-    """Whether the order of numbers is that of few enough, in one row."""
+    """Whether a sort is of few enough numbers, in one row."""
     shape = eqn.invars[0].aval.shape
     return len(shape) == 1 and shape[0] <= _LONGEST_ROW and eqn.params["num_keys"] == 1
 
@@ -611,7 +611,7 @@ def _entry(rows: Array, which: Array) -> Array:
 
 
 def _sort(walk: Walk, eqn, args: list[Value]) -> list[Value]:
-    """Numbers in their order, and others with them; that is given by the order of each pair."""
+    """Numbers in ascending order, and others with them, from the outcomes of all pairs."""
     keys, n = args[0], eqn.invars[0].aval.shape[0]
     i, j = np.triu_indices(n, 1)
     pair = [

@@ -1,9 +1,9 @@
 """A field in one branch of its conditions, or sliding along the surface between two.
 
-`in_branch` puts the branch below whatever wraps a field, such as its variational equations. On a
-surface from both sides of which the motion is pushed back it slides (Filippov, 1988, Differential
-Equations with Discontinuous Righthand Sides): the rate is the mean of those of both sides that is
-tangent to the surface.
+`in_branch` puts the branch below whatever wraps a field, such as its variational equations. A
+motion that is pushed back to a surface from both sides slides along it (Filippov, 1988,
+Differential Equations with Discontinuous Righthand Sides): its rate is the weighted mean of the
+rates on both sides that is tangent to the surface.
 """
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -20,8 +20,8 @@ class Branch(NamedTuple):
     """The outcomes of the conditions of a rate along a piece of a motion.
 
     Attributes:
-      outcomes: (e,) of all conditions; on the side to which a sliding motion was going.
-      before: (e,) those on the side from which a sliding motion came.
+      outcomes: (e,) of all conditions; when sliding, those on the side to which it was going.
+      before: (e,) likewise those on the side from which a sliding motion came.
       surface: (e,) whether each condition changes on the surface of sliding.
       slides: () whether the motion slides.
     """
@@ -39,16 +39,16 @@ class Branch(NamedTuple):
 
 @runtime_checkable
 class Wrapper(Protocol):
-    """A field around another: its variational equations, or with noise.
+    """A field around another, such as its variational equations, or the field with noise.
 
     Attributes:
-      field: the other one.
+      field: the inner field.
     """
 
     field: Any
 
     def around(self, change, branch: Any) -> Any:
-        """The same around ``change(field, branch)``."""
+        """The same wrapper around ``change(field, branch)``."""
 
 
 def in_branch(field: Any, branch: Any) -> Any:
@@ -117,7 +117,7 @@ class InBranch(NamedTuple):
         return both[0] + part * (both[1] - both[0])
 
     def _sides(self, t: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """The rates before and behind the surface, and how fast they leave it for before."""
+        """The rates before and behind the surface, and how fast each leads to the side before."""
         branch = self.branch
         before, behind = (self.side(t, y, x)[0] for x in (branch.before, branch.outcomes))
 
@@ -132,7 +132,7 @@ class InBranch(NamedTuple):
         """The rate, and the conditions, for other outcomes.
 
         Beyond a surface where a branch is not defined, as max(0, -x)^1.5 for x > 0, the rate is the
-        one that the program gives there: a trial step passes a little beyond.
+        one that the program gives there: a trial step may pass a little beyond the surface.
         """
         plan = plan_of(self.field, len(y))
         rate, conditions = plan.look(self.field, t, y, outcomes)
@@ -146,8 +146,8 @@ class InBranch(NamedTuple):
     def margins(self, t: Array, y: Array) -> Array:
         """(e + 2,) numbers whose fall through 0 ends the branch.
 
-        The margins of the conditions on the state, and of a sliding motion how strongly either side
-        pushes towards the surface: that before it, and that behind it.
+        They are the margins of the conditions on the state and, for a sliding motion, how strongly
+        the side before the surface and the side behind it push towards it.
         """
         plan, branch = plan_of(self.field, len(y)), self.branch
         margins = self.side(t, y, branch.outcomes)[1].margins

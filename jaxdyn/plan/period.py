@@ -1,7 +1,7 @@
 """The period of a rate that depends on time, read from its program and the numbers of its scene.
 
-Time enters a periodic rate through sines and remainders of a t + b. What they are added to,
-multiplied with or put into has a common period, if theirs have a ratio of whole numbers.
+Time enters a periodic rate through sines and remainders of a t + b. Whatever combines such terms,
+by sums, products or functions, has a common period if the ratio of theirs is rational.
 """
 
 import math
@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, loop
 
-#: Largest number of one period in another, and how well their ratio has to be known.
+#: Largest multiple of one period in the common one, and the accuracy to which ratios must agree.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
 
 
@@ -25,7 +25,7 @@ class _InTime(NamedTuple):
     """How a value depends on time.
 
     Attributes:
-      array: the value if it does not depend on time; of a t + b the coefficients, (2, ...).
+      array: the value if it does not depend on time; for a t + b the coefficients, (2, ...).
       affine: whether it is a t + b.
       period: () of the value, 0 if it does not depend on time, infinite if it has none.
     """
@@ -39,8 +39,8 @@ def period_of(program: Any, system: PyTree) -> float | None:
     """The period of a rate in time; None where it has none that can be read.
 
     Args:
-      program: of its numbers, t and y, see `Plan`.
-      system: with numbers that are known.
+      program: a function of its numbers, t and y, see `Plan`.
+      system: the system, with known numbers.
     """
     time = _InTime(np.array([1.0, 0.0]), affine=True, period=math.inf)
     known = [_InTime(np.asarray(x)) for x in jax.tree.leaves(system)]
@@ -85,7 +85,7 @@ def _apply(eqn, args: list[_InTime]) -> list[_InTime]:
 def _loop(known: Loop, args: list[_InTime]) -> list[_InTime]:
     n, m = known.consts, known.carry
     args = [_InTime(None, period=x.period) for x in args]
-    for _ in range(m + 2):  # until what is carried depends on all it may depend on
+    for _ in range(m + 2):  # until each carried value depends on all that it may depend on
         found = _walk(known.body, args)
         merged = [
             _InTime(None, period=common_period([a.period, b.period]))
@@ -128,7 +128,7 @@ def _line(a: Any, b: Any) -> _InTime:
 
 
 def _by_parts(eqn, *args: _InTime) -> _InTime | None:
-    """What is linear in all arguments: sums, and operations that move entries."""
+    """The result of an operation that is linear in all arguments: a sum, or moved entries."""
     parts = [_coefficients(x) for x in args]
     known = [part for part in parts if part is not None]
     if len(known) < len(parts):

@@ -1,4 +1,4 @@
-"""What is true of a kind of scene, found out once: how its rate depends on time, its conditions.
+"""What is true of a kind of scene, found once: its conditions, and how its rate depends on time.
 
 A `Plan` is read from the program of a rate (`branches`), not from values at a few points. It is the
 same for all scenes of a kind, whatever their numbers, and is kept with the kind.
@@ -28,8 +28,8 @@ class Conditions(NamedTuple):
     """The conditions of a rate at a point of a motion.
 
     Attributes:
-      outcomes: (e,) those that hold there, each in the branch of those before it.
-      margins: (e,) how far each is from changing in the branch: negative beyond.
+      outcomes: (e,) the outcomes that hold there, each in the branch of those before it.
+      margins: (e,) how far each is from changing in the branch; negative where it has changed.
       beyond: (e,) the outcomes on the other side of the nearest change.
     """
 
@@ -45,13 +45,13 @@ class Plan:
     """The plan of a kind of rate.
 
     Attributes:
-      depends_on_time: whether the rate does; where not, that is proved.
+      depends_on_time: whether the rate depends on time; if not, that is proved.
       conditions: in the order in which the program meets them.
       of_time: (e,) for each entry of a branch, whether it depends on time alone.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether the rate contains functions that are not defined for all states.
-      mixed: whether it contains functions of time and state that may act as briefly.
+      mixed: whether it contains functions of time and state that may act just as briefly.
       hides: whether parts of the rate that depend on time alone may act so briefly that a step
         would pass over them.
     """
@@ -123,7 +123,7 @@ class Plan:
     def look(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
         """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.
 
-        Without a branch in that of the outcomes at the point.
+        Without a branch, it takes the branch of the outcomes at the point.
         """
         walk = Walk(branch)
         leaves = jax.tree.leaves(system)
@@ -150,7 +150,7 @@ class Plan:
     ) -> tuple[Bounds, Array]:
         """(u,) bounds of `time_parts` from one time to another, and of the size of their slopes.
 
-        The narrower of those of their formulas, and those by their slopes about the middle.
+        The bounds are the narrower of those of the formulas and those by slopes about the middle.
         """
         given = [*jax.tree.leaves(system), branch]
         parts, slopes, _ = self._programs
@@ -256,17 +256,17 @@ def _conditions(walk: Walk) -> Conditions:
 
 
 def plan_of(system: PyTree, k: int, *, waves: bool = False) -> Plan:
-    """The plan of a system with ``rate(t, y)`` of a state (k,), a pytree of its numbers.
+    """The plan of a system, a pytree of its numbers with ``rate(t, y)`` of a state (k,).
 
-    With `waves` sines of time count among what a step may pass over: a method sees those of a rate
-    by its error, but nothing measures those of an event.
+    With `waves`, sines of time count among what a step may pass over: those of a rate show in the
+    error that a method estimates, but nothing measures those of an event.
     """
     leaves, tree = jax.tree.flatten(system)
     return _plan(tree, tuple(map(_kind, leaves)), k, waves)
 
 
 def _kind(x: Any) -> tuple:
-    """Shape, type and weakness of a number or numbers: those of Python adapt to others' types."""
+    """Shape, type and weak type of numbers: those of Python take the type of what they meet."""
     return np.shape(x), jnp.result_type(x), bool(getattr(jax.typeof(x), "weak_type", False))
 
 

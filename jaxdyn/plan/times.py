@@ -1,4 +1,4 @@
-"""What a step must not pass over: brief parts of a rate that depend on time alone, switching times.
+"""What a step must not pass over: switching times, and brief parts of a rate in time alone.
 
 Both are found from bounds over an interval (`bounds`), so that a pulse or a switch is seen wherever
 it is and however short, where the operations it is made of have bounds.
@@ -12,28 +12,28 @@ from jaxtyping import Array, PyTree
 from jaxdyn.plan.bounds import Bounds
 from jaxdyn.plan.plan import Plan
 
-#: Places in a step at which parts of time are sampled, as fractions of it: no simple ones, and not
-#: its ends, as a method may look at them once or not at all.
+#: Places in a step at which parts in time are sampled, as fractions of it: no simple fractions, and
+#: not its ends, since a method may look at those once or not at all.
 _PLACES = np.array([0.103, 0.347, 0.611, 0.869])
-#: Times as large as the range of the samples that the range of a part in a step may be. A method
+#: Largest ratio of the range that a part may have in a step to the range of its samples. A method
 #: that sees an eighth of a variation judges the step by its error.
 _MOST_UNSEEN = 8.0
-#: Likewise for what its steepest slope would make of it: a sample may meet a pulse by chance.
+#: Likewise for the change that its steepest slope would make: a sample may meet a pulse by chance.
 MOST_STEEP = 60.0
 #: Range that is small enough not to matter, relative to a part in the step and in the whole span.
 _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
-#: Units of its argument over which a function such as exp or tanh hides nothing, and over which a
-#: step sees too little of it.
+#: Width of argument over which a function such as exp or tanh hides nothing from a step, and the
+#: width over which a step sees too little of it.
 _FEW_UNITS, _MANY_UNITS = 8.0, 60.0
 #: Likewise for a function of time and state, whose size is 1.
 _SMALL_MIXED = 1e-9
-#: Halvings of a step at most: a pulse of 1e-9 of it is looked for.
+#: Largest number of halvings of a step: a pulse of 1e-9 of it is looked for.
 _MOST_HALVINGS = 30
-#: Times in a span that are told from each other at least.
+#: Part of a span by which two times must differ at least to be distinguished.
 _LEAST = 2.0**-60
-#: Times at which conditions without bounds are looked at, in an interval.
+#: Number of times in an interval at which conditions without bounds are looked at.
 _SAMPLES = 65
-#: Intervals that are looked at for a switching time at most.
+#: Largest number of intervals that are looked at for a switching time.
 _MOST_INTERVALS = 100_000
 
 
@@ -58,13 +58,14 @@ def hides_in_time(
     They may where bounds allow them a range many times as large as that of a few samples.
 
     Args:
-      plan: of the rate.
+      plan: the plan of the rate.
       system: of the plan's kind.
       t0: () start of the step.
       t1: () its end, before or after.
       branch: (e,) outcomes of the conditions.
       sizes: see `sizes`.
-      steep: what the steepest slope of a part may make of it in the step, in ranges of its samples.
+      steep: largest change that the steepest slope of a part may make in the step, in multiples of
+        the range of its samples.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     most, steepest = plan.bounds_of_parts(system, low, high, branch)
@@ -82,7 +83,7 @@ def furthest_seen(
 ) -> Array:
     """() the end of the longest step from t0 towards t1 in which no part in time is hidden.
 
-    Of the steps t1 - t0, half of it, and so on; see `hides_in_time`, also for the arguments.
+    The steps tried are t1 - t0, half of it, and so on; see `hides_in_time` for the arguments.
     """
 
     def hidden(h: Array) -> Array:
@@ -103,16 +104,16 @@ def furthest_seen(
 def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tuple) -> Array:
     """Whether () functions of time and state may have acted within a step without being seen.
 
-    Their bounds over all states that the step may have passed, those of its cubic, are compared
-    with samples along it. What moves along with the state has bounds that are too wide, and takes
-    more steps than it needs.
+    Their bounds over all states that the step may have passed, the hull of its cubic, are compared
+    with samples along it. A function that moves along with the state has bounds that are too wide,
+    and takes more steps than it needs.
 
     Args:
-      plan: of the rate.
+      plan: the plan of the rate.
       system: of the plan's kind.
       branch: (e,) outcomes of the conditions.
-      start: () time, (k,) state, (k,) rate.
-      end: likewise.
+      start: () time, (k,) state and (k,) rate at the start of the step.
+      end: likewise at its end.
     """
     (t0, y0, f0), (t1, y1, f1) = start, end
     h = t1 - t0
@@ -128,8 +129,8 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
     seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
     small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_MIXED
     argument, value = most.high - most.low
-    # Over a few units of its argument such a function is a polynomial to a method. Over many a
-    # sample may have met it by chance.
+    # To a method such a function is a polynomial over a few units of its argument. Over many units
+    # a sample may have met it by chance.
     unseen = (argument > _FEW_UNITS) & (value > _MOST_UNSEEN * seen + small)
     return (unseen | ((argument > _MANY_UNITS) & (value > small))).any()
 
