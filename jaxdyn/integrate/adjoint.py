@@ -7,8 +7,9 @@ The derivatives of `flow` cost one column for each perturbed number. For one los
 integrated backwards together with the state, gives the derivatives with respect to the start and
 all numbers at once, at the cost of a few solves whatever their number. The state is not simply
 integrated backwards, which is unstable for damped motion: it restarts from stored nodes. Where
-forces do not depend on velocity, neither do these equations, written for [q, lambda_v, M] with
-dM/dt = mu, so the Nystrom pair integrates them. Reverse mode and first derivatives only.
+forces do not depend on velocity, neither do these equations, if they are written for
+[q, lambda_v, M] with dM/dt = mu, so the Nystrom pair integrates them. Only reverse mode and first
+derivatives are available.
 """
 
 from typing import Any
@@ -27,7 +28,7 @@ from jaxdyn.plan.in_branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
 
-#: Relative difference of states that are found forwards and backwards, at most.
+#: Largest relative difference of a state found forwards from the same one found backwards.
 _SAME_STATE = 1e-3
 _PIECES = 4  # of the backward integration, besides those between samples
 
@@ -72,7 +73,7 @@ class _Backwards(eqx.Module):
         return self.shares * _flat(by_numbers, dtype)
 
     def state(self, z: Array) -> Array:
-        """The state (k,) alone; of a rate its rate."""
+        """The state (k,) alone; of a rate, the state's rate."""
         k, half = self.k, len(z) // 2
         if not self.position_only:
             return z[:k]
@@ -84,10 +85,10 @@ class _Backwards(eqx.Module):
         return self.field.system
 
     def jump(self, t: Array, z: Array, old: Branch, new: Branch, which: Array) -> Array:
-        """All of it before a switch of the rate, from what it is after it.
+        """The vector before a switch of the rate, from the vector after it.
 
         The adjoint is multiplied by the transposed saltation matrix, see `Variational.jump`; the
-        gradient takes what the numbers contribute to the time of the switch.
+        gradient receives what the numbers contribute to the time of the switch.
         """
         numbers, rest = eqx.partition(self.field, eqx.is_inexact_array)
         y, (adjoint, mu) = self.state(z), self.unpack(z)
@@ -105,10 +106,11 @@ class _Backwards(eqx.Module):
 
     @property
     def groups(self) -> Groups:
-        """Adjoints share sizes as the state does, whose units they have in inverse.
+        """Adjoints share sizes as the entries of the state do, since they have inverse units.
 
-        So do all parts of the gradient, which are those by shares of the numbers: one that is zero
-        but for rounding, as by a mass that cancels, is measured by the others.
+        All parts of the gradient share one size, since they are with respect to relative changes of
+        the numbers: a part that is zero but for rounding, as that by a mass that cancels, is
+        measured by the others.
         """
         of = self.field.groups.of
         y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
@@ -150,12 +152,12 @@ class _Backwards(eqx.Module):
 
 
 def _flat(numbers: Any, dtype) -> Array:
-    """The numbers of a pytree as one vector; that of none is in 32 bits by `ravel_pytree`."""
+    """The numbers of a pytree as one vector; without any, `ravel_pytree` returns 32-bit floats."""
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
 def _alike(y: Array, z: Array, largest: Array) -> Array:
-    """Whether () two states of a motion with a largest entry are one, found on two ways."""
+    """Whether () two states are the same one, found in two ways; `largest` is the largest entry."""
     return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
 
 
@@ -173,7 +175,7 @@ def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> So
         raise _checks.fail("adjoint", "a solver with a tolerance", solver, remedy)
     pieces = jnp.linspace(t0, t1, _PIECES + 1)[1:-1]
     nodes = jnp.concatenate([ts, pieces])
-    # In the order of integration; the second argsort recovers the requested times.
+    # Nodes are in the order of integration; the second argsort recovers the requested times.
     order = jnp.argsort(nodes * jnp.where(t1 > t0, 1.0, -1.0))
     out = _with_nodes((field, y0, t0, t1, nodes[order]), limits, method)
     return eqx.tree_at(lambda out: out.ys, out, out.ys[jnp.argsort(order)[: len(ts)]])
@@ -204,7 +206,7 @@ def _back(states, slopes, perturbed, given, limits, method):
     system = _Backwards(field, method.position_only, len(y0))
     method = method.for_tangents
     switches = plan_of(field, len(y0)).on_state
-    # A start at rest has no size of its own.
+    # A start at rest has no size of its own, so all nodes count.
     largest = jnp.max(jnp.abs(jnp.concatenate([ys, y0[None], y1[None]])))
 
     def piece(carry, node):
@@ -214,7 +216,7 @@ def _back(states, slopes, perturbed, given, limits, method):
         end = flow(system, start, late, early, ts[:0], limits, method=method).y1
         adjoint, mu = system.unpack(end)
         if switches:
-            # From a surface on which it slides a motion does not come back the way it came.
+            # A motion that slides on a surface does not return from it the way it came.
             adjoint = jnp.where(_alike(system.state(end), there, largest), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 

@@ -39,13 +39,13 @@ class Stop(eqx.Module):
 
     Attributes:
       t: () time of the event, or the end of the span if there was none; NaN if the run failed.
-      y: (k,) state then, on the event or a rounding before it, not beyond; where the motion
-        started on the event and meets it within 1e-30 of a step, possibly beyond it by as much.
+      y: (k,) state then, on the event or a rounding before it, not beyond it. Only where the motion
+        started on the event and meets it within 1e-30 of a step may it be beyond, by that much.
         NaN if the run failed.
       event: () index of the event, -1 for none.
       status: () `Status` code.
       coincident: (E,) whether each of the events happens at this time, to rounding; several do
-        where a ball runs into a corner. `event` is one of them. All False if there was none.
+        where a ball runs into a corner. `event` is one of them. All are False if there was none.
     """
 
     t: Array
@@ -66,7 +66,7 @@ class Stop(eqx.Module):
     def message(self) -> str:
         """What ended the motion, and when; host only.
 
-        Of a batch, how many motions each of the events ended, and the first failure.
+        For a batch, it says how many motions each of the events ended, and the first failure.
         """
         if self.status.ndim:
             return self._message_of_batch
@@ -126,7 +126,7 @@ def _value_shape(tree, shapes: tuple, k: int) -> tuple[int, ...]:
 
 
 class When(Event):
-    """The zeros of a named function ``fn(t, y)``; a lambda would recompile at each call."""
+    """The zeros of a named function ``fn(t, y)``; a lambda would be compiled anew at each call."""
 
     fn: Callable[[Array, Array], Array] = eqx.field(static=True)
     way: int = eqx.field(static=True, default=0)
@@ -238,7 +238,7 @@ def until(
 
 
 def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> Stop:
-    """`until` for a motion of which it may be known on which sides of its events it begins.
+    """`until` for a motion that may be known to begin on certain sides of its events.
 
     Args:
       scene: see `until`.

@@ -1,13 +1,12 @@
 """The map from a start to the states at later times, and its derivatives.
 
-`flow` is built on `march` and `pieces`, and differentiable
-any number of times, in forward and reverse mode, under jit and vmap, in the start, the times
-and every number of the scene. Its derivative is not taken through the stepping loop (that
-would differentiate the choice of steps, compile slowly, and allow only one mode) but by the
-variational equations (`Variational`), integrated together with the state, the tangents in the
-error norm. The result is a matrix; forward and reverse mode both multiply by it. So a gradient
-costs about as much as a Jacobian: right for the tens of numbers of a mechanics scene, not for
-thousands (a neural force).
+`flow` is built on `march` and `pieces`, and is differentiable any number of times, in forward and
+reverse mode, under jit and vmap, with respect to the start, the times and every number of the
+scene. Its derivative is not taken through the stepping loop (that would differentiate the choice of
+steps, compile slowly, and allow only one mode) but by the variational equations (`Variational`),
+integrated together with the state, with the tangents in the error norm. The result is a matrix;
+forward and reverse mode both multiply by it. So a gradient costs about as much as a Jacobian: right
+for the tens of numbers of a mechanics scene, not for thousands (a neural force).
 """
 
 import functools
@@ -27,8 +26,9 @@ from jaxdyn.plan.in_branch import without_wrappers
 from jaxdyn.solvers import Method
 
 
-# Compiled within the rule of derivatives, not around it, as is the rule: a derivative then traces
-# no plain solve besides its own, and several solves of a kind in one program are traced once.
+# Compiled within the rule of derivatives, not around it, and so is that rule: a derivative then
+# traces no plain solve besides its own, and several solves of a kind in one program are traced
+# once.
 @eqx.filter_custom_jvp
 @functools.partial(jax.jit, static_argnames="method")
 def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
@@ -54,7 +54,7 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 def _march(field, y0, *rest, method: Method) -> SolveResult:
     *_, limits = rest
     plan = plan_of(without_wrappers(field), len(y0))
-    # Steps of equal length are where the caller wants them.
+    # A caller who asks for steps of equal length wants them where they are.
     if (plan.size or len(limits.breaks)) and method.adaptive:
         return run_pieces(field, (), y0, *rest, method=method)[0]
     return march(field, y0, *rest, method=method)[0]

@@ -1,10 +1,10 @@
-"""Steps that pass over nothing brief: parts of a rate that depend on time alone are seen ahead.
+"""Steps that do not pass over brief parts of a rate: those in time alone are seen ahead.
 
-A method judges a step by what it sees of the rate at a handful of times. A pulse between them is
-not there for it. So before a step is taken, bounds of each part of the rate that depends on time
-alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
-seen becomes shorter. What depends on time and state is looked at likewise after a step, and a step
-in which something may be hidden is rejected.
+A method judges a step by what it sees of the rate at a handful of times, and misses a pulse between
+them. So before a step is taken, bounds of each part of the rate that depends on time alone are
+compared with samples of it (`plan.times`), and a step in which more may happen than is seen becomes
+shorter. Parts that depend on time and state are looked at likewise after a step, and a step in
+which something may be hidden is rejected.
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
 from jaxdyn.solvers.sizes import PART, Begun, above_noise, sizes_at_start, state_of
 
-#: Of the size that a drive gives to an entry later: one that is smaller is at rest.
+#: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
 _REST = 1e-6
 
 
@@ -27,9 +27,9 @@ class Lookahead(eqx.Module):
     """How far a step may go, by the parts of a rate that depend on time alone.
 
     Attributes:
-      plan: of the rate.
+      plan: the plan of the rate.
       system: the field, of the plan's kind.
-      outcomes: (e,) of the conditions of the rate.
+      outcomes: (e,) outcomes of the conditions of the rate.
       sizes: (u,) the largest sizes of the parts in the span, as far as they are known.
       direction: () 1, or -1 where the run counts time backwards.
     """
@@ -64,9 +64,9 @@ class Lookahead(eqx.Module):
 def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
-    Entries without a size, or with one that is nothing beside it, have a part of what the largest
-    rates of the span make of them in the time of the motion, and these of others: measured by
-    itself, the beginning of a pulse is resolved down to its rounding.
+    An entry without a size, or with a negligible one, is given a part of what the largest rates of
+    the span make of it in the time of the motion; then others get a part of what these entries make
+    of them. Measured by itself, the beginning of a pulse would be resolved down to its rounding.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     found = look.plan.bounds_of_rate(look.system, low, high, y)

@@ -1,7 +1,7 @@
 """The loop over the steps of a motion: the only caller of ``diffrax.diffeqsolve``.
 
-`march` takes a smooth field from a start to an end, with samples and an observer of the steps. What
-it leaves to others: derivatives (`flow`), conditions of a rate (`pieces`), events (`event_search`).
+`march` takes a smooth field from a start to an end, with samples and an observer of the steps. It
+leaves derivatives to `flow`, conditions of a rate to `pieces`, and events to `event_search`.
 """
 
 import functools
@@ -57,7 +57,7 @@ class Before(NamedTuple):
     """What a motion has shown before a piece of it.
 
     Attributes:
-      sizes: (k, ...) see `solvers.sizes`.
+      sizes: (k, ...) its sizes, see `solvers.sizes`.
       step: () the longest mean step of a piece.
     """
 
@@ -77,7 +77,7 @@ def march(
     watch: Watch | None = None,
     before: Before | None = None,
 ):
-    """States of a smooth motion, the final memory of a watch, its sizes; no derivatives.
+    """States of a smooth motion, the final memory of a watch, its sizes; without derivatives.
 
     Args:
       field: see `flow`; its conditions are evaluated as they stand.
@@ -88,7 +88,7 @@ def march(
       limits: see `flow`.
       method: the method.
       watch: an observer of the steps, which may stop the run.
-      before: the motion that it is a piece of.
+      before: what the motion that this is a piece of has shown before.
     """
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate
@@ -119,7 +119,7 @@ def march(
     assert state is not None
     count = state[1]
     status = _status(solution.result, given, count >= limits.max_steps[1].astype(float))
-    # Increasing; beyond t1 where the step control has ended the run there.
+    # Times increase; they are beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
     open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
@@ -127,13 +127,13 @@ def march(
         status = jnp.where(open_.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     seen, steps = control.seen(solution.controller_state), solution.stats["num_accepted_steps"]
-    # Not those taken within a step that failed.
+    # States within a step that failed do not count.
     reached = (direction * ts <= last).reshape(-1, *[1] * y0.ndim)
     result = SolveResult(
         y1=y1,
         ys=jnp.where(reached, seen.samples.ys, jnp.nan),
         steps=steps,
-        rejected=seen.steps - steps,  # not all others: steps to samples are neither
+        rejected=seen.steps - steps,  # steps to samples are counted in neither
         status=status,
         stiff=is_stiff(count),
     )
@@ -161,7 +161,7 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
     return start, control, None
 
 
-# Traced once for all that a step, its preparation and its checks make of a rate.
+# Traced once for all uses of a rate in a step, its preparation and its checks.
 @functools.partial(jax.jit, inline=True)
 def _rate(t, y, field):
     return field.rate(t, y)

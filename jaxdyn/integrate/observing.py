@@ -1,12 +1,13 @@
-"""What is observed of the steps of a run: samples, a watch, the step limit, the end.
+"""What is observed during the steps of a run: samples, a watch, the step limit, the end.
 
 Samples between steps are not interpolated: an interpolant of matching order would need more stages
 than most methods have. A step that would pass a requested time is preceded by a shorter one that
 ends there and is not continued from. So samples are as accurate as steps, they do not change the
-steps, and the program contains one step only (a second one for samples compiled for half as long
-again, and its loop over stages ran two to five times slower than unrolled stages). A series may
-find that a step to a sample is too long: it ends where it may, up to 1 % from where it would have
-without the sample, and is continued from. Ends change by a part of the tolerance then.
+steps, and the program contains only one step (with a second one for samples it compiled half as
+long again, and its loop over stages ran two to five times slower than unrolled stages). A series
+may find that a step to a sample is too long: it ends where it may, up to 1 % from where it would
+have ended without the sample, and is continued from. The end of the motion then changes by a part
+of the tolerance.
 """
 
 import abc
@@ -22,17 +23,17 @@ from jaxtyping import Array
 from jaxdyn._records.record import Record
 from jaxdyn.integrate.lookahead import Lookahead
 
-_CLOSE_ULPS = 100.0  # of the end: closer to it a step is too short; as in diffrax
+_CLOSE_ULPS = 100.0  # spacings from the end within which a step is too short; as in diffrax
 
 
 class Samples(eqx.Module):
     """The states at the wanted times, as the run goes on.
 
     Attributes:
-      next: () index of the first one not reached yet.
+      next: () index of the first time not reached yet.
       ys: (s, ...) states; NaN where not reached, so that a run that fails leaves no finite wrong
         numbers.
-      aim: () where the step in hand ends once all samples within it are taken.
+      aim: () where the current step ends once all samples within it are taken.
     """
 
     next: Array
@@ -41,12 +42,12 @@ class Samples(eqx.Module):
 
     @classmethod
     def empty(cls, ts: Array, t0: Array, y0: Array) -> "Samples":
-        """Those at the start are known, and those before it are over."""
+        """The samples before the run: those at the start are known, those before it are over."""
         rows = (ts == t0).reshape(-1, *[1] * y0.ndim)
         return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
     def take(self, ts: Array, t: Array, y: Array) -> "Samples":
-        """With the state at t; earlier ones that are still missing were not in order, and lost."""
+        """The samples with the state at t; earlier times still missing were not in order: lost."""
 
         def reached(samples: Samples) -> Array:
             return (samples.next < len(ts)) & (samples._time(ts) <= t)
@@ -59,7 +60,7 @@ class Samples(eqx.Module):
         return jax.lax.while_loop(reached, put, self)
 
     def towards(self, ts: Array, t0: Array, aim: Array) -> tuple["Samples", Array]:
-        """For a step from t0 to `aim`, and where to go first."""
+        """The samples for a step from t0 to `aim`, and where to go first."""
         t = self._time(ts)
         within = (self.next < len(ts)) & (t0 < t) & (t < aim)
         return Samples(self.next, self.ys, aim), jnp.where(within, t, aim)
@@ -72,9 +73,9 @@ class Steered(NamedTuple):
     """How a run goes on after a step that a watch has seen.
 
     Attributes:
-      keep: () whether from the end of the step, else again from its start.
+      keep: () whether it goes on from the end of the step, else again from its start.
       following: () the time at which the next step may end.
-      memory: of the watch.
+      memory: the memory of the watch.
       stop: () whether the run ends here.
     """
 
@@ -150,8 +151,8 @@ class Tried(NamedTuple):
 class Observing(eqx.Module):
     """What adaptive and fixed steps share: samples, a watch, a step limit, the end.
 
-    The limit is not diffrax's `max_steps`, which is a constant of the compiled program; the end is
-    not diffrax's either, which halves the step before it after each one that is not continued from.
+    The limit is not diffrax's `max_steps`, which is a constant of the compiled program. The end is
+    not diffrax's either: it halves the step before the end after each one not continued from.
 
     Attributes:
       ts: (s,) requested times in the direction of integration; (0,) for none.
@@ -159,7 +160,7 @@ class Observing(eqx.Module):
       limit: (2,) maximum number of steps, and of those that stability limits, and () the end of the
         span that must be reached within it; None where steps are counted, and the run is ended,
         elsewhere.
-      look: how far a step may go by the rate, if anything limits it.
+      look: how far a step may go by what the rate hides, if anything limits it.
       max_step: () how far it may go by request, if that is limited.
     """
 
@@ -224,7 +225,7 @@ class Observing(eqx.Module):
             (most, end), steps = self.limit, steps + jnp.where(tried.fine & tried.sampling, 0, 1)
             arrived = keep & (t1 >= end)
             over = steps >= most[0]
-            if limited is not None:  # of a step that is not kept, neither is its count
+            if limited is not None:  # the count of a step that is not kept does not count
                 over = over | (keep & (limited >= most[1].astype(float)))
             over = over & ~arrived & (result == diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(over, diffrax.RESULTS.max_steps_reached, result)

@@ -32,7 +32,7 @@ from jaxdyn.status import Status
 END = "end"
 
 _ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
-#: Of a state's largest entry: a state on the surface is moved by no more in projection.
+#: Part of a state's largest entry: projection moves a state on the surface by no more.
 _MAX_PROJECTION = 1e-10
 
 
@@ -152,7 +152,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     rows, others = (jnp.stack(part) for part in zip(*parts, strict=True))
     noise = rows @ size + others
     slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
-    slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # of its terms
+    slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # rounding of its terms
     rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps
     at, way = near * values(bounds, t, y), near * slopes(t, y)
     return at < -rounding * noise, (

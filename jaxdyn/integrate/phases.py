@@ -47,11 +47,11 @@ def simulate_phases(
     max_steps: int = MAX_STEPS,
     max_phases: int = MAX_PHASES,
 ) -> HybridTrajectory:
-    """The motion from phase to phase until it ends, or `t1` or `max_phases` is reached.
+    """The motion from phase to phase, until it ends or reaches `t1` or `max_phases`.
 
     Args:
-      phases: by name.
-      start: name of the first; None for the first of `phases` that y0 fits.
+      phases: the phases by name.
+      start: name of the first phase; None for the first of `phases` that y0 fits.
       y0: (k,) state at its start.
       t1: end of the span [s], after t0.
       t0: start time [s].
@@ -141,7 +141,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
     else:
-        # Not beyond a bound: on its near side, to rounding, and known to be so.
+        # It is on the near side of every bound, to rounding, and is passed on as known to be so.
         stop = stop_of(scene, phase.events, t1, t, options, phase.sides)
         also = np.asarray(stop.coincident) & (np.asarray(phase.sides) == 0)
         others = [int(i) for i in np.flatnonzero(also) if i != stop.event]
@@ -197,10 +197,10 @@ def _following(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: A
 def _first_fit(candidates: Sequence[Phase | None], t: Array, y: Array, left=False) -> Array:
     """Index () of the first phase that a state fits, else of the first on whose surface it is.
 
-    None is the end, which every state fits. The phase being left follows only if no other fits:
-    at its bound it may fit as well, to rounding. -1 if there is none.
+    None stands for the end, which every state fits. The phase that is left follows only if no other
+    fits: at its bound the state may fit it as well, to rounding. -1 if there is none.
     """
-    # A state that fits none, as of a ball just before it bounces, leaves its phase at once.
+    # A state that fits none, as a ball just before it bounces, leaves its phase at once.
     fits = [phase.fit(t, y) if phase else None for phase in candidates]
     on = jnp.stack([fit.on if fit else jnp.asarray(True) for fit in fits])
     within = jnp.stack([on[i] & ~fit.beyond.any() if fit else on[i] for i, fit in enumerate(fits)])
@@ -216,7 +216,7 @@ def follow(
     """Time and state after a known sequence of phases; differentiable, also under jit and vmap.
 
     Args:
-      phases: by name.
+      phases: the phases by name.
       path: (name of the phase, index of the exit taken) in order, such as `HybridTrajectory.path`.
       y0: (k,) start.
       t1: end of the span [s].

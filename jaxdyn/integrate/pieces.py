@@ -25,18 +25,18 @@ from jaxdyn.status import Status
 
 #: Roundings of state and time by which the margin of a condition at a switch may miss zero.
 _ROUNDINGS = 64
-#: Pieces in a row, each shorter than a part of the span, after which a motion chatters.
+#: Number of pieces in a row, each shorter than this part of the span, that count as chattering.
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
-#: Conditions within conditions whose outcomes are found anew after a switch.
+#: Depth of conditions within conditions whose outcomes are found anew after a switch.
 _DEEPEST = 3
 
 
 def first_event(
     field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Any = 0.0, *, method: Method
 ) -> tuple[Array, Crossing]:
-    """The state (k,) where the search ended, and the first of some events; no derivatives.
+    """The state (k,) where the search ended, and the first of some events; without derivatives.
 
-    By `run_pieces` where the rate has conditions, or `breaks` are given.
+    It calls `run_pieces` where the rate has conditions, or `breaks` are given.
 
     Args:
       field: see `flow`.
@@ -60,9 +60,9 @@ class Margins(eqx.Module):
     """The conditions of a rate as events: each happens where the motion leaves its branch.
 
     Attributes:
-      field: in the branch.
+      field: the field in the branch.
       beyond: (e + 2,) by how much each is beyond zero where the piece begins, by rounding.
-      plan: of its rate.
+      plan: the plan of its rate.
     """
 
     field: InBranch
@@ -71,7 +71,7 @@ class Margins(eqx.Module):
 
     @classmethod
     def of(cls, field: InBranch, plan: Plan, t: Array, y: Array) -> "Margins":
-        """Those of a piece that begins within its branch, whatever rounding says."""
+        """The margins of a piece that begins within its branch, whatever rounding says."""
         return cls(field, jnp.maximum(0.0, -field.margins(t, y)), plan)
 
     @property
@@ -93,19 +93,19 @@ class _Run(NamedTuple):
     """A motion between two pieces.
 
     Attributes:
-      t: () where it is.
+      t: () the time that it has reached.
       y: (k, ...) the state there.
-      branch: that of the next piece.
+      branch: the branch of the next piece.
       crossed: (e,) conditions that have just changed.
       left: () number of the margin that has just ended a piece of sliding, see
         `InBranch.margins`; else -1.
       held: (e,) conditions whose outcomes are known, though the state is on their surface.
       old: the branch of the last piece.
-      result: of all pieces.
+      result: the result of all pieces so far.
       event: () index of the event that ended it, -1 for none.
       towards: () sign of the value of that event after it.
       begun: () whether there was a piece.
-      before: what it has shown so far.
+      before: what the motion has shown so far.
       stalled: () number of the last pieces in which it hardly moved.
     """
 
@@ -136,7 +136,7 @@ def run_pieces(
     *,
     method: Method,
 ) -> tuple[SolveResult, Crossing]:
-    """The motion of a field with conditions, and the first of some events; no derivatives.
+    """The motion of a field with conditions, and the first of some events; without derivatives.
 
     Args:
       field: see `flow`.
@@ -146,7 +146,7 @@ def run_pieces(
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
       limits: see `flow`.
-      sides: of the events, see `first_crossing`.
+      sides: the sides of the events, see `first_crossing`.
       method: an adaptive one.
     """
     system = without_wrappers(field)
@@ -262,8 +262,8 @@ class _Pieces(NamedTuple):
             before=Before(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
-        # Kept from piece to piece, never found twice: XLA computes a sine anew for each of its
-        # uses, in several ways, and at a switch two of them may have different signs.
+        # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
+        # each of its uses, in several ways, and at a switch two of them may have different signs.
         return reached._replace(branch=self._settle(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
@@ -320,7 +320,7 @@ class _Pieces(NamedTuple):
         return found, sizes
 
     def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
-        """The next branch after a condition has changed, what was crossed, what is known."""
+        """The branch after a condition has changed, and which are crossed and which are known."""
         e = self.plan.size
         if not self.plan.on_state:
             return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
@@ -407,7 +407,7 @@ class _Pieces(NamedTuple):
 
     @staticmethod
     def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
-        """(e,) margins up to this may be rounding."""
+        """(e,) the size up to which a margin may be rounding."""
         size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
         return _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
@@ -421,7 +421,7 @@ class _Pieces(NamedTuple):
         nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
         which = jnp.where(run.left >= 0, run.left, which)
-        # Rates are continuous where sliding ends, those of tangents are not.
+        # Rates are continuous where sliding ends, but those of tangents are not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
         after = jump(self.field, run.t, run.y, run.old, branch, which)

@@ -74,11 +74,11 @@ def simulate(
         rtol times the largest size so far of the entries of its kind, whatever the units
         (`scales.Groups`).
       solver: one of `jaxdyn.solvers`, or a Runge-Kutta solver of diffrax, such as
-        ``diffrax.Tsit5()``; by default mostly a Taylor series where the rate is a short formula,
-        else the extrapolated leapfrog or the Nystrom pair of order 12 where no force depends on
-        velocity, and the best Runge-Kutta pair; see `solvers.default_solver`. Where stability
-        limits a thousand of its steps, the motion starts again with the implicit `RADAU9`, and
-        `Trajectory.warning` says so.
+        ``diffrax.Tsit5()``. The default is mostly a Taylor series where the rate is a short
+        formula, else the extrapolated leapfrog or the Nystrom pair of order 12 where no force
+        depends on velocity, and otherwise the best Runge-Kutta pair; see `solvers.default_solver`.
+        Where stability limits a thousand of its steps, the motion starts again with the implicit
+        `RADAU9`, and `Trajectory.warning` says so.
       dt: longest step [s] of a solver of fixed step, which does not use rtol and atol; the
         span is divided into equal steps.
       digits: correct digits requested at all samples, instead of rtol and atol: the tolerance
@@ -115,14 +115,14 @@ def simulate(
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
-        held_to = limits(options, dt)  # checked before, as the choice of a method uses them
+        held_to = limits(options, dt)  # checked first, since the choice of a method uses them
         method = check_method(scene, solver, dt, rtol=rtol)
         result, switched = _solve(scene, (t0, t1, ts), held_to, method, default=solver is None)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
-        # One for all tolerances that are tried.
+        # One method serves all tolerances that are tried.
         method = check_method(scene, solver, rtol=error_estimate.FINEST)
         result, error, switched = _to_digits(scene, (t0, t1, ts), options, method, digits, throw)
     if throw:
@@ -145,7 +145,7 @@ def simulate(
 def _to_digits(
     scene: Scene, span: Span, options: SolverOptions, method: Method, digits: float, refuse: bool
 ) -> tuple[SolveResult, Estimate, bool]:
-    """`error_estimate.reach`, by one method and one program, and whether that is `RADAU9`."""
+    """The result of `error_estimate.reach` by one method, and whether that is `RADAU9`."""
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
@@ -183,7 +183,7 @@ def solve(
     Compiled for each kind of scene and method, also where grad or vmap call it.
 
     Args:
-      scene: system, effects, start; not checked, but for numbers that its functions captured.
+      scene: system, effects, start; only numbers that its functions captured are checked.
       t1: () end time [s], after or before t0.
       t0: () start time [s].
       ts: (s,) requested times [s] between t0 and t1, in the order of integration.
@@ -198,19 +198,19 @@ def solve(
       breaks: see `simulate`.
       fixed: make the scene's numbers, except start and span, constants of the program: faster, but
         new ones recompile, and there are no derivatives with respect to them.
-      adjoint: derivatives by the adjoint equations, backwards in time: for one loss the cost of a
-        few solves, for one number or thousands. Reverse mode and first derivatives only.
+      adjoint: derivatives by the adjoint equations, backwards in time. One loss costs a few solves,
+        whether by one number or by thousands. Reverse mode and first derivatives only.
       noise: random perturbation of each step, to measure the effect of rounding; see
         `solvers.perturbed`.
     Returns:
       The state at t1, those at ts, and a status; NaN where not reached.
     Raises:
       ValueError: a tolerance, `dt` or `max_steps` is out of range, or the solver does not suit.
-    Limits: derivatives are those of the computed motion, and lose as many digits, and a few more
-      where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to 11
-      digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits at
-      t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
-      of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All compared
+    Limits: derivatives are those of the computed motion, and lose as many digits as it does, and a
+      few more where it is sensitive. At rtol 1e-10 the derivative of three bodies by G is right to
+      11 digits after one period and to 9 after ten, that of the Lorenz system by rho to 10 digits
+      at t = 10 and to 6 at t = 20, where the state has 8; they gain a digit with each power of ten
+      of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All were compared
       with variational equations in 60 digits.)
     """
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
@@ -247,7 +247,7 @@ def _solve(
     if traced:
         method = within_trace(scene, method) if default else method
     elif n and not adjoint:
-        # NaN is never reached; derivatives would see it, and traces recompile anyway.
+        # NaN is never reached. Derivatives would see it, and traces recompile anyway.
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
     march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)

@@ -1,7 +1,7 @@
-"""Checks on the host of tolerances, steps, the span and its samples; how samples share programs.
+"""Host-side checks of tolerances, steps, the span and its samples; how samples share programs.
 
 A program is compiled for each shape of its arguments, takes about 10 MiB and is kept. So samples
-are filled up to a power of 8, or of 2, and what is filled in is cut off again on the host.
+are filled up to a power of 8, or of 2, and the padding is cut off again on the host.
 """
 
 import dataclasses
@@ -29,15 +29,15 @@ MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _ANY = np.iinfo(np.int64).max  # number of steps that is never reached
 _MAX_BYTES = 2**32  # of all samples
-#: Largest number of entries of all samples for which few programs matter more than memory: 1 MiB.
+#: Number of entries of all samples up to which few programs matter more than memory: 1 MiB.
 _FEW_ENTRIES = 1 << 17
-#: The part of the sizes of a motion in which rtol is an absolute tolerance by default. Of entries
-#: near zero of a large motion fewer digits are lost than with all of it, and no motion of size 1
-#: takes a tenth more steps.
+#: The part of the sizes of a motion in which rtol is an absolute tolerance by default. Entries near
+#: zero of a large motion lose fewer digits than with all of the sizes, and no motion of size 1
+#: takes more than a tenth more steps.
 _SHARE = 0.25
-#: Spans of so many samples are kept for the next motion, the last ones.
+#: Number of samples up to which the times of a span are kept, and of the last spans that are.
 _KEPT_SAMPLES, _KEPT_SPANS = 10_000, 32
-_COPIES_IN_MEMORY = 4  # of them that a run holds at once: nodes, states and temporaries (measured)
+_COPIES_IN_MEMORY = 4  # of the samples, held by a run: nodes, states and temporaries (measured)
 T = TypeVar("T")
 
 
@@ -71,7 +71,7 @@ def host_floats(x, name: str = "number") -> Array | np.ndarray:
 
 
 def tolerances(rtol, atol) -> Array | np.ndarray:
-    """(3,) relative and absolute tolerance, checked, and that in parts of the motion's sizes."""
+    """(3,) relative and absolute tolerance, checked, and one in parts of the motion's sizes."""
     shared = atol is None or isinstance(atol, Share)
     if any(map(_checks.is_traced, (rtol, atol))):
         absolute = _SHARE * rtol if atol is None else atol
@@ -97,7 +97,7 @@ def _number(name: str, x, remedy: str) -> float:
 
 
 def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
-    """Start () and end () of a motion of a scene, all three checked.
+    """Start () and end () of a motion of a scene; they and the scene are checked.
 
     A `t1` of None means the scene's own end. Both are NumPy arrays unless traced.
     """
@@ -107,7 +107,7 @@ def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
 
 
 def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
-    """`span` with the times (s,) of samples: given as an array or as a number."""
+    """`span` with the times (s,) of samples, which are given as an array or as a number."""
     t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         samples = _checks.whole("samples", samples, remedy="Or an array of times.")
@@ -116,7 +116,7 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
             return t0, t1, jnp.linspace(t1 if samples == 1 else t0, t1, int(samples))
         asked = float(t0), float(t1), int(samples)
         ts = (_kept_times if samples <= _KEPT_SAMPLES else _evenly_spaced)(*asked)
-        # A program to which they were donated has deleted them.
+        # A program to which the times were donated has deleted them.
         return t0, t1, _evenly_spaced(*asked) if ts.is_deleted() else ts
     ts = _checks.host_array("samples", samples, (None,), "Pass an array of times, or their number.")
     _check_memory(scene, len(ts))
@@ -133,12 +133,12 @@ def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
 
 
 def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
-    # Kept for later calls, so it must not belong to a trace that happens to be under way.
+    # It is kept for later calls, so it must not belong to a trace that happens to be under way.
     with jax.ensure_compile_time_eval():
         return jax.device_put(np.linspace(t1 if n == 1 else t0, t1, n))
 
 
-#: To get them to the device takes as long as five empty programs.
+#: Moving the times to the device takes as long as five empty programs.
 _kept_times = functools.lru_cache(_KEPT_SPANS)(_evenly_spaced)
 
 
@@ -194,9 +194,9 @@ def limits(options: SolverOptions, dt=None) -> Limits:
 
 
 def padding(n: int, k: int) -> int:
-    """How much n samples of a state (k,) are less than the number of samples of their program.
+    """The number of samples by which n of a state (k,) fall short of those of their program.
 
-    That is a power of 8 from 64 on; of 2 for long states or very many samples.
+    A program has a power of 8, at least 64; a power of 2 for long states or very many samples.
     """
     shared = 8 ** next(i for i in itertools.count(2) if 8**i >= n)
     return (shared if shared * k <= _FEW_ENTRIES else 1 << (n - 1).bit_length()) - n
@@ -212,7 +212,7 @@ def fill(ts: Array, ys: Array) -> tuple[Array, Array]:
 
 
 def cut_rows(values: T, filled: int, n: int) -> T:
-    """Of arrays with a row for each of so many samples the first n rows; others as they are."""
+    """Arrays with a row for each of `filled` samples cut to the first n rows; others unchanged."""
 
     def rows(x: Any) -> Any:
         mine = np.shape(x)[:1] == (filled,) and not _checks.is_traced(x)
@@ -222,9 +222,9 @@ def cut_rows(values: T, filled: int, n: int) -> T:
 
 
 def of_samples(function: Callable[..., T]) -> Callable[..., T]:
-    """Decorate a function of a motion that the last sample, repeated, does not change.
+    """Decorate a function of a motion that repeating the last sample does not change.
 
-    Results that have a row for each sample have no more of them.
+    Results with a row for each sample are cut to the given samples.
     """
 
     @functools.wraps(function)
@@ -233,7 +233,7 @@ def of_samples(function: Callable[..., T]) -> Callable[..., T]:
         if not n:
             return function(motion, *args, **kwargs)
         ts, ys = fill(motion.ts, motion.ys)
-        # What the values do not depend on would make more kinds of programs.
+        # Fields that the values do not depend on would make more kinds of programs.
         bare = {"error": None, "dt": None, "method": None, "stiff": False, "switched": False}
         longer = dataclasses.replace(motion, ts=ts, ys=ys, **bare)
         return cut_rows(function(longer, *args, **kwargs), len(ts), n)

@@ -21,14 +21,15 @@ from jaxdyn.solvers.method import SAFETY, Method
 from jaxdyn.solvers.sizes import Begun, allowed_error
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
-#: To a method that foresees how long a step may be the next one is proposed longer by this factor,
-#: and after a step that was too long all the same, shorter by that one. A power of the error would
-#: take a tenth of the time of a step.
+#: A method that can predict how long a step may be is offered this factor times that length as its
+#: next step; a step that was nevertheless too long is repeated with the second factor. A power of
+#: the error would take a tenth of the time of a step.
 _PROPOSED, _TOO_LONG = 1.3, 0.5
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
 _MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
-#: Error of the first step in tolerances, if it were that power (as Hairer, Norsett, Wanner, II.4).
+#: Error of the first step, in tolerances, if errors were proportional to the power of the length
+#: (as in Hairer, Norsett, Wanner, II.4).
 _FIRST_ERROR = 0.01
 _WRITTEN_OUT = 32  # entries of a state: at most this many products are unrolled in a norm
 
@@ -37,8 +38,8 @@ class Limits(NamedTuple):
     """The limits of a solve, as arrays: new values never recompile.
 
     Attributes:
-      tolerance: (3,) relative and absolute tolerance of one step, and that in parts of the sizes
-        of the motion; (1,) its length, where the method takes equal steps.
+      tolerance: (3,) relative and absolute tolerance of one step, and an absolute one in parts of
+        the sizes of the motion; (1,) the length of a step, where the method takes equal ones.
       max_steps: (2,) largest number of steps, and of those that stability limits.
       max_step: () longest step; None if nothing limits it.
       breaks: (b,) times at which steps end, for what cannot be read from a rate.
@@ -59,14 +60,14 @@ class Limits(NamedTuple):
 
 
 def _mean_square(y: Array) -> Array:
-    """Over the first axis; few entries are unrolled, so that a batch is vectorised."""
+    """The mean square over the first axis; few entries are unrolled, to vectorise a batch."""
     if len(y) > _WRITTEN_OUT:
         return jnp.mean(y * y, axis=0)
     return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
 
 
 def _spacing(t: Array) -> Array:
-    """() of floating-point times near t, within a factor of two."""
+    """() the spacing of floating-point times near t, within a factor of two."""
     return jnp.finfo(t.dtype).eps * jnp.abs(t)
 
 
@@ -96,7 +97,7 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         del terms, dt0, args, func, error_order
-        # Shorter than the spacing of times it would be no step, and none after it any longer.
+        # If shorter than the spacing of times, it would not be a step, nor would any after it.
         tnext = t0 + jnp.maximum(self.first, _MIN_STEP_ULPS * _spacing(t0))
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
@@ -106,10 +107,10 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
         del args
         error, may, end, reach, square, limited = y_error
         if square is None:
-            # Where the new state is NaN so is what it may be off by, and the step is rejected.
+            # Where the new state is NaN so is the allowed error, and the step is rejected.
             error = self.norm(error / may)
         else:
-            # Not finite where the new state is not.
+            # The error is not finite where the new state is not.
             error = square + 0.0 * jnp.sum(y1_candidate)
         if self.look is not None and self.look.plan.mixed:
             there = t1 if end is None else end
@@ -138,10 +139,10 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
 
 
 def first_step(method: Method, tolerance: Array, start: Begun, y0: Array) -> Array:
-    """() length of the first step: the error of a step is about its power in times of the motion.
+    """() length of the first step, if its error is about a power of its length in times.
 
-    The time is that of the rate or that of the fastest change of an entry by its size, whichever is
-    shorter.
+    The time is that of the motion, or that of the fastest change of an entry by its size, whichever
+    is shorter.
 
     Args:
       method: takes a tolerance.
@@ -165,7 +166,7 @@ class FixedSteps(Observing, diffrax.AbstractStepSizeController):
     """n equal steps; the time of each is a multiple of the step, not a sum of steps.
 
     Attributes:
-      n: () how many.
+      n: () number of steps.
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
       limit: see `Observing`.

@@ -35,14 +35,14 @@ _LONG_STEPS_WARNING = (
     "Make dt smaller, or leave out the solver to use adaptive steps."
 )
 _MAX_STEP_MISMATCH = 0.05  # of a step's displacement: with more the step is meaningless
-_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps compared with
+_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that they are compared with
 T = TypeVar("T")
 
 
 class Motion:
-    """What a motion of one piece, or of several phases, can be written as and shown by.
+    """How a motion, of one piece or of several phases, is written to files and shown.
 
-    The methods lead to what is above this folder, which is loaded when they are called.
+    The methods lead to folders above this one, which are loaded when they are called.
     """
 
     def save(self, path: str | Path) -> None:
@@ -51,7 +51,7 @@ class Motion:
         Every number comes back to the bit. NumPy reads the file too: ``numpy.load(path)["ys"]``.
 
         Args:
-          path: of the .npz file.
+          path: path of the .npz file.
         Raises:
           ValueError: `path` cannot be written, the scene holds a function, or the method of fixed
             step is none of `jaxdyn.solvers`.
@@ -260,7 +260,7 @@ def _positions(motion: Trajectory) -> Array:
     return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
 
 
-#: Distance from a start, relative to each entry, at which a rate is asked that is NaN there.
+#: Distance from a start, relative to each entry, at which a rate that is NaN there is evaluated.
 _BESIDE = 1e-6
 
 
@@ -312,7 +312,7 @@ def _steps_agree(motion: Trajectory) -> Array:
         there = field.project(t + h, y + method.in_loops(1).advance(field.rate, t, h, y).increment)
         right = flow(field, y, t, t + h, nothing, loose, method=default).y1
         off, moved = jnp.max(jnp.abs(there - right)), jnp.max(jnp.abs(right - y))
-        # Both may be rounding, at rest.
+        # At rest both may be rounding.
         return off <= _MAX_STEP_MISMATCH * moved + _CHECK_RTOL * jnp.max(jnp.abs(right))
 
     return jax.lax.map(agree, (motion.ts, motion.ys))

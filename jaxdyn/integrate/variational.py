@@ -2,8 +2,8 @@
 
     d/dt V = (df/dy) V + (df/dp) P
 
-with one column of V for each perturbed number. `flow` integrates them; the derivative of an end by
-its start is `analysis.monodromy.end_and_derivative`.
+with one column of V for each perturbed number. `flow` integrates them; the derivative of an end
+with respect to its start is `analysis.monodromy.end_and_derivative`.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wra
 from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.sizes import state_of
 
-#: Tangents as columns, those of a state (k,).
+#: A state and its tangents as columns, for a state (k,).
 Columns = Float[Array, "k columns *batch"]
 
 
@@ -36,7 +36,7 @@ class Variational(eqx.Module):
     directions: eqx.Module
 
     def around(self, change: Callable, branch: Any) -> "Variational":
-        """The same of the field in a branch of its conditions; see `plan.in_branch`."""
+        """The same tangents of the field in a branch of its conditions; see `plan.in_branch`."""
         none = jax.tree.map(lambda _: None, branch)
         return Variational(change(self.field, branch), change(self.directions, none))
 
@@ -66,11 +66,11 @@ class Variational(eqx.Module):
 
         A tangent V moves the time of the switch by dt = -(dg V + dg/dp P) / (dg f + dg/dt), with g
         the margin of the condition that changes, and so becomes V + (f - f') dt, with f and f'
-        the rates before and after. What is inside may change the state itself.
+        the rates before and after. What the field is made of may change the state itself.
         """
         moving, fixed = _split_like(self.field, self.directions)
         x = y[..., 0]
-        # Rates are continuous where sliding ends; those of tangents are not, and theirs jump.
+        # Rates are continuous where sliding ends; those of tangents are not: their tangents jump.
         bends = x.ndim > 1
         jumps = bends | (which < len(old.outcomes))
 

@@ -1,9 +1,9 @@
-"""Error estimates of solutions: by a finer solution beside it, and by the effect of rounding.
+"""Error estimates of solutions: by a finer solution to compare with, and by the effect of rounding.
 
 A solution at a tolerance differs from one at a thousandth of it by its own error, up to a
 thousandth. That is the whole estimate while the second one is more accurate. Once rounding
-dominates, both solutions may share the same rounding error, so that their difference hides it.
-It is measured separately, by `rounding_error`.
+dominates, both solutions may share the same rounding error, so that their difference hides it;
+therefore `rounding_error` measures it separately.
 
 This file has the arithmetic, for anything that can be run at a tolerance; it is used by
 `accuracy` and `simulate(digits=...)`.
@@ -35,17 +35,17 @@ Names = tuple[str, str, str]
 RATIO = 1e-3
 MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
-_BESIDE_RATIO = 3.0  # ratio of tolerances of equal quality but different steps
+_BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but give different steps
 _COARSENING = 10.0  # factor, where a tolerance is below what the scene allows
 _MAX_RTOL = 1e-2
 _MIN_ORDER = 0.5  # below it the steps are too large, or rounding dominates
 _MAX_TRIES = 5  # of tolerances, to reach the requested digits
-_AIM_RATIO = 0.3  # of the requested error to aim at after a tolerance has missed it
+_AIM_RATIO = 0.3  # part of the requested error to aim at after a tolerance has missed it
 _NORMAL_MEDIAN = 0.6745  # of the magnitude of a normal variable, in standard deviations
-_STEPS_RATIO = 1.3  # times the steps that a finer solution takes
+_STEPS_RATIO = 1.3  # least ratio of the steps of a finer solution to those of the first
 _NEAR_LIMIT_DIGITS = 1.5  # digits from the limit within which two draws do not decide
 _DRAWS_AT_LIMIT = 6
-_LIMIT_RTOL = 1e-12  # tolerance whose finer solution is the one that the limit is measured on
+_LIMIT_RTOL = 1e-12  # tolerance for whose finer solution the limit is measured
 
 
 def measure(
@@ -57,8 +57,8 @@ def measure(
       run: solves a scene at a tolerance.
       scene: system, effects, start.
       ts: (s,) times of the computed states [s].
-      tolerance: (2,) relative, and absolute in parts of the motion's sizes.
-      names: of the estimate, of the solver, and of the finer solution's solver.
+      tolerance: (2,) relative tolerance, and absolute one in parts of the motion's sizes.
+      names: names of the estimate, of the solver, and of the finer solution's solver.
       by: runs the finer solution; `run` by default.
     """
     rungs = _rungs(run, by or run, scene, tolerance)
@@ -73,8 +73,8 @@ class _Rungs(NamedTuple):
       result: the solution.
       fine: states of a finer one.
       beside: states of another one, about as fine.
-      tolerance: (2,) of the solution.
-      finer: (2,) of the finer one.
+      tolerance: (2,) the tolerances of the solution.
+      finer: (2,) the tolerances of the finer one.
     """
 
     result: Any
@@ -92,7 +92,7 @@ def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
 
 
 def _estimate(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
-    """The estimate from these solutions, where rounding moves the states by `floor` (s, k)."""
+    """The estimate from these solutions, if rounding moves the states by `floor` (s, k)."""
     ys, fine = np.asarray(rungs.result.ys), rungs.fine
     off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
     error = _expected_error(np.abs(off), floor, ys, finer=2)
@@ -121,7 +121,7 @@ def reach(
       run: solves a scene at a tolerance.
       scene: system, effects, start.
       ts: (s,) times of the computed states [s].
-      digits: requested.
+      digits: number of digits requested.
       solver: name of the method.
       refuse: raise where fewer digits, but some, are possible.
     Raises:
@@ -148,7 +148,7 @@ def reach(
         short = found.most_digits < digits
         if not (missed > 1 or short) or rtol <= FINEST:
             break
-        if short:  # accurate for as long as possible, then
+        if short:  # then it is to be accurate for as long as possible
             missed = max(missed, rtol / FINEST)
         rtol *= _AIM_RATIO / missed
     found = eqx.tree_at(lambda e: e.wanted, found, digits, is_leaf=lambda x: x is None)
@@ -192,16 +192,16 @@ def halve_steps(run: Run, scene: Scene, ts: Array, h: float, name: str) -> Estim
 
 
 def _tighten(tolerance: np.ndarray) -> np.ndarray:
-    """A thousandth of the tolerance, its relative part not below the finest.
+    """A thousandth of the tolerance, with a relative part that is not below the finest.
 
-    At the finest one it is changed by a rounding, so that the steps differ.
+    The finest tolerance is changed by a small factor instead, so that the steps differ.
     """
     ratio = max(RATIO, FINEST / tolerance[0])
     return _beside(tolerance) if ratio > 0.5 else np.maximum(tolerance * ratio, [FINEST, 0.0])
 
 
 def _beside(tolerance: np.ndarray) -> np.ndarray:
-    """A third of the tolerance, or three times the finest."""
+    """A third of the tolerance; three times it where that is below the finest."""
     return tolerance * (
         1 / _BESIDE_RATIO if tolerance[0] > _BESIDE_RATIO * FINEST else _BESIDE_RATIO
     )
@@ -212,8 +212,8 @@ def _finer(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(s, k) a solution finer than one of that many steps, NaN if none is, and its tolerance.
 
-    A thousandth of the tolerance; less where that takes hardly more steps, as when the span is
-    shorter than the first step; more where it is too small for the scene.
+    The tolerance is a thousandth of the given one; it is less where that takes hardly more steps,
+    as when the span is shorter than the first step, and more where it is too small for the scene.
     """
     ys, fine = None, _tighten(tolerance)
     while True:
@@ -235,7 +235,7 @@ def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
 
     Two random perturbations determine it to a factor of ten or so, and it depends somewhat on the
     steps. Where that could decide whether the digits are possible, it is measured with more draws
-    and at the same tolerance for every number of digits, so that the limit is one number.
+    and at one tolerance for every number of digits, so that the limit is one number.
     """
     floor = rounding(run, scene, rungs.fine, rungs.finer)
     scale = scales(scene, rungs.fine)
@@ -250,7 +250,7 @@ def _expected_error(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: i
 
     All have rounding errors of root mean square `floor`; the states `ys` also have the error of
     their tolerance, whose size follows from the gap. The error of the states is their share of
-    the gap plus a normal deviation, of which the median is taken.
+    the gap plus a normal deviation, whose median is taken.
     """
     wide = gap > np.sqrt(1 + 1 / finer) * floor
     share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))

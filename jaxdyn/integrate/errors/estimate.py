@@ -12,9 +12,9 @@ from jaxdyn.scales import at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.system import Record
 
-#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 errs by more.
+#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 is wrong by more.
 ROUNDING_MARGIN = 5.0
-#: Entries below this part of what others move them by may be rounding.
+#: Entries below this part of what others move them by may be only rounding.
 _NOTHING = 1e-10
 
 
@@ -101,7 +101,7 @@ class Estimate(Record):
 
 
 def kind_of(kind: str, scene: Scene) -> str:
-    """A kind of estimate, and what it is blind to, as the solution is; host only."""
+    """A kind of estimate, and what the estimate, like the solution, is blind to; host only."""
     unread = plan_of(scene.field, len(scene.y0)).unread
     return f"{kind}, blind to {', '.join(sorted(unread))}" if unread else kind
 
@@ -114,7 +114,7 @@ def digits_of(error) -> float:
 def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
     """(k,) largest magnitude over times (s, k) of the entries of a kind, see `scales.Groups`.
 
-    Those that are zero, or rounding, are measured by what others move them by; 1 if nothing does.
+    Entries that are zero, or rounding, are measured by what others move them by; 1 if none does.
     """
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
     return np.asarray(_of_kinds(scene.field, sizes, scene.y0, scene.t1))
@@ -122,7 +122,7 @@ def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
 
 @eqx.filter_jit
 def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
-    # Angles are within a turn.
+    # Angles are not capped at a radian: differences are within a turn.
     kinds = field.groups._replace(most=(np.inf,) * len(y0))
     sizes, moved = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
     sizes = jnp.where(sizes > _NOTHING * moved, sizes, moved)
@@ -133,7 +133,7 @@ def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(s, k) differences of states in the system's sense, angles modulo a turn."""
     plain = ys - others
     wrapped = np.asarray(_differences(scene.system, ys, others))
-    # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain one is exact.
+    # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain difference is exact.
     return np.where(np.abs(plain) <= 1.0, plain, wrapped)
 
 

@@ -1,9 +1,9 @@
-"""The effect of rounding on a motion: it is solved again with random perturbations of each step.
+"""The effect of rounding on a motion, from solving it again with each step perturbed at random.
 
-Two solutions may share the same rounding error, so that their difference hides it. The change of
-the states by relative perturbations in the ninth digit, scaled to half of the last digit, is the
-effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time, near an
-unstable motion exponentially.
+Two solutions may share the same rounding error, so that their difference hides it. Relative
+perturbations in the ninth digit change the states; that change, scaled to half of the last digit,
+is the effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time, near
+an unstable motion exponentially.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from jaxdyn.integrate.errors.estimate import gaps, scales
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.perturbed import Noise
 
-#: (scene, (2,) tolerance, noise of each step) -> a result with `ys`, (s, k) states, NaN where
+#: (scene, (2,) tolerance, noise of each step) -> a result whose `ys` are (s, k) states, NaN where
 #: not reached.
 Run = Callable[..., Any]
 
@@ -30,10 +30,10 @@ def rounding(
 ) -> np.ndarray:
     """(s, k) the effect of rounding on the states `ys` that `run` finds at a tolerance.
 
-    The root mean square of the changes of the states by random perturbations of each step, scaled
-    from perturbations large enough to be measured down to half a spacing of doubles: at each time
-    from the largest with which motions stay close. Where none do, no digit is certain and the
-    scale itself is returned.
+    It is the root mean square of the changes of the states by random perturbations of each step,
+    scaled from perturbations large enough to be measured down to half a spacing of doubles. At each
+    time the largest perturbation counts with which motions stay close. Where none do, no digit is
+    certain and the scale itself is returned.
     """
     scale = scales(scene, ys)
     found = np.broadcast_to(scale, ys.shape).copy()

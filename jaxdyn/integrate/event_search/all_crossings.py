@@ -37,15 +37,15 @@ _AT_ONCE = 64
 
 
 class Crossings(NamedTuple):
-    """The crossings of one motion, in the order they happen.
+    """The crossings of one motion, in the order in which they happen.
 
     Attributes:
       ts: (n,) times; NaN after the last crossing found.
-      ys: (n, k) states then, NaN likewise.
+      ys: (n, k) states at these times, NaN likewise.
       directions: (n,) 1 where the value rises along the motion, -1 where it falls; 0 after the
         last one.
       count: () number of crossings found.
-      status: () `Status` code of the motion: those found before it failed are valid.
+      status: () `Status` code of the motion; crossings found before it failed are valid.
     """
 
     ts: Array
@@ -166,7 +166,7 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
 def _find(
     field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
 ) -> tuple[Crossings, Array]:
-    """The crossings, and the number of steps that are left of the limit."""
+    """The crossings, and the number of steps that are left until the limit."""
     search = functools.partial(_search, method=method, rows=rows)
     args = (field, event, y0, t0, side, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
@@ -178,7 +178,7 @@ def _find_jvp(primals, tangents, *, method, rows):
     d_field, d_event, d_y0, d_t0, _, _, _ = tangents
     found, left = _find(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
-    # Only as far as the last crossing: the motion may fail after it.
+    # The motion is followed only as far as the last crossing: it may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
     ts = jnp.where(there, found.ts, end)
 
@@ -206,13 +206,13 @@ _compiled = eqx.filter_jit(_find)
 def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):
     def following(carry, _):
         t, y, side, status, left = carry
-        sides = side[None]  # just after the last crossing: it is known, not looked at again
-        # Each search has the steps that those before it left: together they are bounded.
+        sides = side[None]  # just after the last crossing the side is known, not looked at again
+        # Each search has the steps that those before it left, so that their sum is bounded.
         held_to = limits.with_steps(left)
         end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
-        # Without another crossing the rest of the rows takes no step.
+        # If there is no other crossing, the remaining rows take no step.
         t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end)
         side = jnp.where(there, found.towards, 0.0)
         row = jnp.where(there, t, jnp.nan), jnp.where(there, y, jnp.nan), side.astype(int), there

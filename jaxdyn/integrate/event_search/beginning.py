@@ -10,7 +10,7 @@ from jaxdyn.integrate.event_search.event_values import bends, look, values
 
 #: Roundings of state and time by which a value at a start on an event may miss zero.
 _ROUNDINGS = 16
-#: Of the first step: this close to the start the first terms of its series tell how it goes on.
+#: Part of the first step within which the first terms of its series tell how the motion goes on.
 _CLOSE = 2.0**-10
 
 
@@ -21,7 +21,7 @@ class Beginning(NamedTuple):
       t: () time.
       y: (k,) state.
       rate: (k,) its rate.
-      turn: (k,) its second derivative.
+      turn: (k,) the state's second derivative.
       g: (E,) values.
       slope: (E,) slopes in time.
       noise: (E,) rounding of the values there.
@@ -41,7 +41,7 @@ class Beginning(NamedTuple):
 
     @classmethod
     def of(cls, field, events: tuple, t: Array, y: Array) -> "Beginning":
-        """At (t, y); `field` has ``rate(t, y)`` and a ``system``."""
+        """The beginning at (t, y); `field` has ``rate(t, y)`` and a ``system``."""
         rate = field.rate(t, y)
         here = look(field, events, t, y)
         return cls(
@@ -59,10 +59,11 @@ class Beginning(NamedTuple):
     def sides(self, events: tuple, h: Array, wanted: Array) -> Array:
         """(E,) signs just after the start, before a first step h ().
 
-        If the motion starts on an event, the slope decides; where that is zero as well, whether the
-        value changes its sign there, as that of y^3 does: then the motion is leaving. If it does
-        not, a crossing in the wanted direction counts: otherwise a ball that bounces by less than
-        rounding would fall through the floor. Without a wanted direction the motion has left.
+        If the motion starts on an event, the slope decides. Where the slope is zero as well, it
+        depends on whether the value changes its sign there, as y^3 does: if so, the motion is
+        leaving. If not, a crossing in the wanted direction counts: otherwise a ball that bounces by
+        less than rounding would fall through the floor. If both directions are wanted, the motion
+        has left.
 
         Args:
           events: as in `of`.
@@ -78,6 +79,6 @@ class Beginning(NamedTuple):
         return jnp.where(jnp.abs(self.g) <= moved, leaving, jnp.sign(self.g))
 
     def _near(self, events: tuple, h: Array, noise: Array) -> Array:
-        """(E,) signs a short time later, by the first terms of the series; 0 for rounding."""
+        """(E,) signs a short time later, by the first terms of the series; 0 within rounding."""
         g = values(events, self.t + h, self.y + h * self.rate + 0.5 * h * h * self.turn)
         return jnp.where(jnp.abs(g) > noise, jnp.sign(g), 0.0)

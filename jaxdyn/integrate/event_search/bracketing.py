@@ -23,7 +23,7 @@ def are_settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array
     """(s - 1, E) whether each of E functions crosses zero between samples only as its sides say.
 
     Args:
-      times: (s,) of the samples, increasing or decreasing; s > 2.
+      times: (s,) times of the samples, increasing or decreasing; s > 2.
       g: (s, E) values.
       slope: (s, E) slopes in time.
       sides: (s, E) signs of the values; where a value is within rounding of zero, the sign before.
@@ -42,9 +42,9 @@ class Stretch(NamedTuple):
 
     Attributes:
       g0: values at the first sample.
-      g1: values at the second one.
+      g1: values at the second sample.
       slope0: slopes in time at the first sample.
-      slope1: slopes at the second one.
+      slope1: slopes at the second sample.
       width: the time between them, of either sign.
     """
 
@@ -66,7 +66,7 @@ class Stretch(NamedTuple):
         Args:
           fourth: size of the fourth derivatives.
           before: signs of the values at the first sample, see `are_settled`.
-          after: signs at the second one.
+          after: signs at the second sample.
           noise: values up to this are rounding.
         """
         doubt = _SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4

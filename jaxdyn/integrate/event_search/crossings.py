@@ -30,19 +30,19 @@ from jaxdyn.status import Status
 
 # ---- The times of events, from brackets to full precision
 
-_MIN_BRACKET_PART = 2.0**-80  # of a bracket: an event this close to its beginning happens there
-#: Newton steps or bisections at most; about five are usual. At a flat zero every second look halves
+_MIN_BRACKET_PART = 2.0**-80  # part of a bracket: an event this close to its beginning is there
+#: Most Newton steps or bisections; about five are usual. At a flat zero every second look halves
 #: the bracket.
 _MAX_LOOKS = 200
-_SHORT = 2.0**-20  # by this part the last correction falls short where the full one is too much
+_SHORT = 2.0**-20  # part by which the last correction falls short where the full one is too much
 
 
 class Bracket(NamedTuple):
-    """Times that enclose each of E events, and the sign after it.
+    """Times that enclose each of E events, and the sign of its value after it.
 
     Attributes:
       low: (E,) the earlier time; infinite where nothing was found.
-      high: (E,) the later one.
+      high: (E,) the later time.
       towards: (E,) sign of the value after the crossing.
     """
 
@@ -58,7 +58,7 @@ class Bracket(NamedTuple):
 
     @property
     def found(self) -> Array:
-        """(E,) whether something was."""
+        """(E,) whether an event was found."""
         return jnp.isfinite(self.low)
 
 
@@ -79,12 +79,12 @@ class _Polish(NamedTuple):
 def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
-    Newton's method safeguarded by its bracket: bisection where its steps are not halved. The search
-    has arrived where a neighbour of the state is on the other side, or two times are: the size of
-    the value does not tell, since a value that is flat at its zero is tiny far from it. The low
-    end may be the start of the motion, with a value of rounding noise, so the sign there is known
-    from the bracket, not evaluated. In the end, when only rounding remains, it steps back to a
-    state that is not beyond the event: a ball released below the floor, even by one rounding, may
+    It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
+    The search has arrived where a neighbour of the state, or of the time, is on the other side: the
+    size of the value does not tell, since a value that is flat at its zero is tiny far from it. The
+    low end may be the start of the motion, with a value of rounding noise, so the sign there is
+    known from the bracket, not evaluated. In the end, when only rounding remains, it steps back to
+    a state that is not beyond the event: a ball released below the floor, even by one rounding, may
     never come above it, and would fall through.
     """
     found, towards = bracket.found, bracket.towards
@@ -149,7 +149,7 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
 def land(
     sight: Sight, which: Array, t0: Array, h: Array, y: Array, towards: Array
 ) -> tuple[Array, Array]:
-    """Time after t0 and state of an event, moved onto it as far as it is not beyond then.
+    """Time after t0 and state of an event, moved onto it without passing beyond it.
 
     A step ends within rounding of the event. In a straight line from there the value can be brought
     nearer to zero than the rounding of a step: a motion that starts there is known to start on the
@@ -188,13 +188,13 @@ def land(
 _LOOK_PLACES = np.array([0.23, 0.49, 0.77, 1.0])
 _MIN_PANEL = (
     2.0**-24
-)  # of a step: between samples this close a value has no extremum except by rounding
-#: Tolerances that the error of the step to an event may be: it is a part of a step with one.
+)  # part of a step: between samples this close a value has no extremum except by rounding
+#: Largest error of the step to an event, in tolerances: a part of a step whose error was at most 1.
 _TRUSTED_ERROR = 1e3
-_AT_ONCE = 1e-13  # relative difference of the times of events, after a node, that happen at once
-_MAX_PANELS = 4096  # in a step at most, for a value that oscillates near zero
-_MAX_CLOCKED = 2**20  # likewise of a value with parts in time alone; what is left is unseen
-_PANEL_GROWTH = 4.0  # of the panel length after a settled panel
+_AT_ONCE = 1e-13  # relative difference of times after a node up to which events are simultaneous
+_MAX_PANELS = 4096  # most panels in a step, for a value that oscillates near zero
+_MAX_CLOCKED = 2**20  # likewise for a value with parts in time alone; beyond that it is unseen
+_PANEL_GROWTH = 4.0  # factor of the panel length after a settled panel
 
 
 class Crossing(NamedTuple):
@@ -207,7 +207,7 @@ class Crossing(NamedTuple):
       status: () `Status` code.
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
-      sizes: (k,) of the motion so far, see `solvers.sizes`.
+      sizes: (k,) sizes of the motion so far, see `solvers.sizes`.
     """
 
     t: Array
@@ -232,7 +232,7 @@ def first_crossing(
     method: Method,
     before: Before | None = None,
 ):
-    """The motion up to where the search ended, and the first crossing; no derivatives.
+    """The motion up to where the search ended, and the first crossing; without derivatives.
 
     Args:
       field: a module with ``rate(t, y)`` and ``project(t, y)``.
@@ -258,7 +258,7 @@ def first_crossing(
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
     h, y = land(sight, which, seen.t0, hs[which], ys[:, which], towards)
-    # A step is checked at its end; of the shorter one to the event only this is known.
+    # A step is checked at its end; for the shorter step to the event there is only this check.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
     size = StepControl.norm(step.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
@@ -406,7 +406,7 @@ def _judge(survey: _Survey, looks: _Look, h: Array, wanted: Array, most: int) ->
     hit = _first(across)
     into, found = (unclear < n) & (unclear <= hit), hit < unclear
     begin = jax.tree.map(lambda x: x[jnp.where(into, unclear, n)], looks)
-    # No sliver is left over at the end of the step.
+    # The next panel takes in what would be a sliver at the end of the step.
     following = jnp.where(
         survey.end + (_PANEL_GROWTH + 1) * width < 1, survey.end + _PANEL_GROWTH * width, 1.0
     )

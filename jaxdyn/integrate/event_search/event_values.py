@@ -19,8 +19,8 @@ from jaxdyn.solvers import Method
 _SIDE_ROUNDINGS = 4
 #: Directions in which neighbours of a state are looked at, each there and back.
 _NEIGHBOUR_PAIRS = 3
-#: What the steepest slope of a part in time may make of it between the ends of a few looks, in
-#: ranges of what is seen: little more than a period of a sine.
+#: Largest change that the steepest slope of a part in time may make between a few looks, in
+#: multiples of the range that is seen: little more than a period of a sine.
 _FEW_WAVES = 4.0
 #: Roundings of state and time within which two events count as simultaneous.
 _COINCIDENCE_ROUNDINGS = 64
@@ -49,7 +49,7 @@ def values(events: tuple, t: Array, y: Array) -> Array:
 
 def directions(events: tuple) -> Array:
     """(E,) the signs after the crossings that count, 0 for both."""
-    counts = (getattr(event, "count", 1) for event in events)  # more for conditions of a rate
+    counts = (getattr(event, "count", 1) for event in events)  # conditions of a rate have several
     return jnp.concatenate(
         [jnp.full(n, float(event.direction)) for n, event in zip(counts, events, strict=True)]
     )
@@ -58,8 +58,9 @@ def directions(events: tuple) -> Array:
 def sizes(system: System, y: Array) -> Array:
     """(k,) the magnitudes to whose rounding the entries of a state are known.
 
-    An entry's own; with constraints the largest with the same unit, since a projection mixes
-    them: a velocity of 1e-33 m/s off the surface beside one of 1 m/s along it is none.
+    It is the entry's own magnitude; with constraints it is the largest with the same unit, since a
+    projection mixes them: a velocity of 1e-33 m/s off the surface beside one of 1 m/s along it is
+    zero.
     """
     if type(system).project is System.project:
         return jnp.abs(y)
@@ -68,7 +69,7 @@ def sizes(system: System, y: Array) -> Array:
 
 
 def look(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> Looked:
-    """The events of a motion at (t, y); an entry that has been larger (`size`) is known less."""
+    """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
     rows, terms = _terms(field, events, t, y)
     eps = jnp.finfo(y.dtype).eps
     known = jnp.maximum(sizes(field.system, y), size)
@@ -91,15 +92,15 @@ def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]
     """(E,) signs of the values, 0 where rounding decides, and (E,) how much it changes them.
 
     A sign is known if all neighbours of the state have it. No bound on the value itself could tell:
-    that of y^5 is below every bound long before y is zero to rounding. A few neighbours are looked
-    at instead of the derivatives by all entries: that costs less where there are many, and tells
-    the rounding within the value as well.
+    y^5 is below every bound long before y is zero to rounding. A few neighbours are evaluated
+    instead of the derivatives with respect to all entries: that costs less where there are many
+    entries, and tells the rounding within the value as well.
 
     Args:
       events: modules with ``value(t, y)``.
       t: () time.
       y: (k,) state.
-      size: (k,) magnitudes to whose rounding it is known.
+      size: (k,) magnitudes to whose rounding the state is known.
     """
     ways = _SIDE_ROUNDINGS * jnp.finfo(y.dtype).eps * _neighbours(len(y))
     ts, ys = t + ways[:, 0] * t, y[None] + ways[:, 1:] * size[None]
@@ -113,7 +114,7 @@ def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]
 
 @functools.cache
 def _neighbours(k: int) -> np.ndarray:
-    """(2 p, 1 + k) shifts of time and state of size one: no two entries cancel in all."""
+    """(2 p, 1 + k) shifts of time and state of size one; no two entries cancel in all of them."""
     rng = np.random.default_rng(0)
     ways = rng.uniform(0.75, 1.25, (_NEIGHBOUR_PAIRS, 1 + k))
     ways[1:] *= rng.choice([-1.0, 1.0], ways[1:].shape)
@@ -121,24 +122,24 @@ def _neighbours(k: int) -> np.ndarray:
 
 
 def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
-    """(E, k) derivatives of the values by the state; (E, 1 + k) the terms of their slopes."""
+    """(E, k) derivatives of values with respect to the state; (E, 1 + k) terms of their slopes."""
     by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
     return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
 def at(events: tuple, t: Array, y: Array, rate: Array, size: Array) -> tuple[Array, ...]:
-    """(E,) each: values, slopes along a motion of this rate, and what `sides` says."""
+    """(E,) each: values, slopes along a motion of this rate, and the two results of `sides`."""
     ahead = (jnp.ones_like(t), rate)
     g, slope = jax.jvp(functools.partial(values, events), (t, y), ahead)
     return g, slope, *sides(events, t, y, size)
 
 
 class Clocks(eqx.Module):
-    """What the values of events have in time alone, which no step of the motion measures.
+    """What the values of events do in time alone, which no step of the motion measures.
 
     Attributes:
       events: modules with ``value(t, y)``.
-      plan: of their values.
+      plan: the plan of their values.
     """
 
     events: tuple
@@ -146,7 +147,7 @@ class Clocks(eqx.Module):
 
     @classmethod
     def of(cls, events: tuple, k: int) -> "Clocks | None":
-        """That of events of a state (k,); None where nothing is hidden, or conditions decide."""
+        """The clocks of events of a state (k,); None if nothing is hidden, or conditions decide."""
         plan = plan_of(_Values(events), k, waves=True)
         return cls(events, plan) if plan.hides and not plan.size else None
 
@@ -157,7 +158,7 @@ class Clocks(eqx.Module):
 
 
 class _Values(eqx.Module):
-    """Values of events in the place of a rate."""
+    """Values of events, in the form of a field with a rate."""
 
     events: tuple
 
