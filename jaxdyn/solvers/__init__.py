@@ -1,25 +1,26 @@
 """Solvers: the values of the argument ``solver`` of `simulate`.
 
-- `Pair`: explicit, with a tolerance; the default of long rates. `NYSTROM12`, `VERNER9`, `DOPRI8`.
+- `Pair`: explicit, with a tolerance; the default for long rates. `NYSTROM12`, `VERNER9`, `DOPRI8`.
   With a step instead, for comparison: `EULER`, and the classic `RK4`.
-- `Composition`: symplectic and explicit, with a step; long conservative runs without forces that
-  depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
-- `Gauss`: symplectic and implicit, with a step; long conservative runs of other scenes.
+- `Composition`: symplectic and explicit, with a step; for long conservative runs without forces
+  that depend on velocity. `VERLET`, `BLANES_MOAN6`, `KAHAN_LI8`, `SOFRONIOU_SPALETTA10`.
+- `Gauss`: symplectic and implicit, with a step; for long conservative runs of other scenes.
   `GAUSS8`, `GAUSS12`.
-- `Stoermer`: explicit, with a tolerance; 3 to 12 bodies, and polynomial forces, that do not depend
-  on velocity, in half of the time of a pair for the same error. `STOERMER14`; `STOERMER18`, mostly
-  their default.
-- `Taylor`: explicit, with a tolerance; scenes with short formulas, in a quarter to a half of the
-  time of a pair; mostly their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`, `TAYLOR20`.
-- `Radau`: L-stable and implicit, with a tolerance; stiff scenes. `RADAU5`, `RADAU9`.
+- `Stoermer`: explicit, with a tolerance; for 3 to 12 bodies, and for polynomial forces, that do not
+  depend on velocity, in half of the time of a pair for the same error. `STOERMER14`; `STOERMER18`,
+  mostly their default.
+- `Taylor`: explicit, with a tolerance; for scenes with short formulas, in a quarter to a half of
+  the time of a pair; mostly their default. `TAYLOR8`, `TAYLOR12`, `TAYLOR14`, `TAYLOR16`,
+  `TAYLOR20`.
+- `Radau`: L-stable and implicit, with a tolerance; for stiff scenes. `RADAU5`, `RADAU9`.
 - A Runge-Kutta solver of diffrax, such as ``diffrax.Tsit5()`` or the implicit
   ``diffrax.Kvaerno5()``; see `from_diffrax`.
 
-`choice` selects the one for a scene. Contents: `method` (the interface), `stepper` (one step as
-diffrax calls it, with compensated sums, and the loop over steps), `sizes` (in which a tolerance is
-absolute by default), `pairs` (with corrections of rounded tables), `compositions`, `gauss`,
-`radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax); `side_by_side` steps
-several motions at once, `perturbed` magnifies rounding errors.
+`choice` selects the one for a scene. The folder contains `method` (the interface), `stepper` (one
+step as diffrax calls it, with compensated sums, and the loop over steps), `sizes` (the sizes in
+which a tolerance is absolute by default), `pairs` (with corrections of rounded tables),
+`compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax);
+`side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
 `intervals` and `enclosures` bound the values of formulas over boxes in doubles, for equilibria;
 proofs of orbits use `balls`.
 

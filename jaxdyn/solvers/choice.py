@@ -28,28 +28,29 @@ Solver = Method | diffrax.AbstractSolver
 
 #: Default of the relative tolerance of a step.
 RTOL = 1e-10
-#: Operations of a rate up to which its formulas are sought, which takes a tenth of a second.
+#: Number of operations of a rate up to which its formulas are sought: that takes a tenth of a
+#: second.
 _LONGEST = 1000
-#: Products at each order of a Taylor series up to which an order runs fastest; for looser
-#: tolerances than 1e-8, which leave little to gain by high orders, below.
+#: For each number of products at each order of a Taylor series, the order that runs fastest up to
+#: it; below, likewise for tolerances looser than 1e-8, which leave little to gain by high orders.
 _ORDERS = {4: TAYLOR20, 11: TAYLOR16, 16: TAYLOR14, 24: TAYLOR12}
 _LOOSE_ORDERS = {4: TAYLOR16, 24: TAYLOR12}
 _LOOSE = 1e-8
-#: Where no force depends on velocity: products of powers and quotients alone, and of polynomials,
-#: up to which a series runs faster than methods that evaluate forces. A sine or an exponential
-#: takes 12 ns to evaluate (measured), as long as tens of products, and a series has it once a step;
-#: a quotient takes as long as a few products.
+#: Where no force depends on velocity: the number of products up to which a series runs faster than
+#: methods that evaluate forces, if these are made of powers and quotients alone, and if they are
+#: polynomials. A sine or an exponential takes 12 ns to evaluate (measured), as long as tens of
+#: products, and a series evaluates it once a step; a quotient takes as long as a few products.
 _POWERS, _POLYNOMIALS = 7, 2
-#: The same methods for velocity-independent forces: derivatives are by the Nystrom pair.
+#: The same methods for velocity-independent forces: the Nystrom pair takes the derivatives.
 _BY_PLACES = {
     method: Taylor(method.order, tangents=NYSTROM12)
     for method in (TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20)
 }
 
-#: Tolerances from which on the extrapolated leapfrog may be taken: rounding limits it below.
+#: The finest tolerance at which the extrapolated leapfrog is used: rounding limits it below.
 _FINEST_EXTRAPOLATED = 1e-11
-#: Numbers of a state for which it is faster than the Nystrom pair: 3 points in the plane to 12 in
-#: space; fewer where forces are formulas of powers and quotients.
+#: Lengths of a state for which it is faster than the Nystrom pair: 3 points in the plane to 12 in
+#: space; also shorter ones where forces are formulas of powers and quotients.
 _EXTRAPOLATED_NUMBERS = range(12, 73)
 
 
@@ -74,7 +75,7 @@ def method_of(solver: Solver) -> Method:
 
 @check_first
 def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
-    """The method that a scene is solved with if none is asked for.
+    """The method that solves a scene if none is asked for.
 
     - Where forces may depend on velocity: a `Taylor` series, if the rate has one wherever it is
       finite, of at most 15 numbers and 24 products an order; else `VERNER9`.
@@ -83,10 +84,11 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
       the tolerance is not below 1e-11.
     - Else, at tolerances not below 1e-11, the extrapolated leapfrog, `STOERMER18`, for states of
       12 to 72 numbers, and for fewer if forces are made of powers and quotients alone. But at
-      tolerances above 1e-8 `NYSTROM12` for these fewer numbers, and for polynomials of at most 15.
+      tolerances above 1e-8 it is `NYSTROM12` for these fewer numbers, and for polynomials of at
+      most 15.
     - Else `NYSTROM12`.
 
-    A tolerance that is known at run time only counts as below 1e-11, as does a request for digits.
+    A tolerance that is only known at run time counts as below 1e-11, as does a request for digits.
     The more products, the lower the order that runs fastest: `TAYLOR20` up to 4, `TAYLOR16` up to
     11, `TAYLOR14` up to 16, `TAYLOR12` up to 24; at tolerances above 1e-8 `TAYLOR16` up to 4,
     `TAYLOR12` up to 24.
@@ -102,24 +104,24 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     0.96, 1.04 (a chain of springs with quadratic forces; the pair 0.77 at 1e-6).
 
     The orders rest on the twenty problems of `benchmarks.problems` and `benchmarks.classics`, and
-    lately on the twelve of `benchmarks.others`. There 90 of 96 cases are within 1.15 of the fastest
-    method; the others are listed in `benchmarks.default_method`.
+    on the twelve of `benchmarks.others`. In the latter 90 of 96 cases are within 1.15 of the
+    fastest method; the other cases are listed in `benchmarks.default_method`.
 
-    At the same tolerance errors of series are no larger than those of the pair in nine of ten runs,
-    and a sixteenth in the median; those of the leapfrog a tenth to a twentieth down to 1e-10, also
-    in encounters. Rounding, which its extrapolation amplifies, lets it get no further than 1e-14
-    where the pair gets to 1e-15, and to a few times the errors of the pair in close encounters;
-    hence the limit of 1e-11. For more than 12 bodies, which the pair vectorises, it takes 1.3 times
-    as long.
+    At the same tolerance, errors of series are no larger than those of the pair in nine of ten
+    runs, and a sixteenth of them in the median; those of the leapfrog are a tenth to a twentieth
+    down to 1e-10, also in encounters. Rounding, which its extrapolation amplifies, lets it get no
+    further than 1e-14 where the pair gets to 1e-15, and in close encounters to a few times the
+    errors of the pair; hence the limit of 1e-11. For more than 12 bodies, which the pair
+    vectorises, it takes 1.3 times as long.
 
     A series does not look at the rate within a step: what acts in a place so small that a step
     passes over it, as a wind in a thin layer, is missed more easily than by the pair.
 
-    For derivatives, events and ensembles, which cross several steps side by side, it is the pair.
+    For derivatives, events and ensembles, which cross several steps side by side, the pair is used.
 
-    Outside of traces the pair takes over where steps of another default collapse, as where exp(x)
-    overflows in a rate that stays finite. Inside jit, grad and vmap it is the default of rates with
-    exponentials.
+    Outside of traces the pair takes over where the steps of another default collapse, as where
+    exp(x) overflows in a rate that stays finite. Inside jit, grad and vmap it is the default for
+    rates with exponentials.
 
     No rule sees that a motion will be stiff. `simulate`, `solve`, `until` and `crossings` find
     out: outside of traces they start again with `RADAU9` once stability, not accuracy, has limited
@@ -128,8 +130,8 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     ``python -m benchmarks default`` has all figures.
 
     Args:
-      scene: any.
-      rtol: () relative tolerance; if traced, a method for all tolerances.
+      scene: any scene.
+      rtol: () relative tolerance; if traced, the method has to suit all tolerances.
       several: whether the method has to cross several steps side by side, as ensembles and the
         search for events ask of it. Taylor series cannot.
     """
@@ -161,18 +163,18 @@ def within_trace(scene: Scene, method: Method) -> Method:
 
 
 def reason(scene: Scene, rtol=RTOL) -> str:
-    """Why `default_solver` takes what it takes."""
+    """Why `default_solver` takes the method that it does."""
     return _rule(scene, rtol)[1]
 
 
 def _rule(scene: Scene, rtol) -> tuple[Method, str]:
-    """The default, and why."""
+    """The default, and the reason for it."""
     found = series_of(scene.field, scene.y0, longest=_LONGEST)
     known = None if _checks.is_traced(rtol) else float(rtol)
     return _method_of_rule(found, scene.second_order, len(scene.y0), known)
 
 
-@functools.lru_cache  # to put the reason into words takes half as long as to find it
+@functools.lru_cache  # putting the reason into words takes half as long as finding it
 def _method_of_rule(
     found: Series | None, second_order: bool, k: int, rtol: float | None
 ) -> tuple[Method, str]:
@@ -213,8 +215,8 @@ def _by_series(
     """The series to take, if any, and why.
 
     Args:
-      series: what it costs; None if there is none.
-      loose: whether the tolerance is.
+      series: what the series costs; None if there is none.
+      loose: whether the tolerance is loose.
       most: products above which another method is faster.
       kind: the forces that this limit holds for, for the message.
     """
@@ -235,7 +237,7 @@ def _by_series(
 def choose_method(
     scene: Scene, solver: Solver | None, *, rtol=RTOL, several: bool = False
 ) -> Method:
-    """The requested method, if it suits the scene, or that of `default_solver`.
+    """The requested method, if it suits the scene, or the one of `default_solver`.
 
     Raises:
       ValueError: `solver` requires velocity-independent forces, and the scene has others.

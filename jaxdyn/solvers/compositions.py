@@ -100,7 +100,7 @@ class Composition(Method):
 def _palindrome(half: tuple[float, ...], n: int) -> list[float]:
     """A palindrome of n numbers with sum 1, from its first numbers.
 
-    With n odd the one in the middle follows from the sum, with n even the two there.
+    For odd n the number in the middle follows from the sum, for even n the two there.
     """
     inner = 1.0 - 2.0 * math.fsum(half)
     middle = [inner] if n % 2 else [inner / 2, inner / 2]

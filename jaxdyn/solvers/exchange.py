@@ -1,9 +1,9 @@
 """Exchange with diffrax: its Runge-Kutta solvers as methods, methods as its solvers.
 
-`from_diffrax` takes the table of an explicit solver; an implicit one takes its own steps, within
+`from_diffrax` takes the table of an explicit solver; an implicit solver takes its own steps, within
 the same loop and step control as all methods. `to_diffrax` makes a solver of any method. The dense
-output of such a solver is the Hermite polynomial through states within the step, each of them one
-step of the method from its left end, and the slopes there, as many as its order needs.
+output of such a solver is the Hermite polynomial through states and slopes within the step, as many
+as its order needs; each of these states is one step of the method from the left end.
 """
 
 import dataclasses
@@ -32,16 +32,16 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
     ``solver`` call this themselves.
 
     Args:
-      solver: an instance, for ODEs. Of an explicit one only the table is used. An implicit one,
+      solver: an instance, for ODEs. Of an explicit solver only the table is used. An implicit one,
         such as ``diffrax.Kvaerno5()``, takes its own steps; its root finder has the tolerances of
-        a step unless it has its own. One that splits the rate, such as ``diffrax.KenCarp4()``, has
-        all of it in its implicit part. Dense output and the reuse of the last stage are not used.
+        a step unless it has its own. If it splits the rate, as ``diffrax.KenCarp4()`` does, its
+        implicit part gets the whole. Dense output and the reuse of the last stage are not used.
     Raises:
       ValueError: `solver` is not an instance, is for stochastic equations, or carries more than a
         state from step to step, as multistep methods do.
-    Limits: implicit ones solve linear systems by LAPACK in each step: `RADAU9` is many times faster
-      for small stiff scenes. Where step control rejects a step they may reject it too, as when
-      their iteration does not converge.
+    Limits: implicit solvers solve linear systems by LAPACK in each step: `RADAU9` is many times
+      faster for small stiff scenes. Besides step control, such a solver may reject a step itself,
+      as when its iteration does not converge.
     Example:
       >>> import diffrax
       >>> from_diffrax(diffrax.Tsit5()) is from_diffrax(diffrax.Tsit5())
@@ -53,7 +53,7 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
       True
     """
     table = getattr(solver, "tableau", None)
-    if type(solver) is diffrax.Euler:  # the one explicit solver there that has no table
+    if type(solver) is diffrax.Euler:  # the only explicit solver of diffrax without a table
         return EULER
     reason, remedy = _unsuitable(solver, table)
     if reason:
@@ -108,20 +108,20 @@ def _unsuitable(solver, table) -> tuple[str, str]:
 
 
 def _explicit(solver, table) -> bool:
-    """Whether one strictly lower triangular table says all of a solver."""
+    """Whether one strictly lower triangular table describes a solver completely."""
     implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
     return isinstance(table, diffrax.ButcherTableau) and not (implicit or table.implicit)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Guest(Method):
-    """A solver of diffrax whose steps are its own; only the state passes from one to the next.
+    """A solver of diffrax that takes its own steps; only the state passes from one to the next.
 
     Attributes:
       solver: the solver.
-      name: its class.
+      name: the name of its class.
       order: its order.
-      error_order: that of its error estimate.
+      error_order: the order of its error estimate.
     """
 
     solver: diffrax.AbstractSolver
@@ -141,7 +141,7 @@ class Guest(Method):
     def advance_within(
         self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
     ) -> Advance:
-        # Times count from the start of the step, whose length would be rounded else.
+        # Times count from the start of the step, or else its length would be rounded.
         term: Any = diffrax.ODETerm(lambda after, y, args: field(t + after, y))
         if isinstance(getattr(self.solver, "tableau", None), diffrax.MultiButcherTableau):
             term = diffrax.MultiTerm(diffrax.ODETerm(_nothing), term)
@@ -149,13 +149,13 @@ class Guest(Method):
         begin = jnp.zeros_like(t)
         state = solver.init(term, begin, h, y, None)
         y1, error, _, _, result = solver.step(term, begin, h, y, None, state, made_jump=False)
-        # Where an iteration has failed the step is too long.
+        # Where an iteration has failed, the step is too long.
         solved = result == diffrax.RESULTS.successful
         return Advance(y1 - y, jnp.where(solved, jnp.abs(error), jnp.inf))
 
 
 def _with_tolerances(solver, rtol: Array, atol: Array):
-    """The solver, whose root finder has these tolerances if it was to have those of its steps."""
+    """The solver; if its root finder was to have the tolerances of its steps, it has these."""
     finder = getattr(solver, "root_finder", None)
     if finder is None or isinstance(getattr(finder, "rtol", 0.0), float | Array):
         return solver
@@ -169,7 +169,7 @@ def _with_tolerances(solver, rtol: Array, atol: Array):
 def _guest(solver) -> Guest:
     try:
         hash(solver)
-    except TypeError:  # arrays among its fields: nobody asks for an equal one
+    except TypeError:  # with arrays among its fields it has no hash, and is not looked up
         return _guest_of.__wrapped__(solver)
     return _guest_of(solver)
 
@@ -177,7 +177,7 @@ def _guest(solver) -> Guest:
 @functools.cache
 def _guest_of(solver) -> Guest:
     term = diffrax.ODETerm(_nothing)
-    if getattr(solver, "scan_kind", "") is None:  # one that has no forward mode
+    if getattr(solver, "scan_kind", "") is None:  # its default kind of loop has no forward mode
         loops = eqx.tree_at(lambda s: s.scan_kind, solver, "lax", is_leaf=lambda x: x is None)
     else:
         loops = solver
@@ -193,7 +193,7 @@ class HermiteStep(diffrax.AbstractLocalInterpolation):
       t1: () end of the step.
       y0: (k,) state at its beginning.
       increments: (m, k) differences of the states at the m nodes from y0.
-      slopes: (m, k) slopes there times the step.
+      slopes: (m, k) slopes there, times the step.
     """
 
     t0: Array
@@ -274,7 +274,7 @@ class _Handed(diffrax.AbstractSolver):
             increment = method.advance(field, start, part * h, y0).increment
             return increment, h * field(start + part * h, y0 + increment)
 
-        # Not computed where no output between steps is requested.
+        # XLA does not compute these where no output between steps is requested.
         ends = jnp.zeros_like(y0), y1 - y0
         begin, end = h * field(start, y0), h * field(start + h, y1)
         nodes = _nodes(max(2, (self.method.order + 2) // 2))
@@ -302,14 +302,14 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
     steps.
 
     Args:
-      method: any. One of fixed step takes ``diffrax.ConstantStepSize``; one that requires
+      method: any method. One of fixed step takes ``diffrax.ConstantStepSize``; one that requires
         velocity-independent forces, such as `NYSTROM12`, requires a state [q, v] with dq/dt = v
         and dv/dt independent of v; the solve fails with a message if a test at its start shows
         otherwise.
     Raises:
       ValueError: `method` is not a method; in the solve, the state is not one array (k,) of 64-bit
         floats.
-    Limits: dense output costs a few more steps within each, half as many as the order of the
+    Limits: dense output costs a few more steps within each step, half as many as the order of the
       method. Constraints of a scene hold only to the tolerance, since states are not projected
       onto them. Methods that iterate (`Gauss`, `Radau`) have no reverse mode.
     Example:
@@ -328,5 +328,5 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
     return _Handed(method)
 
 
-#: Prince and Dormand (1981), 13 stages, as in diffrax: the second method for error estimates.
+#: Prince and Dormand (1981), 13 stages, from diffrax: the second method for error estimates.
 DOPRI8: Any = from_diffrax(diffrax.Dopri8())

@@ -1,4 +1,4 @@
-"""Gauss-Legendre collocation: symplectic also for velocity-dependent forces.
+"""Gauss-Legendre collocation: symplectic even for velocity-dependent forces.
 
 s stages at the Gauss nodes give order 2 s. The step is implicit; with L_i = h b_i f(Y_i),
 
@@ -9,9 +9,9 @@ holds exactly for the rounded mu_ij here (Antonana, Makazaga, Murua 2017, Numer.
 861). The equations are solved by fixed-point iteration until rounding stops it, so that the
 remaining error is rounding and not a bias (Hairer, McLachlan, Razakarivony 2008, BIT 48, 231).
 
-Symplectic in coordinates that are canonical, or canonical after a linear map: q and v of free
-points with magnetic or gyroscopic forces. Where the mass matrix depends on q, and for projected
-constraints, the map is still symmetric: energies of reversible motions do not drift.
+The map is symplectic in coordinates that are canonical, or canonical after a linear map: q and v of
+free points with magnetic or gyroscopic forces. Where the mass matrix depends on q, and for
+projected constraints, the map is still symmetric: energies of reversible motions do not drift.
 """
 
 import dataclasses
@@ -24,8 +24,9 @@ from jaxtyping import Array
 
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_MAX_ITERATIONS = 100  # at most; a step that needs more is too long
-#: Iterations end at changes below rounding; a change as large as this is no convergence.
+_MAX_ITERATIONS = 100  # a step that needs more is too long
+#: Iterations end at changes below rounding; if the last change is as large as this, they did not
+#: converge.
 _MAX_LAST_CHANGE = 1e-10
 
 
@@ -43,9 +44,9 @@ def collocation(c: np.ndarray) -> np.ndarray:
 
 
 def mix(matrix: np.ndarray, x: Array) -> Array:
-    """(..., r): a matrix (r, s) applied to the last axis of x (..., s).
+    """(..., r) a matrix (r, s) applied to the last axis of x (..., s).
 
-    An unrolled sum: a product of matrices would prevent fusion of the stepping loop.
+    It is an unrolled sum: a product of matrices would prevent fusion of the stepping loop.
     """
     return jnp.sum(x[..., None, :] * matrix.reshape(*[1] * (x.ndim - 1), *matrix.shape), axis=-1)
 
@@ -72,7 +73,7 @@ class Gauss(Method):
 
     @property
     def order(self) -> int:
-        """Twice the stages."""
+        """Twice the number of stages."""
         return 2 * self.stages
 
     @property

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-ROUNDING = 2.0**-52  # relative: of one operation, and of the product that widens its result
-FUNCTION_ROUNDING = 2.0**-50  # relative: of an elementary function, 4 units in the last place
+ROUNDING = 2.0**-52  # relative error of one operation, and of the product that widens its result
+FUNCTION_ROUNDING = 2.0**-50  # relative error of an elementary function, 4 units in the last place
 
 
 class Interval(NamedTuple):
@@ -24,7 +24,7 @@ class Interval(NamedTuple):
 
 
 def point(x: np.ndarray) -> Interval:
-    """Known numbers as intervals."""
+    """The intervals of known numbers."""
     return Interval(x, x)
 
 
@@ -57,7 +57,7 @@ def inverse(a: Interval) -> Interval:
     """Bounds of 1 / a, the whole line where a may have either sign."""
     inside = (a.low <= 0) & (a.high >= 0)
     low, high = np.where(inside, -np.inf, 1 / a.high), np.where(inside, np.inf, 1 / a.low)
-    # One-sided where 0 is a bound, as for a distance.
+    # The bound is one-sided where 0 is an end, as for a distance.
     high = np.where((a.low > 0) | (a.high < 0), high, np.inf)
     low = np.where((a.low == 0) & (a.high > 0), 1 / a.high, low)
     high = np.where((a.high == 0) & (a.low < 0), 1 / a.low, high)
@@ -87,7 +87,7 @@ def cosine(a: Interval, shift: float) -> Interval:
     """Bounds of cos(a - shift pi), shift 0 or 1/2: 1 at even multiples of pi, -1 at odd ones."""
     ends = [np.cos(x) if shift == 0 else np.sin(x) for x in a]
     low, high = _widen(np.minimum(*ends), np.maximum(*ends), FUNCTION_ROUNDING)
-    # In turns, widened: an extra multiple of pi only makes bounds wider.
+    # These count half turns, widened: an extra multiple of pi only makes bounds wider.
     first, last = _widen(a.low / np.pi - shift, a.high / np.pi - shift, 8 * FUNCTION_ROUNDING)
     first, last = first - FUNCTION_ROUNDING, last + FUNCTION_ROUNDING
     high = np.where(2 * np.floor(last / 2) >= first, 1.0, high)
@@ -100,7 +100,7 @@ def cosine(a: Interval, shift: float) -> Interval:
 
 
 def by_number(factor: float, a: Interval) -> Interval:
-    """`multiply` by a known number, in a fifth of the time."""
+    """The result of `multiply` by a known number, in a fifth of the time."""
     ends = a if factor >= 0 else a[::-1]
     return _widen(*(factor * x for x in ends))
 

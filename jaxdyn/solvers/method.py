@@ -22,11 +22,11 @@ from jaxdyn._numerics import two_sum
 #: A rate (t, y) -> dy/dt.
 Rate = Callable[[Array, Array], Array]
 
-#: Slopes with a smaller relative difference are equal up to rounding.
+#: Slopes that differ relatively by less are equal up to rounding.
 _ROUNDING = 1e-13
-#: Fraction of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 aims
-#: at no more than a tenth of the error; 0.9, usual at order 5, gets 10 to 30 % of the steps
-#: rejected and costs 10 to 20 % more evaluations at equal true error (measured).
+#: Part of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 aims at
+#: no more than a tenth of the error; with 0.9, which is usual at order 5, 10 to 30 % of the steps
+#: are rejected and it takes 10 to 20 % more evaluations at equal true error (measured).
 SAFETY = 0.75
 _KINDS = 256  # of systems about which something is remembered
 
@@ -45,8 +45,8 @@ class Advance(NamedTuple):
       part: () how much of the step was taken, at most 1.
       reach: () how long the step might have been, in parts of the proposed one, where the method
         knows.
-      square: () square of the size of the error in tolerances, where the method measures it: then
-        `error` is its direction only.
+      square: () square of the size of the error in tolerances, where the method measures it;
+        `error` is then only its direction.
     """
 
     increment: Array
@@ -61,10 +61,10 @@ class Advance(NamedTuple):
     def onto(self, y: Array, carry: Array) -> tuple[Array, Array]:
         """The state after the step, and the rounding error of that sum.
 
-        The error of the step before is in `carry`, so that the rounding error of N steps grows like
-        that of one, not like sqrt(N) to N. Over 1.7e6 steps of a linear oscillator by `VERNER9` at
-        rtol 1e-16 the energy is off by 2e-14, and without `rest` by 6e-13; where the tolerance
-        decides, as over 1e6 steps of the figure-eight, `rest` makes no difference.
+        `carry` contains the error of the step before, so that the rounding error of N steps grows
+        like that of one, not like sqrt(N) to N. Over 1.7e6 steps of a linear oscillator by
+        `VERNER9` at rtol 1e-16 the energy is off by 2e-14, and without `rest` by 6e-13; where the
+        tolerance decides, as over 1e6 steps of the figure-eight, `rest` makes no difference.
 
         Args:
           y: (k, ...) state before the step.
@@ -76,7 +76,7 @@ class Advance(NamedTuple):
 class Method(abc.ABC):
     """A one-step method.
 
-    Compared and hashed by identity: a cheap static argument of jit.
+    Methods are compared and hashed by identity, and so are cheap static arguments of jit.
 
     Attributes:
       name: its name in reports.
@@ -94,12 +94,12 @@ class Method(abc.ABC):
     stable: float
     adaptive: bool
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
-    #: stable one; where accuracy limits steps, they stay shorter, also at rtol 1e-3 (tested).
+    #: stable one; where accuracy limits steps, they stay shorter, even at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
     #: Whether `advance` only evaluates the rate, and so may be given a `simplified` one.
     evaluates: ClassVar[bool] = False
-    #: Whether `advance` takes several steps side by side, h (1, s) of states y (k, s); those whose
-    #: iterations end independently of each other do not.
+    #: Whether `advance` can take several steps side by side, h (1, s) of states y (k, s). Methods
+    #: whose iterations end independently of each other cannot.
     several: ClassVar[bool] = True
 
     @property
@@ -160,7 +160,7 @@ M = TypeVar("M", bound=Method)
 
 @functools.cache
 def in_loops(method: M, n: int) -> M:
-    """A method that is a record with `loops`, with n of them."""
+    """The same method with n loops; the method is a dataclass with the field `loops`."""
     return dataclasses.replace(method, loops=n)
 
 
@@ -174,7 +174,7 @@ def fastest(k: Array, shift: Array, whole: Array) -> Array:
 
 
 def grows_from(growth: Callable[[float], float]) -> float:
-    """The z up to which a method is stable; `growth` is the factor of a test equation."""
+    """The z up to which a method is stable; `growth` is its factor for a test equation."""
     for z in np.arange(0.05, 30.0, 0.05):
         if growth(z) > 1 + 1e-3:
             break
@@ -188,11 +188,11 @@ def _kind(x) -> tuple:
 
 
 def trace_once(look: Callable) -> Callable:
-    """look(rate, t, y), found once for systems of a kind, whatever their numbers; host only.
+    """The result of look(rate, t, y), found once for each kind of system, whatever its numbers.
 
     Returns:
-      A function of a system with ``rate(t, y)``, a pytree of its numbers, of a state's length, and
-      of what `look` takes besides.
+      A function, host only, of a system with ``rate(t, y)``, which is a pytree of its numbers, of
+      the length of a state, and of what else `look` takes.
     """
 
     @functools.lru_cache(maxsize=_KINDS)
@@ -219,7 +219,7 @@ def operations(rate: Callable, t0: Array, y0: Array) -> int:
 
 
 def programs(jaxpr) -> Iterator:
-    """A program and all that its operations call, as often as they stand in it."""
+    """A program and all that its operations call, as often as they occur in it."""
     yield jaxpr
     for eqn in jaxpr.eqns:
         for value in eqn.params.values():

@@ -1,13 +1,13 @@
 """Explicit pairs: Runge-Kutta for any vector field, Nystrom for velocity-independent forces.
 
 A `Pair` is a table of coefficients; one whose error weights are all zero (`EULER`, `RK4`)
-estimates no error and takes equal steps. Two forms of one step, equal up to rounding:
+estimates no error and takes equal steps. A step has two forms, which are equal up to rounding:
 
-- unrolled: one expression per stage. Compiles to straight-line code, the fastest for one
+- unrolled: one expression per stage. It compiles to straight-line code, the fastest for one
   trajectory.
-- rolled: loops over stages with buffers. Compiles several times faster and runs faster where
+- rolled: loops over stages with buffers. It compiles several times faster and runs faster where
   each stage is wide, as for the variational equations with their many columns. One loop passes
-  over the whole buffer at each stage; of two the first passes over half of it.
+  over the whole buffer at each stage; of two loops the first passes over half of it.
 
 Coefficient tables are package data (``data/*.json``): decimal strings or fractions, rounded
 once to float64. A correction below removes the rounding of the weights, and `Advance.rest` carries
@@ -38,7 +38,7 @@ from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in
 # that energies drift in proportion to time although each sum is compensated. A change of a few
 # weights restores them; `Advance.rest` carries its effect on a step.
 
-_CORRECTED_STAGES = 4  # stages whose weights are corrected
+_CORRECTED_STAGES = 4  # number of stages whose weights are corrected
 
 
 def weight_correction(
@@ -47,7 +47,7 @@ def weight_correction(
     """(w, s) a correction of a few weights that restores the order conditions.
 
     Defects of the order conditions are found in rational arithmetic; they are so small that
-    the change need only be right to a few digits. The vectors of the conditions are nearly
+    the change has to be right only to a few digits. The vectors of the conditions are nearly
     powers of the nodes, up to the third, so four stages at different times are enough.
     """
     exact_a = [[Fraction(x) for x in row] for row in a.tolist()]
@@ -72,10 +72,10 @@ def weight_correction(
 def _conditions(
     a: list, c: list, position_only: bool, row: int
 ) -> list[tuple[int, list, Fraction]]:
-    """(order, stage vector, value): the weights times the vector is the value; orders up to 4.
+    """(order, stage vector, value) of conditions up to order 4: weights times the vector is value.
 
     Row 0 of a Nystrom pair weighs positions, row 1 velocities. Vectors are sums over rooted
-    trees (Hairer, Norsett, Wanner, II.2 and II.14), with the nodes that the rows of a sum to.
+    trees (Hairer, Norsett, Wanner, II.2 and II.14), with the sums of the rows of a as nodes.
     """
     one = [Fraction(1)] * len(a)
 
@@ -101,7 +101,7 @@ def _conditions(
 
 # ---- Explicit pairs: Runge-Kutta for any vector field, Nystrom for velocity-independent forces
 
-#: Numbers in the longest vectors of processors.
+#: Number of doubles in the longest vectors of processors.
 _VECTOR = 8
 
 
@@ -225,16 +225,16 @@ class Pair(Method):
 
     def _rolled_stages(self, slope: Callable, like: Array) -> list[Array]:
         c, done = jnp.asarray(self.c), []
-        # Rows of one state are as long as vectors: XLA takes the rest of a row one by one, each sum
-        # through memory (a third of the time of a stage of ten numbers).
+        # Rows of one state are padded to whole vectors: XLA takes the rest of a row entry by entry,
+        # each sum through memory (a third of the time of a stage of ten numbers).
         rest = -len(like) % _VECTOR if like.ndim == 1 else 0
         shape = len(like) + rest, *like.shape[1:]
         edges = [self.stages * n // self.loops for n in range(self.loops + 1)]
         spans = list(itertools.pairwise(edges))
 
         def weighted(rows):
-            # One row at a time: XLA turns a product with several rows into a custom fusion,
-            # which would prevent fusion of the stepping loop.
+            # Rows are taken one at a time: XLA turns a product with several rows into a custom
+            # fusion, which would prevent fusion of the stepping loop.
             terms = [row[None] @ k.reshape(len(k), -1) for row, k in rows]
             return functools.reduce(jnp.add, terms).reshape(shape)[: len(like)]
 

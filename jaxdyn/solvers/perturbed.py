@@ -1,11 +1,11 @@
 """A field with random perturbations of each step, which shows the effect of rounding, magnified.
 
-The sums of steps are compensated, so digits are lost in finding an increment: a rate is evaluated
-at a state, a time and numbers that are each rounded, at every step. A `RoundedField` perturbs
-them by a given relative amount instead, constant over the stages of a step, so that the method
-keeps its order and the choice of steps is not affected. As long as motions stay close, the effect
-is proportional to that amount: perturbations of 1e-9 show the effect of rounding of 1e-16. Terms
-of a rate that cancel for every state are not covered: their rounding is that of the terms.
+The sums of steps are compensated, so digits are lost in finding an increment: at every step a rate
+is evaluated at a state, a time and numbers that are each rounded. A `RoundedField` perturbs them by
+a given relative amount instead, constant over the stages of a step, so that the method keeps its
+order and the choice of steps is not affected. As long as motions stay close, the effect is
+proportional to that amount: perturbations of 1e-9 show the effect of rounding of 1e-16. Terms of a
+rate that cancel for every state are not covered: their rounding is relative to the terms.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ class Noise(NamedTuple):
     seed: Array | int
 
 
-#: No perturbation: the field itself, with the same compiled program as other noise.
+#: No perturbation: the field itself, by the program that is compiled for other noise.
 QUIET = Noise(np.zeros(()), np.zeros((), np.uint64))
 
 
@@ -70,7 +70,7 @@ class RoundedField(eqx.Module):
         return self.field.loses(t0, y0, t1, y1)
 
     def project(self, t: Array, y: Array) -> Array:
-        """A perturbed state (k,), projected onto the constraints; y itself without any."""
+        """A perturbed state (k,), projected onto the constraints; y itself without constraints."""
         off = self.noise.size * _signs(self.noise.seed, t, y.size).reshape(y.shape) * y
         return self.field.project(t, y + off) - off
 

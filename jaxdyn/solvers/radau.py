@@ -3,10 +3,10 @@
 s stages at the Radau nodes give order 2 s - 1; parts of the motion that are much faster than a
 step are damped instead of limiting it (Hairer, Wanner, Solving Ordinary Differential Equations II,
 IV.8). With Z_i = Y_i - y the equations Z = h A F(y + Z) are solved by simplified Newton
-iterations: one Jacobian per step, and the eigenvectors of A split the system of s k unknowns into
-(s + 1) / 2 of k unknowns, one real and the others complex, inverted without LAPACK. Iterations
-continue until rounding stops them; the last change counts as error, so a step that does not
-converge is rejected like one that is too long.
+iterations: one Jacobian per step. The eigenvectors of A split the system of s k unknowns into
+(s + 1) / 2 systems of k unknowns, one real and the others complex, inverted without LAPACK.
+Iterations continue until rounding stops them; the last change counts as error, so a step that does
+not converge is rejected like one that is too long.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ from jaxtyping import Array
 from jaxdyn.solvers.gauss import collocation, mix
 from jaxdyn.solvers.method import Advance, Method, Rate
 
-_MAX_ITERATIONS = 25  # Newton iterations at most
+_MAX_ITERATIONS = 25  # most Newton iterations
 _CONVERGED = 1e-15  # relative change below which an iteration has converged
 _TINY = 1e-200
 
@@ -63,7 +63,7 @@ class Radau(Method):
     def _apart(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(m,) eigenvalues of a, real one first, (m, s) maps to and (s, m) from their systems.
 
-        One of each complex pair; twice its real part is the contribution of both.
+        It has one of each complex pair; twice its real part is the contribution of both.
         """
         values, vectors = np.linalg.eig(self.a)
         inverse = np.linalg.inv(vectors)
@@ -116,7 +116,7 @@ class Radau(Method):
 
 
 def _jacobian(field: Rate, t: Array, y: Array) -> Array:
-    """(k, k) Jacobian of the state, also where tangents are integrated with it."""
+    """(k, k) Jacobian of the state, even where tangents are integrated with it."""
     place = [(0, 0, 0)] + [(0, n - 1, 0) for n in y.shape[1:]]
 
     def rate(x):

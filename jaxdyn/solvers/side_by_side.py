@@ -2,10 +2,10 @@
 
 ``jax.vmap`` moves the new axis to the front at each reshape, stack and contraction. A step of
 many motions is then full of transposes, and its inner loops run over the two or three entries of
-a vector instead of over the motions: 1.3 to 2 times as long (measured, three bodies). Here the
-axis stays last, at each operation of the function's program.
+a vector instead of over the motions: it takes 1.3 to 2 times as long (measured, three bodies).
+Here the axis stays last, at each operation of the function's program.
 
-Small arrays may also be split into scalars, one program for each entry. This removes all
+Small arrays may also be split into scalars, with one program for each entry. This removes all
 operations that only assemble and split arrays, which XLA on CPU compiles to a branch for each
 entry that it copies.
 """
@@ -53,14 +53,14 @@ MAX_APART = 48
 
 
 def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -> Any:
-    """fn of each entry of the last axes of all arguments, with results along the same axes.
+    """The results of fn for each entry of the last axes of all arguments, along the same axes.
 
     Args:
       fn: a pure function of trees of arrays; values it captures are shared by all lanes.
       *args: trees of arrays (..., *lanes).
       axes: number of lane axes. Where there are fewer than some 25 lanes, add a second axis of
         length 1: XLA on CPU unrolls a short innermost loop into scalars before it vectorises.
-      apart: split arrays of up to 16 entries into scalars.
+      apart: split arrays of up to 48 entries into scalars.
     Returns:
       The result of fn, each array with the lanes as last axes.
     Raises:
@@ -86,13 +86,13 @@ def side_by_side(fn: Callable, *args: Any, axes: int = 1, apart: bool = False) -
 
 
 class _Wide(NamedTuple):
-    """An array (..., *lanes). Arrays without lanes are shared by all."""
+    """An array (..., *lanes). Arrays without lanes are shared by all of them."""
 
     array: Array
 
 
 class _Apart(NamedTuple):
-    """An array of objects, each () or (*lanes)."""
+    """An array of objects, each of shape () or (*lanes)."""
 
     entries: np.ndarray
 
@@ -177,7 +177,7 @@ class _Lanes:
         differ = any(x.ndim for x in entries)
         if eqn.primitive.name == "div" and entries[0].ndim and not entries[1].ndim:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
-                # As in XLA for arrays: one division for all lanes.
+                # As XLA does for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
         return bind(eqn, [self._broadcast(x) if differ else x for x in entries])[0]
 

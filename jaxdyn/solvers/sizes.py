@@ -1,17 +1,17 @@
-"""The sizes of a state along a motion, in which an absolute tolerance of a step is by default.
+"""The sizes of a state along a motion, relative to which a tolerance is absolute by default.
 
 The error that a step may have in an entry is
 
     atol + share * size + rtol * |y|
 
-with `atol` in the units of the state, where it is given, and else a share of the size of the entry,
-by default a quarter of `rtol`. Sizes are the largest so far of each group of entries
-(`scales.Groups`); at the start, where an entry may be zero that others move at once, a part of the
-scales that the rate shows there. So an entry that is zero, or rounding, for a while or by symmetry
-asks for no smaller steps.
+with `atol` in the units of the state, where it is given, and otherwise a share of the size of the
+entry, by default a quarter of `rtol`. Sizes are the largest so far of each group of entries
+(`scales.Groups`). At the start, where an entry may be zero that others move at once, they are a
+part of the scales that the rate shows there. So an entry that is zero, or rounding, for a while or
+by symmetry does not require smaller steps.
 
-Tangents of a state (k, columns) are as large as their column: the largest of their entries, each in
-the size of the state's, whatever the units of entries and of perturbed numbers.
+Tangents of a state (k, columns) are as large as their column: the largest of its entries, each
+measured in the size of the state's entry, whatever the units of entries and of perturbed numbers.
 """
 
 from typing import Any, NamedTuple
@@ -23,13 +23,13 @@ from jaxtyping import Array
 
 from jaxdyn.scales import LATER, Groups, at_start, notable, rounding
 
-#: The part of the scales at the start that counts until the motion has shown its own. They are what
-#: an entry gets to in the time of the motion, unless others stop it before.
+#: The part of the scales at the start that counts until the motion has shown its own. These scales
+#: are what an entry reaches in the time of the motion, unless others stop it before.
 PART = 0.1
 
-#: Times what rounding makes of an entry in a time of the motion, that a step may be off by.
+#: Multiple of what rounding makes of an entry in a time of the motion that a step may be off by.
 _NOISE = 32.0
-#: The part of what a rejected step would have made of an entry at rest that is its size.
+#: The part of what a rejected step would have made of an entry at rest that becomes its size.
 _GLIMPSE = 0.01
 
 
@@ -37,9 +37,9 @@ class Begun(NamedTuple):
     """What is known at a start.
 
     Attributes:
-      sizes: (k, ...) of the entries.
-      time: () that in which the motion changes.
-      rate: (k,) there, of the state alone; (k, ...) where steps have one length.
+      sizes: (k, ...) the sizes of the entries.
+      time: () the time in which the motion changes.
+      rate: (k,) the rate there, of the state alone; (k, ...) where steps have one length.
       noise: (k, ...) what rounding makes of the rate, if that is known.
     """
 
@@ -53,8 +53,8 @@ def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:
-      field: has ``rate`` and ``groups``; for a state with tangents ``single``, the field of the
-        state alone.
+      field: has ``rate`` and ``groups``; for a state with tangents also ``single``, the field of
+        the state alone.
       t0: () start time.
       y0: (k, ...) start.
       t1: () end time.
@@ -78,17 +78,17 @@ def _rates_beside(
 ) -> tuple[Array, Array]:
     """(k, c) sizes of the rates of tangents beside the start, and of their rounding.
 
-    Tangents that begin as zero, in a force that is zero there and then as well, may grow by any
-    power of time. They have the size of what moves them a little further on: measured by
-    themselves, each step would be too long, or, where that zero is rounding, too short. Those of
-    tangents are moved by these, so they are looked at once for each level.
+    Tangents that begin as zero, in a force that is zero both there and a little later, may grow by
+    any power of time. They have the size of what moves them a little further on: measured by
+    themselves, each step would be too long, or, where that zero is rounding, too short. Tangents of
+    tangents are moved by these, so there is one look for each level.
 
     Args:
       field: has ``rate``.
       y: (k, ...) the state with its tangents.
-      ts: (2,) times, of a look on one side and of one on the other.
-      sizes: (k,) of the state, which is moved by a part of them.
-      time: () that of the motion.
+      ts: (2,) times of a look on one side and of one on the other.
+      sizes: (k,) sizes of the state, which is moved by a part of them.
+      time: () the time of the motion.
     """
     levels = y.ndim - 1
     flat, near = y.reshape(len(y), -1), rounding(y)
@@ -110,7 +110,7 @@ def _rates_beside(
         up = lax.select(~again & (side > 0), found, up)
         return (beside, rates, down, up, gap), None
 
-    # A loop, so that the rate is compiled once.
+    # It is a loop so that the rate is compiled once.
     zero, looks = jnp.zeros_like(flat), 2 * levels + 2
     places = jnp.tile(ts, levels + 1), jnp.tile(jnp.array([-1.0, 1.0]), levels + 1)
     rounded = jnp.asarray(np.arange(looks) >= 2 * levels, float)
@@ -122,10 +122,10 @@ def _rates_beside(
 
 
 def above_noise(start: Begun, tolerance: Array) -> Begun:
-    """What is known at a start, with sizes whose tolerances are above what rounding does in a time.
+    """What is known at a start, with sizes whose tolerances exceed what rounding does in a time.
 
     A body at rest in space may be moved by the rounding of its turning: no step is short enough to
-    have that right.
+    resolve that.
     """
     if start.noise is None:
         return start
@@ -139,7 +139,7 @@ def above_noise(start: Begun, tolerance: Array) -> Begun:
 
 
 def state_of(y: Array) -> Array:
-    """The state (k,) of one with tangents (k, ...)."""
+    """The state (k,) of a state with tangents (k, ...)."""
     return y.reshape(len(y), -1)[:, 0]
 
 
@@ -156,7 +156,7 @@ def _alone(field: Any, y: Array) -> tuple[Any, Array]:
 
 
 def grow(groups: Groups, sizes: Array, y: Array) -> Array:
-    """The sizes (k, ...) after a step to y (k, ...): nowhere smaller."""
+    """The sizes (k, ...) after a step to y (k, ...): nowhere smaller than before."""
     if y.ndim == 1:
         return jnp.maximum(sizes, groups.sizes(jnp.abs(y), in_loop=True))
     flat = sizes.reshape(len(y), -1), jnp.abs(y).reshape(len(y), -1)
@@ -167,17 +167,17 @@ def grow(groups: Groups, sizes: Array, y: Array) -> Array:
 
 
 def sizes_after_rejection(sizes: Array, tried: Array) -> Array:
-    """The sizes (k, ...) after a step that is rejected, where those after it would be others.
+    """The sizes (k, ...) after a step that is rejected, which changes them for entries at rest.
 
-    What was at rest up to now has a small part of what the step would have made of it: measured by
-    itself, an entry that begins to move at once would have no size at any step.
+    An entry that was at rest so far gets a small part of what the step would have made of it:
+    measured by itself, an entry that begins to move at once would have no size at any step.
     """
     found = jnp.where(jnp.isfinite(tried), tried, 0.0)
     return jnp.where(sizes > 0, sizes, _GLIMPSE * found)
 
 
 def allowed_error(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array:
-    """The error (k, ...) that a step from y0 to y1 may have, where sizes are those after it."""
+    """The error (k, ...) that a step from y0 to y1 may have, with the sizes after it."""
     now = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
     if y0.ndim > 1:
         state, flat = sizes.reshape(len(now), -1)[:, 0], now.reshape(len(now), -1)
@@ -189,7 +189,7 @@ def allowed_error(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array
 def absolute(tolerance: Array, sizes: Array) -> Array:
     """The part (k, ...) of the error that a step may have that does not depend on the step.
 
-    It is positive, also for what never moves, and has no error.
+    It is positive even for an entry that never moves, and has no error.
     """
     return tolerance[1] + tolerance[2] * sizes + jnp.finfo(sizes.dtype).tiny
 
@@ -197,8 +197,9 @@ def absolute(tolerance: Array, sizes: Array) -> Array:
 def _of_tangents(state: Array, tangents: Array) -> Array:
     """Sizes (k, c) of tangents whose entries have magnitudes (k, c); see above.
 
-    Entries of a state without a size, which never move, have tangents as large as the largest of
-    these in their column: of a state at rest all, which may decay next to one that grows.
+    Where entries of the state have no size, and so never move, their tangents are as large as the
+    largest of such tangents in their column. For a state at rest these are all, since a tangent
+    may decay next to one that grows.
     """
     moves = (state > 0)[:, None]
     parts = jnp.where(moves, tangents / jnp.where(moves, state[:, None], 1.0), 0.0)

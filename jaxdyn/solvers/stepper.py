@@ -19,21 +19,21 @@ from jaxdyn.solvers.sizes import absolute, allowed_error, groups_of, grow, sizes
 # diffrax prepares a run, and leaves the loop to its argument `adjoint`. Its own loops save
 # samples, look for events, keep dense output, and first compute the time a hundred floating-point
 # numbers before the end, one after the other. These took half of the time until a first result
-# (Lorenz: 0.35 s of processor against 0.75 s to compile, 0.1 s less to trace), and here none of
-# them is used.
+# (Lorenz: 0.35 s of processor time against 0.75 s to compile, and 0.1 s less to trace), and none of
+# them is used here.
 
 
 class _Run(NamedTuple):
     """A run between two steps.
 
     Attributes:
-      t: () where it is.
+      t: () the time that it has reached.
       tnext: () where the next step goes.
       y: (k, ...) the state.
-      solver_state: that of the solver.
-      controller_state: that of step control.
+      solver_state: the state of the solver.
+      controller_state: the state of step control.
       result: whether it goes on.
-      accepted: () steps kept.
+      accepted: () number of steps kept.
     """
 
     t: Array
@@ -49,7 +49,7 @@ class Stepping(diffrax.AbstractAdjoint):
     """Steps until step control ends the run; only the end is saved; not differentiable."""
 
     def loop(self, *, args, terms, solver, stepsize_controller, init_state, t1, **others) -> Any:
-        """The final state of diffrax's, and no further statistics."""
+        """The final state that diffrax expects, and no further statistics."""
         del others
 
         def going(run: _Run) -> Array:
@@ -67,7 +67,7 @@ class Stepping(diffrax.AbstractAdjoint):
                 (y1, solver_state),
                 (run.y, solver.after_rejection(run.solver_state, solver_state)),
             )
-            # The failure of a step that is rejected does not end the run: the next one is shorter.
+            # The failure of a rejected step does not end the run: the next step is shorter.
             solved = diffrax.RESULTS.where(keep, solved, diffrax.RESULTS.successful)
             result = diffrax.RESULTS.where(diffrax.is_okay(solved), controlled, solved)
             return _Run(
@@ -111,7 +111,7 @@ class Stepping(diffrax.AbstractAdjoint):
 
 # ---- A method as a diffrax solver, with compensated summation, projection and stiffness detection
 
-#: Net stability-limited steps before a run is flagged stiff.
+#: Net number of stability-limited steps before a run is flagged stiff.
 _STIFF_COUNT = 50
 #: Roundings of the times of a fixed step by which their difference may be shorter than the step.
 _TIME_ROUNDINGS = 4.0
@@ -146,10 +146,10 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     Attributes:
       method: the method.
-      tolerance: (3,) relative and absolute tolerance of one step, and that in parts of the sizes
-        of the motion, where it takes one.
-      sizes: (k, ...) of the motion at the start; None where it takes no tolerance.
-      h: () the step where it is fixed, exactly: a difference of times would be rounded. Steps to
+      tolerance: (3,) relative and absolute tolerance of one step, and an absolute one in parts of
+        the sizes of the motion, where the method takes one.
+      sizes: (k, ...) sizes of the motion at the start; None where the method takes no tolerance.
+      h: () the exact step where it is fixed: a difference of times would be rounded. Steps to
         samples are shorter.
     """
 
@@ -193,7 +193,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1 = simplify(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
-        if not isinstance(step.speed, float):  # else the default: the method does not estimate it
+        if not isinstance(step.speed, float):  # a float is the default: there is no estimate
             near = step.speed > self.method.alarm * self.method.stable
             # Once stiff, always stiff.
             least = jnp.where(is_stiff(count), _STIFF_COUNT, 0)
@@ -210,7 +210,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         return y1, told, nothing, (carry, count, sizes), result
 
     def after_rejection(self, state, tried):
-        """Its state after a step that is rejected, from those before and after the step."""
+        """The state of the solver after a rejected step, from those before and after the step."""
         if state[2] is None:
             return state
         return (*state[:2], sizes_after_rejection(state[2], tried[2]))

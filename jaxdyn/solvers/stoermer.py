@@ -5,13 +5,13 @@ substeps of length zero; each such column raises the order by two (Hairer, Norse
 and II.14). That takes two to three times the evaluations of a Nystrom pair. But the columns are
 independent: four lanes take them in turn, vectorised, so that 32 evaluations take the time of 9,
 and 53 that of 14. For a few bodies a step of order 14 takes 0.4 of the time of a step of the pair
-of order 12, in about as many steps.
+of order 12, and about as many steps are needed.
 
-Nearly equal numbers of substeps amplify rounding, which differs between substeps: 1 to 7 by 13, and
-their errors in close encounters are ten times those of a pair. The numbers taken here, the last
-ones far apart, amplify it by 3, and the lanes take 1.15 times as long. It is rounding of places
-that counts, where forces change fast with them: sums within the columns with twice the digits take
-1.4 times as long and change errors little.
+Nearly equal numbers of substeps amplify rounding, which differs between substeps: the numbers 1 to
+7 do so by 13, and their errors in close encounters are ten times those of a pair. The numbers used
+here, the last ones far apart, amplify it by 3, and the lanes take 1.15 times as long. It is the
+rounding of positions that counts, where forces change fast with them: sums within the columns with
+twice the digits take 1.4 times as long and change errors little.
 """
 
 import dataclasses
@@ -32,19 +32,19 @@ from jaxdyn.solvers.pairs import NYSTROM12
 from jaxdyn.solvers.side_by_side import side_by_side
 
 _LANES = 4  # doubles in a vector of most processors
-#: The part of an estimate that so many roundings of the places explain, through forces that change
-#: with them, counts less: shorter steps would not make it smaller. But not nothing, or steps would
-#: grow until they are rejected.
+#: The part of an estimate that this many roundings of the positions explain, through forces that
+#: change with them, gets this weight, since shorter steps would not make it smaller. The weight is
+#: not zero, or steps would grow until they are rejected.
 _ROUNDINGS, _ROUNDING_WEIGHT = 30.0, 0.02
-#: Places whose relative difference is smaller say nothing about forces.
+#: Positions whose relative difference is smaller say nothing about forces.
 _NEARLY_EQUAL = 1e-13
-#: With so many columns errors at some tolerance are about those of a pair; each further one makes
-#: them smaller beside the difference of columns, of which this part is the estimate then. Errors of
-#: nine columns are a twentieth of the pair's so (median of eleven orbits of three bodies with
-#: encounters at 1e-8 and 1e-10), and half of them in one of ten.
+#: With this many columns, errors at a tolerance are about those of a pair; each further column
+#: makes them smaller than the difference of columns, so that the estimate is multiplied by this
+#: share for each. Errors of nine columns are then a twentieth of the pair's (median of eleven
+#: orbits of three bodies with encounters at 1e-8 and 1e-10), and half of them in one of ten.
 _LIKE_A_PAIR, _SHARE = 7, 0.3
-#: Coordinates up to which each is an array of lanes of its own; 14 of them compile three times as
-#: long as together.
+#: Number of coordinates up to which each is an array of lanes of its own; 14 of them compile three
+#: times as long as together.
 _MOST_APART = 9
 
 
@@ -54,8 +54,8 @@ class Stoermer(Method):
 
     Limits: velocity-independent accelerations. In ensembles, which are vectorised over motions, a
       pair is twice as fast. At the same tolerance its errors are those of `NYSTROM12` or much
-      smaller, but no tolerance gives less than about 1e-14, or, in close encounters far from the
-      origin, than a few times what the pair gets to. Variational equations are integrated by
+      smaller, but no tolerance gives less than about 1e-14 or, in close encounters far from the
+      origin, than a few times what the pair reaches. Variational equations are integrated by
       `NYSTROM12`.
 
     Attributes:
@@ -86,7 +86,7 @@ class Stoermer(Method):
 
     @property
     def error_order(self) -> int:
-        """That of the extrapolation without the last columns, which gives the estimate."""
+        """The order of the extrapolation without the last columns, which gives the estimate."""
         return 2 * _columns_compared(self.counts) + 1
 
     @property
@@ -110,13 +110,13 @@ class Stoermer(Method):
         return _plan_columns(self.counts)
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        # One loop over the substeps: unrolled, they compile longer and run no faster.
+        # The substeps are one loop: unrolled, they compile longer and run no faster.
         half = len(y) // 2
         still = jnp.zeros_like(y[half:])
         # Few entries are kept as scalars: in one array they would be assembled and split again
         # in each substep, with a branch for each.
         few = y.ndim == 1 and half <= _MOST_APART
-        rank = 0 if few else y.ndim  # of a part, lanes apart
+        rank = 0 if few else y.ndim  # number of axes of a part besides the lanes
 
         def parts(x):
             x = x[..., None, None]
@@ -129,7 +129,7 @@ class Stoermer(Method):
             force = field(t, jnp.concatenate([jnp.stack(q) if few else q[0], still]))[half:]
             return list(force) if few else [force]
 
-        # It starts every column: computed once, not in each of its uses.
+        # It starts every column, so it is computed once, not in each of its uses.
         one = runtime_one(h.ravel()[0])
         times = jnp.broadcast_shapes(t.shape, h.shape)
         first = parts(materialise(field(jnp.broadcast_to(t, times), y)[half:], one))
@@ -153,7 +153,7 @@ class Stoermer(Method):
             ]
             at = (start + since).reshape(*times, _LANES, 1)
             there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
-            # Scalars are cheap to compute again, arrays are not: for each entry of a force.
+            # Scalars are cheap to compute again, but arrays are not: each entry of a force would.
             there = there if few else [materialise(x, one) for x in there]
             pulls = side_by_side(pull, at, *there, axes=2, apart=True)
             new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
@@ -166,7 +166,7 @@ class Stoermer(Method):
         places = [jnp.zeros((len(weights), *x.shape)) for x in empty]
         begin = (empty, empty, empty), [*places, *places]
         (moved, _, pulls), ends = lax.fori_loop(0, len(table), substep, begin)
-        # Times one: else XLA cuts the array into constants, and asks for memory for each.
+        # It is multiplied by one, or else XLA cuts the array into constants, each with its memory.
         weights = jnp.asarray(weights) * one
         return _extrapolate(h, y, ends, weights, moved=moved, pulls=pulls)
 
@@ -206,7 +206,7 @@ def _extrapolate(
 
 
 def _steepness(forces: list[Array], places: list[Array]) -> Array:
-    """How much forces change with places, along the difference of two; of each motion its own."""
+    """How much forces change with positions, along the difference of two; for each motion."""
     largest = functools.partial(jnp.max, axis=0, keepdims=True)
     apart, change = (largest(jnp.abs(a - b)) for a, b in (places, forces))
     size = largest(jnp.abs(places[0]))
@@ -222,7 +222,7 @@ def _weighted_sum(weights: Array, ends: Array) -> Array:
 
 
 def _join(parts: list[Array], shape: tuple[int, ...]) -> Array:
-    """Entries, or arrays of them, in one array."""
+    """The entries, or arrays of them, as one array."""
     return jnp.concatenate([x.reshape(-1, *shape[1:]) for x in parts])
 
 
@@ -270,17 +270,17 @@ def _plan_columns(counts: Sequence[int]) -> Plan:
 
 
 def _columns_compared(counts: Sequence[int]) -> int:
-    """How many of the first columns the result is compared with, for the estimate of its error.
+    """Number of first columns with which the result is compared, to estimate its error.
 
-    Without a third of them the order is lower by four or six. So errors of a motion at some
+    Without a third of the columns the order is lower by four or six. So errors of a motion at a
     tolerance are no larger than those of a pair, whose estimates are of a lower order too; and the
-    estimate is so much larger than the amplified rounding that tolerances may be fine. Without one
-    column errors were 10 to 800 times as large, and steps at 1e-15 a tenth as long.
+    estimate is so much larger than the amplified rounding that tolerances may be fine. If one
+    column was left out, errors were 10 to 800 times as large, and steps at 1e-15 a tenth as long.
     """
     return len(counts) - max(1, len(counts) // 3)
 
 
-@functools.cache  # asked for at a hundred step lengths where stability ends
+@functools.cache  # called for a hundred step lengths to find where stability ends
 def _weights(counts: tuple[int, ...]) -> tuple[Fraction, ...]:
     """Weights of the columns in the extrapolation to substeps of length zero."""
 

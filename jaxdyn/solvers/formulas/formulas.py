@@ -1,13 +1,13 @@
 """A vector field as scalar formulas, from its program with all arrays split.
 
 A rate is written with arrays: stacked, sliced, multiplied with matrices that are mostly zeros.
-`formulas` runs through its jaxpr with a `graph.Node` in place of each number: array operations cost
-nothing then, and repeated computations become one node. Loops of known length are unrolled. Others,
-linear algebra and callbacks cannot be represented: `NotElementary`.
+`formulas` runs through its jaxpr with a `graph.Node` in place of each number: array operations then
+cost nothing, and repeated computations become one node. Loops of known length are unrolled. Other
+loops, linear algebra and callbacks cannot be represented, and raise `NotElementary`.
 
 Known numbers are calculated by NumPy: JAX compiles each operation that it carries out, for each
-shape: 40 ms, some sixty times for the formulas of a mechanism, more than all of the program that is
-made from them takes.
+shape, which takes 40 ms. Some sixty of them for the formulas of a mechanism would take longer than
+the whole program that is made from them.
 """
 
 import functools
@@ -37,10 +37,10 @@ from jaxdyn.solvers.formulas.graph import (
 )
 from jaxdyn.solvers.method import programs
 
-# ---- Functions made of others, for an arithmetic in which cancellation is no concern
+# ---- Functions composed of others, for an arithmetic in which cancellation is no concern
 #
-# In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; in balls more bits make up for
-# it.
+# In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; balls make up for it by more
+# bits.
 
 
 def _half_sum(graph: Graph, a: Number, sign: float) -> Number:
@@ -71,7 +71,7 @@ def _acos(graph: Graph, a: Number) -> Number:
 
 
 def _atan2(graph: Graph, y: Number, x: Number) -> Number:
-    """Half the angle, whose tangent has no jump but on the negative x axis."""
+    """The angle as twice its half, whose tangent jumps on the negative x axis only."""
     r = graph.function("sqrt", graph.add(graph.mul(x, x), graph.mul(y, y)))
     half = graph.div(y, graph.add(r, x))
     return graph.mul(2.0, graph.function("atan", half))
@@ -82,7 +82,7 @@ def _asinh(graph: Graph, a: Number) -> Number:
     return graph.function("log", graph.add(a, root))
 
 
-#: By the names of JAX's primitives.
+#: Functions composed of others, by the names of JAX's primitives.
 COMPOSED: dict[str, Callable[..., Number]] = {
     "tan": _tan,
     "sinh": lambda graph, a: _half_sum(graph, a, -1.0),
@@ -110,12 +110,12 @@ _CALCULATIONS: dict[str, Callable] = {
 
 
 def rearrange(name: str, params: dict, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
-    """What an operation makes of arrays, of any objects, if it only rearranges their entries.
+    """The results of an operation that only rearranges the entries of arrays, of any objects.
 
     Args:
-      name: of the operation.
+      name: the name of the operation.
       params: its parameters.
-      args: arrays; of `dynamic_slice` the indices follow, known integers.
+      args: arrays; for `dynamic_slice` followed by the indices, known integers.
     Returns:
       The results; None for other operations.
     """
@@ -173,7 +173,7 @@ def calculate(eqn, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
         found = [np.where(args[0], args[2], args[1])]
     if found is None and name == "convert_element_type" and kind in (np.float64, np.int64):
         found = [args[0]]
-    # Python numbers in a program have the type of its results.
+    # Python numbers in a program take the type of its results.
     return None if found is None else [np.asarray(x, kind) for x in found]
 
 
@@ -193,7 +193,7 @@ def objects(items: list, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def elementwise(op: Callable, args: list[np.ndarray]) -> np.ndarray:
-    """An operation on numbers, for entries one by one."""
+    """The results of an operation on numbers, entry by entry."""
     shape = np.broadcast_shapes(*(x.shape for x in args))
     columns = [np.broadcast_to(x, shape).ravel().tolist() for x in args]
     return objects(list(itertools.starmap(op, zip(*columns, strict=True))), shape)
@@ -207,7 +207,7 @@ def by_jax(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
-    """What one of `MOVES` makes of its arguments."""
+    """What an operation of `MOVES` makes of its arguments."""
     name, params = eqn.primitive.name, dict(eqn.params)
     n = MOVES[name] or len(args)
     entries, places = args[:n], args[n:]
@@ -216,7 +216,7 @@ def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     found = rearrange(name, params, [*(x.astype(object) for x in entries), *places])
     if found is not None:
         return found
-    # It is applied to the indices of all entries, to see where each goes.
+    # The operation is applied to the indices of all entries, to see where each goes.
     if name == "gather":
         params["fill_value"] = -1
     starts = itertools.accumulate((x.size for x in entries), initial=0)
@@ -231,7 +231,7 @@ def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def convert(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
-    """An array of another type: real numbers."""
+    """An array converted to another type, which must be that of real numbers."""
     if kind == wanted:
         return x
     if wanted != np.float64:
@@ -240,7 +240,7 @@ def convert(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np
 
 
 def fold(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """Sums along axes, or what another operation makes of several numbers."""
+    """The sums along axes, or what another operation makes of several numbers."""
     kept = [i for i in range(x.ndim) if i not in axes]
     n = math.prod(x.shape[i] for i in axes)
     rows = np.transpose(x, [*kept, *axes]).reshape([*(x.shape[i] for i in kept), n])
@@ -271,7 +271,7 @@ class Formulas(NamedTuple):
     """The formulas of a rate.
 
     Attributes:
-      graph: all of them.
+      graph: the graph of all of them.
       time: the node of t.
       states: (k) the nodes of y.
       rates: (k) the nodes of dy/dt.
@@ -283,7 +283,7 @@ class Formulas(NamedTuple):
     rates: list[Number]
 
 
-#: Operations along axes, as operations on two numbers, and what they make of none.
+#: Operations along axes: the operation on two numbers that each repeats, and its result for none.
 _FOLDED = {
     "reduce_sum": ("add", 0.0),
     "reduce_max": ("max", -math.inf),
@@ -294,8 +294,8 @@ _FOLDED = {
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
 #: Rounds up to which loops are unrolled: each is traced separately.
 _LONGEST_LOOP = 1000
-#: Nodes above which formulas are given up, on the way too: so many take a fifth of a second, and
-#: a four-bar linkage has 2900.
+#: Number of nodes above which formulas are given up, even while they are read: so many take a fifth
+#: of a second, and a four-bar linkage has 2900.
 _MOST_NODES = 5_000
 
 
@@ -313,8 +313,8 @@ def formulas(
         time.
       t: () time.
       y: (k,) state.
-      expanding: of its `Graph`.
-      smooth: likewise.
+      expanding: see `Graph`.
+      smooth: see `Graph`.
     Raises:
       NotElementary: an operation of the field cannot be represented.
     """
@@ -325,10 +325,11 @@ def formulas(
 def exact_formulas(field: Callable, numbers: PyTree, t: Array, y: Array) -> Formulas:
     """The formulas of a rate for an arithmetic of more digits than that of floats.
 
-    No operation on known numbers is rounded: it stays a node. A known number is that binary float.
+    No operation on known numbers is rounded: instead it stays a node. A known number is exactly
+    that binary float.
 
     Args:
-      field: (numbers, t, y) -> (m,), any numbers of them.
+      field: (numbers, t, y) -> (m,), of any length m.
       numbers: the parameters, a pytree of known floats.
       t: () time.
       y: (k,) state.
@@ -344,11 +345,11 @@ def trace(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.ndar
     """What a function of arrays returns for arrays of nodes and known numbers.
 
     Args:
-      graph: of the nodes.
-      function: of arrays of floats; returns a pytree of them.
+      graph: the graph of the nodes.
+      function: a function of arrays of floats that returns a pytree of them.
       inputs: its arguments, arrays of objects.
     Returns:
-      The leaves of the result, likewise.
+      The leaves of the result, as arrays of objects too.
     Raises:
       NotElementary: an operation of the function cannot be represented.
     """
@@ -381,7 +382,7 @@ def _check_program(closed) -> None:
 
 
 def _inputs(graph: Graph, x) -> np.ndarray:
-    """An array of known numbers as it is; of others, one node for each."""
+    """An array of known numbers as it is; for other numbers, one node for each."""
     if not isinstance(x, jax.core.Tracer):
         return _as_known(graph, np.asarray(x))
     flat = x.ravel()
@@ -389,7 +390,7 @@ def _inputs(graph: Graph, x) -> np.ndarray:
 
 
 def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
-    """Known numbers as what the graph's operations apply to: floats as objects if exactly."""
+    """Known numbers in the form that the graph needs: floats as objects if they must stay exact."""
     return x.astype(object) if graph.exact and x.dtype == np.float64 else x
 
 
@@ -420,7 +421,7 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name == "scan" and (known := loop(eqn)) is not None:
         return _unroll(graph, eqn, known, args)
     if name == "cond" and args[0].dtype != object:
-        # As where a program depends on the platform.
+        # This occurs where a program depends on the platform.
         inner = params["branches"][int(args[0])]
         consts = [_inputs(graph, c) for c in inner.consts]
         return _interpret(graph, inner.jaxpr, consts, args[1:])
@@ -442,7 +443,7 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _check_kinds(eqn) -> None:
-    """Formulas are of 64-bit floats; booleans are only combined, or select."""
+    """Raise unless numbers are 64-bit floats; booleans may only be combined, or select."""
     name = eqn.primitive.name
     ours = eqn.invars[1:] if name == "select_n" else eqn.invars
     binary, _ = _FOLDED.get(name, (name, None))
@@ -478,8 +479,8 @@ def _unroll(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.n
 def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     """The operation on numbers, for entries one by one."""
     if not graph.smooth and name in ROUGH:
-        # Arguments as they are: y - x and -(x - y) differ in the sign of a zero, and the angle of
-        # a vector with it by 2 pi.
+        # The arguments stay as they are: y - x and -(x - y) differ in the sign of a zero, and with
+        # it the angle of a vector by 2 pi.
         return functools.partial(graph.node, name)
     if name in ("add", "add_any"):
         return graph.add
@@ -497,7 +498,7 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return lambda a: graph.div(1.0, graph.function("sqrt", a))
     if name in ("square", "integer_pow"):
         return lambda a: graph.power(a, params.get("y", 2))
-    if name == "one_minus_square":  # of derivatives, from JAX 0.11 on
+    if name == "one_minus_square":  # a primitive in derivatives, from JAX 0.11 on
         return lambda a: graph.mul(graph.sub(1.0, a), graph.add(1.0, a))
     if name == "pow":
         return functools.partial(_power, graph)
@@ -510,7 +511,7 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
 
 
 def _condition(graph: Graph, op: str, *args: Number) -> Number:
-    """A condition; in series only equality of moving numbers, since others may change in a step."""
+    """A condition; in a series only equality of moving numbers: others may change in a step."""
     if graph.smooth and op not in LOGIC and op not in ("eq", "ne"):
         if any(isinstance(a, Node) and a.moving for a in args):
             raise NotElementary("a condition on moving numbers")

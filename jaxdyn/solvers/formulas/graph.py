@@ -1,12 +1,12 @@
 """Scalar formulas as a graph: each distinct number of a calculation once, in normal form.
 
-Numbers known when the program is compiled are Python numbers; others are nodes. Numbers constant
-within a step (masses, lengths) are distinguished from moving ones: a product is a steady factor in
-front of a list of moving ones, a sum collects equal products, and a - b and b - a differ by a
-factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
+Numbers known when the program is compiled are Python numbers; others are nodes. Numbers that are
+constant within a step (masses, lengths) are distinguished from moving ones. A product is a steady
+factor in front of a list of moving ones, a sum collects equal products, and a - b and b - a differ
+by a factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
 product of velocities, sines and cosines is one node, however the rate was written, and terms that
-cancel vanish. `shortest.topological_order` splits them into products of two factors again, and
-shares those.
+cancel vanish. `simplified.topological_order` splits products into products of two factors again,
+and shares those.
 """
 
 import functools
@@ -29,11 +29,11 @@ class Node:
     Attributes:
       index: its number in order of creation.
       op: "input" for what is integrated, "given" for what is known at run time, or an operation.
-      args: its operands: nodes and known numbers; of a sum, factors and terms in turn.
+      args: its operands: nodes and known numbers; for a sum, factors and terms in turn.
       moving: whether it changes within a step. Conditions count as steady: in a series they are,
         and in formulas that are only evaluated no value depends on it.
       value: () the number itself, where it is given.
-      partner: the node whose series it needs: of a sine the cosine.
+      partner: the node whose series it needs, such as the cosine for a sine.
     """
 
     __slots__ = ("args", "index", "moving", "op", "partner", "value")
@@ -75,18 +75,18 @@ def split_factor(a: Number) -> tuple[Number, Node | None]:
 
 
 def factors_of(m: Node) -> tuple:
-    """The factors of a product, or the number itself."""
+    """The factors of a product; of another number, the number itself."""
     return m.args if m.op == "product" else (m,)
 
 
 def place(term: tuple[Number, Node | None]) -> float:
-    """Of a term in a sum: as created, the steady part last."""
+    """The position of a term in a sum: in order of creation, with the steady part last."""
     _, m = term
     return math.inf if m is None else m.index
 
 
 def broken_power(m: Node) -> tuple[Node, float] | None:
-    """A number that is a power of another, and which, such as r^2 sqrt(r^2): 3/2 of r^2."""
+    """The base and the exponent of a number that is a power: r^2 and 3/2 for r^2 sqrt(r^2)."""
     if m.op == "pow" and not isinstance(m.args[1], Node):
         return m.args
     roots = [x for x in factors_of(m) if x.op == "sqrt"]
@@ -95,10 +95,10 @@ def broken_power(m: Node) -> tuple[Node, float] | None:
     return roots[0].args[0], len(factors_of(m)) - 0.5 * len(roots)
 
 
-#: Terms up to which sums are merged to find equal ones; longer ones stay as they are.
+#: Number of terms up to which sums are merged to find equal ones; longer sums stay as they are.
 _LONGEST_SUM = 8
-_MULTIPLIED_OUT = 3  # terms up to which products of sums are expanded
-_WRITTEN_OUT = 32  # largest power written as a product, which is smooth at 0
+_MULTIPLIED_OUT = 3  # number of terms up to which products of sums are expanded
+_WRITTEN_OUT = 32  # largest power that is written as a product, which is smooth at 0
 
 
 class Graph:
@@ -107,16 +107,16 @@ class Graph:
     A product with a known 0 is 0, whatever the other factor: an infinity there is lost.
 
     Args:
-      exact: whether operations on known numbers are carried out only where the result is a
-        float exactly; otherwise they are nodes, for another arithmetic to evaluate.
+      exact: whether operations on known numbers are carried out only where the result is exactly
+        a float; otherwise they are nodes, for another arithmetic to evaluate.
       expanding: whether products with short sums are multiplied out. Mostly that saves products,
-        which exist already, or cancels terms; not so where a sum is the common factor of several.
+        which exist already, or cancels terms; it does not where a sum is a factor of several.
       smooth: whether all of it must have a Taylor series, valid for a step. Otherwise the formulas
-        can only be evaluated: conditions may change at any time, and functions may be any.
+        can only be evaluated: conditions may change at any time, and any function may occur.
       most: number of nodes above which it is given up, with `NotElementary`.
 
     Attributes:
-      expanded: whether any was.
+      expanded: whether any product was multiplied out.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Graph:
         return self._new("input" if moving else "given", (), moving, value)
 
     def node(self, op: str, *args: Number | None) -> Node:
-        """op(*args), an existing node if there is one."""
+        """The node op(*args), the existing one if there is one."""
         key = op, *map(_key, args)
         if key not in self._found:
             moving = op not in STEADY and any(isinstance(a, Node) and a.moving for a in args)
@@ -155,7 +155,7 @@ class Graph:
         return Node(index=self._count, op=op, args=args, moving=moving, value=value)
 
     def add(self, a: Number, b: Number) -> Number:
-        """A sum; equal terms are collected."""
+        """A sum, with equal terms collected."""
         if a is b and isinstance(a, Node):
             return self.mul(2.0, a)
         terms = self._terms(a)
@@ -170,7 +170,7 @@ class Graph:
         return self.node("sum", *(x for term in left for x in term))
 
     def _terms(self, a: Number) -> dict[Node | None, Number]:
-        """Moving terms of a sum and their steady factors; the steady part is under None."""
+        """The moving terms of a sum with their steady factors; the steady part is under None."""
         c, m = split_factor(a)
         if m is None or m.op != "sum":
             return {m: c}
@@ -178,7 +178,7 @@ class Graph:
         return {term: self._steady("mul", c, factor) for factor, term in parts}
 
     def _unite_squares(self, terms: dict[Node | None, Number]) -> None:
-        """cos^2 + sin^2 = 1, where both have one factor."""
+        """Replace cos^2 + sin^2 by 1, where both have the same factor."""
         for m in list(terms):
             if m is not None and m.op == "product" and len(m.args) == 2 and m.args[0].op == "sin":
                 sine, other = m.args
@@ -197,7 +197,7 @@ class Graph:
         return self.add(a, self.neg(b))
 
     def mul(self, a: Number, b: Number) -> Number:
-        """A product, steady factors in front."""
+        """A product, with steady factors in front."""
         (c, m), (d, n) = split_factor(a), split_factor(b)
         c = self._steady("mul", c, d)
         if m is None or n is None:
@@ -208,12 +208,12 @@ class Graph:
             if self.expanding and _better_multiplied_out(one, other):
                 self.expanded = True
                 return self.mul(c, self._multiply_out(one, other))
-        # In an order that is the same in each process, for the compile cache.
+        # The order is the same in each process, for the compile cache.
         factors = sorted((*factors_of(m), *factors_of(n)), key=lambda node: node.index)
         return self._scale(c, self.node("product", *factors))
 
     def _sign_and_rest(self, m: Node) -> tuple[float, Node]:
-        """A sign and the rest of a factor; of a sum the form that a - b and b - a share."""
+        """A sign and the rest of a factor; for a sum, the form that a - b and b - a share."""
         if m.op != "sum":
             return 1.0, m
         terms = sorted(zip(m.args[::2], m.args[1::2], strict=True), key=place)
@@ -227,7 +227,7 @@ class Graph:
         return functools.reduce(self.add, (self.mul(self._scale(c, m), factor) for c, m in parts))
 
     def div(self, a: Number, b: Number) -> Number:
-        """A quotient, steady factors in front."""
+        """A quotient, with steady factors in front."""
         (c, m), (d, n) = split_factor(a), split_factor(b)
         c = self._steady("div", c, d)
         if n is None:
@@ -235,14 +235,14 @@ class Graph:
         sign, n = self._sign_and_rest(n)
         c = self._steady("mul", sign, c)
         power = broken_power(n)
-        # A ball around a direction, r / |r|, is smaller as a quotient.
+        # As a quotient, a ball around a direction, r / |r|, is smaller.
         if power is not None and (not self.exact or (m is None and n.op == "product")):
             base, exponent = power
             return self.mul(self._scale(c, m), self.node("pow", base, -exponent))
         return self._scale(c, self.node("div", 1.0 if m is None else m, n))
 
     def power(self, a: Number, n: Number) -> Number:
-        """a to the power of a steady n."""
+        """The number a to the power of a steady n."""
         a = self._in_one_form(a)
         if isinstance(n, Node):
             return self.node("pow", a, n)
@@ -276,7 +276,7 @@ class Graph:
         return node
 
     def _in_one_form(self, a: Number) -> Number:
-        """The number, with sums as in `_sign_and_rest`."""
+        """The number, with sums in the form of `_sign_and_rest`."""
         c, m = split_factor(a)
         if m is None:
             return a
@@ -290,7 +290,7 @@ class Graph:
         return (COMPARISONS | LOGIC | TESTS)[op](*args)
 
     def select(self, which: Number, no: Number, yes: Number) -> Number:
-        """One of two, by a condition."""
+        """One of two numbers, chosen by a condition."""
         if not isinstance(which, Node):
             return yes if which else no
         return no if no is yes else self.node("select", which, no, yes)
@@ -327,7 +327,7 @@ _ARITHMETIC: dict[str, Callable] = {
 
 
 def _key(a: Number | None) -> tuple:
-    """What an operand is told from others by: 0 and -0, or 1 and True, are two."""
+    """What distinguishes an operand from others: 0 and -0 differ, and so do 1 and True."""
     if isinstance(a, Node):
         return a.index, Node
     return a, type(a), isinstance(a, float) and math.copysign(1.0, a)
@@ -347,8 +347,8 @@ def _is_exactly(found: float, op: str, a: float, b: float) -> bool:
 def _better_multiplied_out(terms: Node, factor: Node) -> bool:
     """Whether expanded products are likely to exist already, or to cancel.
 
-    As in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars. Never sums with
-    single numbers: (x - 1)^2 is exact near x = 1, while x^2 - 2 x + 1 is all rounding.
+    They are as in sin a (sin a u^2 + sin b w^2) + cos a (...), the forces of hinged bars. Sums with
+    single numbers never count: (x - 1)^2 is exact near x = 1, while x^2 - 2 x + 1 is all rounding.
     """
     if terms.op != "sum":
         return False

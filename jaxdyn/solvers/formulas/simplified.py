@@ -1,4 +1,4 @@
-"""A rate evaluated by its formulas: what was written twice is computed once, what cancels never."""
+"""A rate evaluated by its formulas: repeated parts are computed once, parts that cancel never."""
 
 import collections
 import itertools
@@ -13,7 +13,7 @@ from jaxdyn.solvers.formulas.graph import STEADY, Graph, Node, NotElementary, Nu
 from jaxdyn.solvers.formulas.values import Value, constant, value
 from jaxdyn.solvers.method import Rate, programs
 
-# ---- The formulas of a rate with the fewest products, by which series and evaluations take longest
+# ---- The formulas of a rate with the fewest products, which are the cost of series and evaluations
 
 
 def topological_order(graph: Graph, results: list[Number]) -> list[Node]:
@@ -35,7 +35,7 @@ def _reachable(results: list[Number]) -> list[Node]:
             continue
         if seen:
             found[node] = None
-            # Sines and cosines need each other, at the order before.
+            # Sines and cosines need each other at the previous order.
             waiting.append((node.partner, False))
         else:
             waiting.appendleft((node, True))
@@ -44,7 +44,7 @@ def _reachable(results: list[Number]) -> list[Node]:
 
 
 def _factor_out(graph: Graph, products: list[Node]) -> None:
-    """Factor the pair that most products share out of all of them, repeatedly."""
+    """Factor out the pair that most products share, until no product has more than two factors."""
     long = {node: list(node.args) for node in products if len(node.args) > 2}
     there = {node.args for node in products}
     while long:
@@ -73,7 +73,7 @@ def _both_in(a: Node, b: Node, factors: list[Node]) -> bool:
     return factors.count(a) > 1 if a is b else a in factors and b in factors
 
 
-#: Number of sums of products of an operation at each order of a series.
+#: For each operation, the number of sums of products at each order of a series.
 _ONE_PRODUCT_EACH = ("product", "div", "sqrt", "log", "exp", "sin", "cos", "tanh")
 _PRODUCTS = dict.fromkeys(_ONE_PRODUCT_EACH, 1) | {"pow": 2}
 
@@ -85,7 +85,7 @@ def shortest(program: ClosedJaxpr, t: Array, y: Array, smooth: bool) -> tuple[Fo
       program: see `formulas`.
       t: () time.
       y: (k,) state.
-      smooth: of their `Graph`.
+      smooth: see `Graph`.
     Raises:
       NotElementary: see `formulas`.
     """
@@ -100,7 +100,7 @@ def shortest(program: ClosedJaxpr, t: Array, y: Array, smooth: bool) -> tuple[Fo
 
 
 def products(nodes: list[Node]) -> int:
-    """Number of sums of products of each order of a series: its cost."""
+    """The number of sums of products at each order of a series: its cost."""
     return sum(_PRODUCTS.get(node.op, 0) for node in nodes if node.moving)
 
 
@@ -110,45 +110,45 @@ def is_guarded(nodes: list[Node]) -> bool:
     return any(m and node.op in STEADY for m, node in zip(moving, nodes, strict=True))
 
 
-# ---- A rate evaluated by its formulas: what was written twice is computed once, what cancels never
+# ---- A rate evaluated by its formulas: repeated parts are computed once, parts that cancel never
 
-#: Numbers of a state up to which formulas are taken if there are any. More may be points in
+#: Length of a state up to which formulas are used if there are any. Longer ones may be points in
 #: arrays, whose loops the compiler vectorises: three bodies in space take 1.2 times as long by
 #: formulas, Pleiades 1.3 times.
 _MOST_NUMBERS = 11
-#: Entries of arrays for each moving number from which on formulas are taken for more numbers too:
+#: Entries of arrays for each moving number from which on formulas are used for longer states too:
 #: 34 in a satellite, 7 in three bodies.
 _LEAST_SAVING = 20
-#: Numbers for which formulas are looked for at all.
+#: Length of a state up to which formulas are looked for at all.
 _MOST_LOOKED_AT = 24
-#: Operations of a rate: a thousand take a tenth of a second to find formulas for.
+#: Number of operations of a rate: finding formulas for a thousand takes a tenth of a second.
 _MOST_OPERATIONS = 1000
-#: Entries of all arrays of a rate, likewise.
+#: Number of entries of all arrays of a rate, likewise.
 _MOST_ENTRIES = 10_000
 #: Nodes of the formulas for each operation on arrays: more are loops over long arrays, which the
 #: compiler vectorises (a network of 24 neurons takes ten times as long by formulas).
 _MOST_NODES = 4
-#: Moving numbers at most: 153 (five links) take half the time; with 270 (a chain hung at both ends)
+#: Most moving numbers: 153 (five links) take half the time; with 270 (a chain hung at both ends)
 #: derivatives compile twice as long as by arrays, with 430 (a four-bar linkage) three times.
 _MOST_MOVING = 200
-#: Operations with derivatives that formulas do not have, as those with rules of their own.
+#: Operations whose derivatives formulas do not have, such as those with rules of their own.
 _AGREED = frozenset({"stop_gradient"})
 
 
 def simplify(rate: Rate) -> Rate:
-    """The same rate by its formulas, for few numbers and where it has any.
+    """The same rate by its formulas, for short states and where it has any.
 
     Rates composed of parts, or derived from energies, contain products with zeros, sums that
     cancel, angles written twice; XLA removes little of that, and calculates what several entries
-    share once for each. By formulas a step of a pair takes 0.3 (a cart with a pendulum) to 0.6 (a
-    double pendulum) of the time, and one with tangents 0.03 (a triple pendulum) to 0.5, since loops
-    over the unknowns of a linear system, as in a mass matrix, are written out.
+    share once for each of them. By formulas a step of a pair takes 0.3 (a cart with a pendulum) to
+    0.6 (a double pendulum) of the time, and a step with tangents 0.03 (a triple pendulum) to 0.5,
+    since loops over the unknowns of a linear system, as in a mass matrix, are written out.
 
     Conditions, and functions without a Taylor series, are evaluated as they stand.
 
     Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`) are left as
-      they are. The derivative of the largest of three or more numbers at a tie is another of its
-      subgradients. A product or quotient with a known 0 is 0, and terms that cancel are 0, also
+      they are. The derivative of the largest of three or more numbers at a tie is a different
+      subgradient. A product or quotient with a known 0 is 0, and terms that cancel are 0, even
       where the numbers are infinite or NaN. Zeros may lose their signs.
     """
 

@@ -1,4 +1,4 @@
-"""The values of formulas: of each operation, as one of the compiler's."""
+"""The values of formulas: each operation as one of the compiler's."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn.solvers.formulas.graph import ROUGH, STEADY, Node, Number
 
-#: A value; a known number is one of NumPy, a known zero None.
+#: A value; a known number is a NumPy number, and a known zero is None.
 Value = Array | np.floating | np.bool_ | None
 
 
@@ -17,8 +17,8 @@ def value(node: Node, at: Callable[[Number], Value]) -> Value:
     """The value of a node.
 
     Args:
-      node: not an input.
-      at: the values of its operands.
+      node: a node that is not an input.
+      at: gives the values of its operands.
     """
     if node.op == "given":
         return node.value
@@ -67,7 +67,7 @@ def weighted_sum(terms: list[tuple[Value, Value]]) -> Value:
 
 
 def select(which: Value, no: Value, yes: Value) -> Array:
-    """One of two."""
+    """One of two values, chosen by a condition."""
     no, yes = (jnp.asarray(0.0 if x is None else x) for x in (no, yes))
     return lax.select(which, yes, no)
 

@@ -4,13 +4,13 @@ A step sums the series of the solution about its start, whose coefficients follo
 formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and many digits that
 takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
 to the order, and nothing is evaluated inside the step. How much of a proposed step is taken is read
-off its terms (`terms`), so that hardly any is rejected. At its end the error is multiplied by the
-Jacobian, once, to detect stiffness.
+off its terms (`terms`), so that hardly any step is rejected. At its end the error is multiplied by
+the Jacobian, once, to detect stiffness.
 
 By operations alone the optimal order is about 1 - ln(rtol) / 2: 8 at rtol 1e-6, 16 at 1e-13. Where
-an order has few products, what each step costs besides makes higher ones the fastest; where it has
-many, lower ones. Formulas with more than 48 products compile too long, and are refused, as are
-operations without a recurrence: loops of unknown length, hence most linear algebra.
+an order has few products, the other costs of a step make higher orders the fastest; where it has
+many, lower ones are. Formulas with more than 48 products compile too long and are refused, as are
+operations without a recurrence: loops of unknown length, and hence most linear algebra.
 """
 
 import dataclasses
@@ -41,16 +41,16 @@ from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor import terms
 from jaxdyn.solvers.taylor.recurrences import solution
 
-#: Sums of products at each order; with more of them programs compile for ten seconds and longer,
-#: exceed the processor's instruction cache, and run no faster than a pair.
+#: Most sums of products at each order; with more of them programs compile for ten seconds and
+#: longer, exceed the processor's instruction cache, and run no faster than a pair.
 _MOST_PRODUCTS = 48
-#: Entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
+#: Most entries of a state; with more of them a step takes ten times as long, see `_in_one_array`.
 _MOST_NUMBERS = 15
 _FUNCTIONS = frozenset(FUNCTIONS) - {"sqrt"}
 _OF_POLYNOMIALS = frozenset({"sum", "scale", "product"})
 _LOWEST, _HIGHEST = 4, 40  # orders
-#: Tolerances that the difference of slopes at the end of a step may be, where a function may be
-#: hidden in it: by the terms it is not known there. It is itself no estimate of the error.
+#: Largest difference of slopes at the end of a step, in tolerances, where a function may be hidden
+#: in it: the terms do not show it there. The difference is itself no estimate of the error.
 _MOST_DEFECT = 30.0
 _TINY = np.finfo(float).tiny
 _REMEDY = "Leave the solver out, or use solvers.VERNER9, which needs no formulas."
@@ -67,15 +67,15 @@ class Taylor(Method):
 
     Attributes:
       order: number of terms besides the start, 4 to 40.
-      tangents: the method of variational equations, of events and of ensembles; one for
-        velocity-independent forces makes the series one for such scenes as well.
+      tangents: the method for variational equations, events and ensembles; if it requires
+        velocity-independent forces, so does the series.
     """
 
     order: int
     tangents: Method = VERNER9
     adaptive: ClassVar[bool] = True
-    #: Where stability limits steps they are as long as the limit, since errors beyond it grow by a
-    #: high power (0.99 of it in the mean for orders 8, 14 and 20); by accuracy at most half of it.
+    #: Where stability limits steps, they are as long as the limit, since errors beyond it grow by a
+    #: high power (0.99 of it in the mean for orders 8, 14 and 20); by accuracy, at most half of it.
     alarm: ClassVar[float] = 0.6
 
     def __post_init__(self):
@@ -102,7 +102,7 @@ class Taylor(Method):
 
     @property
     def position_only(self) -> bool:
-        """Only where its method for tangents is."""
+        """Whether its method for tangents is for velocity-independent forces only."""
         return self.tangents.position_only
 
     @property
@@ -124,7 +124,7 @@ class Taylor(Method):
         checked = not guarded and tolerance is not None and any(map(_hides, nodes))
         given = t, h, y
         if tolerance is not None:
-            # Divisions here: see `rough_power`.
+            # The divisions are here for the reason given at `rough_power`.
             rtol, atol = tolerance
             given = *given, 1.0 / h, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
         told = terms.error if tolerance is None else terms.last
@@ -144,14 +144,14 @@ class Taylor(Method):
             pairs = [*zip(sums, second, strict=True), *about, *((x, x) for x in slopes)]
             return _in_one_array(pairs, h)
 
-        # Isolated: XLA would duplicate the step for each other use of the result.
+        # The step is isolated: XLA would duplicate it for each other use of the result.
         both = in_one_kernel(step, given, unknown=jnp.isfinite(h))
         k = len(y)
         increment, found = both.real[:k], both.imag[:k]
         part = 1.0 if tolerance is None else both.real[k]
         h = part * h
         if guarded:
-            # At a start from rest the series is that of the guard's other case, and wrong.
+            # At a start from rest the series follows the other case of the guard, and is wrong.
             found = terms.error_of_slopes(h * field(t + h, y + increment), found)
         square = None if guarded or tolerance is None else both.imag[k]
         if checked:
@@ -168,7 +168,7 @@ def has_series(system, y: Array) -> bool:
     """Whether a rate's formulas are short and elementary enough for `Taylor`; host only.
 
     Args:
-      system: has ``rate(t, y)``; a pytree of its numbers, e.g. a scene. Formulas are those of a
+      system: has ``rate(t, y)``; a pytree of its numbers, e.g. a scene. The formulas are those of a
         compiled solve, where these numbers are not known.
       y: (k,) a state.
     """
@@ -180,10 +180,10 @@ class Series(NamedTuple):
     """What the Taylor series of a solution costs, and where there is one.
 
     Attributes:
-      products: at each order.
-      everywhere: whether there is one at each state at which the rate is finite; a root has none
-        at 0.
-      operations: those of the rate whose results change along a motion.
+      products: number of products at each order.
+      everywhere: whether there is a series at each state at which the rate is finite; a root has
+        none at 0.
+      operations: the operations of the rate whose results change along a motion.
     """
 
     products: int
@@ -202,13 +202,13 @@ class Series(NamedTuple):
 
 
 def series_of(system, y: Array, longest: int | None = None) -> Series | None:
-    """The series of a rate, found once for systems of a kind, whatever their numbers.
+    """The series of a rate, found once for each kind of system, whatever its numbers.
 
     Args:
       system: see `has_series`.
       y: (k,) a state.
-      longest: operations of a rate above which it is not looked at: the formulas of a thousand
-        take a tenth of a second to find.
+      longest: number of operations of a rate above which it is not looked at: finding the formulas
+        of a thousand takes a tenth of a second.
     Returns:
       What it costs; None for more numbers than `Taylor` is made for, for a rate of too many
       operations, and for one without a series.
@@ -232,11 +232,11 @@ _series_of = trace_once(_series)
 
 
 def _hides(node: Node) -> bool:
-    """Whether the series of a step may be another function than the one at its end.
+    """Whether the series of a step may be that of another function than the one at its end.
 
     An exponential may be flat, to all digits, at the start. A root may pass a double zero of its
     argument, as the speed |v| does where a puck stops: its series goes on with -|v|. That of a
-    negative power of one, other than the inverse root, has no end there.
+    negative power of such a root, other than the inverse root, has no value there.
     """
     if not node.moving:
         return False
@@ -280,13 +280,13 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     """All results in one array, so that XLA compiles the whole step to one function.
 
     A number that is used more than once is recomputed for each result that it enters, thousands
-    of times for the first coefficients; not so within the function of a single array. There a
-    number may enter up to 15 entries, so entries are complex numbers, with two results each
+    of times for the first coefficients, but not within the function of a single array. There a
+    number may enter up to 15 entries, so the entries are complex numbers, with two results each
     (measured for three bodies: 0.5 us a step, against 11 us with 24 real entries).
     """
     places = jnp.arange(len(pairs))
-    # A zero that XLA does not see, but LLVM does: what is compared with it stays within the
-    # function, where the loop over entries is unrolled (else a third of a step's time).
+    # A zero that XLA does not see, but LLVM does: the comparison with it stays within the function,
+    # where the loop over entries is unrolled (otherwise it takes a third of a step's time).
     zero = lax.shift_right_logical(lax.bitcast_convert_type(h, int) & 1, 1)
     found = jnp.zeros(len(pairs), complex)
     for i, (first, second) in enumerate(pairs):
@@ -294,5 +294,6 @@ def _in_one_array(pairs: list[tuple[Array, Array]], h: Array) -> Array:
     return found
 
 
-#: For errors of 1e-6 and above; the others by default, the higher the fewer products an order has.
+#: The first is for errors of 1e-6 and above. The others are defaults: the fewer products an order
+#: has, the higher the order.
 TAYLOR8, TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20 = (Taylor(n) for n in (8, 12, 14, 16, 20))

@@ -6,11 +6,11 @@ satisfies a differential equation with such products in it, which gives its recu
 products cost n N^2 / 2 multiplications for N orders, however deeply they are nested. Time is in
 units of the step, so that coefficients are terms already: no powers of the step are needed.
 
-All is unrolled into scalars: a loop over orders would be shorter, but each round is a handful of
-operations, and launching them takes ten times as long as doing them (measured). Divisions are by
-numbers of order zero only, as products with their inverses: XLA computes a division once and keeps
-it, while it would recompute other shared results for each use, unless all of it ends in one array
-(see `method`).
+Everything is unrolled into scalars: a loop over orders would be shorter, but each round is a
+handful of operations, and launching them takes ten times as long as doing them (measured).
+Divisions are by numbers of order zero only, as products with their inverses: XLA computes a
+division once and keeps it, while it would recompute other shared results for each use, unless all
+of it ends in one array (see `method`).
 """
 
 import functools
@@ -31,11 +31,11 @@ from jaxdyn.solvers.formulas.values import constant, minus, plus, select, times,
 def solution(
     formulas: Formulas, nodes: list[Node], order: int, h: Array
 ) -> list[list[Coefficient]]:
-    """Terms of the solution through the given state, a step later.
+    """The terms of the solution through the given state, over one step.
 
     Args:
-      formulas: those of the rate.
-      nodes: the required nodes, in order (`shortest.topological_order`).
+      formulas: the formulas of the rate.
+      nodes: the required nodes, in order (`simplified.topological_order`).
       order: number of terms of each entry besides the first.
       h: () the step.
     """
@@ -58,12 +58,12 @@ class _Series:
     """The coefficients found so far, and what is computed from them once.
 
     Attributes:
-      coefficients: of each node, lowest order first.
+      coefficients: the coefficients of each node, lowest order first.
     """
 
     def __init__(self, order: int, h: Array):
-        # Numbers in arrays: from (2 a) (3 b) the compiler makes 6 (a b), one product more for each
-        # use of 2 a as a factor (measured: 1.6 times as many for a rigid body).
+        # The numbers are in arrays: from (2 a) (3 b) the compiler makes 6 (a b), one more product
+        # for each use of 2 a as a factor (measured: 1.6 times as many for a rigid body).
         inverses = 1.0 / np.arange(1, order + 1)
         self._parts = jnp.unstack(inverses * runtime_one(h))
         self._steps = jnp.unstack(inverses * h)
@@ -79,21 +79,21 @@ class _Series:
         return found[k] if k < len(found) else None
 
     def part(self, k: int) -> Coefficient:
-        """1 / k."""
+        """The number 1 / k."""
         return self._parts[k - 1]
 
     def step(self, k: int) -> Coefficient:
-        """h / k."""
+        """The number h / k."""
         return self._steps[k - 1]
 
     def slope(self, a: Number, k: int) -> Coefficient:
-        """k a_k: coefficient k - 1 of the derivative."""
+        """The number k a_k, which is coefficient k - 1 of the derivative."""
         if (a, k) not in self._slopes:
             self._slopes[a, k] = times(np.float64(k), self.at(a, k))
         return self._slopes[a, k]
 
     def inverse(self, a: Number) -> Coefficient:
-        """1 / a_0."""
+        """The number 1 / a_0."""
         if a not in self._inverses:
             self._inverses[a] = lax.div(np.float64(1.0), self.at(a, 0))
         return self._inverses[a]

@@ -19,30 +19,31 @@ from jaxdyn._numerics import rough_power
 from jaxdyn.solvers.method import SAFETY
 from jaxdyn.solvers.taylor.recurrences import Coefficient, plus, times
 
-#: The estimate in parts of the last term. The error of a step is about the next term, a few times
-#: smaller. But who asks for a tolerance by habit should not lose digits: so errors of whole motions
-#: at one tolerance are no larger than those of a pair in nine of ten runs (27 problems, tolerances
-#: of 1e-4 to 1e-13), and a sixteenth of them in the median. At equal errors it costs nothing.
+#: The estimate of the error in multiples of the last term. The error of a step is about the next
+#: term, which is a few times smaller. But whoever asks for a tolerance by habit should not lose
+#: digits: with this factor, errors of whole motions at one tolerance are no larger than those of a
+#: pair in nine of ten runs (27 problems, tolerances of 1e-4 to 1e-13), and a sixteenth of them in
+#: the median. At equal errors it costs nothing.
 _CAUTION = 3.0
-#: The difference of slopes at the end of a step, which also shows jumps within it, in parts of the
-#: last term: it is the next term already, times the order.
+#: Weight of the difference of slopes at the end of a step, which also shows jumps within it: that
+#: difference is already the next term, times the order.
 _DEFECT_WEIGHT = 2.0
-#: The part of it below so many roundings of the slope may be rounding, and counts less; but not
-#: nothing, or steps would grow until they are rejected.
+#: The part of it below this many roundings of the slope may be rounding, and gets this weight. The
+#: weight is not zero, or steps would grow until they are rejected.
 _ROUNDINGS, _ROUNDING_WEIGHT = 8.0, 0.25
 #: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
 #: decrease by about this factor at the steps that tolerances lead to.
 _LAST_BUT_ONE_WEIGHT = 0.1
-#: Weight of each earlier term, in case both vanish: less than the factor between terms, or these
-#: would limit the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
+#: Weight of each earlier term, in case both vanish: less than the ratio of terms, or these would
+#: limit the steps of motions without such a symmetry (0.05 does, at rtol 1e-14).
 _TERM_RATIO = 0.03
 
 
 def increment(c: list[Coefficient], part: Array) -> Array:
     """The sum of all terms but the first at a part of the step.
 
-    By Horner's rule for every second term: one chain of all terms would take as long as the terms
-    of a short formula, since nothing else is left to compute meanwhile.
+    It is Horner's rule for every second term: one chain of all terms would take as long as the
+    terms of a short formula, since nothing else is left to compute meanwhile.
     """
     square = part * part
     odd, even = (_polynomial(c[first::2], square) for first in (1, 2))
@@ -58,12 +59,12 @@ def _polynomial(c: list[Coefficient], z: Array) -> Coefficient:
 
 
 def slope(c: list[Coefficient], part: Array) -> Array:
-    """The slope there, times that part of the step."""
+    """The slope at a part of the step, times that part of the step."""
     return increment([None if x is None else np.float64(k) * x for k, x in enumerate(c)], part)
 
 
 def last(c: list[Coefficient], part: Array) -> Array:
-    """The last term at a part of the step. That of all entries is a direction of the error."""
+    """The last term at a part of the step. For all entries it is a direction of the error."""
     return _or_zero(times(c[-1], lax.integer_pow(part, len(c) - 1)))
 
 
@@ -80,7 +81,7 @@ def squares(series: list[list[Coefficient]], inverses: list[Array]) -> dict[int,
 
     Args:
       series: the terms of each entry.
-      inverses: of the error that each entry may have.
+      inverses: inverses of the error that each entry may have.
     """
     found = {}
     for k, weight in _weights(len(series[0]) - 1):
@@ -91,7 +92,7 @@ def squares(series: list[list[Coefficient]], inverses: list[Array]) -> dict[int,
 
 
 def square_error(squares: dict[int, Coefficient], part: Array) -> Array:
-    """() square of the error of a part of the step, in tolerances."""
+    """() the square of the error of a part of the step, in tolerances."""
     z = part * part
     found = _polynomial([squares[k] for k in sorted(squares)], z)
     return _or_zero(times(found, lax.integer_pow(z, min(squares))))
@@ -100,7 +101,7 @@ def square_error(squares: dict[int, Coefficient], part: Array) -> Array:
 def reach(squares: dict[int, Coefficient]) -> Array:
     """() the part of the step, or multiple of it, with an error well within the tolerance.
 
-    As if the error were proportional to the power of the part that the last term is.
+    It is found as if the error were proportional to the power of the part in the last term.
     """
     total = _or_zero(functools.reduce(plus, squares.values(), None))
     return SAFETY * rough_power(total, -0.5 / max(squares))
@@ -109,8 +110,8 @@ def reach(squares: dict[int, Coefficient]) -> Array:
 def _weights(order: int) -> Iterator[tuple[int, np.float64]]:
     """The orders of the terms that tell the error, and the weight of each.
 
-    The last two, and, in case they vanish by symmetry, earlier ones: terms of the second half
-    count, since x'' = -x^7 from x = 0 has every eighth one only.
+    They are the last two and, in case these vanish by symmetry, earlier ones: terms of the second
+    half count, since x'' = -x^7 from x = 0 has only every eighth one.
     """
     for k in range(order // 2 + 1, order + 1):
         before = order - 1 - k
@@ -132,11 +133,11 @@ def error_of_slopes(found: Array, expected: Array) -> Array:
 def snap_to_number(reach: Array, t: Array, h: Array, inverse: Array) -> Array:
     """The part of a step from t, up to its reach, whose end is a floating-point number.
 
-    Otherwise the state would be that of another time than the one noted, and the difference of the
+    Otherwise the state would belong to another time than the one noted, and the differences of the
     times of many steps, half a spacing each, would not be compensated.
 
     Args:
-      reach: () of the step.
+      reach: () how far the step may go, in parts of it.
       t: () start of the step.
       h: () the step, of either sign.
       inverse: 1 / h.
