@@ -1,7 +1,8 @@
 """The orientation of a body in its state: a quaternion or a matrix.
 
-Neither locks in any pose; in return their entries satisfy constraints (unit length, orthogonal
-columns). Steps preserve these to the tolerance, the projection after each step to rounding.
+Neither of them is singular in any pose; in return their entries satisfy constraints (unit length,
+orthogonal columns). Steps preserve these to the tolerance, the projection after each step to
+rounding.
 """
 
 import abc
@@ -31,7 +32,7 @@ class Attitude(Record):
 
     @abc.abstractmethod
     def matrix(self, a: Array) -> Array:
-        """R_wb (3, 3)."""
+        """The matrix R_wb (3, 3)."""
 
     @abc.abstractmethod
     def of(self, R_wb: Array) -> Array:
@@ -39,14 +40,14 @@ class Attitude(Record):
 
     @abc.abstractmethod
     def rate(self, a: Array, omega_b: Array) -> Array:
-        """Their rates (n,) at an angular velocity (3,)."""
+        """The rates (n,) of the numbers at an angular velocity (3,)."""
 
     @abc.abstractmethod
     def nearest(self, a: Array) -> Array:
         """The nearest n numbers (n,) that represent a rotation."""
 
     def align(self, a: Array, like: Array) -> Array:
-        """Of all representations of the same rotation, the one closest to another."""
+        """The representation closest to another, of all those of the same rotation."""
         del like
         return a
 

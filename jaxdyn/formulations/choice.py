@@ -1,9 +1,9 @@
 """One mechanism in several formulations: the system and the start for the chosen one.
 
 A mechanism is given once, by free coordinates. Any other description (cartesian coordinates with
-rods, bodies with hinges, an open chain with a closing tie) is an `Embedding`: the mechanism with
-ties, and the map from the free coordinates to its own. The start follows from this map and its
-derivative, so all routes start in the same pose to rounding.
+rods, bodies with hinges, an open chain with a constraint that closes it) is an `Embedding`: the
+mechanism with constraints, and the map from the free coordinates to its own. The start follows from
+this map and its derivative, so all routes start in the same pose to rounding.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,10 +26,10 @@ _FREE = {"newton_euler": NewtonEuler, "lagrange": Lagrange}
 
 
 class Embedding(NamedTuple):
-    """The same mechanism in more coordinates, with ties.
+    """The same mechanism in more coordinates, with constraints.
 
     Attributes:
-      mechanism: with the ties.
+      mechanism: the mechanism with the constraints.
       place: (t, q) -> its coordinates, for free coordinates q (n,).
     """
 
@@ -52,8 +52,8 @@ def route(
       free: the mechanism in free coordinates.
       q: (n,) start in the free coordinates.
       v: (n,) their rates.
-      embeddings: by name, e.g. {"constrained": ...}.
-      drift: how an embedding treats the drift of its ties; see `Constrained`.
+      embeddings: the embeddings by name, e.g. {"constrained": ...}.
+      drift: how an embedding treats the drift of its constraints; see `Constrained`.
     Raises:
       ValueError: `formulation` is not one of this mechanism.
     """

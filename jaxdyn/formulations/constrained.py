@@ -1,6 +1,6 @@
 """Constrained motion in more coordinates than degrees of freedom: a differential-algebraic system.
 
-Ties phi(t, q) = 0 (rods, hinges, guides, closed loops) and rolling conditions B(t, q) v = 0
+Constraints phi(t, q) = 0 (rods, hinges, guides, closed loops) and rolling conditions B(t, q) v = 0
 (skates, wheels) are both conditions G a = gamma on the accelerations, with G = [d phi/dq; B].
 With Lagrange multipliers lambda, the constraint forces, the accelerations satisfy them:
 
@@ -13,7 +13,7 @@ selects the remedy:
   constraints, in the metric of the kinetic energy. They hold to rounding, for one more solve.
 - "baumgarte": gamma is lowered by 2 a (d phi/dt) + a^2 phi, a damped restoring term, where the
   rate a is a compromise between drift and stiffness.
-- "raw": none, to observe the drift, also from a start off the constraints.
+- "raw": there is no remedy, to observe the drift, also from a start off the constraints.
 
 Conditions may be redundant (one rod too many). Then G M^-1 G^T is singular; the motion is still
 determined, and only the distribution of the constraint force is not. If the conditions lose rank
@@ -52,7 +52,7 @@ CONSISTENT = 1e-9
 
 
 class Constrained(MechanismSystem):
-    """A mechanism with ties or rolling conditions: state [q, v].
+    """A mechanism with constraints or rolling conditions: state [q, v].
 
     Attributes:
       mechanism: its `tied` and `rolling` are the constraints.
@@ -69,7 +69,7 @@ class Constrained(MechanismSystem):
         return jnp.concatenate([jnp.split(y, 2)[1], a])
 
     def constraint_forces(self, t, y, effects):
-        """(c + b,) multipliers: the forces of the ties, then of the rolling conditions."""
+        """(c + b,) multipliers: the forces of the constraints, then of the rolling conditions."""
         return _accelerations(self, t, y, effects)[1]
 
     def gram(self, t: Array, y: Array) -> Array:
@@ -101,8 +101,8 @@ class Constrained(MechanismSystem):
     def _loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array:
         """Whether () independent conditions become dependent within a step, or may.
 
-        The rows of G at the end, projected onto those at the start, are X times the latter: X
-        is the identity for a short step, and singular where they pass a pose of lost rank. A
+        The rows of G at the end, projected onto those at the start, are X times the latter. X is
+        the identity for a short step, and singular where the rows pass a pose of lost rank. A
         positive determinant is not enough, since X may be far from the identity: all its leading
         minors must be positive. Other steps are too long to tell. Each half of the step is tested,
         since a step that passes two such poses may have turned X back to the identity.
@@ -110,7 +110,7 @@ class Constrained(MechanismSystem):
         (q0, v0), (q1, v1) = jnp.split(y0, 2), jnp.split(y1, 2)
         # Halfway on the cubic through both ends.
         t, q = 0.5 * (t0 + t1), 0.5 * (q0 + q1) + 0.125 * (t1 - t0) * (v0 - v1)
-        # One after the other in a loop: written out, they compile three times.
+        # The poses are taken in a loop: written out, they would be compiled three times.
         poses = jnp.stack(jnp.broadcast_arrays(t0, t, t1)), jnp.stack([q0, q, q1])
         gs, reaches = jax.lax.map(lambda at: self._reach(*at), poses)
         if not gs.shape[1]:
@@ -127,7 +127,7 @@ class Constrained(MechanismSystem):
         return g, solve_spd(mass_matrix(self.mechanism, t, q), g.T)
 
     def violation(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """Residuals (c,) of the ties, and (c + b,) of the conditions on the velocities."""
+        """Residuals (c,) of the constraints, and (c + b,) of the conditions on the velocities."""
         q, v = jnp.split(y, 2)
         t = jnp.asarray(t, y.dtype)
         phi, rates, _, _ = self._conditions(t, q, v)
@@ -155,7 +155,7 @@ class Constrained(MechanismSystem):
     def check(self, t, y):
         super().check(t, y)
         _checks.choice("drift", self.drift, DRIFTS)
-        # Compiled: its second derivatives, step by step on the host, take seconds.
+        # It is compiled, since its second derivatives, step by step on the host, take seconds.
         place, speed, lost, pivot = (float(x) for x in _violations(self, t, y))
         if pivot <= _MIN_EIGENVALUE:
             raise _checks.fail(
@@ -194,7 +194,7 @@ class Constrained(MechanismSystem):
         return free + row_sums(reach, multipliers), multipliers
 
     def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Ties phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) with G a = gamma."""
+        """The phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) for which G a = gamma."""
         tied, rolling = self.mechanism.tied, self.mechanism.rolling
         none = jnp.zeros((0,), q.dtype)
         ties = tied(t, q)
@@ -242,7 +242,7 @@ _loses = jax.jit(Constrained._loses)
 
 @eqx.filter_jit
 def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, ...]:
-    """Largest violations in place and in velocity, and whether the motion is undetermined.
+    """Largest violations in position and in velocity, and whether the motion is undetermined.
 
     Also the least eigenvalue of the mass matrix, scaled to a unit diagonal.
     """

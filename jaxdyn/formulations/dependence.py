@@ -1,7 +1,7 @@
-"""Conditions G a = gamma that depend on each other: which do, and where more of them come to do so.
+"""Conditions G a = gamma that depend on each other: which of them do, and where more come to do so.
 
-Rows of G are compared in the metric of the kinetic energy, by elimination of G M^-1 G^T; a row of
-which too little is left by those before it is dependent. `constrained` says what follows from it.
+Rows of G are compared in the metric of the kinetic energy, by elimination of G M^-1 G^T; a row is
+dependent if too little of it is left by those before it. `constrained` says what follows from that.
 """
 
 import jax.numpy as jnp
@@ -9,8 +9,8 @@ from jaxtyping import Array
 
 from jaxdyn._numerics import Reduced, has_positive_minors, smooth, solve_psd
 
-#: A condition at a smaller angle to the others counts as dependent: at 1e-6 rad, rounding of 1e-16
-#: still leaves ten digits of the acceleration. [square of the sine]
+#: Squared sine of the angle to the others below which a condition counts as dependent: at 1e-6 rad,
+#: rounding of 1e-16 still leaves ten digits of the acceleration.
 DEPENDENT = 1e-12
 #: Likewise where a step ends; less, so that a motion that stops there is found undetermined.
 LOST = 0.25 * DEPENDENT
@@ -31,8 +31,8 @@ def turns_over(start: tuple[Array, Array], end: tuple[Array, Array], kept: Array
     """Whether () conditions become dependent between two poses, or may; see `Constrained.loses`.
 
     Args:
-      start: G and M^-1 G^T in the first.
-      end: likewise in the second.
+      start: G and M^-1 G^T in the first pose.
+      end: likewise in the second pose.
       kept: (c + b,) which conditions are independent. The others are left out: within a step,
         where redundant conditions do not hold exactly, they are not dependent either.
     """
@@ -45,7 +45,7 @@ def turns_over(start: tuple[Array, Array], end: tuple[Array, Array], kept: Array
 
 def times(g: Array, reach: Array) -> Array:
     """G (c, n) times M^-1 G^T (n, k)."""
-    # As a sum, for the reason given at mechanism.weighted_gram.
+    # It is a sum, for the reason given at mechanism.weighted_gram.
     return jnp.sum(g[:, :, None] * reach[None, :, :], axis=1)
 
 

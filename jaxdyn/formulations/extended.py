@@ -1,8 +1,8 @@
 """A system with further entries in its state: work, time, an angle that is swept.
 
 Its state is [y, x]: y is the state of the system inside, x has entries that are integrated beside
-it. Everything that a scene asks of a system is answered by the one inside, at y; a new system of
-this kind says what its entries are called and how the whole state moves.
+it. The system inside answers everything that a scene asks of a system, at y; a new system of this
+kind says what its entries are called and how the whole state moves.
 """
 
 import abc
@@ -17,7 +17,7 @@ class Extended(System):
     """A system whose state [y, x] has further entries x behind those of another system.
 
     Attributes:
-      system: the one inside, with the state y.
+      system: the system inside, with the state y.
     """
 
     system: System

@@ -21,7 +21,7 @@ from jaxdyn._records.captured import PASS_AS_PARAMS
 
 
 class WithFunctions(eqx.Module):
-    """Parameters of which some leaves are no numbers: functions, as in a network.
+    """Parameters some of whose leaves are functions, not numbers, as in a network.
 
     Attributes:
       numbers: the same pytree, with None in place of functions; its leaves can be traced.
@@ -33,14 +33,14 @@ class WithFunctions(eqx.Module):
 
 
 def call(function: Callable, params: Any, *args: Array) -> Any:
-    """The function of these arguments and, where there are any, of the parameters."""
+    """The value of the function for these arguments and, where there are any, the parameters."""
     if isinstance(params, WithFunctions):
         params = eqx.combine(params.numbers, params.rest)
     return function(*args) if params is None else function(*args, params)
 
 
 def check_function(name: str, function: Any, params: Any, *args: str) -> Callable:
-    """The function, if it can be called with so many arguments and be part of a program."""
+    """The function, if it can be called with these arguments and be part of a program."""
     wanted = f"a function of ({', '.join((*args, 'params') if params is not None else args)})"
     if not callable(function):
         raise _checks.fail(name, wanted, repr(function))
@@ -50,7 +50,7 @@ def check_function(name: str, function: Any, params: Any, *args: str) -> Callabl
         remedy = "It gets `params` as its last argument if and only if params=... is given."
         got = f"one of {inspect.signature(function)}"
         raise _checks.fail(name, wanted, got, remedy) from error
-    except ValueError:  # of some built-in functions nothing is known
+    except ValueError:  # some built-in functions do not tell their signature
         pass
     try:
         hash(function)
@@ -83,7 +83,7 @@ def finite_params(params: Any) -> None:
 
 
 def vector(name: str, value: Any, like: Array) -> Array:
-    """What a function returned, a list of numbers too, as an array of floats like another one."""
+    """What a function returned, which may be a list of numbers, as floats like another array."""
     if value is None:
         raise _checks.fail(name, "an array or a list of numbers", "None", "Does it `return` them?")
 

@@ -4,8 +4,8 @@
 
 For a mechanism (`Lagrange`) L = T - V, where V sums the potentials of the effects that have one,
 and Q pulls back the forces of those that have none. It takes second derivatives of the energies at
-each step: the route to compare others with (newton_euler is faster), and the one that follows a
-textbook line by line. For a Lagrangian that is given as a function (`lagrangian`), Q is what the
+each step: it is the route to compare others with (newton_euler is faster), and the one that follows
+a textbook line by line. For a Lagrangian that is given as a function (`lagrangian`), Q is what the
 effects do to the coordinates.
 
 The energy of a bare L is the energy function h = v . dL/dv - L, which is conserved where L does not
@@ -43,7 +43,7 @@ from jaxdyn.formulations.mechanism import (
 )
 from jaxdyn.scene import Effect, Scene, System
 
-#: Smallest over largest eigenvalue of d2L/dv2 that is rounding.
+#: Ratio of the smallest to the largest eigenvalue of d2L/dv2 that may be only rounding.
 _SINGULAR = 1e-13
 
 
@@ -94,8 +94,8 @@ class Lagrangian(System):
     """Coordinates whose Lagrangian is given by functions: state [q, v]; see `lagrangian`.
 
     Attributes:
-      functions: (L,) of (t, q, v, params), or (T, V), the latter of (t, q, params); without params
-        where they are None.
+      functions: (L,), a function of (t, q, v, params), or (T, V), where V is one of (t, q, params);
+        without params where these are None.
       params: a pytree of numbers, or None.
       names: (name, unit) of each of the n coordinates.
     """
@@ -167,13 +167,13 @@ def lagrangian(
     Args:
       L: a function of time (), coordinates (n,), velocities (n,) and `params` that returns () [J];
         or a pair (T, V) of the kinetic energy, a function of the same, and the potential energy,
-        one of (t, q, params). Without `params` where there are no parameters.
+        one of (t, q, params). They lack `params` where there are no parameters.
       q0: (n,) start.
       v0: (n,) velocities at the start.
       t1: () span worth seeing [s], the default of `simulate`.
-      names: of the n coordinates, each a name or a pair (name, unit); q0, q1, ... if left out. The
-        velocity of "theta" is "theta_dot". A coordinate with the unit "rad" is an angle: values
-        that differ by 2 pi are the same.
+      names: names of the n coordinates, each a name or a pair (name, unit); q0, q1, ... if left
+        out. The velocity of "theta" is "theta_dot". A coordinate with the unit "rad" is an angle:
+        values that differ by 2 pi are the same.
       params: see `jaxdyn.ode`.
     Returns:
       A scene without material points. Its energy is T + V, or for a bare L the energy function
@@ -211,7 +211,7 @@ def lagrangian(
 
 
 def _accelerations(L: Callable, t: Array, q: Array, v: Array, force: Array) -> Array:
-    """(n,) from a Lagrangian (t, q, v) -> () and other forces (n,) on the coordinates."""
+    """(n,) accelerations for a Lagrangian (t, q, v) -> () and other forces (n,) on coordinates."""
 
     def momenta(t, q, v):
         return jax.grad(L, argnums=2)(t, q, v)
@@ -225,7 +225,7 @@ def _accelerations(L: Callable, t: Array, q: Array, v: Array, force: Array) -> A
 def _energies(L: Callable, t: Array, y: Array) -> tuple[Array, Array]:
     """The energy function h in two terms: what velocities add to it, and -L without them.
 
-    For L = T2 + T1 - V, the index the degree in the velocities, they are T2 and V.
+    For L = T2 + T1 - V, where the index is the degree in the velocities, they are T2 and V.
     """
     q, v = jnp.split(y, 2)
     t = jnp.asarray(t, y.dtype)
@@ -242,6 +242,6 @@ def _canonical(L: Callable, t: Array, y: Array) -> Array:
 
 @eqx.filter_jit
 def _mass(system: Lagrangian, t: Array, y: Array) -> Array:
-    """(n, n) second derivative of the Lagrangian by the velocities."""
+    """(n, n) second derivative of the Lagrangian with respect to the velocities."""
     q, v = jnp.split(y, 2)
     return jax.hessian(system.lagrangian, argnums=2)(jnp.asarray(t, y.dtype), q, v)

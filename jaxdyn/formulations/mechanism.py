@@ -1,4 +1,4 @@
-"""A mechanism: coordinates, the material points that they place, and the ties between these.
+"""A mechanism: coordinates, the material points that they place, and their constraints.
 
 It is written once and serves all formulations (newton_euler, lagrange, constrained), whose results
 can be compared. A rigid body is represented by material points with its mass, centre and inertia
@@ -23,7 +23,7 @@ from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Record
 
-#: Forms of the tie of a rod, as scenes name them; see `stretch`.
+#: Forms of the constraint of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")
 
 
@@ -48,7 +48,7 @@ class Mechanism(Record):
         """(p, d) positions of the points [m]."""
 
     def tied(self, t: Array, q: Array) -> Array | None:
-        """(c,) values that must stay zero: lengths, closed loops, guides; None without ties."""
+        """(c,) values that must stay zero: lengths, closed loops, guides; None without any."""
         del t, q
         return None
 
@@ -63,21 +63,21 @@ class Mechanism(Record):
         return None
 
     def rods(self) -> tuple[str, ...]:
-        """Names of the rods whose lengths (`stretch`) are the first of the ties."""
+        """Names of the rods whose lengths (`stretch`) are the first of the constraints."""
         return ()
 
     def cut(self, t: Array, q: Array) -> tuple[Part, ...]:
-        """The bodies that it consists of, as `System.cut`."""
+        """The bodies that it consists of, see `System.cut`."""
         del t, q
         return ()
 
     def held(self, t: Array, q: Array) -> tuple[Joint, ...]:
-        """What holds the bodies, as `System.held`."""
+        """What holds the bodies, see `System.held`."""
         del t, q
         return ()
 
     def sketch(self, t: Array, q: Array) -> tuple[Shape, ...]:
-        """What a drawing shows besides the paths of the points, as `System.sketch`."""
+        """What a drawing shows besides the paths of the points, see `System.sketch`."""
         del t, q
         return ()
 
@@ -88,14 +88,14 @@ class Mechanism(Record):
 def stretch(square: Array, length: Array, squared: bool) -> Array:
     """Elongation of a rod [m], from the squared distance of its ends.
 
-    As a tie of `Constrained` its multiplier is the force along the rod [N], positive where it
-    pushes. Both forms vanish together and agree to first order; without projection they drift
-    differently.
+    If it is a constraint of `Constrained`, its multiplier is the force along the rod [N], positive
+    where it pushes. Both forms vanish together and agree to first order; without projection they
+    drift differently.
 
     Args:
       square: (...) squared distance of the ends [m^2].
-      length: (...) of the rod [m].
-      squared: (square - length^2) / (2 length), smooth everywhere and the form that textbooks
+      length: (...) length of the rod [m].
+      squared: take (square - length^2) / (2 length), smooth everywhere and the form that textbooks
         differentiate; otherwise the distance minus the length.
     """
     if squared:
@@ -111,7 +111,7 @@ def planar_body(centre: Array, angle: Array, gyration: Array) -> Array:
 
     Args:
       centre: (2,) centre of mass [m].
-      angle: () of the line through them, from the x axis [rad].
+      angle: () angle of the line through them, from the x axis [rad].
       gyration: () sqrt(inertia / mass) [m].
     """
     arm = gyration * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
@@ -203,7 +203,7 @@ def mass_and_force(
     (r, velocity), (_, c) = jax.jvp(velocities, (t, q), (jnp.ones_like(t), v))
     m = mechanism.masses()
     force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
-    # Materialised, or a loop over stages would compute it again for each entry of M: four to
+    # It is materialised, or a loop over stages would compute it again for each entry of M: four to
     # six times slower (measured; materialising the force as well loses that again).
     j = materialise(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
@@ -239,7 +239,7 @@ def row_sums(j: Array, x: Array) -> Array:
 def weighted_gram(j: Array, weights: Array) -> Array:
     """(n, n) matrix J W J^T for rows J (n, s) and weights (s,).
 
-    As a sum, not a matrix product: XLA turns some small products into custom fusions, which
+    It is a sum, not a matrix product: XLA turns some small products into custom fusions, which
     would prevent folding of the stepping loop.
     """
     return jnp.sum(j[:, None, :] * (weights[None, :] * j)[None, :, :], axis=-1)

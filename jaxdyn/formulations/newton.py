@@ -3,8 +3,8 @@
 State ``[r_1 .. r_n, v_1 .. v_n]``, each in d cartesian components.
 
 A point may have mass 0: a test particle, which moves as the limit of small masses does. Effects
-that give accelerations, such as gravity, move it; a force on it is refused, as nothing would move
-it at a finite acceleration.
+that give accelerations, such as gravity, move it; a force on it is refused, since no finite
+acceleration would follow from it.
 """
 
 import itertools
@@ -32,7 +32,7 @@ class FreePoints(System):
     Attributes:
       m: (n,) masses [kg].
       d: number of dimensions.
-      names: of the points, in the labels of the state: x_Earth; without any they are numbered, x1.
+      names: names of the points, as in the label x_Earth; without any they are numbered, as in x1.
     """
 
     m: Array

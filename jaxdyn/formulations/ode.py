@@ -1,7 +1,7 @@
 """A scene from an ordinary differential equation dy/dt = rate(t, y, params).
 
-For equations that are not mechanics, or are written down already: the state is any array (k,),
-there are no material points, and an energy or other integrals only if they are given.
+It is for equations that are not mechanics, or are written down already: the state is any array
+(k,), there are no material points, and an energy or other integrals only if they are given.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -93,33 +93,32 @@ def ode(
         `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters.
       y0: (k,) start.
       t1: () span worth seeing, the default of `simulate`; for `orbits.find` a guess of the period.
-      names: of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out. An
+      names: names of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out. An
         entry with the unit "rad" is an angle: values that differ by 2 pi are the same. Entries
-        with one unit share a size, to which tolerances are relative; an entry without a unit has
-        its own. Give the modes of a wave one unit: the small ones are known to the rounding of the
-        large ones only.
+        with the same unit share a size, to which tolerances are relative; an entry without a unit
+        has its own. Give the modes of a wave one unit: small modes are then known only to the
+        rounding of large ones.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again.
       energy: a function of the arguments of `rate` that returns (). It need not be conserved:
         `analysis.energy.drift` shows whether it is.
       integrals: further quantities by name, functions like `energy` that return () or (d,). Those
         that are conserved give an orbit its unit multipliers (`orbits.stability`).
-      generators: of continuous symmetries by name, each a function of the state (k,), and of
-        `params` if there are any, that returns (k,): the rate at which the symmetry moves the
-        state, for a rotation by an angle in radians. `orbits.relative` closes an orbit up to one
-        that is linear in the state. They are candidates, as integrals are.
+      generators: generators of continuous symmetries by name, each a function of the state (k,),
+        and of `params` if there are any, that returns (k,): the rate at which the symmetry moves
+        the state, for a rotation by an angle in radians. `orbits.relative` closes an orbit up to
+        one that is linear in the state. They are candidates, as integrals are.
       second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
         checked: then a Nystrom pair is the default, about twice as fast.
     Returns:
       A scene without material points, for everything that takes one.
     Raises:
       ValueError: `rate`, `energy`, an integral or a generator is no such function or returns
-        another shape;
-        `y0`, `t1` or `params` are not finite numbers; `names` are not k different ones.
+        another shape; `y0`, `t1` or `params` are not finite numbers; `names` are not k different
+        ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a
-      loop; numbers that they capture are constants, and the scene is refused once
-      they have changed. Such a scene cannot be written
-      to a file, since a function cannot.
+      loop; numbers that they capture are constants, and the scene is refused once they have
+      changed. Such a scene cannot be written to a file, since a function cannot.
     Example:
       >>> import jax.numpy as jnp, jaxdyn
       >>> from jaxdyn.analysis import energy
@@ -178,7 +177,7 @@ def ode(
 
 
 def _check_order(system: Ode, t: Array, y: Array) -> None:
-    """Raise ValueError for a rate of (y, t): one that gives a rate if it is called that way."""
+    """Raise ValueError for a rate of (y, t), which gives a rate if it is called in that order."""
     try:
         swapped = jax.eval_shape(lambda: system.rate(y, t, ())).shape == y.shape
     except Exception:

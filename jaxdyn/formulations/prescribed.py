@@ -1,7 +1,7 @@
 """Prescribed motions: coordinates given as functions of time, independent of forces.
 
-For drawings that are moved without dynamics (course problems 7, 47 and 49). The state is [q, v] as
-for any mechanism, with dv/dt the second derivative of the path, so the same integrators, samples
+They are for drawings that move without dynamics (course problems 7, 47 and 49). The state is [q, v]
+as for any mechanism, with dv/dt the second derivative of the path, so the same integrators, samples
 and pictures apply; the deviation from the path checks the integrator.
 """
 
@@ -22,7 +22,7 @@ class Path(Mechanism):
         """(n,) coordinates at time t ()."""
 
     def speed(self, t: Array) -> Array:
-        """(n,) their rates."""
+        """(n,) rates of the coordinates."""
         return jax.jvp(self.path, (t,), (jnp.ones_like(t),))[1]
 
 

@@ -5,9 +5,9 @@ with its mass, centre and inertia), so effects act on it as on any system, and t
 
     m dv/dt = sum f_i,    I domega_b/dt = sum s_i x (R^T f_i) - omega_b x (I omega_b),
 
-with s_i and the constant I in the body's axes. For a body with a fixed pivot the second
-equation alone applies, with s_i and I about the pivot. The orientation R_wb is a unit quaternion or
-the matrix itself, which never lock; `EulerBody` uses Euler angles.
+with s_i and the constant I in the body's axes. For a body with a fixed pivot the second equation
+alone applies, with s_i and I about the pivot. The orientation R_wb is a unit quaternion or the
+matrix itself, which are never singular; `EulerBody` uses Euler angles.
 
 `pose` gives position, R_wb and angular velocity of any of them in both frames. The angular
 momentum in space is `energy.angular_momentum`.
@@ -94,8 +94,8 @@ class RigidBody(System):
     """A rigid body: state [r, attitude, v, omega_b], or [attitude, omega_b] about a pivot.
 
     Attributes:
-      matter: its points in its own axes, from the pivot if it has one. The r of a free body
-        is its centre of mass, from which its points are stored.
+      matter: its points in its own axes, relative to the pivot if it has one. The r of a free body
+        is its centre of mass, relative to which its points are stored.
       attitude: `attitude.Quaternion()` or `attitude.RotationMatrix()`.
       pivoted: whether the origin of its axes is fixed at the world's origin.
       drawn: what a drawing shows; by default the path of its first point.
@@ -239,7 +239,7 @@ class RigidBody(System):
 
 
 def inertia_matrix(matter: MaterialPoints) -> Array:
-    """Inertia (3, 3) of points about the origin of their axes [kg m^2]."""
+    """The inertia matrix (3, 3) of points about the origin of their axes [kg m^2]."""
     r, m = matter
     products = jnp.sum(m[:, None, None] * r[:, :, None] * r[:, None, :], axis=0)
     trace = products[0, 0] + products[1, 1] + products[2, 2]
@@ -247,10 +247,10 @@ def inertia_matrix(matter: MaterialPoints) -> Array:
 
 
 def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
-    """omega x (inertia omega) (3,) [N m].
+    """The torque omega x (inertia omega) (3,) [N m].
 
-    Written out by products of angular velocities, of which three are squares: a Taylor series takes
-    half as long for these, and moments of inertia are subtracted before anything is multiplied.
+    It is written out in products of angular velocities, three of which are squares: a Taylor series
+    takes half as long for these, and moments of inertia are subtracted before any multiplication.
     """
     (a, d, e), (_, b, f), (_, _, c) = inertia
     p, q, r = omega
@@ -293,7 +293,7 @@ def at_pivot(pivoted: bool) -> tuple[Joint, ...]:
 
 
 def rotate(R: Array, s: Array) -> Array:
-    """R s for one s (3,) or many (p, 3); a sum for the reason at mechanism.weighted_gram."""
+    """The product R s for one s (3,) or many (p, 3); a sum, as is mechanism.weighted_gram."""
     return jnp.sum(R[(None,) * (s.ndim - 1)] * s[..., None, :], axis=-1)
 
 

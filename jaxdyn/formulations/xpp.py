@@ -11,10 +11,10 @@ A text declares parameters, starts and rates; nothing in it is run, so it may co
     @ total=50
     done
 
-Understood are ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed quantities,
-functions, ``if()then()else()``, and ``aux``, which is left out, as is how XPPAUT draws and
-integrates. Refused is what is no ordinary differential equation: maps, delays, noise, tables,
-resets, arrays.
+The reader understands ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed
+quantities, functions, ``if()then()else()``, and ``aux``, which is left out, as is how XPPAUT draws
+and integrates. It refuses whatever is not an ordinary differential equation: maps, delays, noise,
+tables, resets, arrays.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -37,7 +37,7 @@ from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn.scene import Scene, System
 
-#: Of a text, in characters: a larger one is no model that a person wrote.
+#: Length of a text, in characters: a longer one is no model that a person wrote.
 _LONGEST = 200_000
 _DEFAULT_SPAN = 20.0  # of XPPAUT
 _SPAN = "total"
@@ -102,11 +102,11 @@ class Model(NamedTuple):
 
     Attributes:
       numbers: parameters with their values.
-      starts: of the states, in the order of the rates.
-      span: [time].
-      derived: quantities, in order: they may use those before.
-      functions: by name.
-      rates: of the states, in order.
+      starts: starts of the states, in the order of the rates.
+      span: the span [time].
+      derived: derived quantities, in order: they may use those before.
+      functions: functions by name.
+      rates: rates of the states, in order.
     """
 
     numbers: Mapping[str, float]
@@ -152,8 +152,8 @@ class Maker:
     """The scenes of a text, as a function of its parameters, starts and span.
 
     Attributes:
-      text: in the language of ``.ode`` files.
-      name: of the scenes.
+      text: a text in the language of ``.ode`` files.
+      name: the name of the scenes.
     Raises:
       ValueError: a line is not understood, or declares what is no differential equation.
     Example:
@@ -174,12 +174,12 @@ class Maker:
 
     @property
     def defaults(self) -> dict[str, float]:
-        """What it takes, parameters, the start of each state by its name, and `total`, the span."""
+        """What it takes: parameters, the start of each state by its name, and the span `total`."""
         found = model(self.text)
         return {**found.numbers, **found.starts, _SPAN: found.span}
 
     def __call__(self, **numbers: Any) -> Scene:
-        """The scene with some numbers; the others are those of the text."""
+        """The scene with these numbers; the others are those of the text."""
         found, known = model(self.text), self.defaults
         for key in numbers:
             _checks.choice("number", key, known)
@@ -207,19 +207,19 @@ def model(text: str) -> Model:
 
 
 def _lines(text: str) -> list[str]:
-    """Statements in small letters, without comments and line breaks within."""
+    """The statements in small letters, without comments and without the line breaks in them."""
     joined = re.sub(r"\\[ \t]*\n", " ", text)
     lines = (part for line in joined.splitlines() for part in _statements(line))
     return [line.strip().lower() for line in lines if line.strip()]
 
 
 def _statements(line: str) -> list[str]:
-    """Of a line, which may be a comment, or several statements."""
+    """The statements of a line, which may be a comment, or contain several."""
     return [] if line.lstrip()[:1] in ("#", "%", '"') else line.partition("#")[0].split(";")
 
 
 class _Reader:
-    """A text up to a line."""
+    """A reader of a text, line by line."""
 
     def __init__(self) -> None:
         self.numbers: dict[str, float] = {}
@@ -230,7 +230,7 @@ class _Reader:
         self.rates: dict[str, ast.expr] = {}
 
     def read(self, line: str) -> bool:
-        """Take a line; whether more may follow."""
+        """Read a line; the result says whether more may follow."""
         parts = _KEYWORD.fullmatch(line)
         word, rest = parts.groups() if parts else ("", "")
         pairs = "=" in rest and rest[0] not in "='(/"
@@ -279,7 +279,7 @@ class _Reader:
         return float(_value(_expression(text, line), self.numbers, {}))
 
     def model(self) -> Model:
-        """All of it, checked."""
+        """The model that was read, checked."""
         if not self.rates:
             raise _checks.fail("text", "rates such as x' = -x", "none")
         for name in self.starts:
@@ -342,7 +342,7 @@ def _in_python(text: str) -> str:
 
 
 def _closing(text: str, start: int) -> int:
-    """Where the parenthesis closes that opens before a place."""
+    """The place where the parenthesis closes that opens before a given place."""
     depth = 1
     for i in range(start, len(text)):
         depth += (text[i] == "(") - (text[i] == ")")
@@ -393,7 +393,7 @@ def _check_names(
 
 
 def _value(node: ast.expr, known: Mapping[str, Any], functions: Mapping[str, Function]) -> Any:
-    """The value of an expression, of numbers that are known."""
+    """The value of an expression for known numbers."""
 
     def of(part: ast.expr) -> Any:
         return _value(part, known, functions)
