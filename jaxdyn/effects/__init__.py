@@ -1,4 +1,4 @@
-"""Effects: what acts on material points, one file a family.
+"""Effects: what acts on material points, with one file for each family.
 
 `gravity` (uniform, and between all pairs of bodies), `drag` (drag and dry friction), `central`
 (central forces), `links` (springs, dashpots, hinge dampers, networks of springs), `prescribed`

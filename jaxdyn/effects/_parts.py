@@ -55,7 +55,7 @@ def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
     return weights[:, None] * force[None, :]
 
 
-#: Terms that a point sums at once; a point with more sums parts of them first.
+#: Number of terms that a point sums at once; a point with more of them sums parts of them first.
 _WIDTH = 8
 
 
@@ -77,7 +77,7 @@ def sums_at(x: Array, points: tuple[int, ...], n: int) -> Array:
 
 @functools.lru_cache(maxsize=32)
 def _tables(points: tuple[int, ...], n: int) -> list[np.ndarray]:
-    """Rows to sum at each point, one after another: first those of parts, if they are many.
+    """The rows to sum at each point, one after another; first those of parts, if they are many.
 
     Returns:
       (w, m) tables with the numbers of rows of the sums before, w of them for each of m sums; the

@@ -17,7 +17,7 @@ from jaxdyn._checks import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
-#: [m] from the origin: nearer than any motion comes; its square does not underflow.
+#: Distance from the origin [m] that no motion falls below; its square does not underflow.
 _MIN_DISTANCE = 1e-150
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
@@ -53,7 +53,7 @@ class CentralForce(Effect):
     def energy(self, r: Array) -> Array:
         """Potential energy () [J] at the distance r () [m].
 
-        By default the integral of f from 1 m to r, by a 64-point Gauss rule.
+        By default it is the integral of f from 1 m to r, by a 64-point Gauss rule.
 
         Limits: the rule is accurate to rounding for a smooth law, and for a singular power law
           from about r = 1/50 to 50 m; override the method for a wider range.
@@ -90,11 +90,11 @@ class CentralForce(Effect):
 class PowerLaw(CentralForce):
     """Attraction f(r) = k r^n towards the origin; k [N/m^n], any real exponent n.
 
-    Energy k r^(n+1) / (n+1), and k log r for n = -1. The gravity of a fixed sun has n = -2, a
-    spring of rest length 0 has n = 1, and for n = -1 all circular orbits have the same speed.
+    The energy is k r^(n+1) / (n+1), and k log r for n = -1. The gravity of a fixed sun has n = -2,
+    a spring of rest length 0 has n = 1, and for n = -1 all circular orbits have the same speed.
 
-    Limits: the derivative of the energy by n is meaningless at n = -1 itself, where the constant in
-      the energy is infinite.
+    Limits: the derivative of the energy with respect to n is meaningless at n = -1 itself, where
+      the constant in the energy is infinite.
     """
 
     k: Array = eqx.field(converter=as_float, default=1.0)

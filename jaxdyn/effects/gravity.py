@@ -18,20 +18,21 @@ from jaxdyn.scene import Effect, Points
 
 # ---- Sums over all pairs of bodies, a few bodies at a time against all
 #
-# Arrays of n x n pairs fall out of the caches, and a last axis of 3 coordinates keeps XLA from
-# using the vector units. Here each pass of a loop takes the pairs of four bodies with all others,
-# with coordinates apart and bodies last: 1.1 to 1.4 ns an ordered pair from 16 to 1024 bodies,
-# against 19 ns for arrays (n, n, 3), and no array is larger than n. [measured: a core with
-# 512-bit vectors, gravity in space, in a compiled loop; one body a pass takes 1.3 to 2.4 ns,
-# sixteen up to 8. Each pair once would halve the square roots, but adds to entries one by one.]
+# Arrays of n x n pairs exceed the caches, and a last axis of 3 coordinates keeps XLA from using the
+# vector units. Here each pass of a loop takes the pairs of four bodies with all others, with
+# separate coordinates and bodies last: this takes 1.1 to 1.4 ns per ordered pair from 16 to 1024
+# bodies, against 19 ns for arrays (n, n, 3), and no array is larger than n. [measured: a core with
+# 512-bit vectors, gravity in space, in a compiled loop; one body per pass takes 1.3 to 2.4 ns,
+# sixteen up to 8. To take each pair once would halve the square roots, but adds to entries one by
+# one.]
 
-_ROWS = 4  # bodies a pass
+_ROWS = 4  # bodies per pass
 
 
 def sum_over_bodies(
     add: Callable[[Array, Array, list[Array], Array], Array], r: Array, m: Array, start: Array
 ) -> Array:
-    """What each of n bodies adds to totals of all n, summed.
+    """The totals of all n bodies, to which each of the n bodies adds.
 
     Args:
       add: (total, mass, d, r2) -> total, where a body of mass (n,) lies at displacements d, a
@@ -66,7 +67,7 @@ def sum_over_bodies(
 
 # ---- Gravity: uniform, and the mutual attraction of all points
 
-# From about this many bodies on, `sum_over_bodies` beats a program with one scalar expression a
+# From about this many bodies on, `sum_over_bodies` beats a program with one scalar expression per
 # pair, which is 3 to 4 times faster at n = 3 but grows as n^2.
 _ROWS_FROM = 9
 

@@ -1,4 +1,4 @@
-"""Springs and dashpots, between two points or a point and an anchor; dampers in hinges.
+"""Springs and dashpots between two points, or a point and an anchor; dampers in hinges.
 
 Springs and dashpots act along the line between their ends. Where the ends coincide the line has no
 direction and the force is zero, except that a spring of rest length 0 is linear, -k r, throughout.
@@ -34,8 +34,8 @@ _NO_DIRECTION = (
 class Spring(Effect):
     """A linear spring with energy k (l - length)^2 / 2, l being the distance of its ends.
 
-    Stiffness k [N/m], rest length [m], 0 allowed; from point i to point j, or to an anchor
-    (d,) [m], 0 for the origin, where j is None.
+    It has the stiffness k [N/m] and the rest length [m], which may be 0. It goes from point i to
+    point j or, where j is None, to an anchor (d,) [m], 0 for the origin.
     """
 
     k: Array = eqx.field(converter=as_float)
@@ -53,7 +53,8 @@ class Spring(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         d = r[self.i] - end_of(r, self.j, self.anchor)
-        # By the direction, whose bounds are known at every length: proofs about equilibria need it.
+        # It uses the direction, whose bounds are known at every length: proofs about equilibria
+        # need them.
         pull = self.k * (d - self.length * _direction(d))
         return on_ends(-pull, r.shape[0], self.i, self.j)
 
@@ -71,8 +72,8 @@ class Spring(Effect):
 class Dashpot(Effect):
     """A damper -c dl/dt along the line between its ends, l being their distance.
 
-    Coefficient c [kg/s]; from point i to point j, or to an anchor (d,) [m], 0 for the origin,
-    where j is None.
+    It has the coefficient c [kg/s]. It goes from point i to point j or, where j is None, to an
+    anchor (d,) [m], 0 for the origin.
     """
 
     c: Array = eqx.field(converter=as_float)
@@ -100,9 +101,9 @@ class Dashpot(Effect):
 class HingeDamper(Effect):
     """A damper in a hinge: the torque -c d(angle)/dt, or on two bars that it joins.
 
-    Coefficient c [N m s], of the angle that is coordinate i of the system; where j is given of the
-    angle between the bars whose angles i and j are, with the opposite torque on j. For systems
-    whose coordinates are angles: it acts on any coordinate as if it were one.
+    It has the coefficient c [N m s]. The angle is coordinate i of the system; if j is given, it is
+    the angle between the bars whose angles are i and j, with the opposite torque on j. It is for
+    systems whose coordinates are angles, and acts on any coordinate as if it were one.
     """
 
     c: Array = eqx.field(converter=as_float)
@@ -121,17 +122,17 @@ class HingeDamper(Effect):
         _checks.array("c", self.c, (), "The damping coefficient of a hinge is in N m s.")
 
 
-# Links up to which a network is slices and sums, one a link. A gather, whose reverse mode is a
-# scatter, or a sum over all points would keep a stepping loop with tangents from being folded and
-# vectorised (20 links take 2.5 times as long then, 63 twice). Each link takes 0.1 s to compile so,
-# with tangents, and a larger network is too large to be folded.
+# Number of links up to which a network is written as slices and sums, one for each link. A gather,
+# whose reverse mode is a scatter, or a sum over all points would keep a stepping loop with tangents
+# from being folded and vectorised (20 links then take 2.5 times as long, 63 twice). With tangents,
+# each link takes 0.1 s to compile in this form, and a larger network is too large to be folded.
 _MAX_WRITTEN_OUT = 64
 
 
 class SpringNetwork(Effect):
     """Linear springs along given pairs of points, as one effect.
 
-    Stiffness k [N/m] and rest length [m], each () or (e,), one for each pair;
+    It has the stiffness k [N/m] and the rest length [m], each () or (e,), one for each pair;
     `links` are the pairs, e.g. ``((0, 1), (1, 2))``.
     """
 
@@ -197,12 +198,12 @@ def _sketch(kind: Kind, r: Array, i: int, j: int | None, anchor: Array) -> tuple
 
 
 def _energy(k: Array, length: Array, d: Array) -> Array:
-    # Multiplied out, for the correct second derivative of rest length 0 where the ends coincide.
+    # This is multiplied out, so that the second derivative is right for rest length 0 at r = 0.
     return 0.5 * k * (square_norm(d) - 2 * length * safe_norm(d) + length * length)
 
 
 def _pulls(k: Array, length: Array, d: Array) -> Array:
-    # One division for each spring, not one for each component of its direction.
+    # There is one division for each spring, not one for each component of its direction.
     apart = safe_norm(d)
     return (k * (1.0 - length / jnp.where(apart == 0, 1.0, apart)))[..., None] * d
 

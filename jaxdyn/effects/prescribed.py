@@ -74,7 +74,7 @@ class SinusoidalForce(Effect):
 def _at_points(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
     """(n, d) the force (d,) at the chosen points, zero elsewhere."""
     n, d = r.shape
-    # Before the force is broadcast, in every trace.
+    # The shape is checked before the force is broadcast, in every trace.
     _checks.check_shape("F", force.shape, (d,), _EACH_AXIS)
     if not isinstance(on, tuple | None):
         remedy = "Their numbers, such as (0, 2)."
