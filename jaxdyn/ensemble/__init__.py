@@ -1,8 +1,8 @@
 """Many motions at once, on all cores, each with its own steps.
 
 `engine` has the calls (`run`, `stream`), `lanes` steps several motions side by side, `batches`
-divides the work among threads and devices, `watches` are observers that measure on the way or end
-a motion early, `crossings` is the one that records the crossings of an event.
+divides the work among threads and devices. `watches` are observers that measure along a motion or
+end it early, and `crossings` has the observer that records the crossings of an event.
 
 May import: `integrate`.
 

@@ -25,7 +25,7 @@ _AXIS = "motions"
 
 
 def mesh_of(devices) -> Mesh:
-    """The devices as one row."""
+    """The mesh of the devices in one row."""
     return Mesh(np.array(devices), (_AXIS,))
 
 
@@ -33,13 +33,13 @@ class Job(NamedTuple):
     """The common data of all motions, and how they are run.
 
     Attributes:
-      shared: the field, with None in place of what each motion has for itself.
+      shared: the field, with None in place of the numbers that each motion has for itself.
       limits: tolerances, and the maximum number of steps.
       watch: the observer.
       method: the method.
       chunk: rows of the program's queue.
       threads: number of batches in flight.
-      mesh: the devices that share each chunk; None for the default one alone.
+      mesh: the devices that share each chunk; None for the default device alone.
     """
 
     shared: Any
@@ -52,7 +52,7 @@ class Job(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Motions of one call of the program."""
+        """Number of motions of one call of the program."""
         return self.chunk * (1 if self.mesh is None else self.mesh.size)
 
     def results(self, batches: Iterable[Motions]) -> Iterator[Ends]:
@@ -67,7 +67,7 @@ class Job(NamedTuple):
             while waiting:
                 yield waiting.popleft().result()
         finally:
-            # Also where the caller abandons the iterator.
+            # This is also reached where the caller abandons the iterator.
             pool.shutdown(cancel_futures=True)
 
     def ends(self, batch: Motions) -> Ends:

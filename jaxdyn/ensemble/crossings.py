@@ -39,7 +39,7 @@ class Node(NamedTuple):
 def zero_between(before: Node, here: Node, end: Node) -> Array:
     """() time after `here` of the zero between it and `end` of the quintic through all three.
 
-    Newton's interpolation with double nodes; its zero by Newton's method within the bracket.
+    It is Newton's interpolation with double nodes; Newton's method finds its zero in the bracket.
     """
     x = [node.t - here.t for node in (before, before, here, here, end, end)]
     table = [node.g for node in (before, before, here, here, end, end)]
@@ -70,15 +70,16 @@ def zero_between(before: Node, here: Node, end: Node) -> Array:
 
 
 _MAX_HALVINGS = 24  # of a step: in so short a stretch a value has no extremum except by rounding
-_GROWTH = 3  # halvings that a step grows back by after one that is kept; a bit less than it may
-#: Of a step: a look this close to the crossing is the last one. The remaining correction is linear
-#: in time, with an error of the order of its square, below rounding.
+_GROWTH = 3  # halvings that a step regains after one that is kept; a bit less than is possible
+#: Part of a step: a look this close to the crossing is the last one. The remaining correction is
+#: linear in time, with an error of the order of its square, below rounding.
 _CLOSE = 2.0**-28
 _LEAST_STRETCH = 0.25  # of the stretch before it: a shorter one does not tell third derivatives
-#: The linear correction leaves at most this part of the value at a simple zero. At a flat one of
-#: order n it leaves (1 - 1/n)^n, from 1/4 on.
+#: The linear correction leaves at most this part of the value at a simple zero. At a flat zero of
+#: order n it leaves (1 - 1/n)^n, which is 1/4 or more.
 _SIMPLE = 0.1
-#: For one crossing; about four are usual. At a flat zero every second look halves the bracket.
+#: Most looks for one crossing; about four are usual. At a flat zero every second look halves the
+#: bracket.
 _MAX_LOOKS = 200
 
 
@@ -87,7 +88,7 @@ class Recorded(NamedTuple):
 
     Attributes:
       ts: (rows,) times of the crossings; NaN after the last.
-      ys: (rows, k) states then; NaN likewise.
+      ys: (rows, k) states at these times; NaN likewise.
       directions: (rows,) 1 where the value rose along the motion, -1 where it fell, else 0.
       count: () number of crossings.
       lost: () whether the event became NaN, which ended the run.
@@ -117,10 +118,10 @@ class _Search(NamedTuple):
 
 
 class EachCrossing(Watch):
-    """Records the crossings of an event; ends the run at the last for which there is room.
+    """A watch that records the crossings of an event; the run ends when there is no more room.
 
-    To be used alone: it decides where steps begin and end. A crossing is found if the value is
-    smooth over a step and goes beyond zero by more than 4 roundings of the state.
+    It has to be used alone, since it decides where steps begin and end. A crossing is found if the
+    value is smooth over a step and goes beyond zero by more than 4 roundings of the state.
 
     Attributes:
       field: the field of the motion.
@@ -183,7 +184,7 @@ class EachCrossing(Watch):
         found = fine & looking & closed.arrived
         keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
         h = jnp.where(looking, closed.h, stepped.h)
-        # Longer than the step was it need not become: the control's own choice follows then.
+        # It need not become longer than the step was: the control's own choice follows then.
         full = jnp.where(found, t1 + search.step, following)
         aim = jnp.where(fine, jnp.where(keep, full, t0 + h), following)
         towards = jnp.where(looking, -side, stepped.side)
@@ -235,7 +236,7 @@ class _Crossed(NamedTuple):
 
 
 def _record(memory: Recorded, found: Array, crossed: _Crossed, side: Array) -> Recorded:
-    """With a crossing, if one is found, to this side () of the event."""
+    """The memory with a crossing, if one is found, to this side () of the event."""
     row = found & (jnp.arange(len(memory.ts)) == memory.count)
     return memory._replace(
         ts=jnp.where(row, crossed.t, memory.ts),
@@ -257,7 +258,7 @@ class _Stepped(NamedTuple):
 def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool) -> _Stepped:
     here, before = search.here, search.before
     h = end.t - here.t
-    # Before the first node the value goes on as a straight line.
+    # Before the first node, the value is continued as a straight line.
     first = before.t == here.t
     back = here._replace(t=here.t - h, g=here.g - h * here.slope)
     before = jax.tree.map(lambda a, b: jnp.where(first, a, b), back, before)

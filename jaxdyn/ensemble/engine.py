@@ -3,7 +3,7 @@
 `run` splits them into batches, distributes the batches over threads or devices, see `batches`, and
 collects the results; `stream` does so for batches that come one by one and never holds more than
 a few of them. The program, see `lanes`, has one shape for any number of motions: it compiles once
-per kind of scene.
+for each kind of scene.
 """
 
 import itertools
@@ -55,7 +55,7 @@ def run(
 
     Args:
       scene: the scene, with the numbers that all motions share.
-      y0s: (n, k) starts; by default those of `params`.
+      y0s: (n, k) starts; by default the starts of `params`.
       t1: () or (n,) end times [s], after or before t0; the scenes' own spans by default.
       params: the scene again, where any number may have a first axis of n entries, one per
         motion, e.g. ``jax.vmap(make_scene)(values)``.
@@ -96,7 +96,7 @@ def run(
     n = len(motions.y0)
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
-    # Enough batches to keep all threads busy to the end.
+    # There are enough batches to keep all threads busy to the end.
     batches = job.threads * math.ceil(n / (job.threads * job.rows))
     edges = np.linspace(0, n, batches + 1).astype(int)
     slices = [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
@@ -130,8 +130,8 @@ def stream(
     """The ends of batches of starts, in order, as they finish; see `run`.
 
     Args:
-      scene: as for `run`, like all that is not described here.
-      batches: of starts (m, k), consumed lazily; a few are in flight at a time, each on one core.
+      scene: as for `run`, like all arguments that are not described here.
+      batches: batches of starts (m, k), consumed lazily; a few are in flight, each on one core.
       t1: () end time [s].
       t0: () start time [s].
       rtol: relative tolerance.
@@ -142,7 +142,7 @@ def stream(
       watch: an observer.
       chunk: rows passed to a core or device at once.
       threads: number of batches in flight.
-      devices: share each chunk among these.
+      devices: share each chunk among these devices.
     Example:
       >>> import numpy as np
       >>> from jaxdyn import ensemble, scenes
@@ -194,7 +194,7 @@ def _job(
 
 
 def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
-    """The queue, and the field with None in place of what each motion has for itself."""
+    """The queue, and the field with None in place of the numbers that each motion has itself."""
     _checks.float64()
     check_scene(scene)
     _checks.flag("fixed", fixed)
@@ -221,7 +221,7 @@ def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tu
 
 
 def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
-    """A tree like the scene: whether each number has an entry for each motion."""
+    """A tree like the scene that says whether each number has an entry for each motion."""
     if jax.tree.structure(scene) != jax.tree.structure(given):
         raise _checks.fail(
             "params",

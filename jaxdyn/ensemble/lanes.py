@@ -6,7 +6,7 @@ its own time, step and verdict of the step control, the one of `simulate`. As so
 successfully or not, its result is written to its row and the next of the queue takes its place:
 no lane waits for another.
 
-All of it, the change of lanes included, is one loop without scatters, which XLA on CPU fuses
+All of it, including the change of lanes, is one loop without scatters, which XLA on CPU fuses
 into one function. No operation mixes lanes and the group always has the same width, so the result
 of a row does not depend on the rows around it.
 """
@@ -39,8 +39,8 @@ from jaxdyn.solvers.sizes import allowed_error, groups_of, grow, sizes_after_rej
 from jaxdyn.solvers.stepper import StepError
 from jaxdyn.status import Status
 
-#: Lanes of a group. A loop over 16 or fewer is unrolled by the compiler before vectorisation, and
-#: is slower by half; from 48 on the stages of a step exceed the first-level cache.
+#: Number of lanes in a group. The compiler unrolls a loop over 16 or fewer before vectorisation,
+#: which makes it slower by half; from 48 on the stages of a step exceed the first-level cache.
 WIDTH = 32
 
 
@@ -65,7 +65,7 @@ class Ends(NamedTuple):
 
     Attributes:
       y1: (n, k) states at the end; NaN unless the status is OK.
-      t: (n,) times reached: the end; before it where a watch, or the status, stopped the motion.
+      t: (n,) times reached: the end, or before it where a watch, or the status, ended the motion.
       status: (n,) `Status` codes.
       steps: (n,) accepted steps.
       rejected: (n,) rejected steps.
@@ -86,7 +86,7 @@ class Ends(NamedTuple):
         """The ends as a pandas DataFrame: a row for each motion, a column for each entry.
 
         Args:
-          scene: of the motions, whose entries have names and units.
+          scene: the scene of the motions, which names the entries and their units.
         Raises:
           ValueError: pandas is not installed.
         """
@@ -96,7 +96,7 @@ class Ends(NamedTuple):
         """The ends as an xarray Dataset along the axis "motion".
 
         Args:
-          scene: of the motions, whose entries have names and units.
+          scene: the scene of the motions, which names the entries and their units.
         Raises:
           ValueError: xarray is not installed.
         """

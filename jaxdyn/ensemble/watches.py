@@ -1,7 +1,7 @@
 """Observers of running motions: close returns, a stopping condition, several together.
 
-A `Watch` sees every accepted step of a motion and reduces them to a few numbers, so that a long
-run need not be stored. These are for `ensemble.run`; `events` has its own.
+A `Watch` sees every accepted step of a motion and reduces the steps to a few numbers, so that a
+long run need not be stored. These are for `ensemble.run`; `events` has its own.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ _NEWTON_STEPS = 4  # steps of Newton's method for the least distance within a st
 
 
 class Gap(eqx.Module):
-    """Distance of two states: `System.difference`, entries weighted.
+    """The distance of two states: `System.difference` with weighted entries.
 
     Use another module with the same call where returns count modulo something: a turn, a
     permutation of bodies.
@@ -63,8 +63,8 @@ class CloseReturn(Watch):
 
     Between two steps the gap is the cubic with its values and slopes at both ends, which is
     accurate to some 1e-4 of its size at the steps of tight tolerances: enough for an initial
-    guess. A motion that only leaves its start has no return: infinite, at NaN. Two returns
-    within one step of the method count as one or none.
+    guess. A motion that only leaves its start has no return: the distance is infinite, the time
+    NaN. Two returns within one step of the method count as one or none.
 
     Attributes:
       field: the field of the motion.
@@ -133,7 +133,7 @@ class CloseReturn(Watch):
 
 
 class _Cubic(NamedTuple):
-    """w0 + w1 s + w2 s^2 + w3 s^3 for 0 <= s <= 1, each (m,)."""
+    """The cubic w0 + w1 s + w2 s^2 + w3 s^3 for 0 <= s <= 1, each (m,)."""
 
     w0: Array
     w1: Array
@@ -142,7 +142,7 @@ class _Cubic(NamedTuple):
 
     @classmethod
     def through(cls, w: Array, d: Array, w_end: Array, d_end: Array) -> "_Cubic":
-        """With values and slopes at both ends."""
+        """The cubic with these values and slopes at both ends."""
         rise = w_end - w
         return cls(w, d, 3 * rise - 2 * d - d_end, d + d_end - 2 * rise)
 
@@ -154,7 +154,7 @@ class _Cubic(NamedTuple):
         return 0.5 * jnp.sum(w * w), jnp.sum(w * d), jnp.sum(d * d + w * dd)
 
     def nearest(self) -> tuple[Array, Array]:
-        """Where the length has a minimum inside, and the length there; infinite without."""
+        """Where the length has a minimum inside, and the length there; infinite if it has none."""
         zero, one = jnp.zeros_like(self.w0[0]), jnp.ones_like(self.w0[0])
         (_, before, _), (_, after, _) = self.at(zero), self.at(one)
         inside = (before < 0) & (after >= 0)
@@ -174,8 +174,8 @@ class _Cubic(NamedTuple):
 class Until(Watch):
     """Ends a motion with the first accepted step at whose end the condition holds.
 
-    For motions not worth continuing (an escape, a near collision); for the time of the event
-    itself use `events`.
+    It is for motions that are not worth continuing (an escape, a near collision); for the time of
+    the event itself use `events`.
 
     Attributes:
       condition: a module, (t, y) -> () bool.
