@@ -26,9 +26,9 @@ WINDOW = 3
 COUNT = 10
 _LEAST_SAMPLES = 16
 _ROUNDS = 8  # of Newton's method, which converges quadratically
-_APART = 2.0  # distance, in 2 pi / T, below which two frequencies are not told apart
-_PADDING = 4  # of the transform, whose grid then brackets each maximum
-_FAINT = 1e-14  # amplitude, as a share of the largest, that is rounding
+_APART = 2.0  # distance, in 2 pi / T, below which two frequencies are not distinguished
+_PADDING = 4  # factor of the transform's length, whose grid then brackets each maximum
+_FAINT = 1e-14  # amplitude, as a share of the largest, that may be only rounding
 _EQUALLY_SPACED = 1e-9  # relative scatter of time steps that is rounding
 
 
@@ -36,11 +36,11 @@ class Frequencies(Record):
     """A signal as the sum of amplitude * exp(i frequency t), strongest first.
 
     Attributes:
-      frequencies: (m,) angular frequencies [rad/s]; of a real signal the positive ones and 0.
+      frequencies: (m,) angular frequencies [rad/s]; for a real signal the positive ones and 0.
       bars: (m,) their uncertainty [rad/s]: the change with a weaker window, and what the rest
         can shift them by. Errors of the samples that look like oscillations are not seen.
-      amplitudes: (m,) complex, at t = 0 of the samples' times, in the unit of the signal; of a real
-        signal the real part of the sum is the signal.
+      amplitudes: (m,) complex, at t = 0 of the samples' times, in the unit of the signal; if the
+        signal is real, it is the real part of the sum.
       residual: () largest difference of the signal from the sum, relative to the largest sample:
         large for chaotic signals, and where `count` was too small.
     """
@@ -61,18 +61,18 @@ def frequencies(
 
     Args:
       signal: a motion with equally spaced samples, or samples (n,), real or complex. A complex
-        signal such as q - i p / w tells the sense of turning, and has half as many oscillations. Of
-        an angle that turns take exp(i angle).
+        signal such as q - i p / w tells the sense of turning, and has half as many oscillations.
+        For an angle that turns take exp(i angle).
       entry: name of the entry of the state to analyse; for a motion only.
       dt: () time between samples [s]; for samples only.
-      count: largest number of oscillations; fewer if the rest is rounding.
+      count: largest number of oscillations; there are fewer if the rest is rounding.
     Returns:
       Frequencies, amplitudes, uncertainties, and what is left.
     Raises:
       ValueError: fewer than 16 samples, samples that are not finite or not equally spaced, no such
         entry, or `dt` missing or not positive.
-    Limits: host only. Needs two samples in the shortest period, some ten of the longest periods in
-      the time, and a time after which close frequencies have parted by two turns.
+    Limits: host only. It needs two samples in the shortest period, some ten of the longest periods
+      in the time, and a time in which close frequencies part by two turns.
     Reference: Laskar (1990), Icarus 88, 266; Laskar (2003), arXiv:math/0305364; Gomez, Mondelo &
       Simo (2010), Discrete Contin. Dyn. Syst. B 14, 41 (joint refinement).
     Example:
@@ -134,7 +134,7 @@ def _window(t: np.ndarray, power: int) -> np.ndarray:
 
 
 def _lines(t: np.ndarray, f: np.ndarray, count: int, real: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and amplitudes of the strongest oscillations; pairs +-w of a real signal."""
+    """Frequencies and amplitudes of the strongest oscillations; pairs +-w for a real signal."""
     w, a = np.zeros(0), np.zeros(0, complex)
     for _ in range(count):
         found, size = _strongest(t, f - _sum(t, w, a), w)
@@ -147,7 +147,10 @@ def _lines(t: np.ndarray, f: np.ndarray, count: int, real: bool) -> tuple[np.nda
 
 
 def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[float, float]:
-    """Where the windowed transform of what is left is largest, apart from known ones, and there."""
+    """The frequency where the windowed transform of the rest is largest, and that maximum.
+
+    Frequencies near known ones are left out.
+    """
     chi = _window(t, WINDOW)
     n, h = _PADDING * len(t), t[1] - t[0]
     size = np.abs(np.fft.fft(chi * rest, n)) / chi.sum()
@@ -164,9 +167,9 @@ def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[floa
 def _refine(
     t: np.ndarray, f: np.ndarray, w: np.ndarray, power: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All frequencies and amplitudes by Newton's method on their weighted least squares.
+    """All frequencies and amplitudes, by Newton's method on their weighted least squares.
 
-    The unknowns b of f = sum of (a + b t) exp(i w t) are i a dw at the solution's first order.
+    The unknowns b of f = sum of (a + b t) exp(i w t) are i a dw to first order at the solution.
     """
     weight = np.sqrt(_window(t, power))[:, None]
     for _ in range(_ROUNDS):
@@ -174,7 +177,7 @@ def _refine(
         columns = np.concatenate([waves, waves * (t / t[-1])[:, None]], axis=1)
         found = np.linalg.lstsq(columns, weight[:, 0] * f, rcond=None)[0]
         a, b = np.split(found, 2)
-        held = (w == 0) | (np.abs(b) > np.abs(a))  # a mean; a step too long to be one
+        held = (w == 0) | (np.abs(b) > np.abs(a))  # a mean; or a step that is too long
         change = np.where(held, 0.0, (b / np.where(a == 0, 1.0, a)).imag / t[-1])
         w = w + change
         if np.abs(change).max() <= np.finfo(float).eps * max(np.abs(w).max(), 1 / t[-1]):

@@ -30,17 +30,17 @@ from jaxdyn.system import Record, System
 #
 # A unit tangent u of a motion obeys u' = J u - (u . J u) u, with J the Jacobian of the rate: its
 # length stays 1, so that it neither overflows nor underflows however long the motion is. Lengths
-# are those in the sizes of the entries, which do not depend on units. Rounding and the errors of
-# steps are removed after each step (`System.project`). What is to be averaged along the motion is
-# integrated as further entries of the state.
+# are measured in the sizes of the entries, so that they do not depend on units. Rounding and the
+# errors of steps are removed after each step (`System.project`). Quantities that are averaged along
+# the motion are integrated as further entries of the state.
 
 
 class Deviations(System):
     """A motion with unit tangents: the state is [y, u_1, ..., u_m, averages].
 
     Attributes:
-      field: that of the motion.
-      sizes: (k,) of the entries of its state.
+      field: the field of the motion.
+      sizes: (k,) sizes of the entries of its state.
       count: m, the number of tangents.
       averaged: whether the four entries of `Averages` follow, for the first tangent.
     """
@@ -165,8 +165,8 @@ def megno(
 
     Args:
       scene: system and effects, shared by all motions.
-      starts: (..., k) starts, with any number of axes, e.g. (a, b, k) for a map; by default those
-        of `params`, or the scene's own.
+      starts: (..., k) starts, with any number of axes, e.g. (a, b, k) for a map; by default the
+        starts of `params`, or the scene's own.
       t1: () or (...) end time [s], after or before t0; the scene's own span by default.
       t0: () or (...) start time [s].
       params: the scene with a first axis in numbers that differ; see `ensemble.run`.
@@ -178,7 +178,7 @@ def megno(
       ValueError: see `ensemble.run`.
     Limits: host only, no derivatives. The value is 2 for tangents that grow in proportion to time;
       it tends to 0 where frequencies do not depend on the amplitude (a harmonic oscillator), and
-      below where motions are attracted.
+      to less where motions are attracted.
     Reference: Cincotta & Simo (2000), Astron. Astrophys. Suppl. 147, 205; Gozdziewski, Bois,
       Maciejewski & Kiseleva-Eggleton (2001), Astron. Astrophys. 378, 569.
     Example:
@@ -256,7 +256,7 @@ def gali(
     above; for chaotic motions it falls exponentially.
 
     Args:
-      scene: as for `megno`, like all that is not described here.
+      scene: as for `megno`, like all arguments that are not described here.
       starts: (..., k) starts.
       t1: () or (...) end time [s].
       count: number of tangents, between 2 and the number of entries of the state.
@@ -266,7 +266,7 @@ def gali(
       progress: show a bar.
     Raises:
       ValueError: `count` is out of range, or see `ensemble.run`.
-    Limits: below some 1e-14 it is rounding.
+    Limits: below some 1e-14 the index is rounding.
     Reference: Skokos, Bountis & Antonopoulos (2007), Physica D 231, 30.
     Example:
       >>> from jaxdyn import chaos, scenes
@@ -308,12 +308,12 @@ class _Run:
         self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k) of each motion, once it is known
 
     def system(self, sizes: np.ndarray, scene: Scene | None = None) -> Deviations:
-        """That of a scene with its tangents, whose entries have sizes (k,), or (n, k)."""
+        """The system of a scene with its tangents, whose entries have sizes (k,), or (n, k)."""
         field = (scene or self.scene).field
         return Deviations(field, jnp.asarray(sizes), self.count, self.averaged)
 
     def parallel(self) -> Until:
-        """Where two tangents become parallel."""
+        """The watch that ends a run where two tangents become parallel."""
         return Until(_Parallel(self.system(sizes_at_start(self.scene))))
 
     def run_all(
@@ -326,7 +326,7 @@ class _Run:
         _checks.check_shape("starts", starts.shape[-1:], (k,), "The last axis is the state's.")
         shape, flat = starts.shape[:-1], starts.reshape(-1, k)
         t1 = own.t1 if t1 is None else t1
-        # Starts may be NaN, the scene's own is not.
+        # Starts may be NaN, but the scene's own is not.
         every = np.concatenate([self.scene.y0[None], flat])
         start, end = (np.ravel(t).mean() for t in (t0, t1))
         mine = sizes_at_starts(self.scene, every[:1], start, end)
@@ -349,17 +349,17 @@ class _Run:
         return ends, shape
 
     def tangents(self, ends: Ends) -> np.ndarray:
-        """(n, m, k) unit tangents at the ends, in sizes."""
+        """(n, m, k) unit tangents at the ends, in units of the sizes."""
         n, k = len(ends.y1), len(self.scene.y0)
         tangents = np.asarray(ends.y1)[:, k : k * (1 + self.count)].reshape(n, self.count, k)
         return tangents / self.sizes[:, None]
 
     def _with_tangents(self, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """The starts (n, k) with tangents in generic directions, the same for all in sizes."""
+        """The starts (n, k) with tangents in generic directions, which are the same in sizes."""
         n, k = starts.shape
         u = np.random.default_rng(0).normal(size=(self.count, k)) * sizes[:, None]
         averages = np.zeros((n, 4 if self.averaged else 0))
-        # Unit tangents, and along the constraints.
+        # The projection makes them unit tangents along the constraints.
         whole = np.concatenate([starts, u.reshape(n, -1), averages], axis=1)
         return np.asarray(_project(self.system(sizes), whole))
 

@@ -29,8 +29,8 @@ from jaxdyn.status import Status
 
 #: Default relative tolerance of a step: the statistical error is far larger than that of the steps.
 RTOL = 1e-9
-_TRANSIENT = 0.1  # of the time, by default left out
-_STEPS_OF_A_CHUNK = 3.0  # more lose digits of the smallest factor, fewer take more time
+_TRANSIENT = 0.1  # part of the time that is left out by default
+_STEPS_OF_A_CHUNK = 3.0  # with more, digits of the smallest factor are lost; fewer take more time
 
 
 @check_first
@@ -97,7 +97,8 @@ def lyapunov_exponents(
     t0, t1 = span(scene, t1, t0)
     _checks.check_untraced("scene", (scene, t0, t1), "Call it outside of jit, grad and vmap.")
     left_out = _transient(transient, float(t1 - t0))
-    # One method for the motion with and without tangents, with its stages in a loop: compiles fast.
+    # One method, with its stages in a loop, for the motion with and without tangents: fast to
+    # compile.
     method = check_method(scene, solver).for_tangents.in_loops(1)
     sizes = sizes_at_start(scene, t0, t1)
     frame = np.asarray(_frame(scene, sizes, count))
@@ -131,7 +132,7 @@ def _transient(transient, time: float) -> float:
 def _frame(scene: Scene, sizes: np.ndarray, count: int | None) -> np.ndarray:
     """(k, m) orthonormal tangents at the start, along the constraints, in generic directions.
 
-    In sizes (k,) of the entries.
+    They are orthonormal in the sizes (k,) of the entries.
     """
     basis = np.linalg.qr(tangents(scene, scene.y0) / sizes[:, None])[0]
     d = basis.shape[1]

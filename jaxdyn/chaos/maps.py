@@ -38,7 +38,7 @@ class ChaosMap(Record):
     time: np.ndarray
     status: Annotated[np.ndarray, Status]
 
-    #: Mean MEGNO above which a motion counts as chaotic: regular ones stay near 2.
+    #: Mean MEGNO above which a motion counts as chaotic: that of regular motions stays near 2.
     CHAOTIC: ClassVar[float] = 3.0
 
     __repr__ = _text.fields
@@ -61,7 +61,7 @@ class ChaosMap(Record):
 
     @property
     def chaotic(self) -> np.ndarray:
-        """(a, b) whether each motion is chaotic, which a longer time may show of more."""
+        """(a, b) whether each motion is chaotic; a longer time may show it of more of them."""
         return self.mean > self.CHAOTIC
 
     def as_dict(self) -> dict[str, Any]:

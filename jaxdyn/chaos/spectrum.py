@@ -12,7 +12,7 @@ from jaxdyn import _text
 from jaxdyn.status import Status
 from jaxdyn.system import Record
 
-#: Parts of the time whose means are compared.
+#: Number of parts of the time whose means are compared.
 BATCHES = 32
 #: Two-sided 95 % quantile of Student's t with BATCHES - 1 degrees of freedom.
 _STUDENT = 2.04
@@ -25,14 +25,14 @@ class LyapunovSpectrum(Record):
       exponents: (m,) in the order of the tangents, which tends to descending order [1/s].
       bars: (m,) half-widths of 95 % intervals [1/s]; see `lyapunov_exponents`.
       batches: (BATCHES, m) means over equal parts of the time [1/s].
-      divergence: () mean divergence of the rate along the motion [1/s], to which all exponents
-        add up.
+      divergence: () mean divergence of the rate along the motion [1/s], which is the sum of all
+        exponents.
       trace_residual: () sum of all exponents minus `divergence` [1/s]: the error of the
         integration, not of the average; NaN for an incomplete spectrum.
-      pairing_residual: () largest deviation of a sum of the i-th exponent from above and the i-th
-        from below from its value 2 `divergence` / k [1/s]; within the bars for Hamiltonian scenes,
-        also with uniform damping (Dressler 1988), and of no meaning for others. NaN for an odd or
-        incomplete spectrum.
+      pairing_residual: () largest deviation of the sum of the i-th exponent from above and the i-th
+        from below from its value 2 `divergence` / k [1/s]. It is within the bars for Hamiltonian
+        scenes, also with uniform damping (Dressler 1988), and has no meaning for others. NaN for an
+        odd or incomplete spectrum.
       dimension: () Kaplan-Yorke dimension [1]: that of the set on which the motion runs, if its
         volume neither grows nor shrinks; NaN if the exponents are too few to tell.
       dimension_bar: () its error bar [1], from those of the exponents.
@@ -125,9 +125,9 @@ def _mean(batches: Array, shear: Array) -> tuple[Array, Array]:
 def _kaplan_yorke(batches: Array, shear: Array, full: bool) -> tuple[Array, Array]:
     """The dimension j + (sum of the first j exponents) / |the next one|, and its bar.
 
-    j is the largest number of exponents whose sum is not negative. A sum within its own bar of
-    zero counts as zero: that of a limit cycle's first exponent, that of all of a conservative
-    scene.
+    Here j is the largest number of exponents whose sum is not negative. A sum within its own bar of
+    zero counts as zero: that is the first exponent of a limit cycle, or the sum of all of a
+    conservative scene.
     """
     exponents, bars = _mean(batches, shear)
     sums, sum_bars = _mean(jnp.cumsum(batches, axis=1), shear)

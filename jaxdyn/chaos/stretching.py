@@ -5,8 +5,8 @@ orthonormalised again, V = Q' R. The diagonal of R contains the factors by which
 the flag of subspaces that Q spans; it is positive, and the sum of the logarithms over time tends to
 the Lyapunov exponents.
 
-Orthonormalisation is Gram-Schmidt with each column projected twice, which is as orthogonal as
-Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside of the loop.
+Orthonormalisation is by Gram-Schmidt with each column projected twice, which is as orthogonal as
+Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside the loop.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Stretching(eqx.Module):
 
     @classmethod
     def of(cls, field) -> "Stretching":
-        """For a field whose numbers are not perturbed."""
+        """The field with tangents, for a field whose numbers are not perturbed."""
         return cls(Variational(field, jax.tree.map(lambda _: None, field)))
 
     def rate(self, t: Array, y: Array) -> Array:
@@ -57,15 +57,15 @@ class Stretching(eqx.Module):
 
     @property
     def single(self):
-        """The same, as solvers ask for it."""
+        """The field of the state alone, under the name that solvers use."""
         return self.field
 
     def around(self, change: Callable, branch: Any) -> "Stretching":
-        """The same of the field in a branch of its conditions; see `plan.in_branch`."""
+        """The same columns of the field in a branch of its conditions; see `plan.in_branch`."""
         return Stretching(self.variational.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
-        """State and tangents after a switch; what it stretches volumes by counts as divergence."""
+        """State and tangents after a switch; how it stretches volumes counts as divergence."""
         k = y.shape[0]
         columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
         columns = self.variational.jump(t, columns, old, new, which)
@@ -96,7 +96,7 @@ class Carried(NamedTuple):
       divergence: () integral of the divergence of the rate.
       steps: () accepted steps.
       status: () `Status` code of the last chunk.
-      done: () number of chunks, as a float, since times are multiples of it.
+      done: () number of chunks, as a float, since times are multiples of a chunk.
     """
 
     y: Array
@@ -109,7 +109,7 @@ class Carried(NamedTuple):
 
 
 def start(y: Array, frame: Array, status: Array) -> Carried:
-    """Before the first chunk."""
+    """The motion with its tangents before the first chunk."""
     return Carried(
         y=y,
         frame=frame,
@@ -133,7 +133,7 @@ def carry(
 ) -> Carried:
     """The motion, of entries of sizes (k,), and its tangents after `count` equal chunks from t0.
 
-    Stops at the first chunk that does not reach its end.
+    It stops at the first chunk that does not reach its end.
     """
     stretching = Stretching.of(field)
 
@@ -177,7 +177,7 @@ def orthonormal(v: Array) -> tuple[Array, Array]:
         q, r = found
         here = jnp.arange(m) == j
         x = jax.lax.dynamic_index_in_dim(v, j, 1, keepdims=False)
-        for _ in range(2):  # once loses orthogonality where columns are almost parallel
+        for _ in range(2):  # a single projection is not orthogonal for almost parallel columns
             shares = jnp.sum(q * x[:, None], axis=0)
             x = x - jnp.sum(q * shares[None, :], axis=1)
         length = jnp.sqrt(jnp.sum(x * x))
