@@ -1,9 +1,9 @@
 """The branch engine, and families of equilibria in a parameter.
 
-`branch` follows whatever is posed to it as a problem: the predictor, the locator of special points,
-step control, and the loop, which `checkpoint` keeps in a file that `loading` reads. `newton` is the
-corrector.
-Families of orbits, their curves in two parameters and tori are problems of it too (`orbits`).
+`branch` follows whatever is posed to it as a problem: it has the predictor, the locator of special
+points, step control, and the loop, which `checkpoint` keeps in a file that `loading` reads.
+`newton` is the corrector. Families of orbits, their curves in two parameters and tori are problems
+of it too (`orbits`).
 
 `equilibria` poses families of equilibria, followed by pseudo-arclength, and steps onto branches;
 `family` holds their points. `special` finds folds, branch points and Hopf points between two points
@@ -12,12 +12,12 @@ of a family, by their defining equations in `defining`; `normal_forms` has their
 
 `two_parameters` poses curves of folds and Hopf points in two parameters by the equations of
 `augmented`, `codimension_two` finds the special points on them, and `curve` holds both. All are
-followed in the `units` of their points. `sensitivity` has derivatives of folds and Hopf points by
-the numbers of their scenes.
+followed in the `units` of their points. `sensitivity` has derivatives of folds and Hopf points with
+respect to the numbers of their scenes.
 
 May import: `analysis`, `files`.
 
-One more thing to follow is a `BranchProblem` with its `Chart`, beside what it is a branch of. One
+One more thing to follow is a `BranchProblem` with its `Chart`, in the file of what it follows. One
 more kind of special point is a `Kind` in `kinds`, its equations in `defining`, and a test in
 `special`.
 """

@@ -8,7 +8,8 @@ With x = (y, p, q), the rate f(x) and its derivative A = df/dy:
   Bogdanov-Takens point at s = 0 as a regular point; beyond it the eigenvalues are real and
   opposite.
 
-Each has one unknown more than equations, and is regular at generic points of codimension two.
+Each system has one unknown more than equations, and is regular at generic points of codimension
+two.
 
 Reference: Roose, Hlavacek (1985), SIAM J. Appl. Math. 45, 879; Govaerts (2000), Numerical Methods
 for Bifurcations of Dynamical Equilibria, sections 4.1, 4.2 and 4.3.
@@ -26,17 +27,17 @@ from jaxdyn.continuation.curve import MakeOfTwo, WithSecond
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.newton import Solution
 
-#: Relative to the norm of the Jacobian: a sum of two eigenvalues of a Hopf point.
+#: Largest sum of the two eigenvalues of a Hopf point, relative to the norm of the Jacobian.
 _PAIRED = 1e-4
 
 
 class Frame(NamedTuple):
-    """What the unknowns are compared with.
+    """What the unknowns are normalised by.
 
     Attributes:
       rows: (1, k) l, or (2, k) l and m.
       point: (k + 2,) a state and parameters.
-      along: (k + 2,) normal of the plane through them, in which the solution lies.
+      along: (k + 2,) normal of the plane through the point, in which the solution lies.
     """
 
     rows: np.ndarray
@@ -106,7 +107,7 @@ def first_unknowns(
     """(n,) the unknowns near a state and parameters; None without a pair of eigenvalues.
 
     Args:
-      kind: of the curve.
+      kind: kind of the curve.
       make: (p, q) -> scene.
       x: (k + 2,) state and parameters.
       other: take the pair of eigenvalues whose frequency differs most from this one.
@@ -126,15 +127,15 @@ def first_unknowns(
         near = np.abs(sums) < _PAIRED * np.linalg.norm(a, 2)
         best = int(np.argmax(np.where(near, apart, -1.0)))
     square = float(products[best])
-    # In the critical plane nearer to the vector of the largest rate: off the eigenvector that is
-    # left of the plane at a Bogdanov-Takens point.
+    # The vector is in the critical plane, nearer to the vector of the largest rate: away from the
+    # eigenvector that is left of the plane at a Bogdanov-Takens point.
     plane = np.linalg.svd(a @ a + square * np.eye(len(a)))[2][-2:]
     vector = np.array([0.8, 0.6]) @ np.linalg.svd(a @ plane.T)[2] @ plane
     return np.concatenate([x, vector, [square]])
 
 
 def slopes(make: MakeOfTwo, x: np.ndarray) -> np.ndarray:
-    """(k, k + 1) the derivative of the rate by the state and the first parameter."""
+    """(k, k + 1) derivative of the rate with respect to the state and the first parameter."""
     held = WithSecond(make=make, second=jnp.asarray(x[-1]))
     return np.asarray(defining.slope_at(held, x[:-1]))
 

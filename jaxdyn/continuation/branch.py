@@ -3,7 +3,7 @@
 A branch is a curve of solutions: equilibria or orbits in a parameter, folds in two parameters,
 tori. Whoever follows one poses it as a `BranchProblem`, which has a `Chart` near each member: the
 unknowns in units, in which lengths and angles mean something, and the equations for Newton's
-method. All the rest is here, once: a step predicts along the tangent and corrects in the plane
+method. Everything else is here, once: a step predicts along the tangent and corrects in the plane
 across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and longer
 where Newton's method converges easily; a special point between two neighbours is located where a
 test changes sign, by the Illinois method; and a branch is kept in a file, from which an interrupted
@@ -28,7 +28,7 @@ _INTERRUPTED = "an interruption"
 _CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
-_TRIALS = 60  # points along the branch, to locate a special one
+_TRIALS = 60  # most points along the branch to locate a special one
 
 Member = TypeVar("Member")
 
@@ -51,7 +51,7 @@ class Correction(NamedTuple):
     Attributes:
       x: (n,) the unknowns, in the units of the chart.
       iterations: number of Newton steps.
-      solution: the member itself, or what the chart makes a tangent and a member of.
+      solution: the member itself, or what the chart turns into a tangent and a member.
     """
 
     x: np.ndarray
@@ -64,7 +64,7 @@ class Step(NamedTuple, Generic[Member]):
 
     Attributes:
       member: the new member.
-      factor: by what the next step may be longer.
+      factor: the factor by which the next step may be longer.
     """
 
     member: Member
@@ -72,15 +72,15 @@ class Step(NamedTuple, Generic[Member]):
 
 
 class Chart(abc.ABC, Generic[Member]):
-    """A branch near one of its members, with unknowns in the units of that.
+    """A branch near one of its members, with unknowns in the units of that member.
 
-    What fails says why, by a text in the place of a result.
+    A method that fails returns a text that says why, in place of a result.
 
     Attributes:
       measured: the unknowns that lengths and angles are measured in.
-      reach: longest correction, in lengths of the step: a longer one leads to another branch.
+      reach: longest correction, in lengths of the step; a longer one leads to another branch.
       turn: smallest cosine between the tangents of neighbours.
-      resolution: relative distance at which two members are one, for the locator.
+      resolution: relative distance within which two members are the same, for the locator.
     """
 
     measured: Any = slice(None)
@@ -107,25 +107,25 @@ class Chart(abc.ABC, Generic[Member]):
         return found.solution
 
     def inward(self, member: Member) -> Member:
-        """A member as this chart has it."""
+        """A member in the units of this chart."""
         return member
 
     def outward(self, member: Member) -> Member:
-        """A member of this chart as the branch has it."""
+        """A member of this chart in the units of the branch."""
         return member
 
     def cosine(self, last: Member, found: Correction, tangent: np.ndarray) -> float:
-        """That of the angle between the tangents at a member and at a solution."""
+        """The cosine of the angle between the tangents at a member and at a solution."""
         del found
         a, b = self.place(last).tangent[self.measured], tangent[self.measured]
         return float(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
 
     def growth(self, last: Member, new: Member, iterations: int, bent: float) -> float:
-        """By what factor the step after one may be longer.
+        """The factor by which the next step may be longer.
 
         Args:
           last: the member before the step.
-          new: that after it.
+          new: the member after it.
           iterations: number of Newton steps.
           bent: length of the correction, in lengths of the step.
         """
@@ -133,7 +133,7 @@ class Chart(abc.ABC, Generic[Member]):
         return _GROW if iterations <= _EASY else 1.0
 
     def step(self, last: Member, length: float) -> Step[Member] | str:
-        """The member a step further along the branch, or back."""
+        """The member one step further along the branch, or back."""
         here = self.place(last)
         predicted = here.x + length * here.tangent
         found = self.correct(last, predicted, predicted)
@@ -161,7 +161,7 @@ class Chart(abc.ABC, Generic[Member]):
         """The member after a share of the way from one to another; None if there is none."""
         here, there = self.place(a), self.place(b)
         plane = here.x + share * self.along(a, b) * here.tangent
-        # From the chord: the equations may be singular at a special point itself.
+        # It starts on the chord: the equations may be singular at a special point itself.
         found = self.correct(a, here.x + share * (there.x - here.x), plane)
         if isinstance(found, str):
             return None
@@ -179,8 +179,9 @@ class Chart(abc.ABC, Generic[Member]):
     ) -> Member | None:
         """The member between two neighbours where a test is zero, by the Illinois method.
 
-        None if it has no zero there (`changes_sign`). Where the bracket cannot be divided further
-        it is the best one found; whether its test is small enough is for the caller to say.
+        None if the test has no zero there (`changes_sign`). Where the bracket cannot be divided
+        further, it is the best member found; the caller has to say whether its test is small
+        enough.
         """
         left, right, side = test(a), test(b), 0
         if not changes_sign(left, right, first):
@@ -205,12 +206,12 @@ class Chart(abc.ABC, Generic[Member]):
 
 
 class BranchProblem(abc.ABC, Generic[Member]):
-    """What is followed: its members, what is special between them, where it ends, how it is kept.
+    """What is followed: its members, its special points, where it ends, and how it is kept.
 
     Attributes:
-      what: which kind of walk it is, in files.
+      what: the kind of walk, as files name it.
       shortest: smallest step, relative to the first one.
-      longest: likewise the largest.
+      longest: largest step, likewise.
     """
 
     what: str
@@ -231,7 +232,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
         return []
 
     def again(self, chart: Any, first: Member, a: Member, b: Member) -> Member | None:
-        """The first member of all, as it is met again between two neighbours; None if it is not."""
+        """The first member of all, if it is met again between two neighbours; None if not."""
         del chart, first, a, b
 
     def end_before(self, new: Member, special: list[Member]) -> str:
@@ -249,16 +250,16 @@ class BranchProblem(abc.ABC, Generic[Member]):
         return f"nothing was found beyond: {reason}"
 
     def ready(self, member: Member) -> Member:
-        """The same member, as the next step starts from it."""
+        """The same member, in the form from which the next step starts."""
         return member
 
     def identity(self, first: Member) -> np.ndarray:
-        """(n,) numbers that tell the first member from others: its place, in units."""
+        """(n,) numbers that distinguish the first member from others: its place, in units."""
         chart = self.chart(first)
         return np.concatenate(chart.place(chart.inward(first)))
 
     def about(self) -> dict[str, Any]:
-        """What else tells the branch from others, and is needed to read it from a file."""
+        """What else distinguishes the branch from others, and is needed to read it from a file."""
         return {}
 
 
@@ -266,7 +267,7 @@ class Branch(NamedTuple):
     """A branch that was followed.
 
     Attributes:
-      members: one per step.
+      members: the members, one for each step.
       special: the special points between them.
       before: the number of members before each special point.
       end: why it ends.
@@ -288,7 +289,7 @@ def follow(
 ) -> Branch:
     """At most `most` members from the first one on; the first step has the length `step`.
 
-    A file at `path` keeps each of them as it is found, and has those that an earlier run found.
+    A file at `path` keeps each member as it is found, and provides those that an earlier run found.
     """
     about = {} if path is None else problem.about()
     begin = Begin(problem.what, step, problem.identity(first), first, about)
@@ -310,7 +311,7 @@ def follow(
 
 
 def read(walk: Walk, codec: Codec) -> Branch:
-    """A branch as its file has it."""
+    """The branch that its file has."""
     return _branch(*walk.read(codec), walk.end or _INTERRUPTED)
 
 
@@ -340,7 +341,7 @@ def _advances(
 
 
 def _advance(problem: BranchProblem, first, last, length: float, step: float) -> Advance:
-    """The next step, which is shorter where no member is found at its length."""
+    """The next step, which is shortened while no member is found at its length."""
     chart = problem.chart(last)
     here = chart.inward(last)
     while isinstance(new := chart.step(here, length), str):
@@ -360,12 +361,12 @@ def _advance(problem: BranchProblem, first, last, length: float, step: float) ->
 def changes_sign(left: float, right: float, first: bool = False) -> bool:
     """Whether a test has a zero between two members.
 
-    One at a member counts for the step that leads there; with `first` also one at the first.
+    A zero at a member counts for the step that leads there, and with `first` also one at the first.
     """
     return left * right < 0 or right == 0 != left or (first and left == 0 != right)
 
 
 def outside(values, within: Sequence[tuple[float, float]]) -> str:
-    """Why a branch ends with parameters, if they are beyond their bounds; else ""."""
+    """Why a branch ends, if its parameters are beyond their bounds; else ""."""
     inside = all(low <= x <= high for x, (low, high) in zip(values, within, strict=True))
     return "" if inside else f"the bounds {within}"

@@ -1,10 +1,10 @@
-"""Branches in a file, member by member, so that an interrupted run goes on from it.
+"""Branches in a file, member by member, so that an interrupted run can go on from it.
 
-A file holds the walks of a run, each with its first member and what tells it from others. A walk
-is found again by these, whatever else the file has, and goes on where it was left; it may then be
-longer. Files hold numbers only: the scene is given again when one is read.
+A file holds the walks of a run, each with its first member and whatever distinguishes it from
+others. A walk is found again by these, whatever else the file has, and goes on where it was left;
+it may then be longer. Files hold numbers only: the scene is given again when a file is read.
 
-One program at a time writes a file: another one is told so. Steps are numbered, so that a file in
+Only one program at a time writes a file: another is refused. Steps are numbered, so that a file in
 which the steps of two runs are mixed is refused.
 """
 
@@ -26,13 +26,13 @@ from jaxdyn.files.layout import Layout
 _UNNUMBERED = 1  # the version whose steps have no numbers
 LAYOUT = Layout("jaxdyn-continuation", 3, "a continuation", {_UNNUMBERED: True, 2: True})
 OTHER = "The file was edited or damaged, or its scenes are others."
-#: What the walks of this package are.
+#: The kinds of walks of this package.
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
-_PATIENCE = 1.0  # [s]; a program that writes a file at all writes it for long
-#: What records of earlier versions do not have.
+_PATIENCE = 1.0  # [s]; a program that writes a file usually does so for longer
+#: Fields that records of earlier versions lack.
 EARLIER = {"units": None}
-_SAME = 1e-8  # relative distance below which two first members are one
+_SAME = 1e-8  # relative distance below which two first members are the same
 
 
 class Advance(NamedTuple):
@@ -64,7 +64,7 @@ class Codec(NamedTuple):
 
 
 def of_fields(cls: type) -> Codec:
-    """The codec of a dataclass of numbers, texts and arrays, which has units."""
+    """The codec of a dataclass of numbers, texts and arrays that has units."""
 
     def unpack(record: Any) -> Any:
         whole = {**EARLIER, **record} if isinstance(record, dict) else record
@@ -82,8 +82,8 @@ class Begin:
       step: length of the first step.
       place: (n,) the first member and its tangent, in units.
       first: the first member.
-      about: what else tells it from others, and is needed to read it.
-      note: what else the file says of it.
+      about: what else distinguishes it from others, and is needed to read it.
+      note: what else the file says about it.
       walk: its number in the file.
     """
 
@@ -96,7 +96,7 @@ class Begin:
     walk: int = 0
 
     def same(self, other: "Begin") -> bool:
-        """Whether it begins the same walk: with a first member and step the same to rounding."""
+        """Whether it begins the same walk: its first member and step agree to rounding."""
         a, b = self.place, other.place
         alike = (self.what, self.about) == (other.what, other.about)
         step = math.isclose(self.step, other.step, rel_tol=_SAME)
@@ -106,7 +106,7 @@ class Begin:
 
 @dataclasses.dataclass
 class Walk:
-    """A walk as its file has it.
+    """A walk in a file.
 
     Attributes:
       begin: its first line.
@@ -122,7 +122,7 @@ class Walk:
         """The first member and the steps.
 
         Raises:
-          ValueError: a record is not of a member.
+          ValueError: a record is not that of a member.
         """
         return codec.decode(self.begin.first), [step.map(codec.decode) for step in self.steps]
 
@@ -134,21 +134,21 @@ class Log:
         """Open a file, or begin one.
 
         Raises:
-          ValueError: it is another file, was edited, cannot be written, or another program writes
-            it.
+          ValueError: it is a file of another kind, was edited or cannot be written, or another
+            program is writing it.
         """
         self._file = journal.Journal(path, LAYOUT, {}, _PATIENCE)
         self._note: dict = {}
         self.walks, self.notes = _read_walks(self._file.header, self._file.records)
 
     def with_note(self, **note: Any) -> "Log":
-        """The same file, in which walks begin with a note."""
+        """The same file, in which new walks begin with a note."""
         other = copy.copy(self)
         other._note = note
         return other
 
     def resume(self, begin: Begin, codec: Codec) -> "tuple[Any, Checkpoint]":
-        """The first member of a walk and the rest of it: as the file has it, or begun there."""
+        """The first member of a walk and the rest of it: from the file, or begun in it."""
         for walk in self.walks:
             if walk.begin.same(begin):
                 first, advances = walk.read(codec)
@@ -168,7 +168,7 @@ class Log:
                 self._file.add({"note": note})
 
     def lock(self) -> contextlib.AbstractContextManager[None]:
-        """Let no other program write the file; see `Journal.alone`."""
+        """Keep other programs from writing the file; see `Journal.alone`."""
         return self._file.alone()
 
 
@@ -176,13 +176,13 @@ class Checkpoint:
     """The steps of a walk in a file.
 
     Attributes:
-      advances: those that the file has.
+      advances: the steps that the file has.
     """
 
     def __init__(self, file: journal.Journal, walk: int, codec: Codec, advances, end: str):
         self.advances: list[Advance] = advances
         self._file, self._walk, self._codec, self._end = file, walk, codec, end
-        self._number = len(advances)  # of the next step
+        self._number = len(advances)  # number of the next step
 
     def add(self, advance: Advance) -> None:
         """Add a step; it is on the disk when this returns."""
@@ -210,22 +210,22 @@ def resume(
 
 
 def lock(log: Log | None) -> contextlib.AbstractContextManager[None]:
-    """Let no other program write a file, if there is one; see `Journal.alone`."""
+    """Keep other programs from writing a file, if there is one; see `Journal.alone`."""
     return contextlib.nullcontext() if log is None else log.lock()
 
 
 def open_log(path: str | Path | Log | None) -> Log | None:
-    """The file of a path; None for none."""
+    """The file of a path; None for no path."""
     if not isinstance(path, str | Path | Log | None):
         raise fail("path", "the path of a file, or None", repr(path)[:40])
     return Log(path) if isinstance(path, str | Path) else path
 
 
 def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[dict]]:
-    """The walks of some kinds in a file, and its notes; also while it is written.
+    """The walks of some kinds in a file, and its notes; even while it is being written.
 
     Raises:
-      ValueError: it is another file, was edited, or has no walk of these kinds.
+      ValueError: it is a file of another kind, was edited, or has no walk of these kinds.
     """
     walks, notes = _read_walks(*journal.read(path, LAYOUT))
     found = [walk for walk in walks if walk.begin.what in whats]

@@ -1,4 +1,4 @@
-"""Points of codimension two on a curve of folds or Hopf points: their tests, and their places.
+"""Points of codimension two on a curve of folds or Hopf points: their tests, and their location.
 
 Each kind has a test, a function of a point of the curve that changes sign there, and whose zero is
 located along the curve. With the null vectors A v = 0, A^T w = 0, |v| = |w| = 1 of a fold, and B
@@ -7,8 +7,8 @@ the second derivative of the rate:
 - Cusp: w B(v, v).
 - Bogdanov-Takens point: w v on a curve of folds, the frequency squared on one of Hopf points.
 - Bautin point (generalised Hopf): the first Lyapunov coefficient.
-- Zero-Hopf and double Hopf point: of the eigenvalues besides the critical ones, the smallest, or
-  the smallest sum of two, with the sign of the product of all.
+- Zero-Hopf and double Hopf point: the smallest of the eigenvalues besides the critical ones, or the
+  smallest sum of two of them, with the sign of the product of all.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 8 and 10.
 """
@@ -31,8 +31,8 @@ from jaxdyn.scales import Groups
 #: Largest test at a special point, relative to 1 + the norm of the Jacobian. At a pole, where a
 #: test changes sign as well, it is large.
 GOAL = 1e-10
-_NOTHING = 1e-13  # relative likewise: a test that vanishes all along, as in conservative scenes
-_SHORT = 0.98  # of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
+_NOTHING = 1e-13  # likewise: below it a test vanishes all along, as in conservative scenes
+_SHORT = 0.98  # part of the way to a Bogdanov-Takens point, beyond which there are no Hopf points
 
 Tests = dict[CodimensionTwo, float]
 
@@ -45,7 +45,7 @@ def point_at(
     Args:
       curve: kind of the curve.
       make: (p, q) -> scene.
-      found: the solution of its equations.
+      found: the solution of the point's equations.
       along: (k + 2,) direction that its tangent is to have.
       left: (k,) null vector of the neighbour, whose sign is kept.
     """
@@ -150,7 +150,7 @@ class CurveChart(ChartInUnits[CurvePoint]):
         return Correction(found.x, found.iterations, point)
 
     def zero(self, a, b, kind: CodimensionTwo, first: bool) -> CurvePoint | None:
-        """The point between two neighbours where the test of a kind is zero; None for none."""
+        """The point between two neighbours where the test of a kind is zero; None without any."""
         best = self.locate(lambda point: point.tests[kind], a, b, first=first)
         return None if best is None or not _holds(best, kind) else best
 
@@ -181,7 +181,7 @@ def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
     if kind == CodimensionTwo.DOUBLE_HOPF or (
         kind == CodimensionTwo.ZERO_HOPF and point.curve == Kind.FOLD
     ):
-        # Two real eigenvalues that are opposite are no bifurcation.
+        # Two real eigenvalues that are opposite are not a bifurcation.
         wanted = 4 if kind == CodimensionTwo.DOUBLE_HOPF else 2
         imaginary = (np.abs(values.real) <= math.sqrt(GOAL) * size) & (np.abs(values.imag) > bars)
         return int(imaginary.sum()) >= wanted
@@ -191,7 +191,7 @@ def _holds(point: CurvePoint, kind: CodimensionTwo) -> bool:
 def _with_kind(make: MakeOfTwo, point: CurvePoint, kind: CodimensionTwo) -> CurvePoint:
     """The point with its kind and its normal form."""
     held = WithSecond(make=make, second=np.asarray(point.parameters[1]))
-    # The Lyapunov coefficient has a pole at these.
+    # The Lyapunov coefficient has a pole at these kinds of points.
     poles = (CodimensionTwo.BOGDANOV_TAKENS, CodimensionTwo.ZERO_HOPF)
     pole = point.curve == Kind.HOPF and kind in poles
     x = point.x[:-1]

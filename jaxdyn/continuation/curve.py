@@ -51,22 +51,24 @@ class CurvePoint:
     Attributes:
       curve: kind of the points of the curve, fold or Hopf point.
       state: (k,) the equilibrium.
-      parameters: (2,) its values of the parameters.
-      eigenvalues: of the Jacobian, with bars.
+      parameters: (2,) values of the parameters.
+      eigenvalues: eigenvalues of the Jacobian, with bars.
       coefficient: the quadratic coefficient of a fold (NaN at a Bogdanov-Takens point), the first
         Lyapunov coefficient of a Hopf point.
-      frequency: of a Hopf point [rad per time], 0 at a Bogdanov-Takens point; NaN for folds.
+      frequency: frequency of a Hopf point [rad per time], 0 at a Bogdanov-Takens point; NaN for
+        folds.
       residual: largest entry of the residual of the point's equations, and of the condition of its
         kind at a special point.
       unknowns: (n,) state, parameters, critical vector, and for Hopf points the frequency squared.
       tangent: (n,) direction of the curve; a unit vector in state and parameters.
       left: (k,) unit null vector of the transposed Jacobian at a fold; NaN for Hopf points.
-      tests: of each kind of special point a number that vanishes there.
+      tests: for each kind of special point, a number that vanishes there.
       kind: kind of special point, if it is one.
-      normal_form: its coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point,
+      normal_form: coefficients by name: "c" of a cusp, "a" and "b" of a Bogdanov-Takens point,
         the second Lyapunov coefficient "l2" of a Bautin point.
-      units: (k + 3,) of the state's entries, of the parameters and of time, in which the curve is
-        followed; `tests` and `residual` are in these. None in a file of an earlier version.
+      units: (k + 3,) units of the state's entries, of the parameters and of time, in which the
+        curve is followed; `tests` and `residual` are in these. None in a file of an earlier
+        version.
     """
 
     curve: Kind
@@ -115,8 +117,8 @@ class ParameterCurve(abc.ABC, Generic[Point]):
     """A curve in two parameters, of equilibria or of orbits.
 
     Attributes:
-      kind: of its points.
-      members: the points, one per step.
+      kind: kind of its points.
+      members: the points, one for each step.
       special: its points of codimension two, between them.
       before: the number of members before each special point.
       end: why it ends.
@@ -147,17 +149,17 @@ class ParameterCurve(abc.ABC, Generic[Point]):
         return bifurcations.bifurcation_curves([self], title="")
 
     def _summary(self) -> str:
-        """How many points of which kind, in words."""
+        """The number of points and their kind, in words."""
         return _text.number_of(len(self.members), self.kind)
 
     def _more(self) -> list[tuple[str, str]]:
-        """What else is printed."""
+        """Further rows of the printed table."""
         return []
 
     @property
     @abc.abstractmethod
     def names(self) -> tuple[str, str]:
-        """The names of the parameters, those of the arguments of `make`."""
+        """The names of the parameters, which are those of the arguments of `make`."""
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -179,8 +181,8 @@ class Curve(ParameterCurve[CurvePoint]):
     """A curve of folds or of Hopf points in two parameters.
 
     Attributes:
-      kind: of its points, fold or Hopf point.
-      members: the points, one per step.
+      kind: kind of its points, fold or Hopf point.
+      members: the points, one for each step.
       special: its points of codimension two, between them.
       before: the number of members before each special point.
       end: why it ends.
@@ -191,7 +193,7 @@ class Curve(ParameterCurve[CurvePoint]):
 
     @property
     def names(self) -> tuple[str, str]:
-        """The names of the parameters, those of the arguments of `make`."""
+        """The names of the parameters, which are those of the arguments of `make`."""
         return parameter_names(self.make)
 
     @property

@@ -29,7 +29,7 @@ from jaxdyn.continuation.newton import Solution
 from jaxdyn.scene import Scene
 
 Make = Callable[[Array], Scene]
-#: (make, unknowns, normalisation) -> residual.
+#: A function (make, unknowns, normalisation) -> residual.
 System = Callable[..., Array]
 
 #: Largest residual of a solution, relative to 1 + the largest entry of the Jacobian.
@@ -84,14 +84,14 @@ def arc(make: Make, unknowns: Array, normal: Array) -> Array:
 
 
 def solve(system: System, make: Callable, start: np.ndarray, normal: Any) -> Solution | None:
-    """The solution of a system near a start; None for none."""
+    """The solution of a system near a start; None if there is none."""
     found = newton.solve(lambda x: _linearise(system, make, x, normal), start, polish=1)
     goal = GOAL * (1.0 + np.abs(found.jacobian).max())
     return found if found.settled and found.residual <= goal else None
 
 
 def jacobian(system: System, make: Callable, x: np.ndarray, normal: Any) -> np.ndarray:
-    """(m, m) the Jacobian of a system."""
+    """The Jacobian (m, m) of a system."""
     return np.asarray(_linearise(system, make, x, normal)[1])
 
 
@@ -102,5 +102,5 @@ def _linearise(system: System, make: Callable, x: Array, normal: Any) -> tuple[A
 
 @eqx.filter_jit
 def slope_at(make: Make, x: Array) -> Array:
-    """`slope` as one program."""
+    """The result of `slope`, by one compiled program."""
     return slope(make, x)

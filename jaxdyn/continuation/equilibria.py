@@ -31,11 +31,11 @@ from jaxdyn.formulations.extended import innermost
 from jaxdyn.scales import Groups, at_rest, groups
 from jaxdyn.scene import Scene, check_scene
 
-_DEPENDENT = 1e-10  # smallest over largest singular value of equations that are dependent
+_DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
 _ANYWHERE = (-np.inf, np.inf)
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
-_LATER = (0.0, 0.37, 1.3)  # when a drive acts, if there is one, in times of the motions near by
-_ASIDE = 0.1  # of the sizes, for the same question
+_LATER = (0.0, 0.37, 1.3)  # times of the motions near by at which a drive, if any, is looked for
+_ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
 
 
 def continue_equilibria(
@@ -62,12 +62,12 @@ def continue_equilibria(
       parameter: the value of the parameter at the start.
       start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest.
       step: length of the first step in state and parameter, each in units of its size (`units`);
-        the others are up to ten times as long.
+        the other steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller parameter.
       within: bounds on the parameter; the family ends at the first member beyond them.
       report: called with each member as it is found.
-      path: file (.jsonl) that keeps each member as it is found, and may keep several families and
+      path: a file (.jsonl) that keeps each member as it is found, and may keep several families and
         curves; the same call goes on from it where it was interrupted. See
         `jaxdyn.continuation.load`.
     Returns:
@@ -77,7 +77,7 @@ def continue_equilibria(
         constraints, its equilibria are not isolated at a fixed parameter even after a small
         change of it (redundant coordinates), or a number is out of range or traced.
     Limits: host only. A special point is detected where its test changes sign between two
-      members; two of one kind in one step are not. Opposite eigenvalues of a conservative scene
+      members; two of one kind within one step are not. Opposite eigenvalues of a conservative scene
       rule out the test for Hopf points: such a scene has none in this sense. Angles are not
       reduced modulo a turn.
     Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria;
@@ -123,8 +123,8 @@ def switch_branch(
       family: the family of the point.
       special: one of ``family.special``, a branch point.
       step: see `continue_equilibria`.
-      members: likewise.
-      down: the direction opposite to the default, in which the entry of the state that changes
+      members: see `continue_equilibria`.
+      down: take the direction opposite to the default, in which the entry of the state that changes
         most grows.
       within: bounds on the parameter.
       path: see `continue_equilibria`.
@@ -189,7 +189,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
     sizes, time, _ = at_rest(scene.field, groups(scene.system), y)
-    # Beside the start too: a shaken pendulum at rest feels no drive.
+    # It looks beside the start too: a shaken pendulum at rest feels no drive.
     states = jnp.stack([y, y + _ASIDE * np.asarray(sizes)])
 
     def by_time(t):

@@ -20,22 +20,22 @@ class Equilibrium:
 
     Attributes:
       state: (k,) the equilibrium.
-      parameter: its value of the parameter.
-      slopes: (k, k + 1) derivative of the rate by the state and the parameter.
-      eigenvalues: of the Jacobian, with bars.
+      parameter: value of the parameter.
+      slopes: (k, k + 1) derivative of the rate with respect to the state and the parameter.
+      eigenvalues: eigenvalues of the Jacobian, with bars.
       verdict: "stable", "unstable" or "undecided".
       tangent: (k + 1,) unit vector along the family, the parameter last.
-      residual: largest entry of the residual of the point's equations: those of its kind at a
-        special point.
+      residual: largest entry of the residual of the point's equations: at a special point, of those
+        of its kind.
       kind: kind of special point, if it is one.
       coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
-        Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic one, 0 to
-        rounding at a pitchfork; NaN elsewhere, and where the eigenvalue 0 is not simple, as in
-        conservative scenes.
+        Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic coefficient,
+        which is 0 to rounding at a pitchfork; NaN elsewhere, and where the eigenvalue 0 is not
+        simple, as in conservative scenes.
       cubic: the cubic coefficient at a fold and at a branch point; NaN elsewhere.
-      frequency: of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
-      units: (k + 2,) of the state's entries, of the parameter and of time, in which the family is
-        followed; `residual` is in these. None in a file of an earlier version.
+      frequency: frequency of the small oscillations at a Hopf point [rad per time]; NaN elsewhere.
+      units: (k + 2,) units of the state's entries, of the parameter and of time, in which the
+        family is followed; `residual` is in these. None in a file of an earlier version.
     """
 
     state: np.ndarray
@@ -58,7 +58,7 @@ class Equilibrium:
 
     @property
     def jacobian(self) -> np.ndarray:
-        """(k, k) derivative of the rate by the state."""
+        """(k, k) derivative of the rate with respect to the state."""
         return self.slopes[:, :-1]
 
     @property
@@ -85,7 +85,7 @@ class EquilibriumFamily:
     """The equilibria of a family, in order.
 
     Attributes:
-      members: the equilibria, one per step.
+      members: the equilibria, one for each step.
       special: folds, branch points and Hopf points between them.
       end: why it ends.
       make: parameter -> scene.

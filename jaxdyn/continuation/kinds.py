@@ -4,14 +4,14 @@ import enum
 
 
 class Kind(enum.StrEnum):
-    """A kind of special point of a branch: folds and branch points of any, others of one sort.
+    """A kind of special point of a branch: all have folds and branch points, some have others.
 
-    Families of equilibria have Hopf points. Those of orbits have period doublings, torus points, at
-    which a pair of multipliers crosses the unit circle, and Krein collisions, which only
+    Families of equilibria have Hopf points. Families of orbits have period doublings, torus points,
+    at which a pair of multipliers crosses the unit circle, and Krein collisions, which only
     conservative scenes have: two pairs on the circle meet and leave it on both sides. They end at
-    an equilibrium to which the orbits shrink, a Hopf point or a centre. Those of chains of legs end
-    where the chains graze an event; multipliers there are those of the chain that does not touch
-    it, if that has any.
+    an equilibrium to which the orbits shrink, a Hopf point or a centre. Families of chains of legs
+    end where the chains graze an event; the multipliers there are those of the chain that does not
+    touch it, if that has any.
     """
 
     FOLD = "fold"
@@ -27,8 +27,8 @@ class Kind(enum.StrEnum):
 class CodimensionTwo(enum.StrEnum):
     """A kind of special point of a curve in two parameters, at which two conditions hold.
 
-    Curves of folds and of Hopf points have those up to the double Hopf point, curves of special
-    orbits cusps and those after it.
+    Curves of folds and of Hopf points have the kinds up to the double Hopf point; curves of special
+    orbits have cusps and the kinds after it.
     """
 
     CUSP = "cusp"

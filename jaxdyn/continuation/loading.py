@@ -14,20 +14,20 @@ from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.units import units_of
 
-_HOLDS = 1e-8  # in units of the family: rates of equilibria of these scenes are smaller
+_HOLDS = 1e-8  # largest rate, in units of the family, of an equilibrium of these scenes
 
 
 def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | Curve, ...]:
-    """The families of equilibria, or the curves, that a file keeps; also while it is written.
+    """The families of equilibria, or the curves, in a file; even while it is being written.
 
     Args:
-      path: of the file that `continue_equilibria` or `continue_curve` wrote with ``path=``.
-      make: the scenes, as it was given to them: files hold numbers only.
+      path: path of the file that `continue_equilibria` or `continue_curve` wrote with ``path=``.
+      make: the scenes, as given to these functions: files hold numbers only.
     Returns:
-      What the file has, in order; of an interrupted run what was found.
+      What the file has, in order; for an interrupted run, what was found.
     Raises:
-      ValueError: the file is another, was edited or damaged, or its points are not equilibria of
-        these scenes.
+      ValueError: the file is of another kind, was edited or damaged, or its points are not
+        equilibria of these scenes.
     Example:
       >>> import jaxdyn, tempfile
       >>> def make(rho):
@@ -63,7 +63,7 @@ def _curve(walk: checkpoint.Walk, make: MakeOfTwo) -> Curve:
 
 
 def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:
-    """Refuse scenes of which a point is no equilibrium."""
+    """Raise ValueError for scenes of which a point is no equilibrium."""
     try:
         units = units_of(make, point)
         with np.errstate(all="ignore"):  # numbers of a file may be too large for their units

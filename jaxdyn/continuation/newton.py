@@ -1,8 +1,8 @@
 """The corrector: Newton's method on the host, for the unknowns of a point of a branch.
 
 It begins near a solution, in unknowns and equations without units, and ends where its steps become
-small: after such a step the next leaves only rounding. So it says whether there is a solution near
-by, and does not search for one far away (`orbits.shooting.newton` does).
+small: after such a step the next one leaves only rounding. So it says whether there is a solution
+near by, and does not search for one far away (`orbits.shooting.newton` does).
 """
 
 import math
@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-_SETTLED = 1e-8  # relative: after a step this small one more leaves only rounding
+_SETTLED = 1e-8  # relative size of a step after which one more leaves only rounding
 
-#: x (n,) -> residual (m,) and Jacobian (m, n), NaN where there is no value; and what else is known.
+#: A function of x (n,) that returns the residual (m,) and the Jacobian (m, n), which are NaN where
+#: they have no value, and what else is known.
 Equations = Callable[[np.ndarray], tuple]
 
 
@@ -23,9 +24,9 @@ class Solution(NamedTuple):
     Attributes:
       x: (n,) unknowns.
       value: (m,) residual.
-      jacobian: (m, n) there.
-      more: what else the equations say there.
-      iterations: number of steps to it, without those of the polish.
+      jacobian: (m, n) Jacobian there.
+      more: what else the equations return there.
+      iterations: number of steps to it, without the steps of the polish.
       settled: whether the last step was small.
     """
 
@@ -43,7 +44,7 @@ class Solution(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether the equations have a value there."""
+        """Whether the equations have finite values there."""
         return bool(np.isfinite(self.value).all() and np.isfinite(self.jacobian).all())
 
 
@@ -59,13 +60,13 @@ def solve(
 ) -> Solution:
     """The point near a start where the steps of Newton's method become small.
 
-    How small its residual must be is for the caller to say.
+    The caller has to say how small its residual must be.
 
     Args:
       equations: the equations and their Jacobian.
       start: (n,) unknowns.
       steps: largest number of steps; more mean that the start was too far away.
-      rank: None for equations that are as many as the unknowns, and independent. Of others steps
+      rank: None for equations that are independent and as many as the unknowns. For others, steps
         are the shortest of least squares, without singular values below this part of the largest.
       polish: number of steps after the first small one.
       halvings: how often a step that does not reduce the residual is halved; 0 takes all steps.

@@ -3,7 +3,7 @@
 With B and C the second and third derivatives of the rate as symmetric forms, computed exactly by
 nested forward mode, for |q| = 1 in the units of the scene, in which the entries have units `each`:
 
-- Fold and branch point, null vectors A q = 0, A^T p = 0, p q = 1: the quadratic
+- Fold and branch point, with null vectors A q = 0, A^T p = 0, p q = 1: the quadratic
   coefficient a = p B(q, q) / 2 and the cubic one c = p C(q, q, q) / 6 - p B(q, h) / 2, with
   A h = B(q, q) - p B(q, q) q and p h = 0. At a fold a = 0 is a cusp; at a branch point a = 0 is a
   pitchfork.
@@ -29,7 +29,7 @@ from jaxdyn.continuation.defining import Make, rate
 # Fourier sum in u, must be that in W' = W_z z' + its conjugate: a linear system for each harmonic m
 # of W_n, with the matrix i m w - A. It is singular for m = 1, where its solvability gives c1 for
 # n = 3 and c2 for n = 5. The coefficients are exact derivatives, along one curve for each of the
-# phases that tell the harmonics apart: no tensor is formed.
+# phases that distinguish the harmonics: no tensor is formed.
 #
 # Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, section 8.7.
 
@@ -127,7 +127,7 @@ def null_form(
     q, p = vt[-1], u[:, -1]
     if abs(p @ q) < _DEFECTIVE:
         return math.nan, math.nan
-    # The sign of q is arbitrary: its largest entry is positive.
+    # The sign of q is arbitrary: it is chosen so that its largest entry is positive.
     q = q * np.sign(q[np.argmax(np.abs(q))])
     p = p / (p @ q)
     twice = np.asarray(_second(make, x, q, q))
@@ -145,7 +145,7 @@ def first_lyapunov(
 ) -> float:
     """The first Lyapunov coefficient of a Hopf point; negative where its orbits are stable.
 
-    That is, stable within the centre manifold; |q| = 1 for the eigenvector q.
+    They are stable within the centre manifold; the eigenvector q has |q| = 1.
     """
     k = len(a)
     eye = np.eye(k)
@@ -172,8 +172,8 @@ def double_zero(
 ) -> tuple[float, float]:
     """The coefficients a and b at a double eigenvalue 0 with one eigenvector.
 
-    With A q = 0, A r = q, A^T w = 0, A^T u = w, w r = u q = 1 and w q = u r = 0: a = w B(q, q) / 2
-    and b = w B(q, r) + u B(q, q), |q| = 1. The signs of q and w change both.
+    With A q = 0, A r = q, A^T w = 0, A^T u = w, w r = u q = 1, w q = u r = 0 and |q| = 1 they are
+    a = w B(q, q) / 2 and b = w B(q, r) + u B(q, q). The signs of q and w change both.
     """
     left, _, vt = np.linalg.svd(a)
     q, w = vt[-1], left[:, -1]

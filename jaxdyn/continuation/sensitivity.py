@@ -26,9 +26,10 @@ class DifferentiablePoint(NamedTuple):
     """A special point of equilibria as a differentiable function of the numbers of its scenes.
 
     Attributes:
-      parameter: () its value of the family's parameter.
+      parameter: () value of the family's parameter.
       state: (k,) the equilibrium.
-      frequency: () of the small oscillations at a Hopf point [rad per time]; NaN at a fold.
+      frequency: () frequency of the small oscillations at a Hopf point [rad per time]; NaN at a
+        fold.
     """
 
     parameter: Array
@@ -44,8 +45,8 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
 
     Args:
       make: parameter -> scene, as for `continue_equilibria`, with the numbers to differentiate by:
-        of the known point the values are those that it was found with, or traced copies.
-      point: the known one, of ``family.special``.
+        their values are those that the known point was found with, or traced copies.
+      point: the known point, from ``family.special``.
     Returns:
       Its numbers, equal to those of `point`, with their first derivatives.
     Raises:
@@ -86,13 +87,13 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
 
 
 def find_again(make: Make, point: Equilibrium, state: Array, parameter: float) -> Equilibrium:
-    """The fold or Hopf point of other scenes near a known one's; host only.
+    """The fold or Hopf point of other scenes near a known one; host only.
 
     Args:
       make: parameter -> scene, with other numbers than those of the known point.
-      point: the known one, see `differentiable`.
+      point: the known point, see `differentiable`.
       state: (k,) guess of its state.
-      parameter: guess of its value of the parameter.
+      parameter: guess of its parameter.
     Raises:
       ValueError: see `differentiable`; or there is none near the guess.
     """

@@ -7,7 +7,7 @@ halved first. All points are in units of their family.
 - Fold: the parameter entry of the tangent.
 - Branch point: the determinant of [A, b] bordered by the tangent.
 - Hopf point: the product of all sums of two eigenvalues. It vanishes also where two real ones are
-  opposite (a neutral saddle), which is no bifurcation.
+  opposite (a neutral saddle), which is not a bifurcation.
 """
 
 import dataclasses
@@ -23,10 +23,10 @@ from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.normal_forms import first_lyapunov, null_form
 from jaxdyn.continuation.units import ChartInUnits, InUnits
 
-_HALVINGS = 25  # of the interval between two members
-_SHARE = 0.47  # of it to the next test: a symmetric branch point is often exactly half-way
-_OUTSIDE = 0.1  # of the interval: a solution beyond its ends by more belongs to another place
-_SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are one
+_HALVINGS = 25  # most halvings of the interval between two members
+_SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
+_OUTSIDE = 0.1  # part of it: a solution farther beyond its ends belongs to another place
+_SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
 
 class EquilibriumChart(ChartInUnits[Equilibrium]):
@@ -64,7 +64,7 @@ def _locate(
     test, make = _TESTS[kind], chart.make
     for _ in range(_HALVINGS):
         left, right = test(a), test(b)
-        # On the chord: the equations of an equilibrium are singular at a branch point itself.
+        # The guess is on the chord: the equations are singular at a branch point itself.
         guess = a.x + left / (left - right) * (b.x - a.x)
         solution = _solve(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
         if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
@@ -80,8 +80,8 @@ class Posed(NamedTuple):
     """The equations of a special point, and where they are nearly solved.
 
     Attributes:
-      system: of `defining`.
-      unknowns: (n,).
+      system: the equations, from `defining`.
+      unknowns: (n,) their unknowns.
       normal: what fixes the length of its vectors.
     """
 
@@ -108,7 +108,7 @@ def pose(kind: Kind, start: Equilibrium) -> Posed | None:
 
 
 def locate(make: InUnits, near: Equilibrium, x: np.ndarray) -> Equilibrium | None:
-    """The special point of the kind of another one, near a guess (k + 1,); None for none."""
+    """The special point of the kind of another one, near a guess (k + 1,); None without any."""
     assert near.kind is not None
     solution = _solve(make, near.kind, equilibrium_at(make, x, near.tangent, np.nan))
     return None if solution is None else _with_coefficients(make, near.kind, near, solution)

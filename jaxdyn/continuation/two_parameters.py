@@ -26,7 +26,7 @@ from jaxdyn.scene import check_scene
 
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
 _BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
-_SAME_PLACE = 1e-6  # relative distance below which two points are one
+_SAME_PLACE = 1e-6  # relative distance below which two points are the same
 _ANYWHERE = (-np.inf, np.inf)
 
 
@@ -46,7 +46,7 @@ def continue_curve(
     """The curve of folds or Hopf points in two parameters, with its points of codimension two.
 
     Cusps, Bogdanov-Takens, Bautin, zero-Hopf and double Hopf points are located to rounding, and
-    have the coefficients of their normal forms where those of `CurvePoint` have names.
+    have those coefficients of their normal forms that `CurvePoint` names.
 
     Args:
       make: the scene for each pair of parameters, e.g. ``lambda rho, beta: lorenz(rho=rho,
@@ -54,12 +54,12 @@ def continue_curve(
         define it once.
       point: a fold or a Hopf point, from ``family.special`` of `continue_equilibria`; or a special
         point of another curve.
-      parameters: the values of both parameters at `point`; those of a point of a curve by default.
-      kind: of the curve, `Kind.FOLD` or `Kind.HOPF`; that of the point by default. A curve of each
-        kind passes a Bogdanov-Takens and a zero-Hopf point; from a double Hopf point `Kind.HOPF`
-        leads along the other pair of eigenvalues.
+      parameters: the values of both parameters at `point`; by default its own, if it is on a curve.
+      kind: kind of the curve, `Kind.FOLD` or `Kind.HOPF`; that of the point by default. A curve of
+        each kind passes a Bogdanov-Takens and a zero-Hopf point; from a double Hopf point
+        `Kind.HOPF` leads along the other pair of eigenvalues.
       step: length of the first step in state and parameters, each in units of its size (`units`);
-        the others are up to ten times as long.
+        the other steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller second parameter; at a Bogdanov-Takens point a curve of Hopf
         points has one direction only.
@@ -74,8 +74,8 @@ def continue_curve(
       ValueError: `point` is of another kind, there is no such point near it, or a number is out of
         range or traced.
     Limits: host only. A special point is detected where its test changes sign between two members;
-      two of one kind in one step are not. A curve of Hopf points ends at a Bogdanov-Takens point,
-      beyond which the eigenvalues are real.
+      two of one kind within one step are not. A curve of Hopf points ends at a Bogdanov-Takens
+      point, beyond which the eigenvalues are real.
     Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapters
       4 and 8; Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapters 8 and 10.
     Example:

@@ -1,14 +1,15 @@
-"""Families of equilibria and curves in units of their own, whatever those of the scenes.
+"""Families of equilibria and curves in units of their own, whatever the units of the scenes.
 
 All equations of this package are in units in which entries of the state, parameters and time are
 numbers of order 1, so that lengths, ranks and residuals mean something. `InUnits` is the scene in
-them, `Units` turns points from and into the units of the scene: members, files and results are in
-these. The first member of a family decides (`scales.at_rest`); entries that grow along it have
-their largest size so far. Special points have the units of the member before, and so has what
-begins there.
+these units, and `Units` converts points from and to the units of the scene, in which members, files
+and results are. The first member of a family decides the units (`scales.at_rest`); entries that
+grow along it have their largest size so far. Special points have the units of the member before
+them, and so has whatever begins there.
 
-A parameter has no size by its value, which may be anything, but by what it changes: the rate, or
-its derivatives, by the terms of the same row of A y, where it does so most.
+The value of a parameter may be anything, and does not give its size. The size follows from what the
+parameter changes, the rate or its derivatives, relative to the terms of the same row of A y, where
+that change is largest.
 """
 
 import dataclasses
@@ -41,7 +42,7 @@ class _Scaled(eqx.Module):
     time: Array
 
     def rate(self, t: Array, z: Array) -> Array:
-        """(k,) its rate."""
+        """The rate (k,) in these units."""
         return self.scene.rate(t * self.time, z * self.each) * (self.time / self.each)
 
 
@@ -51,8 +52,8 @@ class InUnits(eqx.Module):
     Attributes:
       make: the scene for each value of the parameters.
       each: (k,) units of the entries of the state.
-      parameters: (m,) of the parameters.
-      time: () of time.
+      parameters: (m,) units of the parameters.
+      time: () unit of time.
     """
 
     make: Callable = eqx.field(static=True)
@@ -70,9 +71,9 @@ class Units(NamedTuple):
     """Units of state, parameters and time.
 
     Attributes:
-      each: (k,) of the entries of the state.
-      parameters: (m,) of the parameters.
-      time: of time.
+      each: (k,) units of the entries of the state.
+      parameters: (m,) units of the parameters.
+      time: unit of time.
     """
 
     each: np.ndarray
@@ -81,17 +82,17 @@ class Units(NamedTuple):
 
     @classmethod
     def of(cls, numbers: np.ndarray, entries: int) -> "Units":
-        """Those of a record, of so many entries of the state."""
+        """The units in a record, with so many entries of the state."""
         return cls(numbers[:entries], numbers[entries:-1], float(numbers[-1]))
 
     @property
     def numbers(self) -> np.ndarray:
-        """(k + m + 1,) all, as records have them."""
+        """(k + m + 1,) all units, in the order of records."""
         return np.concatenate([self.each, self.parameters, [self.time]])
 
     @property
     def x(self) -> np.ndarray:
-        """(k + m,) of state and parameters."""
+        """(k + m,) units of state and parameters."""
         return np.append(self.each, self.parameters)
 
     def scene(self, make: Callable) -> InUnits:
@@ -104,9 +105,9 @@ class Units(NamedTuple):
         return back._scale(point)
 
     def outward(self, point: Point, known: Groups | None = None) -> Point:
-        """A point that is in these units in those of the scene.
+        """A point in these units, converted to those of the scene.
 
-        With the groups of its entries as a member, whose units are no smaller than its entries.
+        With the groups of its entries it is a member, whose units are no smaller than its entries.
         """
         turned, units = self._scale(point), self
         if known is not None:
@@ -115,7 +116,7 @@ class Units(NamedTuple):
         return dataclasses.replace(turned, units=units.numbers)
 
     def _scale(self, point: Point) -> Point:
-        """A point times units; rates over that of time."""
+        """A point multiplied by these units; its rates are divided by the unit of time."""
         time = self.time
         values, bars = (x / time for x in point.eigenvalues)
         fold = (point.kind if isinstance(point, Equilibrium) else point.curve) != Kind.HOPF
@@ -157,7 +158,7 @@ class ChartInUnits(Chart[Point]):
     Attributes:
       units: the units.
       make: the scenes in them.
-      known: groups of the state's entries, by which later members have larger units.
+      known: groups of the state's entries, which give later members larger units.
     """
 
     def __init__(self, make: Callable, units: Units, known: Groups | None = None):
@@ -172,13 +173,13 @@ class ChartInUnits(Chart[Point]):
 
 def units_of(make: Callable, point: Equilibrium | CurvePoint) -> Units:
     """The units in which a point was found."""
-    if point.units is None:  # of a file that has none
+    if point.units is None:  # from a file that has none
         return units_at(make, point.x, len(point.state))
     return Units.of(point.units, len(point.state))
 
 
 def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
-    """Those of the equilibrium at a state of so many entries and parameters x (n,)."""
+    """The units at an equilibrium x (n,): a state of so many entries, then the parameters."""
     y, values = x[:entries], x[entries:]
     scene = make(*map(jnp.asarray, values))
     each, time, _ = scales.at_rest(scene.field, scales.groups(scene.system), y)
@@ -192,7 +193,7 @@ def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
 
 @eqx.filter_jit
 def _changes(make: Callable, y: Array, values: Array, each: Array) -> Array:
-    """(k, m) the largest change of each rate, or of its derivatives in sizes, by the parameters."""
+    """(k, m) largest change with the parameters of each rate, or of its derivatives in sizes."""
 
     def by_parameters(y):
         return jax.jacfwd(lambda values: make(*values).rate(jnp.zeros(()), y))(values)
