@@ -1,10 +1,10 @@
-"""The certain digits of a motion's final state: for anything that can be run again.
+"""The certain digits of a motion's final state, for anything that can be run again.
 
 A motion is run again at a thousandth of its tolerance, and a third time with all numbers of its
 scene also changed in their last digit. The changes of each entry of the end estimate its error:
 the first shows the error of the tolerance, the difference of the two that of rounding. Where
 nearby motions diverge so far that an entry has no certain digit, none is written. Motions that are
-far apart may agree in an entry by chance; it is compared with several then, at other tolerances.
+far apart may agree in an entry by chance; then it is compared with several, at other tolerances.
 
 It is the cheap test of the end of a motion, one smooth piece or a chain of phases; `accuracy`
 covers all times of a smooth motion and measures rounding more carefully.
@@ -36,13 +36,13 @@ Again = Callable[[Scene, float], Motion]
 #: A digit is written if it is worth at least this many estimated errors: an estimate is within
 #: this factor of the error (see `accuracy`).
 _ESTIMATE_FACTOR = 5.0
-#: Of its scale: an entry smaller than its error is written as 0 if the error is below this.
+#: Part of its scale below which the error of an entry that is smaller than it is written as 0.
 _ZERO_BELOW = 1e-3
-#: Of its scale: where an entry is off by more, the finer motion may be lost as well, and how near
-#: another entry of it is to the motion's is chance: one in a hundred is that near.
+#: Part of its scale: where an entry is off by more, the finer motion may be lost as well, and
+#: another entry agrees with the motion's only by chance: one in a hundred is that near.
 _APART = 0.01
-#: Then so many more motions are compared, each at twice the tolerance of the one before, so that
-#: their steps differ. All of them agree in a lost entry by chance in 1 of 1e8 cases or fewer.
+#: Number of further motions that are compared then, each at twice the tolerance of the one before,
+#: so that their steps differ. All agree in a lost entry by chance in 1 of 1e8 cases or fewer.
 _MORE = 4
 _LAST_DIGIT = 2.0**-52  # relative change of the numbers
 _SEED = 0
@@ -57,10 +57,10 @@ class EndError:
       y: (k,) the final state.
       error: (k,) estimated absolute error of each entry, in its unit; NaN where unknown.
       rounding: (k,) the part of it that no tolerance removes.
-      scale: (k,) the reference of errors: the largest entry of the same unit in the motion, without
-        a unit that entry alone; for a rate at least what would change a quantity by its scale over
-        the span, for an angle at least 1 rad.
-      doubt: what neither this motion nor others could see of the rate, and the remedy; or nothing.
+      scale: (k,) the reference of errors: the largest entry of the same unit in the motion, or the
+        entry alone without a unit. For a rate it is at least what would change a quantity by its
+        scale over the span, for an angle at least 1 rad.
+      doubt: what neither this motion nor others could see of the rate, and the remedy; or empty.
     """
 
     y: np.ndarray
@@ -81,7 +81,7 @@ class EndError:
 
     @property
     def most(self) -> float:
-        """As `least`, at the finest tolerance."""
+        """The value of `least` at the finest tolerance."""
         return float(np.min(_digits(self.rounding, self.scale)))
 
     @property
@@ -129,8 +129,8 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       end, or where these went through other phases: then no digit is known to be correct.
     Raises:
       ValueError: `motion` is a batch.
-    Limits: a chain is compared at its end alone, whatever phases are in between. A motion that is
-      lost with all its entries within a hundredth of their scale of a finer one is taken as right.
+    Limits: a chain is compared at its end alone, whatever phases are in between. A lost motion
+      whose entries are all within a hundredth of their scale of a finer one's is taken as right.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> def again(scene, rtol):
@@ -173,12 +173,12 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     known = groups(scene.system)
     angles = np.isfinite(known.most)
     sizes = np.asarray(known.largest(jnp.asarray(np.where(angles, np.maximum(sizes, 1.0), sizes))))
-    # What would change a quantity by its size over the span.
+    # A rate is at least what would change a quantity by its size over the span.
     span = abs(float(pieces[-1].ts[-1] - pieces[0].ts[0])) or math.inf
     of = {unit: size for (_, unit), size in zip(labels, sizes.tolist(), strict=True)}
     rates = [of.get(unit.removesuffix("/s"), 0.0) / span for _, unit in labels]
     sizes = np.where([unit.endswith("/s") for _, unit in labels], np.maximum(sizes, rates), sizes)
-    # An entry that stays at 0 has what the others make of it.
+    # An entry that stays at 0 has the size that the others make of it.
     return np.where(sizes > 0, sizes, sizes_at_start(scene)) if (sizes == 0).any() else sizes
 
 
@@ -228,7 +228,7 @@ def _certain_digits(value: float, error: float, scale: float, most: int) -> str:
         return f"{value:.{most}g}"
     large = math.floor(math.log10(abs(value))) if value else -math.inf
     sure = large - math.ceil(math.log10(_ESTIMATE_FACTOR * error)) + 1
-    # Angles are compared without whole turns, which nothing is known of once parts of one differ.
+    # Angles are compared modulo a turn: whole turns are unknown once parts of one differ.
     if sure > 0 and _ESTIMATE_FACTOR * error < scale:
         return f"{value:.{min(sure, most, _DOUBLE_DIGITS)}g}"
     return f"{'0' if error < _ZERO_BELOW * scale else 'no digit left'} (+-{error:.0e})"

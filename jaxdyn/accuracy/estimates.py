@@ -1,16 +1,16 @@
 """How accurate a solution is, without the exact one: problem 3 d and e of the course.
 
-Four independent ways, each giving an `Estimate` with its basis:
+There are four independent ways, each of which gives an `Estimate` with its basis:
 
-- `estimate`: the same solver at a thousandth of the tolerance, or the default for the finest
-  ones. The default: cheap and sharp.
+- `estimate`: the same solver at a thousandth of the tolerance, or the default solver for the
+  finest tolerances. It is the usual way: cheap and sharp.
 - `by_second_method`: another solver at a thousandth of the tolerance. It would also detect a
   fault of the first one.
 - `by_tangents`: the error made in each piece of the span, propagated to its end by the tangent
-  map and summed without cancellation. An upper bound, to first order in the errors.
+  map and summed without cancellation. It is an upper bound, to first order in the errors.
 - `by_halving`: equal steps, their halves and quarters, with the observed order.
 
-None detects errors of the equations. All include the effect of rounding, see
+None of them detects errors of the equations. All include the effect of rounding, see
 `rounding_error.rounding`; compared with exact solutions, the first two are within a factor of 5 of
 the true error in at least 95 of 100 cases (tests/jaxdyn/accuracy/test_estimates.py).
 """
@@ -105,9 +105,10 @@ def by_second_method(
       second: the other solver; one of another family by default.
     Raises:
       ValueError: `second` is the same as `solver`, or see `simulate`.
-    Limits: the second runs at a thousandth of the tolerance. Where the first is more accurate even
-      so, the estimate is the error of the second: too large, by up to 900 times for a throw with
-      drag, whose series is compared with a pair, at rtol 1e-3, and right from 1e-9 on.
+    Limits: the second solver runs at a thousandth of the tolerance. Where the first is more
+      accurate even so, the estimate is the error of the second: it is too large by up to 900 times
+      for a throw with drag, whose series is compared with a pair, at rtol 1e-3, and right from 1e-9
+      on.
     """
     first, _ = _methods(scene, t1, t0, samples, solver, (rtol, rtol))
     if second is None:
@@ -147,9 +148,9 @@ def by_tangents(
       solver: see `simulate`.
     Raises:
       ValueError: see `simulate`.
-    Limits: too large by the cancellation of local errors, which over many periods of an
-      oscillation is a factor of 10 and more. First order only: where errors are not small,
-      neither are the neglected terms.
+    Limits: the bound is too large by the cancellation of local errors, which over many periods of
+      an oscillation is a factor of 10 and more. It is of first order only: where errors are not
+      small, neither are the neglected terms.
     """
     fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
     first, method = _methods(scene, t1, t0, samples, solver, (rtol, fine))
@@ -179,7 +180,7 @@ def by_tangents(
 
 @eqx.filter_jit
 def _pieces(scene: Scene, t0s, starts, t1s, rtol, solver: Method):
-    """(s, k) ends of all pieces and (s, k, k) their derivatives in the starts."""
+    """(s, k) ends of all pieces and (s, k, k) their derivatives with respect to the starts."""
 
     def end(y, t0, t1):
         return solve(scene.starting(y), t1, t0=t0, rtol=rtol, solver=solver).y1
@@ -197,7 +198,7 @@ def by_halving(
 ) -> Estimate:
     """The error of a solution with equal steps at the end; host only.
 
-    As `estimate` with dt, but for any solver, e.g. Euler's method (problem 3 d).
+    This is `estimate` with dt, but for any solver, e.g. Euler's method (problem 3 d).
 
     Args:
       scene: system, effects, start.

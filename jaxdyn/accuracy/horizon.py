@@ -124,8 +124,8 @@ def _tangents(scene: Scene, ts: Array, t0: Array, solver: Method) -> Array:
 def _growth(found: Estimate, tangents: np.ndarray, t: float) -> float:
     """Slope of the logarithm of the largest stretch over time, by least squares.
 
-    In the second half of the time up to t: at first the stretch depends on the units, and long
-    after t tangents may overflow.
+    It is found in the second half of the time up to t: at first the stretch depends on the units,
+    and long after t tangents may overflow.
     """
     scale, ts = np.asarray(found.scale), np.asarray(found.ts)
     gone, end = np.abs(ts - ts[0]), abs(t - ts[0])

@@ -64,7 +64,7 @@ def _gradient(scene: Scene, t1: Array, *, solver: Method, rtol: Any, dt: Any) ->
 END = Quantity("end state", _end)
 ENERGY_DRIFT = Quantity("energy drift", _drift, 0.0)
 CONSTRAINTS = Quantity("constraint violation", _violation, 0.0)
-#: Of half the square of the end state, with respect to the start.
+#: The gradient of half the square of the end state, with respect to the start.
 GRADIENT = Quantity("gradient", _gradient)
 
 

@@ -79,7 +79,7 @@ def seconds_of(run: Callable[[], object]) -> float:
 
 
 def interleave(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
-    """`Times` of each run, under its key.
+    """The `Times` of each run, under its key.
 
     Args:
       runs: callables without arguments that return when their result is ready.
@@ -94,7 +94,7 @@ def interleave(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
         for key, run in runs.items():
             if i % every[key] == 0:
                 if every[key] == 1:
-                    # Code and data of the run before are in the processor's caches.
+                    # The processor's caches hold code and data of the run before.
                     run()
                 seconds[key].append(seconds_of(run))
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
@@ -110,15 +110,16 @@ def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]
     return found[::-1]
 
 
-#: What an error of 0 counts as: a tenth of rounding.
+#: The value that an error of 0 counts as: a tenth of rounding.
 _LEAST_ERROR = 1e-17
 
 
 def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
     """Times at a given error, from pairs of error and time at several tolerances.
 
-    Linear in the logarithms between the runs that are `worth_taking`. For larger errors it is the
-    fastest of them; NaN for smaller errors than any run has, or without runs.
+    They are interpolated linearly in the logarithms between the runs that are `worth_taking`. For
+    larger errors it is the fastest of them; NaN for smaller errors than any run has, or without
+    runs.
     """
     if not errors:
         return Times(math.nan, math.nan)

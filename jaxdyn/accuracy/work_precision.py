@@ -42,9 +42,9 @@ from jaxdyn.solvers import (
 from jaxdyn.solvers.choice import method_of
 
 TOLERANCES = tuple(float(f"1e-{n}") for n in range(3, 16))
-#: Steps of a solver of fixed step over the span.
+#: Numbers of steps over the span, for a solver of fixed step.
 STEPS = tuple(16 * 2**n for n in range(9))
-_REFERENCE_RTOLS = (1e-15, 1e-14, 1e-13)  # tolerances, the finest that works
+_REFERENCE_RTOLS = (1e-15, 1e-14, 1e-13)  # tolerances of the reference, the finest that works
 _ROUNDS = 30
 _STIFFNESS_RTOL = 1e-6  # tolerance at which stiffness is tested
 
@@ -90,7 +90,7 @@ class WorkPrecision(NamedTuple):
     Attributes:
       quantity: name of the quantity whose errors are shown.
       uncertainty: relative error of the reference; smaller errors are not shown.
-      curves: one per solver.
+      curves: the curves, one for each solver.
     """
 
     quantity: str
@@ -115,7 +115,7 @@ class WorkPrecision(NamedTuple):
         return min(fine, key=lambda choice: choice.seconds, default=None)
 
     def as_dict(self) -> dict:
-        """All of it, ready for JSON."""
+        """The whole record, ready for JSON."""
         curves = [
             {
                 "solver": c.solver,
@@ -173,13 +173,13 @@ def work_precision(
     Args:
       scene: system, effects, start.
       t1: () end of the span [s]; the scene's own by default.
-      solvers: those that suit the scene by default.
-      tolerances: relative and absolute, of solvers with a tolerance.
-      steps: numbers of steps over the span, of solvers of fixed step.
-      quantity: what the errors are of. They are the largest over its entries, relative to the
-        largest entry (of a state: to the largest of the same unit) unless its exact value is known.
+      solvers: the solvers; by default those that suit the scene.
+      tolerances: relative and absolute tolerances, for solvers with a tolerance.
+      steps: numbers of steps over the span, for solvers of fixed step.
+      quantity: the quantity whose errors are shown. They are the largest over its entries, relative
+        to the largest entry (for a state, of the same unit) unless its exact value is known.
       rounds: how many times to run everything.
-      options: of XLA's compiler for these programs, as `jax.jit` takes them.
+      options: options of XLA's compiler for these programs, as `jax.jit` takes them.
     Returns:
       The curves, without runs that failed.
     Raises:
