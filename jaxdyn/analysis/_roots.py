@@ -14,8 +14,9 @@ def root(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) zeros of functions between low (n,) and high (n,), and whether each was found.
 
-    Newton's method safeguarded by the bracket; where the slope is NaN, the secant through the last
-    two points. Where that leaves the bracket, or does not halve the value, bisection.
+    It is Newton's method safeguarded by the bracket; where the slope is NaN, it takes the secant
+    through the last two points. Where that leaves the bracket, or does not halve the value, it
+    bisects.
 
     Args:
       fn: (n,) points -> (n,) values and (n,) slopes.
@@ -36,8 +37,8 @@ def root(
         new = np.where(quick, new, 0.5 * (low + high))
         last = _LAST_STEP * (1 + np.abs(x))
         close = np.abs(new - x) <= last
-        # Between values that differ by orders of magnitude a secant step hardly moves: is it the
-        # last one? A step as long as last steps may be tells.
+        # Between values that differ by orders of magnitude a secant step hardly moves, so it may
+        # look like the last one; a step as long as last steps may be decides.
         short = ~np.isnan(slope) | (np.abs(x - old_x) <= _LONGEST_SECANT * (1 + np.abs(x)))
         doubtful = quick & close & ~short
         probe = np.where(below * value > 0, np.minimum(x + last, high), np.maximum(x - last, low))

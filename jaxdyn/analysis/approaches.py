@@ -81,7 +81,7 @@ class _Parting(Event):
     weights: Array  # (n,) -1 and 1 for the two: an array, so that all pairs share one program
 
     def between(self, t, y) -> tuple[Array, Array]:
-        """(d,) from one to the other, and its rate."""
+        """The vector (d,) from one point to the other, and its rate."""
         r, v, _ = self.system.points(t, y)
         return jnp.sum(self.weights[:, None] * r, 0), jnp.sum(self.weights[:, None] * v, 0)
 

@@ -29,10 +29,10 @@ class Conditioning(NamedTuple):
     """Rank and condition of a scene's constraints at a state.
 
     Attributes:
-      condition: () [1] largest over smallest singular value of the independent conditions.
-        Accelerations lose log10 of it of their 16 digits, constraint forces twice that.
+      condition: () [1] ratio of the largest to the smallest singular value of independent
+        conditions. Accelerations lose log10 of it of their 16 digits, constraint forces twice that.
       rank: () number of independent conditions.
-      redundant: () number of further ones, which follow from them.
+      redundant: () number of further conditions, which follow from these.
       determined: () whether they determine the motion: the rank is not lost in just this pose,
         and they are consistent.
     """
@@ -46,7 +46,7 @@ class Conditioning(NamedTuple):
 @check_first
 @each_motion
 def multipliers(motion: Trajectory) -> Array:
-    """(s, c) Lagrange multipliers along a motion: of its ties, then of its rolling conditions.
+    """(s, c) Lagrange multipliers along a motion: of constraints, then of rolling conditions.
 
     Raises:
       ValueError: the scene is not in a constrained formulation.
@@ -60,9 +60,9 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
     """(s,) tension of each rod along a motion [N], by its name; negative where it pushes.
 
     Args:
-      motion: of a scene whose ties are lengths of rods, in a constrained formulation.
+      motion: a motion of a scene whose constraints are rods' lengths, in a constrained formulation.
     Raises:
-      ValueError: the scene has no such ties.
+      ValueError: the scene has no such constraints.
     Example:
       >>> from jaxdyn.analysis import constraints
       >>> from jaxdyn import scenes, simulate
@@ -86,10 +86,10 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
 def reactions(motion: Trajectory) -> Array:
     """(s, n, d) force of the constraints on each material point along a motion [N].
 
-    The mass times the acceleration minus the forces of the effects: the pull of rods, the push of
-    wires and hinges. It holds for every formulation, also in minimal coordinates. The points of
-    rigid bodies represent their mass, so for them only the sum and the moment of these forces
-    are meaningful. Forces on coordinates (motors) count as reactions.
+    It is the mass times the acceleration minus the forces of the effects: the pull of rods, the
+    push of wires and hinges. It holds for every formulation, also in minimal coordinates. The
+    points of rigid bodies represent their mass, so for them only the sum and the moment of these
+    forces are meaningful. Forces on coordinates (motors) count as reactions.
     """
     scene = motion.scene
 

@@ -18,9 +18,10 @@ multiplied by s, one eigenvalue of A + E is within
 
     |F_ii| + sum_j |F_ij| / s
 
-of eigenvalue i, if that disc meets no other. s is such that the others take half of the room
-between them. For F, entry by entry, stands what several changes of A by looser tolerances show,
-times `_SAFETY_ENTRIES`, and what they do not show: rounding, and a part of the error's norm.
+of eigenvalue i, if that disc meets no other. The number s is chosen so that the others take half of
+the room between them. Entry by entry, F is bounded by what several changes of A by looser
+tolerances show, times `_SAFETY_ENTRIES`, and by what they do not show: rounding, and a part of the
+error's norm.
 
 Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapters IV and V.1 (Gershgorin); Elsner
 (1985), Linear Algebra Appl. 71, 77.
@@ -35,7 +36,7 @@ from jaxdyn._records.kinds import check_first
 
 #: Safety factor on the estimated error, which is only an order of magnitude.
 SAFETY = 3.0
-#: The same for each entry of an error, since one may vanish by chance. Of the multipliers of 17
+#: Likewise for each entry of an error, since one may vanish by chance. Of the multipliers of 17
 #: orbits of three bodies at four tolerances, 272 numbers, no bar was below the error (against 80
 #: and 113 bits); with a factor of 3 two were.
 _SAFETY_ENTRIES = 10.0
@@ -58,7 +59,7 @@ class Eigenvalues(NamedTuple):
     bars: np.ndarray
 
     def reorder(self, order: np.ndarray) -> "Eigenvalues":
-        """In the order of indices (..., k)."""
+        """The eigenvalues in the order of indices (..., k)."""
         return Eigenvalues(*(np.take_along_axis(x, order, axis=-1) for x in self))
 
 
@@ -66,12 +67,12 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     """The eigenvalues of a matrix with their error bars; host only.
 
     Args:
-      matrix: (..., k, k) finite.
-      error: (...) norm of its error besides rounding.
-      changes: (s, ..., k, k) of the matrix, each no smaller than its error, if known.
+      matrix: (..., k, k) finite matrices.
+      error: (...) norm of the error besides rounding.
+      changes: (s, ..., k, k) changes of the matrix, each no smaller than its error, if known.
       unseen: (...) norm of what changes do not show, besides rounding.
     Returns:
-      In no particular order; see `rate_eigenvalues` and `map_eigenvalues`.
+      The eigenvalues in no particular order; see `rate_eigenvalues` and `map_eigenvalues`.
     """
     matrix = np.asarray(matrix)
     k = matrix.shape[-1]
@@ -85,7 +86,7 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         left = (_adjoint(vh) / s[..., None, :]) @ _adjoint(u)
         condition = np.linalg.norm(left, axis=-1) * np.linalg.norm(right, axis=-2)
-        # Infinite or NaN for parallel eigenvectors: Elsner's bound then.
+        # It is infinite or NaN for parallel eigenvectors, where Elsner's bound is taken.
         bars = np.fmin(condition * wrong, elsner)
         if changes is not None:
             moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
@@ -123,10 +124,10 @@ def _radii(values: np.ndarray, error: np.ndarray) -> np.ndarray:
 def balance(matrix: np.ndarray) -> np.ndarray:
     """(..., k) units d of entries in which no entry of a matrix (..., k, k) is large.
 
-    That is larger than the spectral radius r of |A|, which no units change: d_i is the largest
+    Large means larger than the spectral radius r of |A|, which no units change: d_i is the largest
     product of entries of |A| / r along a path from i, so |A_ij| d_j <= r d_i. Eigenvalues are the
-    same in any units, but the errors that rounding makes in them, those of the largest entry, only
-    in these. They are powers of 2, by which nothing is rounded.
+    same in any units, but the errors that rounding makes in them, which are relative to the largest
+    entry, are small only in these. The units are powers of 2, by which nothing is rounded.
     """
     size = np.abs(np.asarray(matrix, float))
     radius = np.abs(np.linalg.eigvals(size)).max(axis=-1, initial=0.0)[..., None, None]
@@ -143,11 +144,11 @@ def map_in_units(matrices: np.ndarray, each: np.ndarray) -> np.ndarray:
 
 
 def rate_eigenvalues(jacobian, error=None) -> Eigenvalues:
-    """`eigenvalues` of dx/dt = A x [1/s], the largest real part first.
+    """The eigenvalues of dx/dt = A x [1/s], the largest real part first.
 
     Args:
       jacobian: (..., k, k) A, in any units of the entries of x.
-      error: (...) norm of its error besides rounding; then the entries of x have one unit.
+      error: (...) norm of its error besides rounding; if given, the entries of x have one unit.
     """
     if error is None:
         found = eigenvalues(map_in_units(jacobian, balance(jacobian)))
@@ -157,7 +158,7 @@ def rate_eigenvalues(jacobian, error=None) -> Eigenvalues:
 
 
 def map_eigenvalues(monodromy, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
-    """`eigenvalues` of a map x -> M x, the largest absolute value first."""
+    """The eigenvalues of a map x -> M x, the largest absolute value first."""
     found = eigenvalues(monodromy, error, changes, unseen)
     sizes = np.round(np.abs(found.values), _PLACES)
     return found.reorder(np.lexsort((-found.values.imag, -sizes)))
@@ -167,7 +168,7 @@ def map_eigenvalues(monodromy, error=0.0, changes=None, unseen=0.0) -> Eigenvalu
 def rate_verdict(found: Eigenvalues) -> np.ndarray:
     """(...) "stable" where all real parts are certainly < 0, "unstable" where one is > 0.
 
-    "undecided" otherwise, as at a centre.
+    It is "undecided" otherwise, as at a centre.
     """
     return _verdict(found.values.real, found.bars)
 
@@ -175,10 +176,10 @@ def rate_verdict(found: Eigenvalues) -> np.ndarray:
 def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
     """(...) "stable" where no perturbation grows, "unstable" where one certainly does.
 
-    "undecided" otherwise.
+    It is "undecided" otherwise.
 
     Args:
-      found: of the map over one period.
+      found: eigenvalues of the map over one period.
       conservative: (...) whether the map is symplectic. Each multiplier off the unit circle then
         has a partner 1 / conj(lambda) at the same angle; so one that is alone within its bar, and
         not real, is on the circle and stays there.
@@ -194,15 +195,15 @@ def map_verdict(found: Eigenvalues, conservative) -> np.ndarray:
 
 
 def bound_by_product(found: Eigenvalues, log_product: float, error: float = 0.0) -> Eigenvalues:
-    """The eigenvalues (k,), the vaguest of them from the others and the product of all.
+    """The eigenvalues (k,), with the least certain one from the others and the product of all.
 
-    Where the others are known to less than themselves it is the product over theirs: of a map whose
-    eigenvalues differ by more than rounding, the smallest would be noise.
+    It is the product of all divided by that of the others, if their bars are smaller than they are:
+    for a map whose eigenvalues differ by more than rounding, the smallest would be noise.
 
     Args:
       found: the eigenvalues.
       log_product: logarithm of the determinant, which is positive.
-      error: of that.
+      error: error of that logarithm.
     """
     values, bars = (np.array(x) for x in found)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -224,10 +225,10 @@ def bound_by_product(found: Eigenvalues, log_product: float, error: float = 0.0)
 
 
 def pair_reciprocals(found: Eigenvalues) -> Eigenvalues:
-    """The eigenvalues (k,) of a symplectic map, with bars at least as wide as these show.
+    """The eigenvalues (k,) of a symplectic map, with bars at least as wide as their pairing shows.
 
-    To each belongs another one, z and w with z conj(w) = 1; both are wrong by what is missing. A
-    pair that is alone is its own image: that its absolute value is not 1 is an error.
+    Each eigenvalue z has a partner w with z conj(w) = 1; both are wrong by the deviation from that.
+    A pair that is alone is its own image: a deviation of its absolute value from 1 is an error.
     """
     values, bars = found
     off = np.abs(values[:, None] * np.conj(values) - 1)
@@ -248,7 +249,7 @@ def _adjoint(matrix: np.ndarray) -> np.ndarray:
 
 
 def norm(matrix: np.ndarray) -> np.ndarray:
-    """(...) 2-norm of matrices (..., k, k); 0 of one without entries."""
+    """(...) 2-norm of matrices (..., k, k); 0 for matrices without entries."""
     return np.linalg.svd(matrix, compute_uv=False).max(axis=-1, initial=0.0)
 
 

@@ -2,7 +2,7 @@
 
 Both are computed from the material points of the system, so they hold for any coordinates; a
 system may define its own energy (`System.energies`). A scene without an energy, or without material
-points, raises. The angular momentum here is about the origin; `momenta` has that about moving
+points, raises. The angular momentum here is about the origin; `momenta` has the one about moving
 points. What is conserved depends on the effects; `drift` measures it.
 """
 
@@ -68,7 +68,7 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     """The candidates for conserved quantities, each () or (d,), by name; {} if there are none.
 
-    Energy, momenta of material points, and the integrals that the system names
+    They are the energy, the momenta of material points, and the integrals that the system names
     (`System.integrals`), each where the scene has it. Which of them are conserved depends on the
     effects and is not decided here.
     """
@@ -84,7 +84,7 @@ def integrals(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
 def along(quantity, motion: Trajectory) -> Any:
     """(s, ...) values of a quantity of this file along a motion, e.g. ``along(energy, motion)``.
 
-    Of a batch of motions (b, s, ...); a record of them where the quantity is one, as a `Pose` is.
+    For a batch of motions they are (b, s, ...); a record of such values for a record like `Pose`.
 
     Example:
       >>> from jaxdyn.analysis import energy
@@ -107,10 +107,10 @@ def _along(motion: Trajectory, quantity) -> Any:
 def drift(motion: Trajectory, of: str = "energy") -> Array:
     """Largest relative change of the energy, or of another integral, along a motion () [1].
 
-    max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|); it is rightly large with
+    It is max_i |E(t_i) - E(t_0)| over its size, max_i (|T(t_i)| + |V(t_i)|), and rightly large with
     effects without a potential, such as drag. A quantity I whose terms are not known has the
     size max_i (|I| + sum over the state's entries of |dI/dy_j (y_j(t_i) - y_j(t_0))|), the terms
-    of its change. (b,) of a batch.
+    of its change. For a batch it is (b,).
 
     Args:
       motion: any motion of a scene.
@@ -127,8 +127,8 @@ class Change(NamedTuple):
     """The change of a quantity.
 
     Attributes:
-      values: (s, ...) of the quantity.
-      size: () magnitude of the terms of it, or of its change; 1 where they are all 0.
+      values: (s, ...) values of the quantity.
+      size: () magnitude of its terms, or of those of its change; 1 where they are all 0.
       relative: () largest change from the first value, over the size.
     """
 

@@ -24,10 +24,10 @@ from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Effect, Scene
 
-#: Of the energy's size: smaller changes by the equations count as none.
+#: Part of the energy's size below which a change by the equations counts as none.
 _MAX_CHANGE_OF_CONSERVED = 1e-9
-_ROUNDING = 1e-12  # of the terms of a power: smaller powers are rounding
-_MAX_SAMPLING_ERROR = 0.1  # of a work: unknown if halving the samples changes it by more
+_ROUNDING = 1e-12  # part of the terms of a power: smaller powers are rounding
+_MAX_SAMPLING_ERROR = 0.1  # part of a work: unknown if halving the samples changes it by more
 
 
 class EnergyChange(NamedTuple):
@@ -61,7 +61,7 @@ class EnergyChange(NamedTuple):
         return f"{change}; it is not conserved, because of {' and '.join(parts)}"
 
 
-# Motions near the largest floats: their energies are infinite or unknown.
+# Motions may be near the largest floats, where their energies are infinite or unknown.
 @check_first
 @np.errstate(over="ignore", invalid="ignore")
 def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
@@ -113,8 +113,8 @@ def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[st
         gain = np.where(np.abs(gain) > _ROUNDING * terms, gain, 0.0)
         return bool(np.max(np.abs(gain)) * np.ptp(ts) > _MAX_CHANGE_OF_CONSERVED * size)
 
-    # That of a force which is minus the gradient of its potential is 0, and its integral over the
-    # samples only the error of the quadrature.
+    # The work of a force that is minus the gradient of its potential is 0, and its integral over
+    # the samples is only the error of the quadrature.
     works = {
         name: _integral(ts, kind.power, kind.slope) + kind.potential[-1] - kind.potential[0]
         for name, kind in found.kinds.items()
@@ -144,7 +144,7 @@ def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
         h = np.diff(ts)
         return np.sum(h * (f[1:] + f[:-1]) / 2 - h * h * np.diff(slope) / 12)
 
-    # The same with every other sample, and the last one.
+    # It is found again from every other sample and the last one.
     half = np.unique([*range(0, len(ts), 2), len(ts) - 1])
     fine, coarse = hermite(ts, f, slope), hermite(ts[half], f[half], slope[half])
     return fine if abs(fine - coarse) <= _MAX_SAMPLING_ERROR * abs(fine) else np.nan

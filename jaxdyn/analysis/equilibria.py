@@ -1,11 +1,11 @@
 """The equilibria of a scene in a box, each with its stability, and whether the list is complete.
 
 An equilibrium is a state with rate(y) = 0 that satisfies the constraints. Interval bisection
-(`equilibrium_search.isolation`) proves where in the box there is exactly one and where there is
+(`equilibrium_search.completeness`) proves where in the box there is exactly one and where there is
 none; a search (`equilibrium_search.search`) starts from there and from the points of a
-low-discrepancy grid. Duplicates are dropped, and the two results are compared
-(`equilibrium_search.completeness`): `Equilibria.complete` says whether the list is proved to be
-complete, `Equilibria.certainty` why, or why not.
+low-discrepancy grid. Duplicates are dropped, and the two results are compared:
+`Equilibria.complete` says whether the list is proved to be complete, `Equilibria.certainty` why, or
+why not.
 """
 
 import dataclasses
@@ -27,12 +27,12 @@ from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, check_scene
 
 _MOST_STARTS = 1_000_000  # processed at once
-_MERGE_DISTANCE = 1e-6  # of the box: equilibria nearer than this are merged
-#: Of the box: distance at which a curve of equilibria is probed for another one.
+_MERGE_DISTANCE = 1e-6  # part of the box: equilibria nearer than this are merged
+#: Part of the box: distance at which a curve of equilibria is probed for another one.
 _STEP_ALONG_CURVE = 1e-3
-_NEWTON_STEPS = 30  # of Newton's method to an equilibrium
+_NEWTON_STEPS = 30  # steps of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
-#: Of the sizes of the entries: the last of these steps. Where the Jacobian is singular it halves.
+#: Largest last of these steps, in parts of the entries' sizes; at a singular Jacobian they halve.
 _MAX_LAST_STEP = 1e-10
 _SQUARINGS = 4  # of |A|, for its spectral radius
 _SINGULAR = 1e-12  # 1 over the condition number of a Jacobian that has no inverse
@@ -45,7 +45,7 @@ class Equilibria:
     Attributes:
       states: (e, k) equilibria, ordered by their first coordinates.
       linearizations: the linearization at each, in the same order.
-      kinds: of each, "isolated"; "continuum" for one of a curve or surface of equilibria, of
+      kinds: kind of each: "isolated"; "continuum" for one of a curve or surface of equilibria, of
         which only samples are listed; or "degenerate" where the Jacobian is singular to rounding
         though no neighbour was found: it may be about to split or to vanish.
       complete: whether it is proved that the box holds no other equilibrium.
@@ -156,11 +156,11 @@ def _prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:
 def equilibrium(scene: Scene, y, t=0.0) -> Array:
     """The isolated equilibrium (k,) near a state, differentiable in the scene's numbers.
 
-    Newton's method from y. It is not differentiated: derivatives of the equilibrium, up to the
-    third, follow from the implicit function theorem.
+    Newton's method finds it from y, and is not differentiated: derivatives of the equilibrium, up
+    to the third, follow from the implicit function theorem.
 
     Args:
-      scene: any whose state has no redundant entries, under `jax.grad`, `jit` and `vmap` too.
+      scene: any scene whose state has no redundant entries, under `jax.grad`, `jit`, `vmap` too.
       y: (k,) state near the equilibrium, such as one that `equilibria` found.
       t: () time [s] at which the scene is frozen.
     Returns:
@@ -193,7 +193,7 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     for _ in range(_POLISHING_STEPS - 1):
         y, step, a = newton(y)
     a, step, end = jax.lax.stop_gradient((a, step, y))
-    # What rounding, relative to each entry, makes of a solution: units change no trace of it.
+    # What rounding relative to each entry makes of a solution; no trace of it depends on units.
     spread = jnp.abs(jnp.linalg.inv(a)) @ jnp.abs(a)
     regular = jnp.trace(spread) * _SINGULAR < 1.0
     sizes = _coupled_sizes(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
@@ -282,7 +282,7 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
     flat = [i for i in best if ends.flat[i]]
     kinds = dict.fromkeys(best, "isolated")
     if flat:
-        # As many as in the first search, which is then not recompiled.
+        # There are as many as in the first search, which is then not recompiled.
         beside = np.resize(ends.ys[flat] + _STEP_ALONG_CURVE * ends.along[flat], ends.ys.shape)
         found = search(field, t, box, beside)
         gone = np.linalg.norm(box.units(found.ys[: len(flat)] - ends.ys[flat] + box.low), axis=1)

@@ -10,7 +10,7 @@ between two tolerances. A real multiplier within its bar of the circle decides n
 pair on the circle does, in a conservative scene: it can leave the circle only by meeting another
 pair.
 
-Not for orbits of autonomous scenes, which always have multipliers 1, in defective pairs.
+This is not for orbits of autonomous scenes, which always have multipliers 1, in defective pairs.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ from jaxdyn.integrate.spans import tolerances
 from jaxdyn.scales import at_start, groups
 from jaxdyn.scene import Scene, check_scene
 
-#: [1] |det(M) - 1| of a motion without damping, from integration errors.
+#: Largest |det(M) - 1| [1] of a motion without damping, from integration errors.
 _MAX_DETERMINANT_ERROR = 1e-9
 _MAX_GAP = 1e-6  # [1] closing error of a periodic motion, relative to its start
 
@@ -195,7 +195,7 @@ class _Period(NamedTuple):
     Attributes:
       monodromy: (k, k) the matrix M.
       coarse: (k, k) M at a coarser tolerance.
-      period: () [s].
+      period: () the period [s].
       gap: () closing error of the motion, in the sizes of its start and what a period makes of
         them.
       form: (k, k) symplectic form that M preserves if the scene is conservative, or None.

@@ -35,7 +35,7 @@ EFFECT, MULTIPLIER, BALANCE = "effect", "multiplier", "balance"
 
 #: Residual above which the bodies and joints of a system do not describe its equations.
 _WRONG = 1e-6
-#: Singular values, to the largest, of independent unknowns.
+#: Least ratio of a singular value to the largest, for independent unknowns.
 _RANK = 1e-11
 
 
@@ -43,7 +43,7 @@ class Force(NamedTuple):
     """A force on a body cut free.
 
     Attributes:
-      name: of it: of its effect or joint.
+      name: the name of its effect or joint.
       force: (d,) [N].
       at: (d,) its point of attack [m].
       couple: a further moment: () in the plane, (3,) in space [N m].
@@ -66,16 +66,16 @@ class FreeBody(NamedTuple):
     """A body cut free.
 
     Attributes:
-      name: of the body.
+      name: the body's name.
       m: its mass [kg].
       centre: (d,) its centre of mass [m].
-      velocity: (d,) of that [m/s].
-      acceleration: (d,) of that [m/s^2].
-      angular_momentum: about it, () or (3,) [kg m^2/s].
-      angular_rate: its derivative by time [N m].
+      velocity: (d,) velocity of the centre [m/s].
+      acceleration: (d,) acceleration of the centre [m/s^2].
+      angular_momentum: angular momentum about the centre, () or (3,) [kg m^2/s].
+      angular_rate: its derivative with respect to time [N m].
       inertial: sums of the magnitudes of the terms of m a and of m s x a of its points, whose
         rounding is that of the acceleration and of the rate [N, N m].
-      forces: on it.
+      forces: the forces on it.
       rigid: whether moments turn it; a particle has none.
       outline: its shapes in pictures; () where the sketch of the scene shows it.
     """
@@ -108,11 +108,11 @@ class FreeBodies(NamedTuple):
 
     Attributes:
       t: time [s].
-      bodies: of the scene.
+      bodies: the bodies of the scene.
       largest: magnitude of the largest force, or of the largest m a if that is larger [N].
       residual: largest difference of sum F and m a on a body over `largest`, or of sum M and dL/dt
         over the largest moment [1].
-      units: whether the numbers have units; not with G = 1.
+      units: whether the numbers have units; they have none with G = 1.
       determined: whether the equations determine all forces; where they do not, as with one rod
         too many, the smallest are chosen.
     """
@@ -359,14 +359,14 @@ def _force_on_body(
         return Force("", total, points.r[index][acted[0]], none, EFFECT)
     moments = _cross_rows(arms, f)
     couple = moments.sum(axis=0)
-    # Of a force in proportion to mass the couple is the rounding of its terms.
+    # For a force in proportion to mass, the couple is the rounding of its terms.
     size = float((np.linalg.norm(arms, axis=1) * np.linalg.norm(f, axis=1)).sum())
     couple = np.where(np.abs(couple) <= 8 * np.finfo(float).eps * size, 0.0, couple)
     return Force("", total, body.centre, couple, EFFECT)
 
 
 def _shares(part: Part, parts: tuple[Part, ...], points: Points) -> np.ndarray:
-    """(p,) which part of the force on each of its points acts on a body: that of its mass."""
+    """(p,) the part of a force on each of its points that acts on a body: its part of the mass."""
     index, m = np.array(part.points, int), np.asarray(part.m)
     shared = np.array([sum(i in one.points for one in parts) for i in index])
     whole = points.m[index]
@@ -484,8 +484,8 @@ def _residual(bodies: list[FreeBody]) -> tuple[float, float]:
     forces = [np.linalg.norm(f.force) for b in bodies for f in b.forces]
     largest = float(max(*inertial, *forces, 0.0))
     off = max(np.linalg.norm(b.force - b.m * b.acceleration) for b in bodies)
-    # m a of a body may be the rounding of its terms, as that of a free particle in polar
-    # coordinates is.
+    # m a of a body may be the rounding of its terms, as it is for a free particle in polar
+    # coordinates.
     scale = max(largest, *(b.inertial[0] for b in bodies))
     residual = off / scale if scale else 0.0
     rigid = [b for b in bodies if b.rigid]

@@ -28,7 +28,7 @@ from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding
-#: Forces at an equilibrium over those of a displacement by its size; likewise speeds.
+#: Largest ratio of forces at an equilibrium to those of a displacement by its size; also of speeds.
 _MAX_REST_FORCE = 1e-6
 
 
@@ -83,7 +83,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       t: () time [s].
     Raises:
       ValueError: `y` or `t` is not finite or has a wrong shape, or the rate has no derivative.
-    Limits: a centre of a conservative scene is "undecided": linearisation cannot decide. A
+    Limits: a centre of a conservative scene is "undecided": linearisation cannot decide. An
       equilibrium that is a minimum of the potential energy is stable nevertheless.
     Example:
       >>> from jaxdyn.scenes.springs import oscillator
@@ -97,7 +97,7 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
 
 
 def classify(a, doubt: float | None = None) -> Linearization:
-    """`linearize` of a given matrix (k, k).
+    """The result of `linearize` for a given matrix (k, k).
 
     Args:
       a: the matrix, in any units of the entries of the state.
@@ -141,7 +141,7 @@ def check_equilibrium(scene: Scene, y: Array, t=0.0) -> None:
 
 
 def is_second_order(scene: Scene, y: Array) -> bool:
-    """Whether a scene's state is [q, v] with dq/dt = v; of traced ones as far as it is declared."""
+    """Whether a scene's state is [q, v] with dq/dt = v; if traced, as far as it is declared."""
     if scene.system.second_order or scene.system.canonical(jnp.zeros(()), y) is not None:
         return True
     if _checks.is_traced((scene, y)) or len(y) % 2:
@@ -167,7 +167,7 @@ class Modes(NamedTuple):
     """The small oscillations of a conservative scene about an equilibrium.
 
     Attributes:
-      squares: (n,) squares of the angular frequencies [rad^2/s^2], ascending; negative for a
+      squares: (n,) squares of the angular frequencies [rad^2/s^2], ascending; negative for an
         unstable mode, exactly 0 where it is within rounding of 0.
       shapes: (n, n) columns: the displacement of the coordinates in each mode, normalised to
         1 = x^T M x.

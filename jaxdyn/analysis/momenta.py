@@ -67,7 +67,7 @@ def centre_of_mass(t, points: Points) -> Array:
 def angular_momentum_about(scene: Scene | Field, t, y, c: MovingPoint, definition: str) -> Array:
     """H about the moving point c by one of the three definitions [kg m^2/s].
 
-    () in the plane, (3,) in space.
+    It is () in the plane, (3,) in space.
     """
     _checks.choice("definition", definition, DEFINITIONS)
     points, _, c_now, c_rate = _motion_about(scene, t, y, c)
@@ -133,7 +133,7 @@ def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Bala
 def kinetic_split(scene: Scene | Field, t, y) -> tuple[Array, Array]:
     """Konig's theorem: kinetic energy () of the centre of mass, and () relative to it [J].
 
-    m v_G^2 / 2 and the sum of m_i |v_i - v_G|^2 / 2.
+    They are m v_G^2 / 2 and the sum of m_i |v_i - v_G|^2 / 2.
     """
     _, v, m = scene.points(t, y)
     v_g = jnp.sum(m[:, None] * v, axis=0) / jnp.sum(m)
@@ -153,7 +153,7 @@ def power_balances(motion: Trajectory, internal: type[Effect]) -> dict[str, Bala
     external force also works on a point that moves relative to G.
 
     Args:
-      motion: of free points.
+      motion: a motion of free points.
       internal: the kind of effects that act between the points; all others are external.
     Returns:
       For each balance the power `left` [W], the rate of the energy `right` [W], and whether they

@@ -21,13 +21,13 @@ _COARSER = 100.0  # the second tolerance, as a multiple of the first
 _COARSEST = 0.1  # limit of the second tolerance
 #: A map whose `symplectic_defect` is below this is that of a conservative scene.
 SYMPLECTIC = 1e-7
-_STATES = 8  # at which a form is sought
-_MOST_ENTRIES = 16  # of a state; with 36 a search takes 0.7 s
-_SPREAD = 0.3  # of the states, in parts of each entry's size
+_STATES = 8  # number of states at which a form is sought
+_MOST_ENTRIES = 16  # most entries of a state; with 36 a search takes 0.7 s
+_SPREAD = 0.3  # spread of the states, in parts of each entry's size
 _ROUNDING = 1e-6  # entries below this part of the largest may be rounding
 _NULL = 1e-9  # singular values below this part of the largest are 0
 _KEPT = 1e-12  # change of a form along the flow, relative to its terms, that is rounding
-_REGULAR = 1e-3  # smallest over largest singular value of a form that is none too singular
+_REGULAR = 1e-3  # least ratio of smallest to largest singular value of a form that is regular
 #: Weights by which independent forms are summed: each sum may be singular.
 WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
@@ -37,12 +37,12 @@ _TANGENT = 1e-6  # smaller singular values of a projection's derivative are dire
 def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Array:
     """Derivative (k, k) of the state after one period with respect to the start.
 
-    From the variational equations, with the tangents in the error norm.
+    It follows from the variational equations, with the tangents in the error norm.
 
     Args:
       scene: system, effects, start.
       y0: (k,) start; the scene's own by default.
-      period: () [s]; the scene's span by default.
+      period: () the period [s]; the scene's span by default.
       rtol: relative tolerance of a step.
     Raises:
       ValueError: `rtol` is out of range.
@@ -99,10 +99,10 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 
 
 def form_change(scene: Scene, t, y: Array, each: np.ndarray) -> float:
-    """How fast that form changes along the flow: 0 if its maps are symplectic, else up to 1.
+    """How fast the `symplectic_form` changes along the flow: 0 for symplectic maps, else up to 1.
 
-    Its largest entry on tangents of the constraint surface, in sizes `each` (k,) of the entries,
-    over that of the terms whose sum it is; NaN where there are no canonical coordinates.
+    It is the largest entry on tangents of the constraint surface, in sizes `each` (k,) of the
+    entries, over that of the terms whose sum it is; NaN where there are no canonical coordinates.
     """
     if symplectic_form(scene, y) is None:
         return math.nan
@@ -138,18 +138,18 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     """(k, k) a constant symplectic form that the flow keeps near the start; None if none is found.
 
     A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
-    an antisymmetric J, whose solutions are the same at random states as everywhere. So a rate that
-    is given by itself, in any coordinates that are linear in canonical ones, has its form: that of
-    the restricted three bodies in turning axes is not the one of places and velocities.
+    an antisymmetric J, whose solutions are the same at random states as everywhere. So the form is
+    found for a rate that is given by itself, in any coordinates that are linear in canonical ones:
+    for the restricted three bodies in turning axes it is not that of positions and velocities.
 
-    With the sizes `each` (k,) of the entries it is one of states in these units.
+    With the sizes `each` (k,) of the entries, it is the form of states in these units.
 
     Limits: host only; at most 16 entries; found to rounding, not proved.
     """
     y0 = np.asarray(scene.y0)
     if len(y0) % 2 or len(y0) > _MOST_ENTRIES:
         return None
-    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is kept.
+    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more forms are kept.
     each = np.ones(len(y0)) if each is None else each
     small = abs(y0 / each)
     some = small > _ROUNDING * small.max()
@@ -185,7 +185,7 @@ def invariant_forms(slopes: Sequence[np.ndarray]) -> np.ndarray:
     rows = (several.swapaxes(-1, -2) @ units + units @ several)[..., *above].swapaxes(-1, -2)
     sizes = abs(rows).max(axis=(-2, -1), keepdims=True, initial=1e-300)
     equations = (rows / sizes).reshape(-1, len(units))
-    # Of many equations the triangular factor has the same singular values and right vectors.
+    # For many equations, the triangular factor has the same singular values and right vectors.
     _, s, right = np.linalg.svd(np.linalg.qr(equations, mode="r"))
     return np.einsum("nu,uij->nij", right[(s > _NULL * s[0]).sum() :], units)
 
@@ -196,7 +196,7 @@ def _rate_slopes(scene: Scene, ts: Array, ys: Array) -> Array:
 
 
 def symplectic_defect(matrix: np.ndarray, form: np.ndarray) -> np.ndarray:
-    """(...) largest entry of M^T J M - J over |J| |M|^2, of maps M and forms J (..., k, k)."""
+    """(...) largest entry of M^T J M - J over |J| |M|^2, for maps M and forms J (..., k, k)."""
     changed, size = np.swapaxes(matrix, -1, -2) @ form @ matrix - form, np.abs(form)
     largest = size.max(axis=(-2, -1)) * np.maximum(1.0, norm(matrix) ** 2)
     return np.abs(changed).max(axis=(-2, -1)) / np.where(largest > 0, largest, 1.0)

@@ -6,10 +6,9 @@ The axis e_3' of an axisymmetric body keeps an angle theta to the vertical k whi
 
     omega = omega_p k + omega_s e_3',    omega_3 = omega_s + omega_p cos(theta).
 
-omega_p is the precession, omega_s the spin relative to the frame that precesses, and omega_3 the
-total spin about the axis, which is conserved. Where gravity gives the moment
-K sin(theta) about the line of nodes k x e_3', balance of angular momentum leaves, for
-sin(theta) != 0,
+Here omega_p is the precession, omega_s the spin relative to the frame that precesses, and omega_3
+the total spin about the axis, which is conserved. Where gravity gives the moment K sin(theta) about
+the line of nodes k x e_3', balance of angular momentum leaves, for sin(theta) != 0,
 
     I_1 cos(theta) omega_p^2 - I_3 omega_3 omega_p + K = 0,
 
@@ -99,7 +98,7 @@ def free_precession(theta, total, *, I1, I3) -> Precession:
 def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Scalar) -> Matrix:
     """R_wb (3, 3) at time t of a free axisymmetric body from any start.
 
-    exp(t H / I_1) R_0 exp(t omega_s e_3'), H the constant angular momentum in space and
+    It is exp(t H / I_1) R_0 exp(t omega_s e_3'), with H the constant angular momentum in space and
     omega_s = (1 - I_3 / I_1) omega_3. So every motion is a steady precession (problem 58).
 
     Args:
@@ -119,7 +118,7 @@ def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Sc
 
 
 def top_roots(theta, spin, *, m, d, I1, I3, g=9.81, total: bool = False) -> Precession:
-    """`precession_roots` of a top, whose moment I1 is about its centre of mass as in problem 59."""
+    """The `precession_roots` of a top; I1 is about its centre of mass, as in problem 59."""
     return precession_roots(theta, spin, I1=I1 + m * d * d, I3=I3, K=m * g * d, total=total)
 
 
@@ -162,8 +161,8 @@ def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
     """Problem 60 a: the steady rolling without slip at a lean, round a circle of radius R.
 
     omega_p^2 = m g r cos(theta) / (sin(theta) (I_1 cos(theta) - (2 I_1 / r + m r) R)), and from the
-    lack of slip r omega_3 = R omega_p. The root with omega_p > 0; the mirror image has all rates
-    reversed. NaN where there is none: a disk cannot lean outwards far from the middle.
+    lack of slip r omega_3 = R omega_p. It is the root with omega_p > 0; the mirror image has all
+    rates reversed. NaN where there is none: a disk cannot lean outwards far from the middle.
 
     Limits: two families are not of this form, upright (theta = pi/2): straight rolling at any
     spin, and turning on the spot, R = 0, at any omega_p.
@@ -177,7 +176,7 @@ def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
 def sliding_disk_roots(theta, spin, *, m, radius, I1, g=9.81) -> Precession:
     """Problem 60 b: all steady motions without friction at a lean and a spin, (2,) as above.
 
-    The centre is at rest (or moves along at a constant velocity). Upright all with
+    The centre is at rest (or moves along at a constant velocity). Upright, all motions with
     spin * precession = 0 are steady.
     """
     K = -m * g * radius * jnp.cos(theta) / jnp.sin(theta)
@@ -257,7 +256,7 @@ def _real_sqrt(x: Array) -> Array:
 def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
     """Slowest total spin () [rad/s] of a stable sleeping top.
 
-    2 sqrt(I m g d) / I_3, with I about the pivot. Above it an almost upright top also has two
+    It is 2 sqrt(I m g d) / I_3, with I about the pivot. Above it an almost upright top also has two
     steady precessions, below it none. `steady.linearize_steady` decides it for any steady motion.
     """
     return 2 * jnp.sqrt((I1 + m * d * d) * m * g * d) / I3
@@ -266,7 +265,7 @@ def critical_spin(*, m, d, I1, I3, g=9.81) -> Array:
 def slowest_relative_spin(*, m, d, I1, I3, g=9.81) -> Array:
     """Slowest spin () [rad/s] relative to the precessing frame, almost upright.
 
-    2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where steady
+    It is 2 sqrt((I - I_3) m g d) / I_3, with I about the pivot; 0 for I <= I_3, where steady
     precession exists at any spin. The limit of stability is `critical_spin`, not this.
     """
     excess = jnp.maximum(I1 + m * d * d - I3, 0.0)

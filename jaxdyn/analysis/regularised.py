@@ -1,6 +1,6 @@
 """Close encounters of bodies that attract each other, in a regularising time.
 
-With V < 0 the potential, U = -V, T the kinetic energy and E the total one, the motion is
+With V < 0 the potential, U = -V, T the kinetic energy and E the total energy, the motion is
 followed in s instead of t (logarithmic Hamiltonian, algorithmic regularisation):
 
     dr/ds = v / (T - E)    dt/ds = 1 / (T - E)    dv/ds = F / (m U)    dE/ds = power / (T - E)
@@ -76,8 +76,8 @@ def regularize(scene: Scene, t0=0.0) -> Scene:
     """The same motion in logarithmic time: a scene of states [q, v, E, t].
 
     Args:
-      scene: of second order except for its effects (free points), with a potential energy below
-        0: gravity and other attractions, also softened, with any further forces.
+      scene: a scene of second order except for its effects (free points), with a potential energy
+        below 0: gravity and other attractions, also softened, with any further forces.
       t0: () start time [s].
     Returns:
       A scene whose time is s [J s]; its span is that of s for constant U.
@@ -115,7 +115,7 @@ def simulate_regularised(
     max_steps: int = MAX_STEPS,
     throw: bool = True,
 ) -> Trajectory:
-    """As `simulate`, through close encounters; samples are evenly spaced in s, not in t.
+    """The motion as by `simulate`, through close encounters; samples are evenly spaced in s, not t.
 
     Args:
       scene: see `regularize`.
@@ -171,7 +171,7 @@ def solve_regularised(
       s: () span of logarithmic time [J s] that comes near t1; see `logarithmic_span`.
       t0: () start time [s].
       rtol: relative tolerance of one step.
-      solver: of the part in logarithmic time; the default one if None.
+      solver: the solver of the part in logarithmic time; the default one if None.
       max_steps: largest number of steps of each part.
     Returns:
       The state at t1, the steps of both parts, and the status of the worse one.
@@ -219,7 +219,7 @@ def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, 
     stop = _until(slow, t0, t1, options)
     if throw:
         raise_unless_ok(stop.status, scene)
-    # That of the search, or errors that encounters amplify would take the run another way.
+    # It is the solver of the search, or errors that encounters amplify would take another way.
     options = options._replace(solver=choose_method(slow, options.solver, several=True))
 
     def over(y0, length) -> tuple[Array, SolveResult]:

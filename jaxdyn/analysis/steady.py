@@ -30,10 +30,10 @@ from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns
-# Distance of the samples, to the size of the state. Near the state some fields are symmetries but
-# for the square of the distance: of a top in quaternions the equations tell them apart by 5e-5 of
-# their size, and its frequencies lose four digits (1e-11). At a distance of 1.0 it is 2e-4, and
-# 6e-13, but there an upright disk, whose verdict is open, counts as stable [measured].
+# Distance of the samples, relative to the size of the state. Near the state some fields are
+# symmetries but for the square of the distance: for a top in quaternions the equations distinguish
+# them by 5e-5 of their size, and its frequencies lose four digits (1e-11). At a distance of 1.0 it
+# is 2e-4, and 6e-13, but there an upright disk, whose verdict is open, counts as stable [measured].
 _SAMPLE_DISTANCE = 0.3
 _MAX_SYMMETRY_DEFECT = 1e-10  # relative: residual of Df xi - M f at the samples, for a symmetry
 _MAX_RATE_LEFT = 1e-8  # relative: part of the rate of a steady motion outside the symmetries
@@ -72,8 +72,8 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     """Eigenvalues of the motions near a steady motion, and the verdict; host only.
 
     Args:
-      scene: autonomous, with symmetries that are affine in its state: cyclic angles, turns of
-        vectors, quaternions and matrices, shifts.
+      scene: an autonomous scene, with symmetries that are affine in its state: cyclic angles, turns
+        of vectors, quaternions and matrices, shifts.
       y: (k,) state on the steady motion; the scene's start by default.
       t: () time [s] at which a non-autonomous scene is frozen.
     Raises:
@@ -99,7 +99,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     f, a, tangent = (np.asarray(x) for x in _linearisation(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
     tangent = _range(tangent)
-    # Twice, with different samples: the difference estimates the error.
+    # They are found twice, with different samples: the difference estimates the error.
     frames = [_frame(scene.field, t, y, size, (f, a), seed) for seed in (1, 2)]
     (generator, directions), (other, _) = frames
     inside, b = tangent.T @ (a - generator) @ tangent, tangent.T @ directions

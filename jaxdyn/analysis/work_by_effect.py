@@ -24,7 +24,7 @@ class Ledger(Extended):
     Attributes:
       system: the system without the ledger.
       kinds: names of the effect classes whose work is summed, one entry each, with their
-        subclasses. Names, not effects, so that an effect's numbers live only in the scene.
+        subclasses. They are names, not effects, so that an effect's numbers live only in the scene.
     """
 
     kinds: tuple[str, ...] = eqx.field(static=True)

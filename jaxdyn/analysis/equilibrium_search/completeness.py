@@ -34,7 +34,7 @@ from jaxdyn.solvers.intervals import Interval, add, multiply
 # Reference: Krawczyk (1969), Computing 4, 187; Neumaier (1990), Interval Methods for Systems of
 # Equations, chapter 5.
 
-_MIN_BOX = 1e-9  # of the box: smaller boxes are not bisected
+_MIN_BOX = 1e-9  # part of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds
 _OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be missed
 _ROUNDING = 1e-14  # of sums of a few products, relative to their terms
@@ -172,16 +172,16 @@ def _krawczyk(middle: Interval, slope: Interval, radius: np.ndarray) -> tuple:
 
 # ---- Whether a search found all zeros in a box: a comparison with interval bisection
 
-_MARGIN = 1e-6  # of the box: margin of the bisected box, or a zero on its boundary would be lost
-_POINT_SIZE = 1e-8  # of the box: undecided boxes of this size mark points
-_MERGE_DISTANCE = 1e-6  # of the box: undecided boxes nearer than this mark one point
+_MARGIN = 1e-6  # part of the box that is added to it, or a zero on its boundary would be lost
+_POINT_SIZE = 1e-8  # part of the box: undecided boxes of this size mark points
+_MERGE_DISTANCE = 1e-6  # part of the box: undecided boxes nearer than this mark one point
 _DIRECTIONS = 256
 _DISTANCES = (
     1.0,
     1e2,
     1e4,
 )  # of the size of an undecided place: where the rate is sampled about it
-#: Of its size there: a rate larger than this at all samples has no zero.
+#: Part of its largest size there: a rate that is larger at all samples has no zero.
 _MIN_RATE_WITHOUT_ZERO = 1e-3
 
 
@@ -189,7 +189,7 @@ class Proof(NamedTuple):
     """The result of interval bisection on a box.
 
     Attributes:
-      box: without the entries that must be 0 at rest.
+      box: the box without the entries that must be 0 at rest.
       found: the boxes that may hold equilibria; None where nothing is known.
       why_not: the reason why nothing is known.
     """
@@ -200,7 +200,7 @@ class Proof(NamedTuple):
 
     @property
     def middles(self) -> np.ndarray:
-        """(s, k) of the boxes with exactly one equilibrium each: where a search should start."""
+        """(s, k) middles of the boxes with exactly one equilibrium each: starts for a search."""
         boxes = self.found.single if self.found else np.zeros((0, len(self.box.low), 2))
         return np.clip(boxes.mean(axis=2), self.box.low, self.box.high)
 

@@ -18,7 +18,7 @@ class EquilibriaProof:
       points: (e) enclosures (k) of one equilibrium each, which exists and is the only one there.
       undecided: boxes (k) that may hold others.
       discarded: number of boxes that are proved to hold none.
-      names: (k) of the entries of the state.
+      names: (k) names of the entries of the state.
       bits: precision of the calculation.
     """
 

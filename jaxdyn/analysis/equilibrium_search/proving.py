@@ -13,7 +13,7 @@ from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.balls.zeros import BITS, zeros
 from jaxdyn.scene import Scene
 
-_NAMED = 5  # undecided boxes in words
+_NAMED = 5  # most undecided boxes that are named in words
 
 
 def prove(scene: Scene, t: float, box: Box) -> EquilibriaProof:

@@ -1,9 +1,9 @@
 """A search for zeros of a rate in a box, from many starts at once.
 
-Levenberg-Marquardt iterations in units of the box, and of the usual change of each rate over it,
-ended by a Newton step. An end counts as a
-zero only if that step is short and the rate there is small against its change over the box: a
-constant rate has no zero, however small it is.
+It makes Levenberg-Marquardt iterations in units of the box, and of the usual change of each rate
+over it, and ends them with a Newton step. An end counts as a zero only if that step is short and
+the rate there is small against its change over the box: a constant rate has no zero, however small
+it is.
 """
 
 from typing import NamedTuple
@@ -19,10 +19,10 @@ from jaxdyn.scene import Field
 _ITERATIONS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
-_CONVERGED = 1e-10  # of the box: the last Newton step, and the rate over its change
-#: Smallest singular value of the Jacobian of an isolated zero, over its usual size.
+_CONVERGED = 1e-10  # part of the box: the last Newton step; likewise the rate over its change
+#: Smallest singular value of the Jacobian of an isolated zero, relative to its usual size.
 _MIN_SINGULAR_VALUE = 1e-9
-_FAR, _NEAR = 1e-4, 1e-6  # of the box: distances at which a rate is compared to detect a jump
+_FAR, _NEAR = 1e-4, 1e-6  # parts of the box: distances at which rates are compared to see a jump
 _MAX_RATIO_NEAR_ZERO = 0.5
 
 
@@ -52,7 +52,7 @@ class Box(NamedTuple):
         return (ys[:, free] - self.low[free]) / (self.high - self.low)[free]
 
     def holds(self, ys: np.ndarray, slack: float) -> np.ndarray:
-        """(s,) which states lie inside, to a part of its size."""
+        """(s,) which states lie inside, up to a part of its size."""
         margin = slack * (self.high - self.low)
         with np.errstate(invalid="ignore"):
             return np.all((ys >= self.low - margin) & (ys <= self.high + margin), axis=1)
@@ -67,7 +67,7 @@ class Ends(NamedTuple):
       rates: (s,) largest entry of the rate.
       passed: (s,) whether it is a zero that satisfies the constraints.
       flat: (s,) whether the Jacobian is singular there.
-      along: (s, k) the direction in which it is least.
+      along: (s, k) the direction in which the Jacobian is least.
     """
 
     ys: np.ndarray
@@ -113,9 +113,9 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
 
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
-        # The normal equations square the condition number; a plain Newton step does not. The
-        # minimum-norm step: on a curve of equilibria the matrix is singular. Each row in units of
-        # its change over the box.
+        # The normal equations square the condition number; a plain Newton step does not. It is the
+        # step of least norm, since on a curve of equilibria the matrix is singular. Each row is in
+        # units of its change over the box.
         f, a = seen(y)
         rows = jnp.sum(jnp.abs(a), axis=1)
         units = jnp.where(rows > 0, rows, 1.0)
@@ -149,7 +149,7 @@ def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
 
 def rates(field: Field, t: Array, ys: np.ndarray) -> np.ndarray:
     """(s, k) rates at states (s, k)."""
-    # Padded to a power of two: each other number would recompile.
+    # States are padded to a power of two: each other number would recompile.
     room = 1 << max(len(ys) - 1, 0).bit_length()
     padded = np.concatenate([ys, np.zeros((room - len(ys), ys.shape[1]))])
     return np.asarray(_rates(field, t, jnp.asarray(padded)))[: len(ys)]
