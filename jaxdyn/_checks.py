@@ -107,7 +107,7 @@ def is_traced(x: Any) -> bool:
         return True
     if isinstance(x, _NUMBERS):
         return False
-    # Not `any` of a generator, which takes twice as long.
+    # `any` of a generator would take twice as long.
     for leaf in jax.tree.leaves(x):
         if isinstance(leaf, jax.core.Tracer):
             return True

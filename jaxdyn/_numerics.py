@@ -175,7 +175,7 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
 
 
 _MANTISSA = 52  # bits of the mantissa of a float, below those of the exponent
-_BIAS = 1023  # of the exponent
+_BIAS = 1023  # bias of the exponent
 _MEAN = 0.043  # mean excess of the binary logarithm over what the bits say, which is 0 to 0.086
 _BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
 

@@ -61,7 +61,7 @@ _PERTURBED = 4.0
 _FASTER = 16.0
 #: Least part of a rate that rounding makes of it where the rate is hardly anything else.
 _ALL_ROUNDING = 2.0**-16
-#: Part of a rate that rounding makes of any rate. Held to the tightest tolerances it may be less.
+#: Part of a rate that rounding makes of any rate. At the tightest tolerances it may be less.
 _USUAL = 2.0**-40
 #: Number of rounds that look at what rounding makes of a rate.
 _NOISE_LOOKS = 4

@@ -27,7 +27,7 @@ from jaxtyping import Array
 from jaxdyn._numerics import safe_norm
 
 Kind = Literal["line", "area", "solid", "ground", "spring", "dashpot", "pin", "trace"]
-_CORNERS = 48  # of a drawn circle, a multiple of 4
+_CORNERS = 48  # corners of a drawn circle, a multiple of 4
 
 
 class Shape(eqx.Module):

@@ -206,8 +206,8 @@ def check_captured(record: Any) -> None:
     """Raise ValueError if a number that a record or its parts captured is not what it was then."""
     if record.captured is None:
         return
-    # Not kept in the record: Equinox takes what is in its __dict__ beside the fields as a part of
-    # its structure, so a record would no longer match one with the same fields.
+    # The contents are not kept in the record: Equinox takes what is in its __dict__ beside the
+    # fields as a part of its structure, so it would no longer match one with the same fields.
     functions, parts = _contents(record)
     for part in parts:
         check_captured(part)

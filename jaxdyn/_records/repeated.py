@@ -24,8 +24,8 @@ def check_repeatable(record: Any, method: str, *args: Any) -> None:
     """Raise ValueError if a method of a record gives another program when it is traced again.
 
     Args:
-      record: any; without functions of a user nothing is done.
-      method: its name.
+      record: any record; nothing is done for one without functions of a user.
+      method: name of its method.
       args: pytrees of arrays, of which only the shapes are used.
     """
     if record.captured is None:

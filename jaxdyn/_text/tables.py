@@ -12,8 +12,8 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ParamSpec
 
-_MOST_NUMBERS = 6  # of an array that are shown
-_MOST_ENTRIES = 12  # of a state that are shown
+_MOST_NUMBERS = 6  # most numbers of an array that are shown
+_MOST_ENTRIES = 12  # most entries of a state that are shown
 #: Units as in docstrings are names, powers, products and quotients of these.
 TOKEN = r"(?:kg|m|s|N|J|W|rad|Hz)"
 _UNIT = rf"\[((?:1|{TOKEN})(?:[ /*^()\d-]|{TOKEN})*)\]"
@@ -173,7 +173,7 @@ def unit_of(kind: type, name: str) -> str:
 
 P = ParamSpec("P")
 
-_MOST_ROWS = 8  # of a list in a result
+_MOST_ROWS = 8  # most rows of a list in a result
 _WIDTH = 100  # characters of a line
 
 #: Spaces without a line break: around an equals sign, and before and within units.

@@ -30,7 +30,7 @@ from jaxdyn.scales import groups, sizes_at_start
 from jaxdyn.scene import Scene
 
 Motion = Trajectory | HybridTrajectory
-#: (scene, rtol) -> the motion of that scene at that tolerance.
+#: A function (scene, rtol) -> the motion of that scene at that tolerance.
 Again = Callable[[Scene, float], Motion]
 
 #: A digit is written if it is worth at least this many estimated errors: an estimate is within
@@ -148,7 +148,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
     ends = [_same(motion, again(begin, finer)) for begin in (start, other)]
     apart, scale = _largest_gap(scene, ends[1], ends[:1]), _scales(motion, y)
     error = np.maximum(_largest_gap(scene, y, ends), apart)
-    rounding = np.maximum(apart, 0.5 * np.finfo(float).eps * np.abs(y))  # of the stored result too
+    rounding = np.maximum(apart, 0.5 * np.finfo(float).eps * np.abs(y))  # also of the stored result
     if np.any(error > _APART * scale):
         more = [_same(motion, again(start, finer * 2.0**n)) for n in range(1, _MORE + 1)]
         error = np.maximum(error, _largest_gap(scene, y, more))

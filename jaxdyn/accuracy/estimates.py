@@ -93,7 +93,7 @@ def by_second_method(
     solver: Solver | None = None,
     second: Solver | None = None,
 ) -> Estimate:
-    """`estimate` with another solver as the finer one.
+    """The result of `estimate` with another solver as the finer one.
 
     Args:
       scene: see `estimate`.

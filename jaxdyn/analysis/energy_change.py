@@ -153,7 +153,7 @@ def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:
 class _Kind(NamedTuple):
     """The effects of one class at the samples, (s,) each."""
 
-    power: Array  # of their forces [W]
+    power: Array  # power of their forces [W]
     slope: Array  # its rate [W/s]
     potential: Array  # [J]
     gain: Array  # their part of dE/dt [W]

@@ -162,7 +162,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
     """The bodies of a scene at a state, each cut free, with all forces on it.
 
     Args:
-      scene: of particles, rods, hinged bars, rigid bodies, wires, skates or contacts.
+      scene: a scene of particles, rods, hinged bars, rigid bodies, wires, skates or contacts.
       t: () time [s].
       y: (k,) state; the scene's start by default.
     Returns:

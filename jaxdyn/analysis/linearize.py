@@ -260,7 +260,7 @@ def _check_modes(scene: Scene, y: np.ndarray, mass, stiffness, acceleration) -> 
     n = len(mass)
     sizes = np.asarray(at_rest(scene.field, groups(scene.system), y).sizes)
     largest = _MAX_REST_FORCE * (roots * sizes[:n]).max()
-    # Speeds relative to those with the energy of that displacement.
+    # Speeds are compared with those that have the energy of that displacement.
     moves = y[n:] @ mass @ y[n:] > largest**2 * stiffest
     if moves or np.abs(mass @ acceleration / roots).max() > largest * stiffest:
         raise _checks.fail(

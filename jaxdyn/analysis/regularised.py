@@ -38,7 +38,7 @@ from jaxdyn.solvers.choice import choose_method
 from jaxdyn.status import Status
 
 _UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
-_NEWTON_STEPS = 2  # of Newton's method for s at the end, from some 1e-6 away
+_NEWTON_STEPS = 2  # steps of Newton's method for s at the end, from some 1e-6 away
 _ATTRACTION = "an attraction: a potential below 0, as of gravity"
 
 

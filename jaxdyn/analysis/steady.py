@@ -129,7 +129,7 @@ def _linearisation(field: Field, t: Array, y: Array, size: Array) -> tuple[Array
 
 @eqx.filter_jit
 def _linearisations(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
-    """`_linearisation` at states (s, k) on the constraints near y + size z, and their z."""
+    """The `_linearisation` at states (s, k) on the constraints near y + size z, and their z."""
 
     def sample(z):
         at = field.project(t, field.project(t, y + size * z))

@@ -25,7 +25,7 @@ WINDOW = 3
 #: Default number of oscillations.
 COUNT = 10
 _LEAST_SAMPLES = 16
-_ROUNDS = 8  # of Newton's method, which converges quadratically
+_ROUNDS = 8  # rounds of Newton's method, which converges quadratically
 _APART = 2.0  # distance, in 2 pi / T, below which two frequencies are not distinguished
 _PADDING = 4  # factor of the transform's length, whose grid then brackets each maximum
 _FAINT = 1e-14  # amplitude, as a share of the largest, that may be only rounding

@@ -22,7 +22,7 @@ class LyapunovSpectrum(Record):
     """Lyapunov exponents, their error bars, and the sums that must hold.
 
     Attributes:
-      exponents: (m,) in the order of the tangents, which tends to descending order [1/s].
+      exponents: (m,) exponents in the order of the tangents, which tends to descending order [1/s].
       bars: (m,) half-widths of 95 % intervals [1/s]; see `lyapunov_exponents`.
       batches: (BATCHES, m) means over equal parts of the time [1/s].
       divergence: () mean divergence of the rate along the motion [1/s], which is the sum of all

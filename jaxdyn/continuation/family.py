@@ -25,8 +25,8 @@ class Equilibrium:
       eigenvalues: eigenvalues of the Jacobian, with bars.
       verdict: "stable", "unstable" or "undecided".
       tangent: (k + 1,) unit vector along the family, the parameter last.
-      residual: largest entry of the residual of the point's equations: at a special point, of those
-        of its kind.
+      residual: largest entry of the residual of the point's equations, which at a special point are
+        those of its kind.
       kind: kind of special point, if it is one.
       coefficient: at a fold the quadratic coefficient (0 at a cusp), at a Hopf point the first
         Lyapunov coefficient (0 at a Bautin point); at a branch point the quadratic coefficient,

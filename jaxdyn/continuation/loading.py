@@ -63,7 +63,7 @@ def _curve(walk: checkpoint.Walk, make: MakeOfTwo) -> Curve:
 
 
 def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:
-    """Raise ValueError for scenes of which a point is no equilibrium."""
+    """Raise ValueError if a point is not an equilibrium of these scenes."""
     try:
         units = units_of(make, point)
         with np.errstate(all="ignore"):  # numbers of a file may be too large for their units

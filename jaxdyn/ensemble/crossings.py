@@ -69,12 +69,13 @@ def zero_between(before: Node, here: Node, end: Node) -> Array:
     return first
 
 
-_MAX_HALVINGS = 24  # of a step: in so short a stretch a value has no extremum except by rounding
+#: Most halvings of a step: in a stretch this short a value has no extremum except by rounding.
+_MAX_HALVINGS = 24
 _GROWTH = 3  # halvings that a step regains after one that is kept; a bit less than is possible
 #: Part of a step: a look this close to the crossing is the last one. The remaining correction is
 #: linear in time, with an error of the order of its square, below rounding.
 _CLOSE = 2.0**-28
-_LEAST_STRETCH = 0.25  # of the stretch before it: a shorter one does not tell third derivatives
+_LEAST_STRETCH = 0.25  # part of the stretch before: a shorter one shows no third derivatives
 #: The linear correction leaves at most this part of the value at a simple zero. At a flat zero of
 #: order n it leaves (1 - 1/n)^n, which is 1/4 or more.
 _SIMPLE = 0.1

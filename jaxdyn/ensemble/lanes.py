@@ -341,7 +341,7 @@ class _Work(eqx.Module):
 def _one_by_one(
     shared: Field, motions: Motions, count: Array, limits: Limits, watch: Watch | None, *, method
 ) -> Ends:
-    """`integrate` for rates with conditions, whose lanes would switch at different times."""
+    """The same as `integrate`, for rates with conditions: lanes would switch at different times."""
     if watch is not None:
         remedy = "Leave the watch out, or give each branch of the rate a phase of its own."
         raise _checks.fail("watch", "a rate without conditions, such as sign", "one", remedy)

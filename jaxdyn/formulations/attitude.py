@@ -20,7 +20,7 @@ from jaxdyn.geometry.rotations import (
 from jaxdyn.geometry.vectors import skew
 from jaxdyn.system import Record
 
-_NEWTON_STEPS = 2  # of `orthonormalise`, for a matrix that has drifted for one step
+_NEWTON_STEPS = 2  # steps of `orthonormalise`, for a matrix that has drifted for one step
 
 
 class Attitude(Record):
@@ -87,7 +87,7 @@ class RotationMatrix(Attitude):
         return R_wb.ravel()
 
     def rate(self, a, omega_b):
-        # As a sum, not a matrix product, for the reason given at mechanism.weighted_gram.
+        # This is a sum, not a matrix product, for the reason given at mechanism.weighted_gram.
         return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
 
     def nearest(self, a):

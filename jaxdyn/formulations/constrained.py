@@ -244,7 +244,7 @@ _loses = jax.jit(Constrained._loses)
 def _violations(system: Constrained, t: Array, y: Array) -> tuple[Array, ...]:
     """Largest violations in position and in velocity, and whether the motion is undetermined.
 
-    Also the least eigenvalue of the mass matrix, scaled to a unit diagonal.
+    The last result is the least eigenvalue of the mass matrix, scaled to a unit diagonal.
     """
     phi, rates = system.violation(t, y)
     place, speed = (jnp.max(jnp.abs(x), initial=0.0) for x in (phi, rates))

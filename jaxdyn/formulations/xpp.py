@@ -39,7 +39,7 @@ from jaxdyn.scene import Scene, System
 
 #: Length of a text, in characters: a longer one is no model that a person wrote.
 _LONGEST = 200_000
-_DEFAULT_SPAN = 20.0  # of XPPAUT
+_DEFAULT_SPAN = 20.0  # the default of XPPAUT
 _SPAN = "total"
 _PREFIX = "_"  # before each name, so that none is a word of Python
 

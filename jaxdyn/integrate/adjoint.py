@@ -30,7 +30,7 @@ from jaxdyn.solvers import Method
 
 #: Largest relative difference of a state found forwards from the same one found backwards.
 _SAME_STATE = 1e-3
-_PIECES = 4  # of the backward integration, besides those between samples
+_PIECES = 4  # pieces of the backward integration, besides those between samples
 
 
 class _Backwards(eqx.Module):

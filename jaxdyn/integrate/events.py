@@ -238,7 +238,7 @@ def until(
 
 
 def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> Stop:
-    """`until` for a motion that may be known to begin on certain sides of its events.
+    """The result of `until` for a motion that may begin on known sides of its events.
 
     Args:
       scene: see `until`.
@@ -266,7 +266,7 @@ def as_events(events, k: int) -> tuple[Event, ...]:
     """One or several events of a state of k entries as a tuple.
 
     Raises:
-      ValueError: there is none, or something else among them; one does not suit the state, or a
+      ValueError: there is no event, or something else among them; one does not suit the state, or a
         number that its function captured has changed.
     """
     given: Any = (events,) if isinstance(events, Event) or callable(events) else tuple(events)

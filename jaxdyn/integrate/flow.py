@@ -42,7 +42,7 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
       t1: () end time, before or after t0.
       ts: (s,) times between t0 and t1 in the order they are passed.
       limits: tolerances or step length, and the maximum numbers of steps.
-      method: for plain solves; variational equations are solved by its `for_tangents`.
+      method: method of plain solves; variational equations are solved by its `for_tangents`.
     Limits: derivatives with respect to the tolerance are zero by definition.
     """
     run = functools.partial(_march, method=method)

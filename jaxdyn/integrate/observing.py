@@ -94,14 +94,14 @@ class Watch(Record):
 
     @abc.abstractmethod
     def start(self, t0: Array, y0: Array) -> Any:
-        """Its memory at the start."""
+        """The memory at the start."""
 
     @abc.abstractmethod
     def see(self, keep: Array, t0: Array, y0: Array, t1: Array, y1: Array, memory: Any) -> tuple:
-        """Its memory after a step, and whether to stop; a rejected step changes nothing."""
+        """The memory after a step, and whether to stop; a rejected step changes nothing."""
 
     def steer(self, keep, t0, y0, t1, y1, memory, following: Array) -> Steered:
-        """`see` for a watch that also decides where the next step begins and ends.
+        """The same as `see`, for a watch that also decides where the next step begins and ends.
 
         By default neither is changed. Adaptive methods only.
         """
@@ -157,8 +157,8 @@ class Observing(eqx.Module):
     Attributes:
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
-      limit: (2,) maximum number of steps, and of those that stability limits, and () the end of the
-        span that must be reached within it; None where steps are counted, and the run is ended,
+      limit: (2,) maximum number of all steps, and of those that stability limits; and () the end of
+        the span that must be reached within it. None where steps are counted, and the run is ended,
         elsewhere.
       look: how far a step may go by what the rate hides, if anything limits it.
       max_step: () how far it may go by request, if that is limited.

@@ -28,7 +28,7 @@ from jaxdyn.solvers.choice import RTOL as RTOL
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _ANY = np.iinfo(np.int64).max  # number of steps that is never reached
-_MAX_BYTES = 2**32  # of all samples
+_MAX_BYTES = 2**32  # most memory for all samples of a run
 #: Number of entries of all samples up to which few programs matter more than memory: 1 MiB.
 _FEW_ENTRIES = 1 << 17
 #: The part of the sizes of a motion in which rtol is an absolute tolerance by default. Entries near
@@ -37,7 +37,7 @@ _FEW_ENTRIES = 1 << 17
 _SHARE = 0.25
 #: Number of samples up to which the times of a span are kept, and of the last spans that are.
 _KEPT_SAMPLES, _KEPT_SPANS = 10_000, 32
-_COPIES_IN_MEMORY = 4  # of the samples, held by a run: nodes, states and temporaries (measured)
+_COPIES_IN_MEMORY = 4  # copies of the samples in a run: nodes, states, temporaries (measured)
 T = TypeVar("T")
 
 

@@ -40,7 +40,7 @@ class Limits(NamedTuple):
     Attributes:
       tolerance: (3,) relative and absolute tolerance of one step, and an absolute one in parts of
         the sizes of the motion; (1,) the length of a step, where the method takes equal ones.
-      max_steps: (2,) largest number of steps, and of those that stability limits.
+      max_steps: (2,) largest number of all steps, and of those that stability limits.
       max_step: () longest step; None if nothing limits it.
       breaks: (b,) times at which steps end, for what cannot be read from a rate.
     """

@@ -57,7 +57,7 @@ def run_or_switch(
     if _checks.is_traced(first.status):
         # A trace is under way of which none of the values is a part.
         return run(limits, method=method), False
-    # By NumPy, as int() of a JAX array takes three times as long as an empty program.
+    # NumPy reads it: int() of a JAX array takes three times as long as an empty program.
     status = np.asarray(first.status).item()
     pair = method.for_tangents
     if status == Status.STEP_COLLAPSED and method is not pair:

@@ -34,8 +34,8 @@ _LONG_STEPS_WARNING = (
     "Steps of fixed length are too long for parts of the motion: adaptive steps disagree. "
     "Make dt smaller, or leave out the solver to use adaptive steps."
 )
-_MAX_STEP_MISMATCH = 0.05  # of a step's displacement: with more the step is meaningless
-_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # of the adaptive steps that they are compared with
+_MAX_STEP_MISMATCH = 0.05  # part of a step's displacement: with more the step is meaningless
+_CHECK_RTOL, _CHECK_STEPS = 1e-6, 10_000  # tolerance and most of the adaptive steps to compare with
 T = TypeVar("T")
 
 
@@ -223,7 +223,7 @@ class Trajectory(Record, Motion):
         system = self.one(*(0 for _ in self.batch_shape)).scene.system
         names = [label for label, _ in system.labels()]
         i, ys = names.index(_checks.choice("label", name, names)), self.ys
-        # On the host: indexing on the device compiles for each number of samples.
+        # It is done on the host: indexing on the device compiles for each number of samples.
         return ys[..., i] if _checks.is_traced(ys) else jax.device_put(np.asarray(ys)[..., i])
 
     @property

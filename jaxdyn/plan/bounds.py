@@ -36,7 +36,7 @@ def enclose_program(
     """The results of a program (a ``ClosedJaxpr``), as bounds where they move.
 
     Args:
-      program: of float operations on arrays.
+      program: a program of float operations on arrays.
       args: its arguments, known numbers or `Bounds`.
       unknown: receives the names of operations without a rule, whose bounds are the whole line.
     """

@@ -102,7 +102,7 @@ class Walk:
       waves: note sines of time as well among the parts that a step may pass over.
 
     Attributes:
-      conditions: those met so far.
+      conditions: the conditions met so far.
       outcomes: the outcomes of each, as a vector; likewise `margins`, and outcomes `beyond`.
       unread: names of operations that may hide conditions.
       partial: whether a function of the state is not defined everywhere, such as a root.
@@ -281,7 +281,7 @@ class Walk:
           args: its arguments.
           at: a function of the outcome in the branch, or of None for the one at the point; returns
             the outcome at the point, the margin of the outcome in the branch, and the one beyond.
-          shape: of the outcomes; by default that to which the arguments are broadcast.
+          shape: shape of the outcomes; by default that to which the arguments are broadcast.
         Returns:
           None for the outcome where only what depends on time is computed.
         """
@@ -391,7 +391,7 @@ _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "a
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
-#: Likewise those of which only one operand moves, such as a force divided by a mass.
+#: Likewise operations of which only one operand moves, such as a force divided by a mass.
 _SCALES = frozenset({"mul", "div", "dot_general"})
 
 

@@ -20,8 +20,9 @@ class Branch(NamedTuple):
     """The outcomes of the conditions of a rate along a piece of a motion.
 
     Attributes:
-      outcomes: (e,) of all conditions; when sliding, those on the side to which it was going.
-      before: (e,) likewise those on the side from which a sliding motion came.
+      outcomes: (e,) outcomes of all conditions; when sliding, those on the side to which it was
+        going.
+      before: (e,) outcomes on the side from which a sliding motion came.
       surface: (e,) whether each condition changes on the surface of sliding.
       slides: () whether the motion slides.
     """
@@ -137,7 +138,7 @@ class InBranch(NamedTuple):
         plan = plan_of(self.field, len(y))
         rate, conditions = plan.look(self.field, t, y, outcomes)
         if plan.partial:
-            # Not a choice between two rates, whose derivative is NaN if either one's is.
+            # A choice between two rates would have a NaN derivative if either one's is NaN.
             here = plan.look(self.field, t, y)[1].outcomes
             outcomes = jnp.where(jnp.isnan(rate).any(), here, outcomes)
             rate = plan.look(self.field, t, y, outcomes)[0]

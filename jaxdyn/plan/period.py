@@ -27,7 +27,7 @@ class _InTime(NamedTuple):
     Attributes:
       array: the value if it does not depend on time; for a t + b the coefficients, (2, ...).
       affine: whether it is a t + b.
-      period: () of the value, 0 if it does not depend on time, infinite if it has none.
+      period: () period of the value, 0 if it does not depend on time, infinite if it has none.
     """
 
     array: Any

@@ -38,7 +38,7 @@ class Conditions(NamedTuple):
     beyond: Array
 
 
-_KINDS = 256  # of rates whose plans are kept
+_KINDS = 256  # number of kinds of rates whose plans are kept
 
 
 class Plan:
@@ -46,7 +46,7 @@ class Plan:
 
     Attributes:
       depends_on_time: whether the rate depends on time; if not, that is proved.
-      conditions: in the order in which the program meets them.
+      conditions: the conditions, in the order in which the program meets them.
       of_time: (e,) for each entry of a branch, whether it depends on time alone.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.

@@ -59,7 +59,7 @@ def hides_in_time(
 
     Args:
       plan: the plan of the rate.
-      system: of the plan's kind.
+      system: a system of the plan's kind.
       t0: () start of the step.
       t1: () its end, before or after.
       branch: (e,) outcomes of the conditions.
@@ -110,7 +110,7 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
 
     Args:
       plan: the plan of the rate.
-      system: of the plan's kind.
+      system: a system of the plan's kind.
       branch: (e,) outcomes of the conditions.
       start: () time, (k,) state and (k,) rate at the start of the step.
       end: likewise at its end.

@@ -139,7 +139,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
 
 
 def _default_method(scene: Scene, rtol, several: bool) -> Method:
-    """`default_solver` of a scene whose functions have been checked."""
+    """The `default_solver` of a scene whose functions have been checked."""
     notes = notes_on(scene) if type(rtol) is float else None
     if notes is None:
         method, _ = _rule(scene, rtol)
@@ -178,7 +178,7 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
 def _method_of_rule(
     found: Series | None, second_order: bool, k: int, rtol: float | None
 ) -> tuple[Method, str]:
-    """`_rule` for a state of k numbers with or without a series; no rtol means any."""
+    """The same as `_rule`, for a state of k numbers with or without a series; no rtol means any."""
     loose = rtol is not None and rtol > _LOOSE
     if not second_order:
         series, why = _by_series(found, loose, math.inf)

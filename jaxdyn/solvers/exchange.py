@@ -63,7 +63,7 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
     if not _explicit(solver, table):
         return _guest(solver)
     assert table is not None
-    # Not the solver itself: with arrays among its fields it has no hash.
+    # The solver itself is not passed on: with arrays among its fields it has no hash.
     rows = tuple(_row(x) for x in (table.c, table.b_sol, table.b_error, *table.a_lower))
     return _pair(type(solver).__name__, solver.order(diffrax.ODETerm(_nothing)), rows)
 

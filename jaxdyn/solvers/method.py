@@ -28,7 +28,7 @@ _ROUNDING = 1e-13
 #: no more than a tenth of the error; with 0.9, which is usual at order 5, 10 to 30 % of the steps
 #: are rejected and it takes 10 to 20 % more evaluations at equal true error (measured).
 SAFETY = 0.75
-_KINDS = 256  # of systems about which something is remembered
+_KINDS = 256  # number of kinds of systems about which something is remembered
 
 
 class Advance(NamedTuple):
@@ -142,7 +142,7 @@ class Method(abc.ABC):
     def advance_within(
         self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
     ) -> Advance:
-        """`advance`, over a part of the step if the method knows that the whole is too long.
+        """The same as `advance`, over a part of the step if the whole is known to be too long.
 
         Args:
           field: (t, y) -> dy/dt.

@@ -177,7 +177,7 @@ class _Lanes:
         differ = any(x.ndim for x in entries)
         if eqn.primitive.name == "div" and entries[0].ndim and not entries[1].ndim:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
-                # As XLA does for arrays: one division for all lanes.
+                # This is what XLA does for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
         return bind(eqn, [self._broadcast(x) if differ else x for x in entries])[0]
 

@@ -195,7 +195,7 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
         if not isinstance(step.speed, float):  # a float is the default: there is no estimate
             near = step.speed > self.method.alarm * self.method.stable
-            # Once stiff, always stiff.
+            # A motion that was stiff once counts as stiff from then on.
             least = jnp.where(is_stiff(count), _STIFF_COUNT, 0)
             count = jnp.maximum(count + jnp.where(near, 1, -1), least)
         result = diffrax.RESULTS.where(

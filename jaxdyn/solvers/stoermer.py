@@ -76,7 +76,7 @@ class Stoermer(Method):
 
     @property
     def name(self) -> str:
-        """Its name in reports."""
+        """The name in reports."""
         return f"Stoermer {self.order}"
 
     @property
@@ -96,7 +96,7 @@ class Stoermer(Method):
 
     @property
     def for_tangents(self) -> Method:
-        """`NYSTROM12`: columns of tangents are vectorised anyway."""
+        """The method `NYSTROM12`: columns of tangents are vectorised anyway."""
         return NYSTROM12
 
     @functools.cached_property
@@ -233,8 +233,8 @@ class Plan(NamedTuple):
       table: (d, 4, lanes, 1) for each substep: its length in steps, 0 for an idle lane; the
         time at its end since the start of the step, in steps; 1 if it is the first of a column;
         the index where its end is stored, shared until columns end.
-      weights: (places, 2, lanes, 1) of the columns that end there, 0 for other lanes: in the
-        solution, and in the estimate of its error.
+      weights: (places, 2, lanes, 1) weights of the columns that end there, 0 for other lanes: in
+        the solution, and in the estimate of its error.
     """
 
     table: np.ndarray
@@ -274,8 +274,8 @@ def _columns_compared(counts: Sequence[int]) -> int:
 
     Without a third of the columns the order is lower by four or six. So errors of a motion at a
     tolerance are no larger than those of a pair, whose estimates are of a lower order too; and the
-    estimate is so much larger than the amplified rounding that tolerances may be fine. If one
-    column was left out, errors were 10 to 800 times as large, and steps at 1e-15 a tenth as long.
+    estimate is so much larger than the amplified rounding that tolerances may be fine. With only
+    one column left out, errors were 10 to 800 times as large, and steps at 1e-15 a tenth as long.
     """
     return len(counts) - max(1, len(counts) // 3)
 

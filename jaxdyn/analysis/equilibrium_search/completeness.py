@@ -37,7 +37,7 @@ from jaxdyn.solvers.intervals import Interval, add, multiply
 _MIN_BOX = 1e-9  # part of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds
 _OVERLAP = 1.1  # boxes are examined with a margin, or a zero on a common side would be missed
-_ROUNDING = 1e-14  # of sums of a few products, relative to their terms
+_ROUNDING = 1e-14  # rounding of sums of a few products, relative to their terms
 
 
 class Isolation(NamedTuple):
@@ -107,7 +107,7 @@ class _Equations:
         return found
 
     def _bounds(self, box: Interval) -> tuple[Interval, Interval]:
-        """(m, cells) of the equations and (m, n, cells) of their derivatives."""
+        """The bounds (m, cells) of the equations and (m, n, cells) of their derivatives."""
         n, cells = box.low.shape
         inputs = {}
         for i, node in enumerate(self.states):
@@ -180,7 +180,7 @@ _DISTANCES = (
     1.0,
     1e2,
     1e4,
-)  # of the size of an undecided place: where the rate is sampled about it
+)  # multiples of the size of an undecided place: where the rate is sampled about it
 #: Part of its largest size there: a rate that is larger at all samples has no zero.
 _MIN_RATE_WITHOUT_ZERO = 1e-3
 

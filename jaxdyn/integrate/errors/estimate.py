@@ -94,7 +94,7 @@ class Estimate(Record):
     def until(self, digits: float) -> float:
         """Time up to which this many digits are certain; NaN if at no time; host only."""
         off = np.maximum(self.error, ROUNDING_MARGIN * np.nan_to_num(self.rounding))
-        # Not >, or a run that failed, whose errors are NaN, would be right to its end.
+        # With > instead, a run that failed, whose errors are NaN, would be right to its end.
         wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
         first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
         return float(self.ts[first - 1]) if first else float("nan")

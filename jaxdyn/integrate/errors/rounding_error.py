@@ -19,9 +19,9 @@ from jaxdyn.solvers.perturbed import Noise
 #: not reached.
 Run = Callable[..., Any]
 
-_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # of each step, relative, to measure the effect of rounding
-_MAX_LINEAR_GAP = 0.1  # of the scale: motions farther apart do not differ linearly
-_DRAWS = 2  # of random perturbations; with one, the effects of two steps may cancel
+_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # relative to each step, to measure the effect of rounding
+_MAX_LINEAR_GAP = 0.1  # part of the scale: motions farther apart do not differ linearly
+_DRAWS = 2  # number of random perturbations; with one, the effects of two steps may cancel
 _EPS = float(np.finfo(float).eps)
 
 

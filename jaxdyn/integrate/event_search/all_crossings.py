@@ -89,9 +89,9 @@ def crossings(
       event: what crosses zero, with the direction that counts.
       t1: () end of the span [s]; the scene's own by default.
       t0: () start time [s].
-      most: number of rows of the result: only the first so many crossings are found, and the
-        rows that are not needed are NaN. Required under jit, grad and vmap; without it the result
-        has one row for each crossing.
+      most: number of rows of the result: no further crossings are found, and rows that are not
+        needed are NaN. It is required under jit, grad and vmap; without it the result has one row
+        for each crossing.
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.

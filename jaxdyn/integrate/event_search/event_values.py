@@ -228,8 +228,8 @@ def time_slope(rise, slope, happened):
 
     Args:
       rise: the derivative of the value at a fixed time; None if it is 0 for all numbers.
-      slope: that along the motion, None likewise.
-      happened: whether the event did.
+      slope: the derivative along the motion; None likewise.
+      happened: whether the event happened.
     Raises:
       ValueError: the slope is 0 whatever the numbers, as that of a sign is.
     """

@@ -294,8 +294,8 @@ _FOLDED = {
 _SAME = {"stop_gradient", "copy", "copy_p", "optimization_barrier"}
 #: Rounds up to which loops are unrolled: each is traced separately.
 _LONGEST_LOOP = 1000
-#: Number of nodes above which formulas are given up, even while they are read: so many take a fifth
-#: of a second, and a four-bar linkage has 2900.
+#: Number of nodes above which formulas are given up, even while they are read: reading this many
+#: takes a fifth of a second, and a four-bar linkage has 2900.
 _MOST_NODES = 5_000
 
 

@@ -121,9 +121,9 @@ _MOST_NUMBERS = 11
 _LEAST_SAVING = 20
 #: Length of a state up to which formulas are looked for at all.
 _MOST_LOOKED_AT = 24
-#: Number of operations of a rate: finding formulas for a thousand takes a tenth of a second.
+#: Most operations of a rate: finding formulas for a thousand takes a tenth of a second.
 _MOST_OPERATIONS = 1000
-#: Number of entries of all arrays of a rate, likewise.
+#: Likewise, the most entries of all arrays of a rate.
 _MOST_ENTRIES = 10_000
 #: Nodes of the formulas for each operation on arrays: more are loops over long arrays, which the
 #: compiler vectorises (a network of 24 neurons takes ten times as long by formulas).

@@ -80,7 +80,7 @@ def _sum(node: Node, at: Callable[[Number], Value]) -> Value:
 def _power(a: Value, n: Value) -> Array:
     a = jnp.asarray(a)
     if isinstance(n, np.floating) and n + 0.5 in (0.0, -1.0, -2.0, -3.0):
-        # Faster than the power, and more accurate.
+        # This is faster than the power, and more accurate.
         return lax.div(np.float64(1.0), lax.mul(lax.integer_pow(a, int(-n - 0.5)), lax.sqrt(a)))
     return lax.pow(a, jnp.asarray(n))
 

@@ -83,7 +83,7 @@ class Taylor(Method):
 
     @property
     def name(self) -> str:
-        """Its name in reports."""
+        """The name in reports."""
         return f"Taylor {self.order}"
 
     @property
