@@ -424,7 +424,7 @@ def _slopes(field: Any, t: Array, ys: Array) -> Array:
 def _by_its_change(
     field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
 ) -> tuple[Scales, Array]:
-    """`at_start` for groups that are known, of sizes `here` (k,); looks at the rate.
+    """The result of `at_start` for known groups, of sizes `here` (k,); looks at the rate.
 
     It looks at the start and twice a little after it, at both of these with a rounding added, and
     beside the start, displaced by what rounding makes; then later in the motion, there with a
@@ -534,10 +534,11 @@ def notable(gap: Array, rate: Array) -> Array:
 
 
 def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array) -> Array:
-    """(k,) `notable` in groups whose rates have the size `usual` (k,), since they vanish at rest.
+    """(k,) the result of `notable` in groups, whose rates count as at least `usual` (k,).
 
-    Beside the start, displaced by what rounding made in a while, it counts only where the rate is
-    hardly anything else: what holds a motion on its constraints responds to any distance from them.
+    At rest the rates themselves vanish. Beside the start, displaced by what rounding made in a
+    while, the result counts only where the rate is hardly anything else: what holds a motion on its
+    constraints responds to any distance from them.
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)

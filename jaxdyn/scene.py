@@ -270,7 +270,7 @@ class Scene(Record):
 
     @property
     def vector_field(self) -> VectorField:
-        """`rate` as a function (t, y), for other libraries; see `VectorField`."""
+        """The `rate` as a function (t, y), for other libraries; see `VectorField`."""
         self.check()
         return VectorField(self.field)
 

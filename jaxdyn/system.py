@@ -85,7 +85,7 @@ class Effect(Record):
         return (self,)
 
     def attack(self, t: Array, q: Array, v: Array) -> Array | None:
-        """Place (d,) [m] where a force of `generalized` on a rigid body acts; None by default."""
+        """Point (d,) [m] where a force of `generalized` on a rigid body acts; None by default."""
         del t, q, v
         return None
 

@@ -58,7 +58,7 @@ class Force(NamedTuple):
     source: str
 
     def moment(self, about: np.ndarray) -> np.ndarray:
-        """Its moment about a place (d,): () in the plane, (3,) in space [N m]."""
+        """The moment about a point (d,): () in the plane, (3,) in space [N m]."""
         return _cross(self.at - about, self.force) + self.couple
 
 
@@ -473,7 +473,7 @@ def _held(bodies: list[FreeBody], joint: Joint, x: np.ndarray, source: str) -> l
 
 
 def _equations(bodies: list[FreeBody], size: float) -> np.ndarray:
-    """Forces, and moments over a length, of all bodies in one row."""
+    """Forces, and moments divided by a length, of all bodies in one row."""
     rows = [[b.force, np.atleast_1d(b.moment) / size] if b.rigid else [b.force] for b in bodies]
     return np.concatenate([x for row in rows for x in row])
 

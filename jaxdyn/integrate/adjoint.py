@@ -123,20 +123,20 @@ class _Backwards(eqx.Module):
         return groups_of_names([*q, *by_v, *mu, *v, *by_q, *rates])
 
     def project(self, t: Array, z: Array) -> Array:
-        """Nothing to project: scenes with constraints are refused."""
+        """The vector z unchanged: scenes with constraints are refused."""
         del t
         return z
 
     def undetermined(self, t: Array, z: Array) -> None:
-        """None: no constraints."""
+        """None, since there are no constraints."""
         del t, z
 
     def loses(self, t0: Array, z0: Array, t1: Array, z1: Array) -> None:
-        """None: no constraints."""
+        """None, since there are no constraints."""
         del t0, z0, t1, z1
 
     def pack(self, y: Array, adjoint: Array, mu: Array) -> Array:
-        """State, adjoint and gradient as one vector."""
+        """The state, the adjoint and the gradient as one vector."""
         if not self.position_only:
             return jnp.concatenate([y, adjoint, mu])
         (q, v), (by_q, by_v) = jnp.split(y, 2), jnp.split(adjoint, 2)
@@ -162,7 +162,7 @@ def _alike(y: Array, z: Array, largest: Array) -> Array:
 
 
 def adjoint_flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResult:
-    """`flow` with the adjoint equations for its gradient; see `flow` for the arguments.
+    """The result of `flow`, with the adjoint equations for its gradient; arguments as for `flow`.
 
     Raises:
       ValueError: the scene has constraints, or the solver has a fixed step.

@@ -178,7 +178,7 @@ def solve(
     adjoint: bool = False,
     noise: Noise | None = None,
 ) -> SolveResult:
-    """`simulate` without samples, checks and exceptions: for use inside other programs.
+    """The same as `simulate`, without samples, checks and exceptions: for use in other programs.
 
     Compiled for each kind of scene and method, also where grad or vmap call it.
 

@@ -107,7 +107,7 @@ def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
 
 
 def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
-    """`span` with the times (s,) of samples, which are given as an array or as a number."""
+    """The result of `span`, and the times (s,) of samples, given as an array or as a number."""
     t0, t1 = span(scene, t1, t0)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         samples = _checks.whole("samples", samples, remedy="Or an array of times.")

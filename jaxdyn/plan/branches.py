@@ -531,7 +531,7 @@ def _clamp(walk: Walk, eqn, args: list[Value]) -> Value:
 
 
 def _whole(walk: Walk, eqn, args: list[Value]) -> Value:
-    """``floor``, ``ceil``, ``round`` and conversions to integers."""
+    """The rule of ``floor``, ``ceil``, ``round`` and conversions to integers."""
     (x,), name = args, eqn.primitive.name
     rounds = {"floor": jnp.floor, "ceil": jnp.ceil, "round": jnp.round}
     rounded = rounds.get(name, jnp.trunc)

@@ -52,7 +52,7 @@ class Bracket(NamedTuple):
 
     @classmethod
     def none(cls, like: Array) -> "Bracket":
-        """Nothing was found."""
+        """The bracket of events that were not found."""
         nothing = jnp.full_like(like, jnp.inf)
         return cls(nothing, nothing, jnp.zeros_like(like))
 
