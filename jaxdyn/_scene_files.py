@@ -84,7 +84,7 @@ def place(name: str) -> Place:
     except OSError as error:
         raise fail("scene", "a Python file that exists", str(path)) from error
     except (SyntaxError, ValueError) as error:
-        raise fail("scene", "a file of Python", f"{path}, which is none: {error}") from error
+        raise fail("scene", "a Python file", f"{path}, which cannot be parsed: {error}") from error
     functions = {node.name: node for node in body if isinstance(node, ast.FunctionDef)}
     if parts["function"] is None:
         public = [key for key, x in functions.items() if key[0] != "_" and not _needs_more(x)]

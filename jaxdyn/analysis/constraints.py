@@ -75,7 +75,7 @@ def tensions(motion: Trajectory) -> dict[str, Array]:
     if not names:
         name = type(system.mechanism).__name__
         remedy = "`reactions` has the force of the constraints on each point."
-        raise _checks.fail("motion", "ties that are lengths of rods", name, remedy)
+        raise _checks.fail("motion", "constraints that are lengths of rods", name, remedy)
     return _tensions(motion, system)
 
 

@@ -88,7 +88,7 @@ def regularize(scene: Scene, t0=0.0) -> Scene:
       (1999), Astron. J. 118, 2532.
     Example:
       >>> from jaxdyn import scenes
-      >>> [name for name, _ in regularised(scenes.two_body()).system.labels()][-2:]
+      >>> [name for name, _ in regularize(scenes.two_body()).system.labels()][-2:]
       ['E', 't']
     """
     check_scene(scene)

@@ -148,7 +148,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Kind, np.ndarray]:
     elif isinstance(point, Equilibrium):
         curve = point.kind if kind is None else Kind(kind)
     else:
-        raise _checks.fail("point", "a Equilibrium or a CurvePoint", type(point).__name__)
+        raise _checks.fail("point", "an Equilibrium or a CurvePoint", type(point).__name__)
     if curve is None or curve not in augmented.SYSTEMS:
         remedy = "Choose one of family.special."
         raise _checks.fail("point", "a fold or a Hopf point", curve or "an ordinary member", remedy)

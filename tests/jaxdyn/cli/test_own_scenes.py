@@ -113,7 +113,7 @@ def test_a_word_finds_scenes(command):
     ("words", "message"),
     [
         (["nine.py"], "scene: expected a Python file that exists, got nine.py"),
-        (["broken.py"], "scene: expected a file of Python, got broken.py, which is none"),
+        (["broken.py"], "scene: expected a Python file, got broken.py, which cannot be parsed"),
         (["empty.py"], "got empty.py. Write a function that returns one."),
         (["several.py"], "got several.py. Name one of several.py:one, several.py:two."),
         (["several.py:tree"], "expected one of one, three, two, got 'tree'. Did you mean 'three'?"),

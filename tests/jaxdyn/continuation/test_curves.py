@@ -142,7 +142,7 @@ def test_wrong_arguments_are_refused():
     family = jaxdyn.continue_equilibria(lambda p: _imperfect(p, 1.0), -1.0, [-1.3], members=2)
     with pytest.raises(ValueError, match="an ordinary member"):
         jaxdyn.continue_curve(_imperfect, family.members[0], (-1.0, 1.0))
-    with pytest.raises(ValueError, match="a Equilibrium or a CurvePoint"):
+    with pytest.raises(ValueError, match="an Equilibrium or a CurvePoint"):
         jaxdyn.continue_curve(_imperfect, [0.0], (-1.0, 1.0))
     with pytest.raises(ValueError, match="families: expected at least one"):
         drawing.equilibria([])
