@@ -18,8 +18,8 @@ import numpy as np
 from jaxdyn.accuracy.timing import Times as Times
 from jaxdyn.accuracy.timing import at_error as at_error
 from jaxdyn.accuracy.timing import interleave as interleave
+from jaxdyn.accuracy.timing import pareto_front
 from jaxdyn.accuracy.timing import seconds_of as seconds_of
-from jaxdyn.accuracy.timing import worth_taking
 
 
 class Row(NamedTuple):
@@ -153,6 +153,6 @@ def work_precision(
     points = {}
     for method in methods:
         keys = [key for key in runs if key[0] == method]
-        worth = worth_taking([errors[k] for k in keys], [times[k].minimum for k in keys])
+        worth = pareto_front([errors[k] for k in keys], [times[k].minimum for k in keys])
         points[method] = [Point(errors[keys[i]], times[keys[i]]) for i in worth]
     return Curves(name, compiling, points, wanted, bars or {})

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 import jaxdyn
 from benchmarks.default_method import repeats
-from jaxdyn.accuracy.timing import worth_taking
+from jaxdyn.accuracy.timing import pareto_front
 
 STORED = Path(__file__).with_name("last_run.json")
 PICTURE = Path(__file__).with_name("work_precision.png")
@@ -81,7 +81,7 @@ def of_long_calls(curves: dict, name: str) -> dict[str, list[tuple[float, float]
     every = [run for runs in ours.values() for run in runs]
     found = {
         "jaxdyn": next(runs for method, runs in ours.items() if method.startswith("default")),
-        _BEST: [every[i] for i in worth_taking(*zip(*every, strict=True))],
+        _BEST: [every[i] for i in pareto_front(*zip(*every, strict=True))],
     }
     if "heyoka" in methods:
         found["heyoka"] = methods["heyoka"]

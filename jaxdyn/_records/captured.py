@@ -58,7 +58,9 @@ def reachable_from(functions: Iterable[Callable]) -> tuple[list[Callable], froze
     """The functions with those that they call in turn, and the attributes that these read."""
     reached = list(functions)
     while True:
-        attributes = frozenset().union(*(code_reads(plain(x).__code__).attributes for x in reached))
+        attributes = frozenset().union(
+            *(code_reads(innermost_function(x).__code__).attributes for x in reached)
+        )
         # Functions of installed packages are left alone: those of JAX would never end.
         more = [
             part
@@ -66,7 +68,7 @@ def reachable_from(functions: Iterable[Callable]) -> tuple[list[Callable], froze
             for value in reads_of(function).values()
             for part in parts_of(value, attributes)
             if isinstance(part, FUNCTIONS)
-            and not _is_installed(plain(part), plain(function))
+            and not _is_installed(innermost_function(part), innermost_function(function))
             and part not in reached
         ]
         if not more:
@@ -81,7 +83,7 @@ def _is_installed(called: types.FunctionType, by: types.FunctionType) -> bool:
     return of_library(called.__module__) or called.__code__.co_filename.startswith(_INSTALLED)
 
 
-def plain(function: Any) -> types.FunctionType:
+def innermost_function(function: Any) -> types.FunctionType:
     """The function within partial ones, methods, wrappers and objects that can be called."""
     while not isinstance(function, types.FunctionType) or hasattr(function, "__wrapped__"):
         if isinstance(function, functools.partial):
@@ -99,7 +101,7 @@ def plain(function: Any) -> types.FunctionType:
 
 def reads_of(function: Any) -> dict[str, Any]:
     """What a function reads besides its arguments, by name."""
-    inside = plain(function)
+    inside = innermost_function(function)
     if isinstance(function, functools.partial):
         given = {str(i): x for i, x in enumerate(function.args)} | function.keywords
         return {"the function inside": function.func, **given}
@@ -272,7 +274,9 @@ def _way(kind: type) -> str | None:
 
 def _of_user(function: Any) -> tuple[Callable, ...]:
     """A user's function in a tuple; of a function of this library, its owner's user methods."""
-    if type(function) is functools.partial or not of_library(plain(function).__module__):
+    if type(function) is functools.partial or not of_library(
+        innermost_function(function).__module__
+    ):
         return (function,)
     owner = getattr(function, "__self__", None)
     return _methods(type(owner)) if isinstance(owner, eqx.Module) else ()
@@ -291,8 +295,8 @@ def _methods(kind: type) -> tuple[Callable, ...]:
             member = getattr(member, "fget", None) or getattr(member, "func", None) or member
             member = getattr(member, "__func__", member)
             if callable(member) and (name == "__call__" or name[:2] != "__"):
-                if not of_library(plain(member).__module__):
-                    found.append(types.MethodType(plain(member), kind))
+                if not of_library(innermost_function(member).__module__):
+                    found.append(types.MethodType(innermost_function(member), kind))
     return tuple(found)
 
 
@@ -401,7 +405,7 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
     """The variables that functions read; None if one holds an object that may change in place."""
     found: list[_Place] = []
     for function in functions:
-        inside = plain(function)
+        inside = innermost_function(function)
         if inside.__defaults__ or inside.__kwdefaults__:
             return None
         if function is not inside:

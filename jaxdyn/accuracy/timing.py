@@ -34,7 +34,7 @@ class Clock:
     """
 
     def __init__(self):
-        self._heard = _heard()
+        self._heard = _reports()
         self._start, self._before = time.perf_counter(), self._heard.seconds
 
     @property
@@ -53,7 +53,7 @@ class Clock:
         return self._heard.busy
 
 
-class _Heard:
+class _CompileReports:
     """JAX's reports since the first clock of the process was made."""
 
     def __init__(self):
@@ -67,8 +67,8 @@ class _Heard:
 
 
 @functools.cache
-def _heard() -> _Heard:
-    return _Heard()
+def _reports() -> _CompileReports:
+    return _CompileReports()
 
 
 def seconds_of(run: Callable[[], object]) -> float:
@@ -100,7 +100,7 @@ def interleave(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}
 
 
-def worth_taking(errors: Sequence[float], seconds: Sequence[float]) -> list[int]:
+def pareto_front(errors: Sequence[float], seconds: Sequence[float]) -> list[int]:
     """Runs that are more accurate than every faster one, the most accurate first."""
     found, least = [], np.inf
     for i in np.lexsort((errors, seconds)).tolist():
@@ -117,7 +117,7 @@ _LEAST_ERROR = 1e-17
 def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> Times:
     """Times at a given error, from pairs of error and time at several tolerances.
 
-    They are interpolated linearly in the logarithms between the runs that are `worth_taking`. For
+    They are interpolated linearly in the logarithms between the runs on the `pareto_front`. For
     larger errors it is the fastest of them; NaN for smaller errors than any run has, or without
     runs.
     """
@@ -125,7 +125,7 @@ def at_error(errors: Sequence[float], times: Sequence[Times], wanted: float) -> 
         return Times(math.nan, math.nan)
 
     def interpolate(seconds) -> float:
-        worth = worth_taking(errors, seconds)
+        worth = pareto_front(errors, seconds)
         x, y = np.log([[max(errors[i], _LEAST_ERROR), seconds[i]] for i in worth]).T
         return float(np.exp(np.interp(np.log(wanted), x, y, left=np.nan)))
 

@@ -426,14 +426,14 @@ def _with_joints(
         else:
             first = joint.multiplier
             x = np.asarray(multipliers)[first : first + len(joint.directions)]
-            bodies = _held(bodies, joint, x, MULTIPLIER)
+            bodies = _with_joint(bodies, joint, x, MULTIPLIER)
     if not unknown:
         return bodies, True
     size = max([np.abs(j.at - bodies[j.on].centre).max() for j in joints], default=0.0) or 1.0
     columns = [
         _equations(
             [
-                _held([b._replace(forces=()) for b in bodies], joint, unit, BALANCE)[i]
+                _with_joint([b._replace(forces=()) for b in bodies], joint, unit, BALANCE)[i]
                 for i in range(len(bodies))
             ],
             size,
@@ -455,11 +455,11 @@ def _with_joints(
     found, _, rank, _ = np.linalg.lstsq(matrix, _equations(missing, size), rcond=_RANK)
     for joint in unknown:
         amount, found = np.split(found, [len(joint.directions)])
-        bodies = _held(bodies, joint, amount, BALANCE)
+        bodies = _with_joint(bodies, joint, amount, BALANCE)
     return bodies, bool(rank == matrix.shape[1])
 
 
-def _held(bodies: list[FreeBody], joint: Joint, x: np.ndarray, source: str) -> list[FreeBody]:
+def _with_joint(bodies: list[FreeBody], joint: Joint, x: np.ndarray, source: str) -> list[FreeBody]:
     """The bodies with the force in one joint."""
     bodies = list(bodies)
     other = joint.at if joint.other is None else joint.other

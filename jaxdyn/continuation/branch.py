@@ -22,7 +22,15 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from jaxdyn.continuation.checkpoint import Advance, Begin, Checkpoint, Codec, Log, Walk, resume
+from jaxdyn.continuation.checkpoint import (
+    Advance,
+    Begin,
+    Checkpoint,
+    Codec,
+    Log,
+    SavedBranch,
+    resume,
+)
 
 _INTERRUPTED = "an interruption"
 _CLOSED = "the first one again: it is closed"
@@ -310,7 +318,7 @@ def follow(
     return _branch(first, found, end)
 
 
-def read(walk: Walk, codec: Codec) -> Branch:
+def read(walk: SavedBranch, codec: Codec) -> Branch:
     """The branch that its file has."""
     return _branch(*walk.read(codec), walk.end or _INTERRUPTED)
 

@@ -105,7 +105,7 @@ class Begin:
 
 
 @dataclasses.dataclass
-class Walk:
+class SavedBranch:
     """A walk in a file.
 
     Attributes:
@@ -157,7 +157,7 @@ class Log:
         number, record = len(self.walks), codec.encode(first)
         begin = dataclasses.replace(begin, walk=number, first=record, note=self._note)
         self._file.add({"begin": encode(begin)})
-        self.walks.append(Walk(begin))
+        self.walks.append(SavedBranch(begin))
         return first, Checkpoint(self._file, begin.walk, codec, [], "")
 
     def note(self, note: dict) -> None:
@@ -221,7 +221,7 @@ def open_log(path: str | Path | Log | None) -> Log | None:
     return Log(path) if isinstance(path, str | Path) else path
 
 
-def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[dict]]:
+def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[SavedBranch], list[dict]]:
     """The walks of some kinds in a file, and its notes; even while it is being written.
 
     Raises:
@@ -235,14 +235,14 @@ def walks_in(path: str | Path, whats: Iterable[str]) -> tuple[list[Walk], list[d
     return found, notes
 
 
-def _read_walks(header: dict, records: list[dict]) -> tuple[list[Walk], list[dict]]:
-    walks: list[Walk] = []
+def _read_walks(header: dict, records: list[dict]) -> tuple[list[SavedBranch], list[dict]]:
+    walks: list[SavedBranch] = []
     notes: list[dict] = []
     for record in records:
         if "begin" in record:
             begin = decode(record["begin"], Begin, "file", OTHER)
             _check_number("walks", begin.walk, len(walks))
-            walks.append(Walk(begin))
+            walks.append(SavedBranch(begin))
         elif "note" in record:
             notes.append(decode(record["note"], dict, "file", OTHER))
         else:

@@ -43,7 +43,7 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 
 
-def equilibria(walk: checkpoint.Walk, make: Make) -> EquilibriumFamily:
+def equilibria(walk: checkpoint.SavedBranch, make: Make) -> EquilibriumFamily:
     """The family of equilibria of a walk."""
     found = read(walk, checkpoint.of_fields(Equilibrium))
     for point in (found.members[0], found.members[-1]):
@@ -51,11 +51,11 @@ def equilibria(walk: checkpoint.Walk, make: Make) -> EquilibriumFamily:
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _of_one(walk: checkpoint.Walk) -> bool:
+def _of_one(walk: checkpoint.SavedBranch) -> bool:
     return walk.begin.what == checkpoint.EQUILIBRIA
 
 
-def _curve(walk: checkpoint.Walk, make: MakeOfTwo) -> Curve:
+def _curve(walk: checkpoint.SavedBranch, make: MakeOfTwo) -> Curve:
     found = read(walk, checkpoint.of_fields(CurvePoint))
     for point in (found.members[0], found.members[-1]):
         _check(make, point)

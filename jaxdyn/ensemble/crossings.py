@@ -20,7 +20,7 @@ from jaxdyn.integrate.event_search.beginning import Beginning
 from jaxdyn.integrate.event_search.bracketing import Stretch
 from jaxdyn.integrate.event_search.event_values import Clocks, at, sizes
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.observing import Steered, Watch
+from jaxdyn.integrate.observing import StepDecision, Watch
 from jaxdyn.scene import Field
 
 _GUESSES = 5  # Newton steps for the zero of the polynomial through the ends of a step
@@ -181,7 +181,7 @@ class EachCrossing(Watch):
         if clocks is not None:
             hidden = clocks.hide(self.direction * t0, self.direction * t1)
         stepped = _step(search, side, end, self._direction, hidden)
-        closed = _close(search, side, end, crossed.simple)
+        closed = _approach(search, side, end, crossed.simple)
         found = fine & looking & closed.arrived
         keep = fine & jnp.where(looking, closed.arrived, stepped.keep)
         h = jnp.where(looking, closed.h, stepped.h)
@@ -205,7 +205,7 @@ class EachCrossing(Watch):
         new = jax.tree.map(lambda a, b: jnp.where(fine, a, b), new, kept)
         lost = fine & jnp.isnan(end.g)
         memory = _record(memory, found, crossed, -side)._replace(search=new, lost=lost)
-        return Steered(
+        return StepDecision(
             keep=keep, following=aim, memory=memory, stop=lost | (memory.count >= self.most)
         )
 
@@ -283,7 +283,7 @@ def _stretch(a: Node, b: Node) -> Stretch:
     return Stretch(a.g, b.g, a.slope, b.slope, b.t - a.t)
 
 
-class _Closed(NamedTuple):
+class _Approached(NamedTuple):
     """The verdict on a look for a crossing."""
 
     arrived: Array  # () the crossing is here
@@ -293,7 +293,7 @@ class _Closed(NamedTuple):
     change: Array  # () how far that is from this one
 
 
-def _close(search: _Search, side: Array, end: Node, simple: Array) -> _Closed:
+def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approached:
     h = end.t - search.here.t
     before = jnp.sign(end.g) == side
     low, high = jnp.where(before, h, search.low), jnp.where(before, search.high, h)
@@ -306,7 +306,7 @@ def _close(search: _Search, side: Array, end: Node, simple: Array) -> _Closed:
     halved = 2 * jnp.abs(change) <= search.change
     inside = (new > low) & (new < high) & (end.slope != 0) & halved
     new = jnp.where(inside, new, 0.5 * (low + high))
-    return _Closed(arrived, low, high, new, jnp.abs(new - h))
+    return _Approached(arrived, low, high, new, jnp.abs(new - h))
 
 
 def _following(search: _Search, keep: Array, end: Node, side: Array) -> _Search:

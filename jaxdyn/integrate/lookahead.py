@@ -17,7 +17,7 @@ from jaxtyping import Array
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
-from jaxdyn.solvers.sizes import PART, Begun, above_noise, sizes_at_start, state_of
+from jaxdyn.solvers.sizes import PART, AtStart, above_noise, sizes_at_start, state_of
 
 #: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
 _REST = 1e-6
@@ -61,7 +61,7 @@ class Lookahead(eqx.Module):
         return jnp.where(way * seen == t1, t1, way * seen)
 
 
-def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: Begun) -> Begun:
+def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
     An entry without a size, or with a negligible one, is given a part of what the largest rates of
@@ -84,7 +84,7 @@ def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: Beg
 
 def look_from_start(
     field: Any, t0: Array, y0: Array, t1: Array, tolerance: Array
-) -> tuple[Begun, Lookahead | None]:
+) -> tuple[AtStart, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over."""
     start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:

@@ -19,7 +19,7 @@ from jaxdyn.integrate.step_control import FixedSteps, StepControl, first_step, s
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.simplified import simplify
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import Begun
+from jaxdyn.solvers.sizes import AtStart
 from jaxdyn.solvers.stepper import Stepper, Stepping, is_stiff
 from jaxdyn.status import Status
 from jaxdyn.system import Record
@@ -53,7 +53,7 @@ class SolveResult(Record):
     _repr_html_ = _text.html
 
 
-class Before(NamedTuple):
+class History(NamedTuple):
     """What a motion has shown before a piece of it.
 
     Attributes:
@@ -75,7 +75,7 @@ def march(
     *,
     method: Method,
     watch: Watch | None = None,
-    before: Before | None = None,
+    before: History | None = None,
 ):
     """States of a smooth motion, the final memory of a watch, its sizes; without derivatives.
 
@@ -140,7 +140,7 @@ def march(
     return result, seen.watch, state[2]
 
 
-def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Before | None):
+def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: History | None):
     """What is known at the start, the step control, and the length of steps where it is fixed.
 
     One program for both directions of time: diffrax negates ts with the rest.
@@ -149,7 +149,7 @@ def _control(field, y0, t0, t1, ts, limits, method: Method, watch, before: Befor
     if not method.adaptive:
         n = steps_of(tolerance[0], t0, t1)
         h, control = (t1 - t0) / n, FixedSteps(n=n, ts=ts, watch=watch, limit=most)
-        return Begun(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
+        return AtStart(jnp.zeros_like(y0), jnp.abs(t1 - t0), field.rate(t0, y0)), control, h
     start, look = look_from_start(field, t0, y0, t1, tolerance)
     if before is not None:
         start = start._replace(sizes=jnp.maximum(start.sizes, before.sizes))

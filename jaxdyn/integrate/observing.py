@@ -69,7 +69,7 @@ class Samples(eqx.Module):
         return ts[jnp.minimum(self.next, len(ts) - 1)]
 
 
-class Steered(NamedTuple):
+class StepDecision(NamedTuple):
     """How a run goes on after a step that a watch has seen.
 
     Attributes:
@@ -100,13 +100,13 @@ class Watch(Record):
     def see(self, keep: Array, t0: Array, y0: Array, t1: Array, y1: Array, memory: Any) -> tuple:
         """The memory after a step, and whether to stop; a rejected step changes nothing."""
 
-    def steer(self, keep, t0, y0, t1, y1, memory, following: Array) -> Steered:
+    def steer(self, keep, t0, y0, t1, y1, memory, following: Array) -> StepDecision:
         """The same as `see`, for a watch that also decides where the next step begins and ends.
 
         By default neither is changed. Adaptive methods only.
         """
         memory, stop = self.see(keep, t0, y0, t1, y1, memory)
-        return Steered(keep=keep, following=following, memory=memory, stop=stop)
+        return StepDecision(keep=keep, following=following, memory=memory, stop=stop)
 
 
 class Seen(NamedTuple):
@@ -123,7 +123,7 @@ class Seen(NamedTuple):
     steps: Array | None
 
 
-class Tried(NamedTuple):
+class StepAttempt(NamedTuple):
     """A step, as its observers see it.
 
     Attributes:
@@ -192,12 +192,12 @@ class Observing(eqx.Module):
         aim = aim if self.look is None else self.look.until(t0, aim)
         return samples.towards(self.ts, t0, aim) if len(self.ts) else (samples, aim)
 
-    def _try(self, fine, t0, y0, t1, y1, seen: Seen) -> Tried:
+    def _try(self, fine, t0, y0, t1, y1, seen: Seen) -> StepAttempt:
         sampling = t1 < seen.samples.aim if len(self.ts) else jnp.zeros((), bool)
-        return Tried(fine, sampling, t0, y0, t1, y1)
+        return StepAttempt(fine, sampling, t0, y0, t1, y1)
 
     def _observe(
-        self, tried: Tried, following: Array, seen: Seen, result, limited: Array | None = None
+        self, tried: StepAttempt, following: Array, seen: Seen, result, limited: Array | None = None
     ) -> tuple:
         """What diffrax asks for after a step: keep it, next start and end, memory, result.
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
-from jaxdyn.integrate.march import Before, SolveResult, march
+from jaxdyn.integrate.march import History, SolveResult, march
 from jaxdyn.integrate.step_control import Limits
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
@@ -120,7 +120,7 @@ class _Run(NamedTuple):
     event: Array
     towards: Array
     begun: Array
-    before: Before
+    before: History
     stalled: Array
 
 
@@ -216,7 +216,7 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
-            before=Before(jnp.zeros_like(y0), jnp.zeros(())),
+            before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
         )
         return run._replace(branch=self._settle(run))
@@ -259,7 +259,7 @@ class _Pieces(NamedTuple):
             event=jnp.where(found.status == Status.OK, event, -1),
             towards=towards,
             begun=jnp.ones((), bool),
-            before=Before(sizes, jnp.maximum(run.before.step, step)),
+            before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
@@ -298,7 +298,7 @@ class _Pieces(NamedTuple):
             self.ts if y.ndim == 1 else self.ts[:0],
             sides,
             method=self.method.for_tangents,
-            before=Before(state_of(run.before.sizes), run.before.step),
+            before=History(state_of(run.before.sizes), run.before.step),
         )
         hit = (crossing.status == Status.OK) & jnp.isfinite(crossing.t)
         end = jnp.where(hit, crossing.t, now)

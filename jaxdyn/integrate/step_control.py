@@ -18,7 +18,7 @@ from jaxdyn._numerics import rough_power, square_norm
 from jaxdyn.integrate.lookahead import Lookahead
 from jaxdyn.integrate.observing import Observing, Seen, Watch
 from jaxdyn.solvers.method import SAFETY, Method
-from jaxdyn.solvers.sizes import Begun, allowed_error
+from jaxdyn.solvers.sizes import AtStart, allowed_error
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 #: A method that can predict how long a step may be is offered this factor times that length as its
@@ -138,7 +138,7 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
         return keep, start, tnext, False, state, result
 
 
-def first_step(method: Method, tolerance: Array, start: Begun, y0: Array) -> Array:
+def first_step(method: Method, tolerance: Array, start: AtStart, y0: Array) -> Array:
     """() length of the first step, if its error is about a power of its length in times.
 
     The time is that of the motion, or that of the fastest change of an entry by its size, whichever

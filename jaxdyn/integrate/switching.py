@@ -21,7 +21,7 @@ from jaxdyn.status import Status
 MOST_LIMITED = 1000
 
 
-class Ended(Protocol):
+class HasStatus(Protocol):
     """What a run returns."""
 
     @property
@@ -30,7 +30,7 @@ class Ended(Protocol):
         ...
 
 
-R = TypeVar("R", bound=Ended)
+R = TypeVar("R", bound=HasStatus)
 
 
 def run_or_switch(

@@ -114,7 +114,7 @@ def _explicit(solver, table) -> bool:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Guest(Method):
+class DiffraxMethod(Method):
     """A solver of diffrax that takes its own steps; only the state passes from one to the next.
 
     Attributes:
@@ -166,7 +166,7 @@ def _with_tolerances(solver, rtol: Array, atol: Array):
     return eqx.tree_at(open_to, solver, (rtol, atol, optimistix.rms_norm))
 
 
-def _guest(solver) -> Guest:
+def _guest(solver) -> DiffraxMethod:
     try:
         hash(solver)
     except TypeError:  # with arrays among its fields it has no hash, and is not looked up
@@ -175,14 +175,14 @@ def _guest(solver) -> Guest:
 
 
 @functools.cache
-def _guest_of(solver) -> Guest:
+def _guest_of(solver) -> DiffraxMethod:
     term = diffrax.ODETerm(_nothing)
     if getattr(solver, "scan_kind", "") is None:  # its default kind of loop has no forward mode
         loops = eqx.tree_at(lambda s: s.scan_kind, solver, "lax", is_leaf=lambda x: x is None)
     else:
         loops = solver
     orders = int(solver.order(term)), int(solver.error_order(term))
-    return Guest(loops, type(solver).__name__, *orders)
+    return DiffraxMethod(loops, type(solver).__name__, *orders)
 
 
 class HermiteStep(diffrax.AbstractLocalInterpolation):
@@ -225,7 +225,7 @@ def _nodes(m: int) -> np.ndarray:
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(m) / (m - 1))
 
 
-class _Handed(diffrax.AbstractSolver):
+class _MethodSolver(diffrax.AbstractSolver):
     """A method as a solver of diffrax; its state is the rounding error of the last sum."""
 
     method: Method = eqx.field(static=True)
@@ -325,7 +325,7 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
     """
     if not isinstance(method, Method):
         raise _checks.fail("method", "one of jaxdyn.solvers", repr(method))
-    return _Handed(method)
+    return _MethodSolver(method)
 
 
 #: Prince and Dormand (1981), 13 stages, from diffrax: the second method for error estimates.

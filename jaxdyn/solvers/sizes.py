@@ -33,7 +33,7 @@ _NOISE = 32.0
 _GLIMPSE = 0.01
 
 
-class Begun(NamedTuple):
+class AtStart(NamedTuple):
     """What is known at a start.
 
     Attributes:
@@ -49,7 +49,7 @@ class Begun(NamedTuple):
     noise: Array | None = None
 
 
-def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
+def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> AtStart:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:
@@ -64,13 +64,13 @@ def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> Begun:
     scales, rate = at_start(field, field.groups, t0, y, t1)
     sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
-        return Begun(sizes, scales.time, rate, scales.noise)
+        return AtStart(sizes, scales.time, rate, scales.noise)
     later = t0 + LATER * jnp.sign(t1 - t0) * scales.time
     rates, noise = _rates_beside(with_tangents, y0, jnp.stack([t0, later]), sizes, scales.time)
     wide = jnp.concatenate([sizes[:, None], PART * scales.time * rates], axis=1).reshape(y0.shape)
     of_state = jnp.zeros_like(y) if scales.noise is None else scales.noise
     noise = jnp.concatenate([of_state[:, None], noise], axis=1).reshape(y0.shape)
-    return Begun(grow(field.groups, wide, y0), scales.time, rate, noise)
+    return AtStart(grow(field.groups, wide, y0), scales.time, rate, noise)
 
 
 def _rates_beside(
@@ -121,7 +121,7 @@ def _rates_beside(
     return rates, notable(gap, rates)
 
 
-def above_noise(start: Begun, tolerance: Array) -> Begun:
+def above_noise(start: AtStart, tolerance: Array) -> AtStart:
     """What is known at a start, with sizes whose tolerances exceed what rounding does in a time.
 
     A body at rest in space may be moved by the rounding of its turning: no step is short enough to

@@ -105,9 +105,9 @@ class Stoermer(Method):
         return grows_from(self._growth)
 
     @functools.cached_property
-    def plan(self) -> "Plan":
+    def schedule(self) -> "Schedule":
         """The schedule of the lanes."""
-        return _plan_columns(self.counts)
+        return _schedule_columns(self.counts)
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         # The substeps are one loop: unrolled, they compile longer and run no faster.
@@ -135,7 +135,8 @@ class Stoermer(Method):
         first = parts(materialise(field(jnp.broadcast_to(t, times), y)[half:], one))
         q, v = parts(y[:half]), parts(y[half:])
         start, length = wide(t), wide(h)
-        table, weights = (x.reshape(*x.shape[:2], *(1,) * rank, *x.shape[2:]) for x in self.plan)
+        wider = (x.reshape(*x.shape[:2], *(1,) * rank, *x.shape[2:]) for x in self.schedule)
+        table, weights = wider
         table = jnp.asarray(table)
 
         def substep(k, carry):
@@ -226,7 +227,7 @@ def _join(parts: list[Array], shape: tuple[int, ...]) -> Array:
     return jnp.concatenate([x.reshape(-1, *shape[1:]) for x in parts])
 
 
-class Plan(NamedTuple):
+class Schedule(NamedTuple):
     """The schedule of the lanes, substep by substep.
 
     Attributes:
@@ -241,7 +242,7 @@ class Plan(NamedTuple):
     weights: np.ndarray
 
 
-def _plan_columns(counts: Sequence[int]) -> Plan:
+def _schedule_columns(counts: Sequence[int]) -> Schedule:
     """Columns in the fewest substeps of four lanes, the longest of each lane last."""
     lanes: list[list[int]] = [[] for _ in range(_LANES)]
     for n in sorted(counts, reverse=True):
@@ -266,7 +267,7 @@ def _plan_columns(counts: Sequence[int]) -> Plan:
             weights[end, :, j, 0] = solution[n], change[n]
     ends = np.flatnonzero(weights.any((1, 2, 3)))
     place[:, 0, 0] = np.searchsorted(ends, np.arange(1, depth + 1))
-    return Plan(table, weights[ends])
+    return Schedule(table, weights[ends])
 
 
 def _columns_compared(counts: Sequence[int]) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import with_captures
 from jaxdyn.continuation.branch import read
-from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, Walk, walks_in
+from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, SavedBranch, walks_in
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Return
@@ -92,7 +92,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def _curve(walk: Walk, make: MakeOfTwo) -> OrbitCurve:
+def _curve(walk: SavedBranch, make: MakeOfTwo) -> OrbitCurve:
     known = decode(walk.begin.about, _About, "file", OTHER)
     closing = decode_part(known.closing, Return, "closing", (Symmetry,), OTHER)
     if known.kind not in VECTORS or known.segments < 1:

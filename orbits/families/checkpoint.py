@@ -11,7 +11,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.continuation.branch import read
-from jaxdyn.continuation.checkpoint import OTHER, Codec, Walk
+from jaxdyn.continuation.checkpoint import OTHER, Codec, SavedBranch
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Closing
 from orbits.closing.given import driven
@@ -128,7 +128,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def family(walk: Walk, make: Callable[[Array], Scene]) -> Family:
+def family(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
     """The family of a walk.
 
     Raises:

@@ -21,7 +21,7 @@ from jaxtyping import Array
 from jaxdyn.integrate.event_search.beginning import Beginning
 from jaxdyn.integrate.event_search.bracketing import are_settled
 from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions, values
-from jaxdyn.integrate.march import Before, march
+from jaxdyn.integrate.march import History, march
 from jaxdyn.integrate.observing import Watch
 from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.solvers import Method
@@ -230,7 +230,7 @@ def first_crossing(
     sides=0.0,
     *,
     method: Method,
-    before: Before | None = None,
+    before: History | None = None,
 ):
     """The motion up to where the search ended, and the first crossing; without derivatives.
 

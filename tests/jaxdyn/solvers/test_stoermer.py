@@ -32,7 +32,7 @@ def test_weights_leave_no_power_of_the_substeps(method):
 
 @pytest.mark.parametrize("method", [*BOTH, Stoermer((1, 2)), Stoermer((2, 3, 5, 9, 10, 17))])
 def test_the_plan_takes_each_column_once_and_without_gaps(method):
-    length, since, first = (method.plan.table[:, i, :, 0] for i in range(3))
+    length, since, first = (method.schedule.table[:, i, :, 0] for i in range(3))
     for n in method.counts:
         ours = np.isclose(length, 1 / n, rtol=1e-14)
         assert ours.sum() == n
@@ -47,8 +47,8 @@ def test_the_plan_takes_each_column_once_and_without_gaps(method):
 
 
 def test_the_plan_wastes_no_lanes():
-    assert len(STOERMER14.plan.table) == 9 == max(STOERMER14.counts)
-    assert len(STOERMER18.plan.table) == 14 == max(STOERMER18.counts)
+    assert len(STOERMER14.schedule.table) == 9 == max(STOERMER14.counts)
+    assert len(STOERMER18.schedule.table) == 14 == max(STOERMER18.counts)
 
 
 @pytest.mark.parametrize(("counts", "order"), [((1, 2), 4), ((1, 2, 3), 6), ((1, 2, 3, 4), 8)])
