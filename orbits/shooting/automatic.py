@@ -1,4 +1,4 @@
-"""The default strategy: one of the others and, where that fails and it may help, collocation."""
+"""The default strategy: one of the others, then collocation where that fails and it may help."""
 
 import dataclasses
 
@@ -10,10 +10,10 @@ from orbits.shooting.strategy import Search, Strategy
 
 @dataclasses.dataclass(frozen=True)
 class Automatic(Strategy):
-    """A strategy, and `Collocation` where it fails and the guess is stiff.
+    """A strategy, followed by `Collocation` where it fails and the guess is stiff.
 
     Attributes:
-      first: what is tried before.
+      first: the strategy that is tried first.
     """
 
     first: Strategy = dataclasses.field(default_factory=Shooting)

@@ -1,8 +1,8 @@
 """Newton's method away from known orbits: deflation.
 
 The closing equations F(x) = 0 are multiplied by m(x), the product of 1 / d^2 + 1 over the known
-orbits, with d the distance of x from each. That leaves all zeros of F but the known orbits. Its
-Jacobian is m (J + F g^T) with g the gradient of log m, so that by Sherman and Morrison's formula
+orbits, with d the distance of x from each. The product has all zeros of F but the known orbits.
+Its Jacobian is m (J + F g^T) with g the gradient of log m, so that by the Sherman-Morrison formula
 the Newton step is that of F itself times 1 / (1 - g . step): it costs no more than a plain one.
 
 Distances are taken modulo what leaves an orbit the same (see `orbits.same_orbit`). The start may
@@ -47,36 +47,39 @@ from orbits.shooting.units import InUnits
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
 SAME = 1e-4
-_SAMPLES = 512  # of a known orbit, joined by lines: 1e-5 of its size off
-_RTOL = 1e-10  # of the samples
-_RESTING = 1e-6  # of the size of an entry: a smaller range is rounding
-_TIMES = (1, 2)  # periods of a known orbit that are deflated
-_PARTS = 12  # most periods of the drive in one of a known orbit
-_MOST_ORDERED = 4  # bodies; of more, each is compared with itself only
-_BESIDE = 0.1  # a guess nearer to a known orbit is moved by so much, relative to its size,
-#: Of iterations in turn: with much damping they may alternate between two points, with little they
-#: jump. Over eight seeds 0.03 alone finds 7 of 8 other motions of Duffing's oscillator and 2.9
-#: cycles of Lorenz's system, 0.3 none and 5.8; in turn with 1, 7 of 8 and 5.4.
+_SAMPLES = 512  # of a known orbit, joined by lines, which are off by 1e-5 of its size
+_RTOL = 1e-10  # tolerance of the samples
+_RESTING = 1e-6  # a range below this share of an entry's size is rounding
+_TIMES = (1, 2)  # numbers of periods of a known orbit that are deflated
+_PARTS = 12  # most periods of the drive in one period of a known orbit
+_MOST_ORDERED = 4  # most bodies that are permuted; of more, each is compared only with itself
+#: A guess nearer to a known orbit than this, relative to its size, is moved by so much in random
+#: directions, one after the other.
+_BESIDE = 0.1
+#: Dampings of successive iterations: with much damping they may alternate between two points, with
+#: little they jump. Over eight seeds 0.03 alone finds 7 of 8 other motions of Duffing's oscillator
+#: and 2.9 cycles of Lorenz's system, 0.3 alone none and 5.8; 0.03 and 1 in turn find 7 of 8 and
+#: 5.4.
 _DAMPINGS = (0.03, 1.0)
-_TRIES = 3  # in random directions, one after the other, of so many times the iterations in all
-_LONGEST = 0.1  # step, relative to the known orbits' size and to the guessed period
+_TRIES = 3  # all iterations together may take so many times the limit of one
+_LONGEST = 0.1  # longest step, relative to the known orbits' size and to the guessed period
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
-_HALVINGS = 5  # of a step into a singularity
+_HALVINGS = 5  # most halvings of a step into a singularity
 _LOOSE = 1e-11  # tolerance of the integrations
 _MAX_STEPS = 5000  # of an integration; a near collision takes many times more
-_SHORTEST = 0.1  # period, relative to the guessed one
-_HELD = 3  # steps on it after which an iteration is given up
+_SHORTEST = 0.1  # shortest period, relative to the guessed one
+_HELD = 3  # steps that end on the shortest period after which an iteration is given up
 
 
 class Known(eqx.Module):
     """A known orbit as lines between samples, one set for each way to see it.
 
     Attributes:
-      points: (c, s, q) where lines begin: states (k,), or what `_dots` makes of them.
+      points: (c, s, q) where the lines begin: states (k,), or what `_dots` makes of them.
       sides: (c, s, q) the lines, divided by the scales.
       period: () its period.
       scales: (k,) the largest range of the entries of each group (`jaxdyn.scales`), and at least
-        what others make of them.
+        what the coupled groups imply (`coupled_sizes`).
       scaled: whether Kepler's third law scales it.
     """
 
@@ -110,7 +113,7 @@ class Deflated(Strategy):
     The orbits of a family are unlike each other: hold the energy of a conservative scene.
 
     Attributes:
-      known: the known orbits; for `orbits.find_hybrid` chains of legs.
+      known: the known orbits; for `orbits.find_hybrid`, chains of legs.
     """
 
     known: Sequence[Any]
@@ -144,7 +147,7 @@ class Deflated(Strategy):
 
 
 def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
-    """What is deflated.
+    """The known orbits as they are deflated.
 
     Raises:
       ValueError: one of the orbits does not close, or is of another system.
@@ -170,14 +173,14 @@ def deflate(
     several: Sequence[Known],
     effort: Effort,
 ) -> Found:
-    """A point near an orbit unlike known ones, or the last iterate.
+    """A point near an orbit unlike the known ones, or the last iterate.
 
     Args:
-      problem: its bounds hold for the start and the period.
+      problem: bounds of the start and the period.
       equations: the closing equations.
       x: (n,) a guess.
       several: the known orbits.
-      effort: its limits of steps and time, and what is called after each step.
+      effort: limits of steps and time, and what is called after each step.
     """
     lower, upper = equations.bounds(problem.lower, problem.upper)
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
@@ -197,7 +200,7 @@ def deflate(
 
 
 def away(walk: "Walk", x: np.ndarray) -> Found:
-    """Where deflated steps end from a guess x (n,), or beside it if it is near a known orbit."""
+    """Where deflated steps from a guess x (n,) end; from beside it if it is near a known orbit."""
     effort, (lower, upper) = walk.effort, walk.bounds
     max_iterations = effort.max_iterations
     if walk.distance(x) > _BESIDE:
@@ -214,16 +217,16 @@ def away(walk: "Walk", x: np.ndarray) -> Found:
 
 
 class Walk(NamedTuple):
-    """Deflated Newton steps from a point on.
+    """Deflated Newton iterations, called with the point where one begins.
 
     Attributes:
       closed: x (n,) -> residual and Jacobian in units.
-      units: (n,) of the unknowns.
-      squares: x -> of each known motion the square of its distance, and that square's gradient.
-      sizes: (n,) of the unknowns, in which a step has a largest length.
-      bounds: lower and upper ones (n,) of the unknowns, the last of which is a time.
-      lost: x -> whether it leads nowhere.
-      effort: its limits of steps and time, and what is called after each step.
+      units: (n,) units of the unknowns.
+      squares: x -> the square of its distance from each known motion, and that square's gradient.
+      sizes: (n,) sizes of the unknowns; the longest step is measured in them.
+      bounds: lower and upper bounds (n,) of the unknowns, the last of which is a time.
+      lost: x -> whether an iteration that has come to x leads nowhere.
+      effort: limits of steps and time, and what is called after each step.
     """
 
     closed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -239,7 +242,7 @@ class Walk(NamedTuple):
         return min(float(np.sqrt(square)) for square, _ in self.squares(x))
 
     def __call__(self, x: np.ndarray, most: int, damping: float) -> Found:
-        """Where it ends after at most some steps."""
+        """Where the iteration from x (n,) ends, after at most `most` steps."""
         closed, units = self.closed, self.units
         step, size, index, held = np.zeros(len(x)), np.inf, 0, 0
         for index in range(most + 1):
@@ -254,7 +257,7 @@ class Walk(NamedTuple):
             length = float(np.linalg.norm(step / units))
             self.effort.report(newton.Iteration(index, size, float(x[-1]), length))
             lost = not np.isfinite(jacobian).all() or self.lost(x)
-            # On the shortest period it stays: near it the equations change little.
+            # An iteration stays on the shortest period: near it the equations change little.
             held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
             lost |= held >= _HELD
             if size <= _NEAR and not lost:
@@ -272,7 +275,8 @@ class Walk(NamedTuple):
 def _slope(squares: list) -> np.ndarray:
     """(n,) the gradient of log m.
 
-    Of log(1 / q + 1), where q is the square of a distance, it is minus that of q over q (1 + q).
+    The gradient of log(1 / q + 1), where q is the square of a distance, is minus that of q divided
+    by q (1 + q).
     """
     return -np.sum([np.asarray(slope) / (q * (1 + q)) for q, slope in squares], axis=0)
 
@@ -291,7 +295,7 @@ def _square(equations: Equations, x: Array, one: Known) -> Array:
 
 
 def _square_over(system: System, y0: Array, period: Array, one: Known) -> Array:
-    """The same for a known orbit run through once."""
+    """() that square for one passage of the known orbit, which takes `period`."""
     longer = period / one.period
     if one.scaled:
         lengths = longer ** (2 / 3)
@@ -305,7 +309,7 @@ def _square_over(system: System, y0: Array, period: Array, one: Known) -> Array:
     along = jnp.sum(off * one.sides, axis=-1) / jnp.where(square > 0, square, 1.0)
     along = jax.lax.stop_gradient(jnp.clip(along, 0.0, 1.0))
     nearest = jnp.sum((off - along[..., None] * one.sides) ** 2, axis=-1).min()
-    # Zero on the orbit, where the gradient's direction is unknown and steps are zero.
+    # The gradient is zero on the orbit, where its direction is unknown and steps are zero.
     late = 0.0 if one.scaled else (longer - 1.0) ** 2
     return jnp.maximum(nearest + late, jnp.finfo(float).tiny)
 
@@ -315,7 +319,7 @@ def _several_points(system: System) -> bool:
 
 
 def _dots(system: System, y: Array) -> Array:
-    """(q,) dot products of all positions about the centre of mass, and velocities."""
+    """(q,) dot products of all positions and velocities relative to the centre of mass."""
     assert isinstance(system, FreePoints)
     share = system.m / system.m.sum()
     x = y.reshape(2, len(system.m), -1)
@@ -349,7 +353,7 @@ def _known_orbit(orbit: Orbit) -> Known:
 
 
 def _images(system: System, ys: np.ndarray) -> Array:
-    """(c, s, q) `_dots` of scaled states (s, k), with equal bodies in any order, and backwards."""
+    """(c, s, q) `_dots` of scaled states (s, k), for all orders of equal bodies, and backwards."""
     assert isinstance(system, FreePoints)
     m = np.asarray(system.m)
     bodies = range(len(m))
@@ -365,14 +369,14 @@ def _images(system: System, ys: np.ndarray) -> Array:
 
 
 def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
-    """(k,) the scales of a known orbit from its states (s, k); sizes of entries that rest."""
+    """(k,) the scales of a known orbit from its states (s, k); the sizes of entries that rest."""
     known = sizes(scene)
     ranges = alike(scene, np.ptp(ys, axis=0))
     return coupled_sizes(scene, np.where(ranges > _RESTING * known, ranges, known))
 
 
 def _sizes(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
-    """(n,) the size of each unknown: of the known orbits, and the period of the guess."""
+    """(n,) the size of each unknown: the scales of the known orbits, and the guessed period."""
     scales = np.max([one.scales for one in several], axis=0)
     between = np.tile(scales, (equations.segments - 1, 1))
     return equations.pack(scales, between, angle=1.0, parameter=1.0, period=x[-1])

@@ -12,7 +12,7 @@ variational equations as Newton's Jacobian J. Descent loses half of the digits, 
 the guess for Newton's method.
 
 In several segments descent reaches small errors more often, but mostly at motions whose segments do
-not join: it works in one.
+not join; so it works in one segment.
 """
 
 import dataclasses
@@ -45,19 +45,19 @@ _RATE = 0.02
 _ARRIVED = 1e-3
 #: Error up to which Newton's method may converge; from larger ones it mostly meets collisions.
 _NEAR = 0.1
-#: Steps within which the least error must decrease by a factor while it is not near; else the
-#: descent has stalled. Near an orbit it oscillates first, until the scheduled steps get shorter.
+#: Steps within which the least error must decrease by a factor unless it is below `_NEAR`; else the
+#: descent has stalled. Near an orbit the error oscillates until the scheduled steps get shorter.
 _PATIENCE, _PROGRESS = 100, 0.9
-_FIRST = 0.5  # of the time, after which the search begins at the guess
+_FIRST = 0.5  # share of the time after which the search begins again at the guess
 _RTOL = 1e-8
-_MAX_STEPS = 5000  # of one motion: more mean that it is close to a collision
+_MAX_STEPS = 5000  # steps of one motion; more would mean that it is close to a collision
 
 
 @dataclasses.dataclass(frozen=True)
 class Descent(Strategy):
     """Descent on the closing error (optax, Adam) from a rough guess, before Newton's method.
 
-    Where that fails, and takes half of the time at most, the default strategy begins at the guess.
+    It takes half of the time at most; where it fails, the default strategy begins at the guess.
     """
 
     def orbit(self, search: Search) -> Orbit:
@@ -66,7 +66,7 @@ class Descent(Strategy):
         orbit = _orbit_after_descent(dataclasses.replace(search, effort=effort))
         if orbit.ok or search.effort.over:
             return orbit
-        # It may have left an orbit that is near the guess.
+        # The descent may have left an orbit that is near the guess.
         plain = Automatic().orbit(search)
         return plain if plain.ok else orbit
 
@@ -123,11 +123,11 @@ def descend(
     """The point to which descent on the closing error leads.
 
     Args:
-      equations: what must close, in one segment, conditions included.
+      equations: the closing equations and conditions, in one segment.
       x: (n,) the guess.
       lower: (n,) bounds of x.
       upper: (n,) bounds of x.
-      effort: its limit of time, and what is called with each step.
+      effort: the limit of time, and what is called with each step.
     """
     closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
     units, each = closed.units.x, closed.sizes
@@ -165,7 +165,7 @@ def descend(
 def _error(
     residual: np.ndarray, jacobian: np.ndarray, now, path: float, units: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """e(x) and its gradient (n,) in the units, with the path `now` and its gradient."""
+    """e(x) and its gradient (n,) in the units; `now` is the path at x and its gradient."""
     here, by_x = np.asarray(now[0]), np.asarray(now[1]) * units
     norm = float(np.linalg.norm(residual))
     per_path = 1 / float(here) + 1 / path
@@ -182,7 +182,7 @@ def _path_of_x(x: Array, equations: Equations, each: Array) -> Array:
 
 
 def _path(equations: Equations, x: np.ndarray, each: np.ndarray) -> tuple[Array, Array]:
-    """() path that would be covered at the rate of the start, in sizes (k,); its gradient (n,)."""
+    """() path that the rate at the start would cover, in sizes (k,), and its gradient (n,)."""
     return _path_of_x(jnp.asarray(x), equations, each)
 
 

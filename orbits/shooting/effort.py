@@ -14,12 +14,12 @@ RTOL = 1e-14
 GOAL = 1e-12
 #: The tightest useful tolerance, for second opinions: below it rounding dominates.
 TIGHT = 1e-15
-SECONDS = 600.0  # a search ends after so long by default, whatever it tries
+SECONDS = 600.0  # default time limit of a search, for all that it tries
 
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """Accuracy and limits of a search, which begins now, and what it tried; see `find`."""
+    """Accuracy and limits of a search that begins now, and what it has tried; see `find`."""
 
     goal: float
     rtol: float
@@ -30,20 +30,20 @@ class Effort:
     tried: list[str] = dataclasses.field(default_factory=list)
 
     def begin(self, what: str) -> None:
-        """Report what is tried now, e.g. "a descent"."""
+        """Report what is tried next, e.g. "a descent"."""
         self.tried.append(what)
         report_progress(f"searching by {what}")
 
     @property
     def over(self) -> bool:
-        """Whether its time is up; asked for between evaluations, which are not interrupted.
+        """Whether the time is up.
 
-        Compiling does not count.
+        This is asked between evaluations, which are not interrupted. Compiling does not count.
         """
         return self.clock.seconds - self.clock.compiling > self.seconds
 
     def share(self, part: float) -> "Effort":
-        """The same for a part of the time that is left."""
+        """The same effort, limited to a part of the time that is left."""
         took = self.clock.seconds - self.clock.compiling
         return dataclasses.replace(self, seconds=took + part * (self.seconds - took))
 

@@ -1,9 +1,9 @@
 """The closing equations of an orbit and their Jacobian, as functions of one vector x of unknowns.
 
 The unknowns are the start (the entries of it that the closing condition leaves free) and the
-period; with several segments also the states between them, each integrated independently, so that
-errors of an unstable orbit do not grow over a whole period; the angle of a relative orbit; the
-parameter of a family. They form the vector x, with the period as its last entry.
+period; with several segments, which are integrated independently so that errors of an unstable
+orbit do not grow over a whole period, also the states between them; the angle of a relative orbit;
+the parameter of a family. They form the vector x, with the period as its last entry.
 
 Each segment is integrated once with its variational equations. The residual is then a cheap
 function of the ends and of x; automatic differentiation takes its Jacobian with the ends made
@@ -37,9 +37,9 @@ class Unknowns(NamedTuple):
     """The unknowns, by name."""
 
     start: Array  # (p,) free entries of the start
-    between: Array  # (segments - 1, k)
-    angle: Array  # () of a relative orbit, else 0
-    parameter: Array  # () of a family, else 0
+    between: Array  # (segments - 1, k) states between segments
+    angle: Array  # () angle of a relative orbit, else 0
+    parameter: Array  # () parameter of a family, else 0
     period: Array  # ()
 
 
@@ -60,10 +60,10 @@ class Evaluation(NamedTuple):
 
 
 class Equations(eqx.Module):
-    """Closing equations of a scene: x -> residual and Jacobian.
+    """The closing equations of a scene: x -> residual and Jacobian.
 
     Attributes:
-      scene: the scene; its start satisfies the closing condition's requirements for a start.
+      scene: the scene; its start satisfies what the closing condition requires of a start.
       closing: the closing condition.
       conditions: further conditions besides closing.
       make: (parameter of a family) -> scene; None without a parameter.
@@ -72,7 +72,7 @@ class Equations(eqx.Module):
       driven: whether the rate depends on time; then each segment starts at its own time, and the
         rate must repeat after the period.
       collocated: whether a segment is one step of Gauss collocation instead of an integration.
-      stiff: whether motions are integrated by a stiff method, for first guesses.
+      stiff: whether a stiff method integrates motions, for first guesses.
     """
 
     scene: Scene
@@ -134,12 +134,12 @@ class Equations(eqx.Module):
         return np.concatenate([start, np.ravel(between), more, [period]]).astype(float)
 
     def place(self, x: np.ndarray) -> np.ndarray:
-        """(p,) the unknowns of a motion in whatever segments: all but the states between them."""
+        """(p,) the unknowns but for the states between segments, so the same for any segments."""
         start, between = self.unpack(x)[:2]
         return np.delete(x, slice(start.size, start.size + between.size))
 
     def scene_at(self, parameter) -> Scene:
-        """The scene at a parameter of the family."""
+        """The scene at a value of the family's parameter."""
         return scene_of(self.scene, self.make, parameter)
 
     def start(self, x) -> Array:
@@ -149,11 +149,11 @@ class Equations(eqx.Module):
         return self.closing.start(system, unknowns.start, self.scene.y0)
 
     def start_at(self, x: np.ndarray) -> np.ndarray:
-        """`start` on the host, by the compiled program that evaluations take."""
+        """`start` on the host, by the same compiled program as evaluations."""
         return np.asarray(pieces(self, x).start)[0]
 
     def spread(self, y0, period, rtol, angle=0.0, parameter=0.0) -> np.ndarray:
-        """x of a motion; the states between segments are those that it passes."""
+        """x of a motion; the states between segments are those through which it passes."""
         between = self._states_between([(0.0, 0.0, y0)], period, parameter, rtol)
         return self.pack(y0, between, angle=angle, parameter=parameter, period=period)
 
@@ -170,7 +170,7 @@ class Equations(eqx.Module):
         return cuts.pack(starts[0], between, angle=angle, parameter=parameter, period=period)
 
     def states_at(self, x: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """(n, k) states at shares (n,) of the time of a motion by collocation: its polynomials."""
+        """(n, k) states of a motion by collocation, from its polynomials at shares (n,) of time."""
         here = pieces(self, x)
         nodes = np.asarray(steps.steps(self.scene, here, make=self.make).nodes)
         ends = np.append(0.0, np.cumsum(self.shares))
@@ -179,9 +179,9 @@ class Equations(eqx.Module):
         return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], inside)
 
     def _states_between(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
-        """The states between segments of a motion that passes known ones.
+        """The states between segments of a motion that passes through known ones.
 
-        Each of these is a share of the time, a logarithmic time and a state.
+        Each known one is a share of the time, a logarithmic time and a state.
         """
         scene, part = self.scene_at(as_float(parameter)), period / self.closing.parts
         solver = RADAU9 if self.stiff else None
@@ -199,7 +199,7 @@ class Equations(eqx.Module):
         return between
 
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
-        """(segments, k, k) derivative of each segment's end by its start, along one motion."""
+        """(segments, k, k) derivatives of each segment's end by its start, along one motion."""
         if self.collocated:
             return np.asarray(
                 self(self.spread(y0, period, rtol, parameter=parameter), rtol).transitions
@@ -215,7 +215,7 @@ class Equations(eqx.Module):
 
     @property
     def _joints(self) -> list[tuple[float, float | None]]:
-        """Where each segment starts: the share of the time, and of logarithmic time the span."""
+        """Where each segment starts: the share of the time, and the logarithmic time."""
         shares = np.cumsum([0.0, *self.shares[:-1]]).tolist()
         if self.s_spans is None:
             return [(share, None) for share in shares]
@@ -242,7 +242,7 @@ class Equations(eqx.Module):
         )
 
     def bounds(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on x from those (k + 1,) on the start and the period; the others are unbounded."""
+        """Bounds on x from those (k + 1,) on the start and the period; all else is unbounded."""
 
         def on_x(b: np.ndarray, free: float) -> np.ndarray:
             between = np.full((self.segments - 1, len(b) - 1), free)
@@ -251,7 +251,7 @@ class Equations(eqx.Module):
         return on_x(lower, -np.inf), on_x(upper, np.inf)
 
     def __call__(self, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS) -> Evaluation:
-        """Residual and Jacobian at x; NaN where the motion of a segment ends early."""
+        """The residual and the Jacobian at x; NaN where the motion of a segment ends early."""
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
@@ -262,7 +262,7 @@ class Equations(eqx.Module):
         )
 
     def pass_segments(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
-        """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a Piece)."""
+        """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a `Piece`)."""
         if self.collocated:
             found, slopes = steps.linearise_steps(self.scene, here, make=self.make)
             return found.end, found.status, slopes
@@ -280,7 +280,7 @@ class Equations(eqx.Module):
         return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
     def residual(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
-        """(m,) the residual at x from the segments and their ends (n, k), however computed."""
+        """(m,) the residual at x from the segments and their ends (n, k), however obtained."""
         n, k = ends.shape
         none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
         return np.asarray(linearise(self, x, here, ends, none)[0])
@@ -303,7 +303,7 @@ def pieces(equations: Equations, x: Array) -> Piece:
 
 @jax.jit
 def linearise(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
-    """(residual, Jacobian) at x from the segments' ends and their derivatives."""
+    """The residual and the Jacobian at x from the segments' ends and their derivatives."""
 
     def residual(x):
         change = jax.tree.map(jnp.subtract, pieces(equations, x), here)

@@ -1,4 +1,4 @@
-"""Find a periodic orbit near a guess, by a strategy."""
+"""The search for a periodic orbit near a guess, by a strategy."""
 
 import dataclasses
 import math
@@ -55,8 +55,9 @@ def find(
 ) -> Orbit:
     """The periodic orbit near a guess.
 
-    Of a family of orbits it is the member through the given start, if that closes after a time
-    near the guessed period; else one near it. `Orbit.shift` says how far the start has moved.
+    Where orbits form a family, it is the member through the given start, if that closes after a
+    time near the guessed period, and otherwise a member near it. `Orbit.shift` says how far the
+    start has moved.
 
     Args:
       scene: the scene. If its rate depends on time, `period` is a multiple of the drive's.
@@ -65,27 +66,28 @@ def find(
       lower: (k + 1,) lower bounds of the start and the period; -inf for none. An entry whose
         bounds are equal stays fixed: a phase condition.
       upper: (k + 1,) upper bounds.
-      closing: the condition to hold after its part of the period; of several, the one with the
-        smallest residual at the guess.
+      closing: the condition that must hold after its part of the period; of several, the one with
+        the smallest residual at the guess is taken.
       hold: conditions on the orbit besides closing, e.g. ``orbits.Energy(-1.0)``, or names of
         entries of the state that keep their guessed values, e.g. ``"theta"``.
       strategy: how to look for it. `Shooting()` is Newton's method from the guess; `Descent()`
         descends on the closing error first, from a rough guess; `Deflated(known)` seeks an orbit
-        unlike known ones; `Collocation()` is for orbits that are stiff or very unstable. By default
-        shooting, and collocation where that fails and the guess is stiff.
+        unlike known ones; `Collocation()` is for orbits that are stiff or very unstable. The
+        default is shooting, then collocation where that fails and the guess is stiff.
       segments: number of segments integrated independently (multiple shooting); by default as
         many as the growth of errors along the guess requires.
-      goal: largest closing error that counts as an orbit, or the rounding level with the most
-        segments, if that is larger; `Orbit.residual` says which it was.
+      goal: largest closing error of what counts as an orbit; the rounding level with the most
+        segments takes its place where that is larger. `Orbit.residual` is the closing error.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
-      seconds: time after which the search ends, with all that it tries. An evaluation that has
-        begun is completed; compiling does not count, and is named where the search fails.
-      report: called with an `Iteration` after each step, those of the descent too.
+      seconds: time limit of the search, for all that it tries. An evaluation that has begun is
+        completed; compiling does not count, and is stated where the search fails.
+      report: called with an `Iteration` after each step, those of the descent included.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
-      rough: deprecated, ``strategy=orbits.Descent()``.
-      collocation: deprecated, ``strategy=orbits.Collocation()``; False ``orbits.Shooting()``.
-      unlike: deprecated, ``strategy=orbits.Deflated(known)``.
+      rough: deprecated; use ``strategy=orbits.Descent()``.
+      collocation: deprecated; use ``strategy=orbits.Collocation()``, for False
+        ``strategy=orbits.Shooting()``.
+      unlike: deprecated; use ``strategy=orbits.Deflated(known)``.
     Returns:
       The orbit, or with ``throw=False`` the best iterate and the reason.
     Raises:
@@ -131,10 +133,10 @@ def find(
 def _of_flags(
     strategy: Strategy, rough: bool, collocation: bool | None, unlike: Sequence[Orbit]
 ) -> Strategy:
-    """The strategy that arguments of version 0.2 stand for; they go with the next version.
+    """The strategy that arguments of version 0.2 stand for; the next version removes them.
 
     Raises:
-      ValueError: they exclude each other, or a strategy is given as well.
+      ValueError: the arguments exclude each other, or a strategy is given as well.
     """
     if strategy is not AUTOMATIC or ((rough or collocation) and unlike) or (rough and collocation):
         given = {"rough": rough, "collocation": collocation is not None, "unlike": unlike}

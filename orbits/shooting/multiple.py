@@ -23,21 +23,21 @@ from orbits.shooting.units import InUnits
 
 # ---- More segments for an orbit whose residual is rounding that they may reduce
 
-#: Of the goal: with attracting bodies in plain time, a larger residual is rounding that more
-#: segments can reduce.
+#: With attracting bodies in plain time, a residual above this share of the goal is rounding that
+#: more segments can reduce.
 _CLEAN_SHARE = 0.1
-#: Largest relative difference of two spans of logarithmic time of the same motion.
+#: Largest relative difference of two spans of logarithmic time that belong to the same motion.
 _SPAN_MISMATCH = 0.01
-#: Residual below which Newton's method stalls for no other reason than rounding.
+#: Residual below which only rounding makes Newton's method stall.
 _ROUNDING_STALLS = 1e-6
 
 
 def finer(
     equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
 ) -> Equations:
-    """More segments: close encounters inside a segment amplify rounding.
+    """The equations in more segments, since close encounters inside one amplify rounding.
 
-    The cut is along the guess as long as the orbit is near it, else along the orbit.
+    The guess is cut as long as the orbit is near it, else the orbit.
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
     here = np.append(orbit.y0, orbit.period) if left else guess
@@ -71,13 +71,13 @@ def _other_motion(a: float | None, b: float | None) -> bool:
 # period, that orbit is the one requested.
 
 _STEPS_MOST = 10  # convergence is quadratic
-#: Share of the residual that may remain after a step of the period alone: more means that the
+#: Share of the residual that may remain after a step with the start held: more means that the
 #: start is not periodic.
 _SHARE_LEFT_MOST = 0.7
 _PERIOD_FACTOR_MOST = 2.0  # between the periods found and guessed
 
 
-@np.errstate(over="ignore")  # of extreme conditions, e.g. an energy of 1e300; then x is returned
+@np.errstate(over="ignore")  # extreme conditions, e.g. an energy of 1e300: x is returned
 def retime(
     closed: InUnits, x: np.ndarray, *, lower: np.ndarray, upper: np.ndarray, effort: Effort
 ) -> np.ndarray:
@@ -92,7 +92,7 @@ def retime(
       x: (n,) the guess.
       lower: (n,) lower bounds of x.
       upper: (n,) upper bounds of x.
-      effort: its goal, and its limit of time.
+      effort: the goal, and the limit of time.
     """
     equations, units = closed.equations, closed.units.x
     free = np.arange(len(x)) >= len(equations.closing.free(len(equations.scene.y0)))
@@ -123,13 +123,13 @@ def _near(factor: float) -> bool:
 
 # ---- Newton's method on the closing equations, in as many segments as rounding requires
 
-#: Largest number of new cuts: more than the doublings from one segment to the maximum.
+#: Most new cuts: more than the doublings from one segment to the maximum.
 _RECUTS_MOST = 6
 
 
 @dataclasses.dataclass(frozen=True)
 class Shooting(Strategy):
-    """Newton's method from the guess, by integrations of one segment or several."""
+    """Newton's method from the guess, with integrations over one segment or several."""
 
     def orbit(self, search: Search) -> Orbit:
         """The orbit near the guess, or the best iterate and the reason."""
@@ -155,7 +155,7 @@ class Shooting(Strategy):
 
 
 def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
-    """Newton's method on the closing equations, from a point x on."""
+    """The orbit, or the best iterate, of Newton's method on the closing equations from x."""
     equations, problem, effort = closed.equations, search.problem, search.effort
     effort.begin(f"Newton's method in {number_of(equations.segments, 'segment')}")
     lower, upper = equations.bounds(problem.lower, problem.upper)

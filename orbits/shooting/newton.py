@@ -1,9 +1,9 @@
 """Newton's method for residuals whose Jacobian is rank deficient by nature, within bounds.
 
-The solutions of closing conditions are not isolated: an orbit may be shifted in time, translated,
-rotated or scaled, and still closes. Of all steps that solve the linearised equations the shortest
-is taken (from a singular value decomposition without the singular values below rounding), so
-that the iteration ends near its start. Steps are damped so that the norm of the residual
+The solutions of closing conditions are not isolated: an orbit that is shifted in time, translated,
+rotated or scaled still closes. Of all steps that solve the linearised equations the shortest is
+taken (from a singular value decomposition without the singular values below rounding), so that
+the iteration ends near its start. Steps are damped so that the norm of the residual
 decreases: full steps from a rough guess lead to other orbits or to trivial ones.
 
 The last stage is always Newton's method on the residual itself. Descent on its square loses half
@@ -17,17 +17,17 @@ from typing import NamedTuple
 import numpy as np
 
 #: Singular values below this share of the largest span the kernel, unless the residual is small.
-#: The smallest true one of the figure-eight is 1e-3 of the largest, those of unstable orbits cut
-#: into segments are far smaller; those of the kernel decrease with the residual.
+#: The smallest true one of the figure-eight is 1e-3 of the largest, and those of unstable orbits
+#: cut into segments are far smaller; those of the kernel decrease with the residual.
 RANK_TOLERANCE = 1e-7
-#: Relative: the same at the end of the iteration, where singular values of the kernel are rounding.
+#: The same share at the end of the iteration, where singular values of the kernel are rounding.
 _RANK_TOLERANCE_LEAST = 1e-11
 #: First damping, in units of the residual's norm; with 0.01 rough guesses end on distant orbits.
 _DAMPING_START = 0.1
 _DAMPING_GROW, _DAMPING_SHRINK = 4.0, 0.25
 _DAMPING_MAX = 1e8
-#: Steps within which there must be progress, or the residual counts as rounding: at a solution, and
-#: above the goal, where damping may still act, or a double root halves what is left.
+#: Steps without progress after which the residual counts as rounding: at a solution, and above the
+#: goal, where damping may still act or a double root only halves what is left.
 _STALLED_STEPS, _STALLED_ABOVE = 2, 8
 #: Consecutive refused steps, each at most half as long as the one before, whose misfits indicate
 #: rounding: fewer would end iterations that rounding only slows down.
@@ -59,7 +59,8 @@ class Iteration:
 class Result:
     """Where Newton's method ended.
 
-    The Jacobian there, by unknowns in units, is None from collocation, which does not form it.
+    The Jacobian is the one there, by unknowns in units; collocation, which does not form it, leaves
+    None.
     """
 
     x: np.ndarray
@@ -72,7 +73,7 @@ class Result:
 
 
 class _Point(NamedTuple):
-    """An iterate; `factors` may be those of an earlier one."""
+    """An iterate; its `factors` may be those of an earlier iterate."""
 
     x: np.ndarray
     residual: np.ndarray
@@ -93,7 +94,7 @@ class _Bounds(NamedTuple):
     units: np.ndarray
 
 
-# Squares of residuals near the largest floats overflow to infinity, and no step is accepted.
+# Squares of residuals near the largest floats overflow to infinity; then no step is accepted.
 @np.errstate(over="ignore", invalid="ignore")
 def solve(
     equations: Residual,
@@ -177,7 +178,7 @@ def first_step(
     units: np.ndarray,
     damping: float,
 ) -> np.ndarray:
-    """(n,) a damped step from x, within the bounds, of an iteration that need not descend."""
+    """(n,) a damped step from x, within the bounds, for an iteration that need not descend."""
     point = _Point(x=x, residual=residual, jacobian=jacobian, factors=_factors(jacobian))
     return units * _step(point, _Bounds(lower, upper, units), damping)
 
@@ -186,7 +187,7 @@ def _result(best: _Point, bounds: _Bounds, goal: float, accepted: int, most: int
     lower, upper, units = bounds
     # Fixed entries do not count.
     at_bound = ((best.x <= lower) | (best.x >= upper)) & (lower < upper)
-    # What is 0 to rounding is 0: an entry that rests there has no size of its own.
+    # What is 0 to rounding becomes 0: an entry that rests there has no size of its own.
     nothing = (np.abs(best.x) <= np.finfo(float).eps * units) & (lower <= 0) & (0 <= upper)
     return Result(
         x=np.where(nothing, 0.0, best.x),
@@ -211,7 +212,7 @@ def _damp(
 
 
 def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
-    """The shortest damped step, in units; unknowns that it would move beyond a bound end on it."""
+    """The shortest damped step, in units; unknowns it would move beyond a bound end on it."""
     x, residual, jacobian, factors = point
     lower, upper, units = bounds
     damping = damping * _norm(residual)
@@ -235,7 +236,7 @@ def _step(point: _Point, bounds: _Bounds, damping: float) -> np.ndarray:
 
 
 def _factors(jacobian: np.ndarray):
-    """Singular value decomposition, once for all dampings that are tried; None for NaN."""
+    """The singular value decomposition, for all dampings that are tried; None where it is NaN."""
     return np.linalg.svd(jacobian, full_matrices=False) if _finite(jacobian) else None
 
 

@@ -17,26 +17,29 @@ from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest
 from orbits.shooting.units import InUnits, sizes_at
 
-#: Roundings made over one segment, in units of the machine epsilon.
+#: Rounding errors made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0
 #: A residual up to this many times the effect of rounding all unknowns cannot be reduced.
 _ROUNDING_FACTOR = 4.0
-#: Decimal digits that rounding may grow by and leave no doubt that an orbit closes.
+#: Decimal digits by which rounding may grow without doubt whether an orbit closes.
 _FEW_DIGITS = 12.0
-#: Largest error of a segment by another integrator, over the tolerance and the growth of errors.
+#: Largest difference of a segment's end by another integrator, over the tolerance and the growth
+#: of errors.
 _AGREEMENT = 1e5
-#: A start this many times larger than the guess's: everything closes without motion.
+#: An iterate whose start is this many times larger than the guess's escapes: far away everything
+#: closes without motion.
 _ESCAPE_FACTOR = 100.0
-#: Of the guessed period, and of how far the guess moves in it: less is a trivial solution.
+#: A smaller share of the guessed period, or of how far the guess moves in it, means a trivial
+#: solution.
 _TRIVIAL_SHARE = 0.02
-_SAMPLES = 64  # of each segment, to see how far it moves
+_SAMPLES = 64  # samples of each segment, to see how far it moves
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
-#: Of the largest extent of a guess: the least that an entry of the state counts as.
+#: The least extent that an entry of the state counts as, relative to a guess's largest extent.
 _LEAST_EXTENT = 1e-9
 
 
 class Trouble:
-    """A test whether an iterate approaches a trivial solution or diverges."""
+    """A test of whether an iterate approaches a trivial solution or diverges."""
 
     def __init__(self, equations: Equations, guess: np.ndarray):
         """Compare iterates with the unknowns (n,) of a guess."""
@@ -53,17 +56,17 @@ class Trouble:
         # A guess of zeros has no size to compare with.
         if size > _ESCAPE_FACTOR * self.size > 0:
             return Outcome.ESCAPE
-        if equations.driven:  # its period is that of the drive, and rest is a regular orbit
+        if equations.driven:  # the period is that of the drive, and rest is a regular orbit
             return None
-        # The path is that of the first rate, which is small also where an orbit is slow at its
-        # start, as a relaxation oscillation may be.
+        # The path is measured by the rate at the start, which is also small where an orbit is slow
+        # there, as a relaxation oscillation may be.
         slow = path <= _TRIVIAL_SHARE * self.path
         if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._rests(equations, x)):
             return Outcome.TRIVIAL
         return None
 
     def _size_and_path(self, equations: Equations, x: np.ndarray) -> tuple[float, float]:
-        """The largest entry of the start at x, and the path at its first rate, in sizes."""
+        """The largest entry of the start at x, and the path at the rate there, in sizes."""
         start, rate = (np.asarray(y) / self.sizes for y in _start_and_rate(equations, x))
         return float(np.abs(start).max()), float(np.linalg.norm(rate)) * x[-1]
 
@@ -85,7 +88,8 @@ def _start_and_rate(equations: Equations, x: Array) -> tuple[Array, Array]:
 def extents(equations: Equations, x: np.ndarray) -> np.ndarray:
     """(k,) how far each entry of the state moves from the start at x; NaN where motions end early.
 
-    On a mesh its intervals tell, which are short where the motion is fast; segments are sampled.
+    On a mesh the intervals suffice, since they are short where the motion is fast; segments are
+    sampled.
     """
     here = jax.tree.map(np.asarray, pieces(equations, x))
     if equations.collocated:
@@ -104,7 +108,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
     """How Newton's method on the closing equations ended."""
     equations, rtol = closed.equations, closed.rtol
     if not np.isfinite(result.residual).all():
-        # Without tangents, which overflow earlier and hide why the motion itself ends.
+        # Integrate without tangents, which overflow earlier and hide why the motion itself ends.
         x = equations.unpack(result.x)
         scene = equations.scene_at(x.parameter).starting(equations.start_at(result.x))
         part = x.period / equations.closing.parts
@@ -117,7 +121,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
                 status = equations(result.x, rtol).status
         if int(status) == Status.STEP_LIMIT:
             return Outcome.STEP_LIMIT
-        # At an unstable equilibrium it is for the growth of errors that there is no residual.
+        # At an unstable equilibrium the growth of errors is why there is no residual.
         return trouble(equations, result.x) or other
     outcome = trouble(equations, result.x)
     if outcome is not None:
@@ -131,7 +135,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
 
 
 def _outcome_if_joined(closed: InUnits, result: Result) -> Outcome:
-    """The outcome where the segments join."""
+    """The outcome of an iteration at whose end the segments join."""
     if not is_confirmed(closed, result.x):
         return Outcome.UNCONFIRMED
     orbit = orbit_at(
@@ -150,7 +154,9 @@ def _outcome_if_joined(closed: InUnits, result: Result) -> Outcome:
 def is_determined(orbit: Orbit, lost: float) -> bool:
     """Whether the start of an orbit, in doubles, determines it: a motion from there closes.
 
-    Rounding, in sizes, grows by about `lost` decimal digits over a period.
+    Args:
+      orbit: the orbit.
+      lost: decimal digits by which rounding, in sizes, grows over a period.
     """
     if lost <= _FEW_DIGITS:
         return True
@@ -160,12 +166,12 @@ def is_determined(orbit: Orbit, lost: float) -> bool:
 
 
 def is_confirmed(closed: InUnits, x: np.ndarray) -> bool:
-    """Whether the segments at x end where they should by another integrator, too.
+    """Whether another integrator confirms that the segments at x end where they should.
 
-    Their errors may be larger than the goal by as much as the motion lets errors grow.
+    The differences may exceed the goal by as much as the motion lets errors grow.
     """
     equations, rtol = closed.equations, closed.rtol
-    if equations.collocated:  # its steps have been made with more nodes
+    if equations.collocated:  # steps with more nodes have confirmed it
         return True
     here, ends = jax.tree.map(np.asarray, pieces(equations, x)), []
     scene = equations.scene_at(equations.unpack(x).parameter)
@@ -181,7 +187,7 @@ def is_confirmed(closed: InUnits, x: np.ndarray) -> bool:
 
 
 def _at_rounding(closed: InUnits, result: Result) -> bool:
-    """Whether the residual is rounding, grown over the segments: no smaller goal can be met."""
+    """Whether the residual is rounding that grew over the segments: no smaller goal can be met."""
     equations, x = closed.equations, result.x
     if equations.collocated or equations.segments < SEGMENTS_MOST:
         return False
@@ -216,7 +222,7 @@ def orbit_at(
         iterations=iterations,
         rtol=rtol,
         angle=float(unknowns.angle),
-        # Not the span of the equations, which is that of the guess.
+        # The orbit's own: the span in the equations is that of the guess.
         s_period=None if equations.s_spans is None else logarithmic_period(scene),
         mesh=equations.shares if equations.collocated else None,
         stiff=equations.stiff,

@@ -23,21 +23,21 @@ MAX_STEPS = 200_000
 class OwnNumber:
     """A number of the scene itself as the parameter of a family.
 
-    The scene's other numbers are data then, while those of a function are constants of a program,
-    which is compiled again for each of them.
+    The scene's other numbers are data then. A function that makes scenes has them as constants of a
+    program, which is compiled again for each of their values.
 
     Attributes:
-      where: that number of a scene; a function that does not change, or it is compiled again.
+      where: a function from a scene to that number; another function is compiled again.
     """
 
     where: Callable[[Scene], Any]
 
     def of(self, scene: Scene, value: Array) -> Scene:
-        """The scene with a value of the number."""
+        """The scene with the given value of the number."""
         return eqx.tree_at(self.where, scene, value)
 
 
-#: From the parameter of a family to a scene, whose start and span are not used.
+#: A function from the parameter of a family to a scene, whose start and span are not used.
 Make = Callable[[Array], Scene] | OwnNumber
 
 
@@ -71,9 +71,9 @@ def end_of(
 def linearise_end(
     scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None = None
 ):
-    """A segment's end (k,), its status, and the derivatives of the end by each field (a Piece).
+    """A segment's end (k,), its status, and the derivatives of the end by each field (a `Piece`).
 
-    One program for finding an orbit, its growth of errors and its stability.
+    The search for an orbit, its growth of errors and its stability all use this one program.
     """
     piece, rtol = jax.tree.map(host_floats, (piece, rtol))
     return compiled_end(scene, piece, rtol, max_steps, make=make)
@@ -81,7 +81,7 @@ def linearise_end(
 
 @functools.partial(jax.jit, static_argnames="make")
 def compiled_end(scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None):
-    """`linearise_end` for arrays alone, whatever is asked for: Python numbers recompile."""
+    """`linearise_end` for arrays alone, since Python numbers would recompile."""
 
     def end(at: Piece):
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)

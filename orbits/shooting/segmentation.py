@@ -18,30 +18,31 @@ from orbits.motion import at_even_s, attracts, quick_solve
 from orbits.shooting.equations import Equations, pieces
 from orbits.shooting.units import sizes_at
 
-#: Largest growth of errors of the start over a motion in one segment: rounding of 1e-16 is still
-#: well below the goal then.
+#: Largest growth of errors in the start over a motion in one segment: rounding of 1e-16 then stays
+#: well below the goal.
 _GROWTH_MOST = 300.0
-#: Largest growth of errors, made anywhere in a segment, to its end.
+#: Largest growth, up to the end of a segment, of errors made anywhere in it.
 _GROWTH_INSIDE_MOST = 3000.0
 #: Most segments that are chosen automatically.
 SEGMENTS_MOST = 32
-#: Most segments that a caller may ask for: the unknowns of all of them are one matrix.
+#: Most segments that a caller may ask for; the equations for the unknowns of all of them form one
+#: matrix.
 _SEGMENTS_GIVEN_MOST = 256
-_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # of segments; each is compiled once
-#: Of the growth of errors in a segment: other segments are worth their while if less is left.
+_NUMBERS = (1, 2, 4, 8, 16, SEGMENTS_MOST)  # numbers of segments; each is compiled once
+#: Other segments are worthwhile if they leave at most this share of the growth of errors.
 _WORTHWHILE = 0.5
-_SAME_CUTS = 0.1  # relative difference of their lengths: segments are no others
-_SAMPLES = 4096  # of a motion, to measure its rate of change
-_SAMPLES_OF_SEVERAL = 512  # of each segment, if it has several
+_SAME_CUTS = 0.1  # segments whose lengths differ by less, relatively, count as the same
+_SAMPLES = 4096  # samples of a motion, to measure its rate of change
+_SAMPLES_OF_SEVERAL = 512  # samples of each segment, if the motion has several
 _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
 def cut_into_segments(
     equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0, least=1
 ):
-    """The equations in a number of segments; None for as many as the growth of errors requires.
+    """The equations in a number of segments.
 
-    These are at least `least`.
+    With None there are as many as the growth of errors requires, and at least `least`.
     """
     if equations.collocated:
         if segments is not None:
@@ -51,7 +52,7 @@ def cut_into_segments(
     if segments is None:
         found = map_in_units(equations(x, rtol).transitions, sizes_at(equations, x))
         growth = float(np.linalg.norm(found[0]))
-        # NaN: a collision, or encounters that take too many steps in plain time.
+        # NaN means a collision, or encounters that take too many steps in plain time.
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             segments = least
         else:
@@ -64,16 +65,17 @@ def cut_into_segments(
 def recut(
     equations: Equations, x: np.ndarray, rtol, each: np.ndarray, growth: float
 ) -> Equations | None:
-    """The equations in segments in which errors grow less than they do at x (n,).
+    """The equations in segments over which errors grow less than over the present ones at x (n,).
 
-    These are no fewer, and shorter where the motion at x changes. None where that gains nothing.
+    The segments are no fewer, and shorter where the motion at x changes faster. None where new
+    segments gain nothing.
 
     Args:
       equations: the equations.
       x: (n,) unknowns.
       rtol: tolerance of the integrations.
       each: (k,) the sizes of the state's entries, in which errors are measured.
-      growth: the largest of errors over a segment at x.
+      growth: largest growth of errors over a segment at x.
     """
     if equations.collocated or not growth > _GROWTH_MOST:
         return None
@@ -91,26 +93,26 @@ def recut(
 
 
 def segments_needed(equations: Equations, x: np.ndarray, rtol) -> int:
-    """Number of segments in which rounding anywhere in one grows little to its end."""
+    """Number of segments for which rounding anywhere in a segment grows little up to its end."""
     maps = _fine_maps(equations, x, rtol, sizes_at(equations, x))
     fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
     return next(fits, SEGMENTS_MOST)
 
 
 def _fine_maps(equations: Equations, x: np.ndarray, rtol, each: np.ndarray) -> np.ndarray:
-    """(n, k, k) derivatives of the ends of the most segments by their starts, in sizes (k,)."""
+    """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments by their starts, in sizes."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
     found = fine(equations.move_to(x, fine, rtol), rtol).transitions
     return map_in_units(np.asarray(found), each)
 
 
 def _growth(maps: np.ndarray, segments: int) -> float:
-    """Largest growth of errors, made anywhere in a segment, to its end."""
+    """Largest growth, up to the end of a segment, of errors made anywhere in it."""
     return max(largest(part) for part in np.split(maps, segments))
 
 
 def largest(maps: Sequence[np.ndarray] | np.ndarray) -> float:
-    """Largest norm of the derivatives of the end by the start of consecutive pieces (n, k, k)."""
+    """Largest norm of the derivatives of the last end by the start of each piece (n, k, k)."""
     total, largest = np.eye(len(maps[-1])), 0.0
     for one in maps[::-1]:
         total = total @ one
@@ -121,8 +123,8 @@ def largest(maps: Sequence[np.ndarray] | np.ndarray) -> float:
 def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> Equations:
     """The equations in a number of segments, which are shorter where the motion changes faster.
 
-    The motion is that at x (n,). Segments are about equal in logarithmic time where bodies attract
-    each other; elsewhere the fastest rate of change has about the same integral over each.
+    The motion is that at x (n,). Where bodies attract each other, segments are about equal in
+    logarithmic time; elsewhere the fastest rate of change has about the same integral over each.
     """
     unknowns = equations.unpack(x)
     part = float(unknowns.period) / equations.closing.parts
@@ -142,7 +144,7 @@ def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> E
 
 
 def _sample(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray]:
-    """(s,) times and (s, k) states of the motion at x, of each segment from its own start."""
+    """(s,) times and (s, k) states of the motion at x, with each segment from its own start."""
     here = jax.tree.map(np.asarray, pieces(equations, x))
     scene = equations.scene_at(equations.unpack(x).parameter)
     samples = _SAMPLES if equations.segments == 1 else _SAMPLES_OF_SEVERAL
@@ -158,8 +160,8 @@ def _sample(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.n
 def _between_encounters(equations: Equations, scene: Scene, s: float, segments: int) -> Equations:
     """About equal segments in logarithmic time, with cuts where bodies are far apart.
 
-    In an encounter velocities are large and ill-conditioned, so that the joints of a cut there
-    would lose digits.
+    In an encounter velocities are large and ill-conditioned, so that joining segments there would
+    lose digits.
     """
     ts, depth = (np.asarray(z) for z in at_even_s(scene, s, _CUT_RTOL, samples=_SAMPLES))
     middles = np.arange(1, segments) * _SAMPLES / segments
@@ -175,8 +177,8 @@ def _between_encounters(equations: Equations, scene: Scene, s: float, segments: 
 def _fastest(scene: Scene, ts: Array, ys: Array, each: Array) -> Array:
     """(s,) rates of change along a motion, about the largest eigenvalue of the rate's Jacobian.
 
-    From the norm of its fourth power, in units of the sizes (k,) of the entries, which is much
-    cheaper than eigenvalues.
+    The estimate is the fourth root of the norm of the Jacobian's fourth power, in units of the
+    sizes (k,) of the entries, which is much cheaper than eigenvalues.
     """
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, ys)
     slopes = slopes * (each[None] / each[:, None])[None]

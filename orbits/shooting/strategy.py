@@ -1,8 +1,8 @@
 """How `orbits.find` looks for an orbit: a value of one type, passed as `strategy`.
 
 Each kind is a class in a file of its own, with what it needs as fields: `Shooting`, `Descent`,
-`Deflated`, `Collocation`, and `Automatic`, the default, which takes one and, where that fails and
-the guess is stiff, collocation.
+`Deflated`, `Collocation`, and `Automatic`, the default, which tries one of them and, where that
+fails and the guess is stiff, collocation.
 """
 
 import abc
@@ -26,7 +26,7 @@ class Search:
     Attributes:
       problem: the guess, and bounds on the start and the period.
       equations: the closing equations, in one segment.
-      angle: () guess of the angle of a relative closing.
+      angle: () guess of the angle of a relative orbit.
       segments: number of segments; None for as many as the growth of errors requires.
       effort: accuracy and limits.
     """
@@ -38,7 +38,7 @@ class Search:
     effort: Effort
 
     def at(self, equations: Equations, x: np.ndarray) -> "Search":
-        """The same from a guess x of the unknowns of equations in any number of segments."""
+        """The same search from a guess x, the unknowns of `equations` in any number of segments."""
         unknowns = equations.unpack(x)
         scene = self.problem.scene.starting(equations.start_at(x), unknowns.period)
         whole = Equations(
@@ -56,7 +56,7 @@ class Search:
 
 
 class Strategy(abc.ABC):
-    """A way to look for a periodic orbit; one more is a subclass."""
+    """A way to look for a periodic orbit; a new one is a subclass."""
 
     @abc.abstractmethod
     def orbit(self, search: Search) -> Orbit:
@@ -64,7 +64,7 @@ class Strategy(abc.ABC):
 
 
 def check_strategy(strategy: object) -> None:
-    """Raise ValueError for what is no strategy, such as a class that was not called."""
+    """Raise ValueError for what is not a strategy, such as a class that was not called."""
     if not isinstance(strategy, Strategy):
         called = isinstance(strategy, type) and issubclass(strategy, Strategy)
         remedy = f"Call it: orbits.{strategy.__name__}(...)." if called else ""

@@ -1,4 +1,4 @@
-"""The directions in which an orbit's multipliers are 1 by integrals and symmetries.
+"""The directions in which integrals and symmetries make an orbit's multipliers 1.
 
 An integral I with gradient w satisfies w M = w, a symmetry with generator g satisfies M g = g.
 Candidates come from the scene (`analysis.energy.integrals`, translations, rotations) and from the
@@ -6,18 +6,18 @@ flow, and are confirmed in two ways: by these equations on the monodromy matrix 
 vector field f at points off the orbit, where w f = 0 and g commutes with f. (Where M is the unit
 matrix, as for an oscillator, the first test alone would confirm every candidate.)
 
-Where the flow keeps a symplectic form J, M^T J M = J, and each confirms another one (Noether's
-theorem): from M g = g follows (J^T g) M = J^T g, and from w M = w that M J^-T w = J^-T w. So the
-flow itself confirms an energy that the scene does not name.
+Where the flow keeps a symplectic form J, M^T J M = J, and each direction confirms another one
+(Noether's theorem): from M g = g follows (J^T g) M = J^T g, and from w M = w follows
+M J^-T w = J^-T w. So the flow itself confirms an energy that the scene does not name.
 
 All norms are those of states in units of their sizes along the motion.
 
-In the axes that turn with a relative orbit M turns the momenta into each other, and so the
+In the axes that turn with a relative orbit M turns the momenta into each other, and likewise the
 translations: they are confirmed together, and have the multipliers exp(+-i angle).
 
-M is split by these directions into blocks. Computed ones are not exactly those of M: near an
-equilibrium rates and gradients are differences of nearly equal numbers. By `Split.residual` M fails
-to have the blocks, and an exact matrix with them is so near to it.
+M is split by these directions into blocks. The computed directions are not exactly those of M:
+near an equilibrium rates and gradients are differences of nearly equal numbers. `Split.residual`
+is how far M is from having the blocks, and so the distance of an exact matrix that has them.
 """
 
 import contextlib
@@ -38,34 +38,34 @@ from jaxdyn.analysis.monodromy import form_change
 
 #: Relative error to which M must preserve a candidate that is confirmed.
 CONFIRMED = 1e-7
-#: The same for the vector field, off the orbit: rounding only, as nothing is integrated.
+#: The same for the vector field off the orbit, where nothing is integrated and errors are rounding.
 _EXACT = 1e-12
 #: Singular values of a set of directions below this share of the largest are rounding.
 RANK = 1e-7
 #: Distances of the points off the orbit, relative to each entry of the start. The nearer ones are
 #: for scenes that are not defined everywhere (negative populations): points with NaN are ignored.
 _DISTANCES_OFF = 0.1, 0.01, 0.001
-#: Of the sizes along the motion: the least size that an entry of the start counts as.
+#: The least size that an entry of the start counts as, relative to its size along the motion.
 _LEAST_ENTRY = 0.01
-#: Of unit vectors: one that is nearer to the span of others is one of them.
+#: A unit vector nearer than this to the span of others counts as dependent on them.
 _ANOTHER = 1e-4
-#: Relative change of a direction by the rotation of a relative orbit that is rounding.
+#: Relative change of a direction by the rotation of a relative orbit up to which it is rounding.
 _TURNED = 1e-9
-#: How the names of integrals begin that a symplectic form makes of symmetries.
+#: Beginning of the names of integrals that a symplectic form makes of symmetries.
 _BY_FORM = "integral of "
 
 
 class _Local(NamedTuple):
-    """Candidates and the vector field f at one state, with derivatives.
+    """The candidates and the vector field f at one state, with derivatives.
 
     Attributes:
       rate: (k,) f.
       still: (k,) f minus its value at time 0.
       slope: (k, k) derivative of f by the state.
       gradients: (..., k) derivatives of each candidate for an integral by the state.
-      changes: (...) its rate of change along f.
+      changes: (...) the rate of change of each along f.
       moves: (k,) each candidate for a symmetry.
-      shears: (k,) its rate of change along f.
+      shears: (k,) the rate of change of each along f.
     """
 
     rate: Array
@@ -80,13 +80,13 @@ class _Local(NamedTuple):
 class Split(NamedTuple):
     """An orthonormal basis [a, q, b] in which a monodromy matrix M (d, d) is block triangular.
 
-    The span of a is the symmetries' on the common level set of the integrals, that of [a, q] the
-    tangent space of this set.
+    The columns of a span the symmetries tangent to the common level set of the integrals, and those
+    of [a, q] the tangent space of this set.
 
     Attributes:
-      a: (d, g).
-      q: (d, p) the other directions, which have the non-trivial multipliers.
-      b: (d, n).
+      a: (d, g) directions of the symmetries.
+      q: (d, p) the other directions in the level set, which have the non-trivial multipliers.
+      b: (d, n) directions out of the level set.
       reasons: names of the integrals and symmetries that were confirmed.
       turned: multipliers of those that were confirmed together.
     """
@@ -98,16 +98,17 @@ class Split(NamedTuple):
     turned: np.ndarray
 
     def residual(self, m: np.ndarray) -> float:
-        """The size of what is not zero below the blocks of M."""
+        """The norm of what is below the blocks of M, which is zero in exact arithmetic."""
         inside = np.hstack([self.a, self.q])
         below = self.b.T @ m @ inside, self.q.T @ m @ self.a
         return float(np.sqrt(sum(np.sum(x * x) for x in below)))
 
     def conditions(self, m: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """(p,) condition numbers, as ones of M, of the eigenvalues (p,) of q^T M q.
+        """(p,) condition numbers of the eigenvalues (p,) of q^T M q as eigenvalues of M.
 
-        Those in the block are smaller: a change of M moves an eigenvalue by way of other blocks,
-        too. They are infinite for multiple ones, and those of another block.
+        Condition numbers within the block are smaller: a change of M also moves an eigenvalue by
+        way of other blocks. They are infinite for a multiple eigenvalue, and for one that another
+        block has as well.
         """
         a, q, b = self.a, self.q, self.b
         known, right = np.linalg.eig(q.T @ m @ q)
@@ -127,7 +128,7 @@ class Split(NamedTuple):
 
 @dataclasses.dataclass
 class _Confirmed:
-    """Unit vectors (d,) that M maps to themselves, their names, and candidates that it does not."""
+    """Unit vectors (d,) that M maps to themselves, their names, and the rejected candidates."""
 
     known: list[np.ndarray]
     names: list[str]
@@ -138,7 +139,7 @@ class _Confirmed:
         self.names.append(name)
 
     def independent(self, vector: np.ndarray) -> bool:
-        """Whether it is none of those that are known, nor a sum of them."""
+        """Whether a vector is not a linear combination of those that are known."""
         unit = vector / np.linalg.norm(vector)
         if self.known:
             of = np.array(self.known)
@@ -148,17 +149,17 @@ class _Confirmed:
 
 @dataclasses.dataclass(frozen=True)
 class Monodromy:
-    """The monodromy matrix of an orbit, with what its directions are confirmed by.
+    """The monodromy matrix of an orbit, with what confirms its directions.
 
     Attributes:
-      scene: of the orbit.
-      m: (d, d) in a basis of states in sizes; NaN nowhere.
-      doubt: about the norm of its error.
+      scene: the scene of the orbit.
+      m: (d, d) the matrix M in a basis of states in sizes, without NaN.
+      doubt: estimate of the norm of its error.
       basis: (k, d) that basis, orthonormal.
       each: (k,) the sizes.
       ahead: (k,) the state after a period of a relative orbit, or the start of another one.
-      back: (k, k) the map in sizes that takes states there to those here, of which M is the first
-        factor; None where it is the identity.
+      back: (k, k) the map in sizes from states there to states here, the first factor of M; None
+        where it is the identity.
       form: (d, d) a symplectic form that M keeps; None if none is known.
       along: (k, n) directions along a family, in which M changes by a multiple of symmetries.
     """
@@ -279,14 +280,14 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def count_unnamed(reasons: Iterable[str]) -> int:
-    """How many of the confirmed integrals the scene does not name: they follow from symmetries."""
+    """Number of confirmed integrals that the scene does not name, but that symmetries imply."""
     return sum(name.startswith(_BY_FORM) for name in reasons)
 
 
 def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
     """Directions (k,) at the scene's start that commute with the vector field, the flow's first.
 
-    They are tested on the vector field alone. If it depends on time, the flow is not among them.
+    They are tested on the vector field alone. If that depends on time, the flow is not among them.
     """
     y0 = np.asarray(scene.y0)
     here, leaks = _at(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
@@ -302,7 +303,7 @@ def keeps_form(scene: Scene, each: np.ndarray) -> bool:
     """Whether the flow keeps the form of the scene's canonical coordinates."""
     project = scene.system.project
     changes = [form_change(scene, t, project(t, y), each) for t, y in _places(scene, each)]
-    # Without any that is not NaN there is nothing to tell by.
+    # If every change is NaN, nothing is known, and the comparison is False.
     return bool(np.fmax.reduce(changes) < _EXACT)
 
 
@@ -342,7 +343,7 @@ def directions(scene: Scene, y: Array) -> dict[str, Array]:
 def _local(scene: Scene, t, y: Array) -> _Local:
     """The candidates at the state nearest to y that satisfies the constraints.
 
-    One small program for all points: the norms and ratios are left to NumPy.
+    This is one small program for all points; the norms and ratios are left to NumPy.
     """
     y = scene.system.project(t, y)
     f, slope = scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
@@ -365,7 +366,7 @@ def _at(scene: Scene, t, y: np.ndarray) -> _Local:
 
 
 def _leaks(at: _Local, each: np.ndarray) -> dict[str, np.ndarray]:
-    """(...) rate of change of each integral over gradient times f: 0 if conserved, at most 1."""
+    """(...) each integral's rate of change over the norms of its gradient and f: 0 if conserved."""
     size = np.linalg.norm(at.rate / each)
     return {
         name: np.abs(at.changes[name]) / (np.linalg.norm(rows * each, axis=-1) * size)
@@ -374,7 +375,7 @@ def _leaks(at: _Local, each: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _commutators(at: _Local, each: np.ndarray) -> dict[str, Any]:
-    """() commutator of each direction with f over the size of its two terms; 0 for a symmetry."""
+    """() each direction's commutator with f over the size of its two terms; 0 for a symmetry."""
     slope, found = np.linalg.norm(at.slope * each / each[:, None]), {}
     for name, g in at.moves.items():
         shear = at.shears[name]
@@ -385,7 +386,7 @@ def _commutators(at: _Local, each: np.ndarray) -> dict[str, Any]:
 
 
 def _largest(measure: Callable, nearby: list[_Local], each: np.ndarray) -> dict[str, np.ndarray]:
-    """The largest of each measure over several points, without those where it is NaN."""
+    """The largest value of each measure over several points, without those where it is NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         found = [measure(at, each) for at in nearby]
     return {name: np.fmax.reduce([leaks[name] for leaks in found]) for name in found[0]}

@@ -1,9 +1,9 @@
 """Closing equations in the units of a motion: dimensionless unknowns, residual and Jacobian.
 
 Norms, ranks, dampings and goals only mean something for numbers of one kind. So an iteration works
-with the unknowns over their sizes, and with each equation over what it is to be compared with: an
-error of closing with the size of its entry, a condition with the change that the unknowns make in
-it when each changes by its size.
+with the unknowns divided by their sizes, and with each equation divided by what it is to be
+compared with: an error of closing by the size of its entry, a condition by the change that the
+unknowns make in it when each changes by its size.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,15 @@ from orbits.closing.sizes import PHASES, sizes
 from orbits.shooting.equations import Equations, Evaluation
 from orbits.shooting.segment import MAX_STEPS
 
-#: Of the size of an entry: less is rounding.
+#: A value below this share of an entry's size is rounding.
 _ROUNDING = 1e-9
 
 
 class Lengths(NamedTuple):
-    """What the units of unknowns follow from.
+    """The lengths from which the units of unknowns follow.
 
     Attributes:
-      sizes: (k,) of the entries of the state.
+      sizes: (k,) sizes of the entries of the state.
       parameter: the unit of a family's parameter.
     """
 
@@ -32,11 +32,11 @@ class Lengths(NamedTuple):
 
 
 class Units(NamedTuple):
-    """Units of unknowns x (n,) and of a residual (m,).
+    """Units of the unknowns and of the residual.
 
     Attributes:
-      x: (n,).
-      rows: (m,).
+      x: (n,) units of the unknowns.
+      rows: (m,) units of the residual.
     """
 
     x: np.ndarray
@@ -57,7 +57,7 @@ def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, lengths:
 
 
 def units_of_unknowns(equations: Equations, x: np.ndarray, lengths: Lengths) -> np.ndarray:
-    """(n,) the units of unknowns x (n,); that of time is a radian of the period."""
+    """(n,) the units of unknowns x (n,); the unit of time is a radian of the period."""
     # The states of all segments count as one.
     each = np.sqrt(equations.segments) * lengths.sizes
     between = np.tile(each, (equations.segments - 1, 1))
@@ -66,10 +66,10 @@ def units_of_unknowns(equations: Equations, x: np.ndarray, lengths: Lengths) -> 
 
 
 def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
-    """(m,) the units of equations whose first ones are errors of states, with sizes `states`.
+    """(m,) the units of equations, the first of which are errors of states with sizes `states`.
 
-    Those of conditions are what the unknowns change (m, n) when each changes by its unit; the
-    equations of a drive, the last ones, have none.
+    The unit of a condition is the norm of its changes (m, n) when each unknown changes by its unit;
+    the equations of a drive, which are the last ones, have unit 1.
     """
     rows = np.linalg.norm(changes, axis=1)
     rows = np.where(rows > 0, rows, 1.0)
@@ -94,14 +94,14 @@ def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
 
 
 class InUnits:
-    """Closing equations in the units of the motion at a first point, at a tolerance.
+    """The closing equations in the units of the motion at a first point, at a tolerance.
 
-    These follow from its start, or from lengths that are known.
+    The units follow from the start of that motion, or from lengths that are known.
 
     Attributes:
       equations: the equations.
       rtol: tolerance of the integrations.
-      sizes: (k,) of the entries of the state, along that motion.
+      sizes: (k,) sizes of the entries of the state along that motion.
       units: the units.
     """
 
@@ -120,7 +120,7 @@ class InUnits:
         self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), lengths)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (m,) and Jacobian (m, n), in the units, at unknowns x (n,) as they are.
+        """The residual (m,) and the Jacobian (m, n), in the units, at x (n,) in its own units.
 
         An iteration that goes on from the last evaluation does not repeat it.
         """

@@ -4,9 +4,9 @@ Each interval gives k linear equations in the states at its two ends and in the 
 all intervals share (period, parameter, angle). Of two neighbours, an orthogonal elimination of the
 state between them leaves k equations for their outer ends; after log2(n) rounds one block for the
 two ends of the whole motion is left, which is solved with the closing equations. Orthogonal
-elimination is stable where growth and decay over the motion have no common scale, as they have not
-in relaxation oscillations; a product of the transition matrices is not, and a singular value
-decomposition of all equations takes their small singular values for symmetries.
+elimination is stable where growth and decay over the motion have no common scale, as in relaxation
+oscillations. A product of the transition matrices is not stable there, and a singular value
+decomposition of all equations mistakes their small singular values for symmetries.
 
 Reference: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for
 Ordinary Differential Equations, SIAM (1995), chapter 7; S. Wright, SIAM J. Sci. Stat. Comput. 13
@@ -35,7 +35,7 @@ class Chain(NamedTuple):
 
 
 class _Round(NamedTuple):
-    """Equations upper @ dy + left @ before + right @ after + shared @ dg + rest = 0 for dy."""
+    """The equations upper @ dy + left @ before + right @ after + shared @ dg + rest = 0 for dy."""
 
     upper: np.ndarray
     chain: Chain
@@ -79,7 +79,7 @@ def expand(
 ):
     """(n + 1, k) all changes dy of a chain from those of its ends (k,) and the shared ones (g,).
 
-    For `homogeneous` equations those without their `rest`.
+    With `homogeneous`, the `rest` of the equations counts as zero.
     """
     states = np.stack([first, last])
     for upper, chain in reversed(rounds):

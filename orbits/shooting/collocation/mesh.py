@@ -15,32 +15,32 @@ from orbits.shooting.collocation import steps
 from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations, pieces
 
-#: Steps of the default method: with more a motion is sampled by a stiff one.
+#: Most steps of the default method: a motion that takes more is sampled by a stiff method.
 STEPS_MOST = 20_000
-#: Of the goal: error of a step, of which an orbit has hundreds.
+#: Error of a step as a share of the goal; an orbit has hundreds of steps.
 STEP_SHARE = 0.1
 #: Intervals are a multiple of this number, so that few numbers of them are compiled.
 _UNIT = 16
 _FIRST = 64  # intervals of the first mesh
-#: Most intervals: the unknowns of all of them are one matrix.
+#: Most intervals; the equations for the unknowns of all of them form one matrix.
 _MOST = 512
-_SAMPLES = 2048  # of the guess, for its first mesh
+_SAMPLES = 2048  # samples of the guess, for its first mesh
 _CALM = _SAMPLES // 10  # samples about the start in which the motion is slow
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
 _RETURNS_MOST = 8  # integrations for the time of the nearest return
-_RETURN_STEP = 0.05  # of the period: largest change of that time in one step
-_SAMPLINGS = 5  # each resolves what is some hundred times faster than the one before
+_RETURN_STEP = 0.05  # largest change of that time in one step, as a share of the period
+_SAMPLINGS = 5  # most samplings; each resolves what is some hundred times faster than the last
 #: Share of the intervals of the first mesh that time decides on; the path decides on the others.
 _BY_TIME = 0.3
 #: Largest ratio of the densities of neighbouring intervals.
 _NEIGHBOURS = 4.0
-#: Growth of errors over an interval: the largest of a first mesh, and what a new mesh aims at. With
-#: more the end depends so strongly on the start that Newton's method takes tiny steps only.
+#: Growth of errors over an interval: the largest in a first mesh, and what a new mesh aims at. With
+#: more, the end depends so strongly on the start that Newton's method takes only tiny steps.
 _GROWTH_MOST, _GROWTH_WANTED = 100.0, 10.0
-_BELOW = 0.1  # of the tolerance: error of a step that a new mesh aims at
-_SPARSEST = 1e-2  # new intervals on an old one
-_SPARE = 1.3  # intervals, relative to those that the errors require
-_SPACING = 4 * np.finfo(float).eps  # of the states: smaller errors of a step are rounding
+_BELOW = 0.1  # error of a step that a new mesh aims at, as a share of the tolerance
+_SPARSEST = 1e-2  # least number of new intervals on an old one
+_SPARE = 1.3  # number of intervals, relative to what the errors require
+_SPACING = 4 * np.finfo(float).eps  # relative to the states: smaller errors of a step are rounding
 
 
 class Mesh(NamedTuple):
@@ -74,8 +74,8 @@ def first_guess(
 
     It starts where the motion from the guess is slowest, if any start will do, and the period is
     the time after which it comes nearest to its start: on a mesh, jumps of a relaxation
-    oscillation cannot move by more than their width in a Newton step. Where the time of an effort
-    is up it is as good as it has become.
+    oscillation cannot move by more than their width in a Newton step. Where the time allowed by
+    `effort` is up, the guess is returned as it stands.
     """
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
@@ -84,7 +84,7 @@ def first_guess(
         speeds = np.abs(np.asarray(_rates(scene, ys)) / _scales(ys)).max(axis=1)
         if not np.isfinite(speeds).all():
             return None
-        # A window of the period about it: the end of a jump is slow too, but next to the jump.
+        # Judge a window about each sample: the end of a jump is slow too, but next to the jump.
         fastest = np.lib.stride_tricks.sliding_window_view(speeds, _CALM).max(axis=1)
         scene = scene.starting(ys[int(np.argmin(fastest)) + _CALM // 2], span)
     if not equations.driven:
@@ -94,7 +94,7 @@ def first_guess(
 
 
 def _any_start(equations: Equations) -> bool:
-    """Whether the orbit may start anywhere on it."""
+    """Whether any point of the orbit may be its start."""
     everything = len(equations.closing.free(len(equations.scene.y0))) == len(equations.scene.y0)
     return everything and not (equations.driven or equations.conditions)
 
@@ -116,7 +116,7 @@ def _return_time(equations: Equations, scene: Scene, span: float, effort: Effort
 
 @jax.jit
 def _closing(equations: Equations, start, end):
-    """(m,) the closing error, and its derivative by the time of the end."""
+    """(m,) the closing error, and its derivative by the end time."""
     system, closing = equations.scene.system, equations.closing
     rate = equations.scene.rate(jnp.zeros(()), end)
     return jax.jvp(lambda y: closing.miss(system, y, start, jnp.zeros(())), (end,), (rate,))
@@ -132,9 +132,9 @@ def _first_mesh(
 ) -> Mesh | None:
     """A mesh along the scene's motion; None where that ends early.
 
-    At first partly even in time and partly in the path of the state, each entry in units of its
-    largest value, so that jumps of a relaxation oscillation are resolved; then as `refined`,
-    until every step can be made and none amplifies errors strongly.
+    At first it is partly even in time and partly even along the path of the state, with each entry
+    in units of its largest value, so that jumps of a relaxation oscillation are resolved. Then it
+    is refined as in `refine`, until every step can be made and none amplifies errors strongly.
     """
     ts = np.linspace(0.0, span, _SAMPLES)
     for _ in range(_SAMPLINGS):
@@ -175,7 +175,7 @@ def is_stiff(equations: Equations, guess: np.ndarray) -> bool:
 
 
 def on(equations: Equations, mesh: Mesh) -> Equations:
-    """The equations by collocation on a mesh."""
+    """The closing equations by collocation on a mesh."""
     shares = tuple(mesh.shares.tolist())
     return dataclasses.replace(equations, shares=shares, s_spans=None, collocated=True)
 
@@ -184,8 +184,8 @@ class Quality(NamedTuple):
     """How good the steps of a mesh are; NaN where a step could not be made.
 
     Attributes:
-      errors: (n,) of their ends, relative to the largest value of each entry.
-      growth: (n,) of errors from start to end of an interval, in the same units.
+      errors: (n,) errors of their ends, relative to the largest value of each entry.
+      growth: (n,) growth of errors from start to end of an interval, in the same units.
     """
 
     errors: np.ndarray
@@ -203,7 +203,7 @@ class Quality(NamedTuple):
 
 
 def quality(equations: Equations, x: np.ndarray) -> Quality:
-    """The quality of the steps at x."""
+    """The quality of the steps at the unknowns x."""
     here = pieces(equations, x)
     scales = _scales(np.asarray(here.start))
     errors = steps.local_errors(equations.scene, here, make=equations.make)
@@ -216,9 +216,9 @@ def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None
     """A mesh whose steps have errors below a tolerance; None if they have them already.
 
     Args:
-      equations: on the present mesh.
+      equations: the equations on the present mesh.
       x: (n,) unknowns there, near a solution.
-      tolerance: of the errors of `Quality`.
+      tolerance: largest of the errors in `Quality` that are acceptable.
     """
     found = quality(equations, x)
     if found.errors.max() <= max(tolerance, _SPACING):
@@ -237,7 +237,7 @@ def _divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
 
 
 def _smooth(density: np.ndarray) -> np.ndarray:
-    """Densities of neighbouring intervals differ by `_NEIGHBOURS` at most."""
+    """The density, raised so that neighbours differ by a factor `_NEIGHBOURS` at most."""
     for _ in range(len(density)):
         beside = np.maximum(
             np.append(density[1:], density[0]), np.append(density[-1], density[:-1])

@@ -1,7 +1,8 @@
 """Newton's method for the closing equations by collocation.
 
-In scaled unknowns: each entry of the state in units of its largest value on the mesh, since those
-of a relaxation oscillation differ by powers of ten. Steps are halved until the residual decreases.
+Unknowns are scaled: each entry of the state is in units of its largest value on the mesh, since
+those of a relaxation oscillation differ by powers of ten. Steps are halved until the residual
+decreases.
 """
 
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from orbits.shooting.equations import Equations, boundary, pieces
 from orbits.shooting.newton import Iteration, Result
 from orbits.shooting.units import equation_units, sizes_at
 
-#: Singular values of the condensed equations below this share of the largest belong to motions
+#: Singular values of the condensed equations below this share of the largest belong to shifts
 #: along the orbit, its family and the symmetries.
 _RANK = 1e-9
 _HALVINGS_MOST = 12
@@ -27,9 +28,9 @@ class Scales(NamedTuple):
     """Units of the unknowns.
 
     Attributes:
-      state: (k,) of a state.
-      x: (n,) of all unknowns.
-      closing: (m,) of the equations besides the steps.
+      state: (k,) units of a state.
+      x: (n,) units of all unknowns.
+      closing: (m,) units of the equations besides the steps.
     """
 
     state: np.ndarray
@@ -53,10 +54,10 @@ def scales_of(equations: Equations, x: np.ndarray) -> Scales:
 
 
 class _Point(NamedTuple):
-    """The linearised equations at x: of the chain, and of its ends."""
+    """The linearised equations at x: those of the chain, and those between its ends."""
 
     x: np.ndarray
-    end: np.ndarray  # (k,) of the last interval
+    end: np.ndarray  # (k,) end of the last interval
     chain: Chain  # in scaled unknowns
     closing: np.ndarray  # (m,) residual of the closing equations, in units
 
@@ -135,7 +136,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     unit = scales.x[places]
     top, rounds = condense(point.chain)
     start, by_x, by_end = map(np.asarray, _boundary_slopes(equations, point.x, point.end))
-    first = start * unit / scales.state[:, None]  # of dy[0], by the shared unknowns
+    first = start * unit / scales.state[:, None]  # derivative of dy[0] by the shared unknowns
     rows = np.vstack(
         [
             np.hstack([top.left[0] @ first + top.shared[0], top.right[0]]),
@@ -143,7 +144,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
         ]
     )
     rest = np.append(top.rest[0], point.closing)
-    # Growth over the motion makes some rows large; each counts alike.
+    # Growth over the motion makes some rows large; scaled, each counts alike.
     size = np.abs(rows).max(axis=1, keepdims=True)
     rows, rest = rows / np.maximum(size, 1e-300), rest / np.maximum(size[:, 0], 1e-300)
     free = np.append(lower[places] < upper[places], np.ones(len(point.end), bool))
@@ -192,7 +193,7 @@ def _between(equations: Equations) -> slice:
 
 
 def _shared_places(equations: Equations) -> np.ndarray:
-    """Places in x of the other unknowns: the start, which the ends share, and the last ones."""
+    """Places in x of the other unknowns: the start, which both ends share, and the last ones."""
     inside = _between(equations)
     n = inside.stop + equations.closing.turns + (equations.make is not None) + 1
     return np.append(np.arange(inside.start), np.arange(inside.stop, n))
@@ -200,14 +201,14 @@ def _shared_places(equations: Equations) -> np.ndarray:
 
 @jax.jit
 def _by_shared(equations: Equations, x):
-    """Derivatives of the pieces (n) by the shared unknowns (s,)."""
+    """Derivatives of the n pieces by the shared unknowns (s,)."""
     places = _shared_places(equations)
     return jax.jacfwd(lambda u: pieces(equations, x.at[places].set(u)))(x[places])
 
 
 @jax.jit
 def _boundary_slopes(equations: Equations, x, end):
-    """Derivatives of the start by the shared unknowns, of the boundary by them and by the end."""
+    """Derivatives of the start by the shared unknowns, and of `boundary` by them and by the end."""
     places = _shared_places(equations)
 
     def start(u):

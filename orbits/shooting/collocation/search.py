@@ -31,12 +31,13 @@ from orbits.shooting.strategy import Search, Strategy
 from orbits.shooting.units import InUnits
 
 _MESHES_MOST = 8
-#: Tolerance with which stability limits the steps of stiff motions: finer ones limit them more.
+#: Tolerance at which stability limits the steps of stiff motions; a finer one would limit them
+#: by accuracy.
 _COARSE_RTOL = 1e-6
 
 
 def suits(equations: Equations) -> bool:
-    """Whether collocation can solve the equations: states are not projected onto constraints."""
+    """Whether collocation can solve the equations: no states are projected onto constraints."""
     return type(equations.scene.system).project is System.project
 
 
@@ -44,8 +45,8 @@ def suits(equations: Equations) -> bool:
 class Collocation(Strategy):
     """Gauss collocation on an adaptive mesh instead of integrations.
 
-    For orbits that are stiff or very unstable. Unless something fixes the start, the orbit then
-    starts where it is slow.
+    It is meant for orbits that are stiff or very unstable. Unless something fixes the start, the
+    orbit then starts where it is slow.
 
     Limits: not for scenes whose states are projected onto constraints, nor with `segments`.
     """
@@ -89,9 +90,9 @@ class Collocation(Strategy):
 
     @staticmethod
     def may_help(search: Search, failed: Orbit) -> bool:
-        """Whether it may find what shooting did not.
+        """Whether collocation may find what shooting did not.
 
-        That is where the motion from the guess is stiff, or integrations take too many steps.
+        It may where the motion from the guess is stiff, or integrations take too many steps.
         """
         if not suits(search.equations):
             return False
@@ -109,10 +110,10 @@ class _Found(NamedTuple):
     """How a search ended.
 
     Attributes:
-      equations: on the last mesh.
+      equations: the equations on the last mesh.
       result: where Newton's method ended.
       error: the largest error of a step.
-      trouble: the test against the guess on the first mesh.
+      trouble: the test that compares with the guess on the first mesh.
     """
 
     equations: Equations
@@ -154,6 +155,6 @@ def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | 
 def _place(
     equations: Equations, mesh: Mesh, angle: float, period: float
 ) -> tuple[Equations, np.ndarray]:
-    """The equations on a mesh, and x of the motion on it."""
+    """The equations on a mesh, and the unknowns x of the motion on it."""
     here, (first, *others) = on(equations, mesh), mesh.states
     return here, here.pack(first, others, angle=angle, parameter=0.0, period=period)

@@ -4,7 +4,8 @@ A polynomial of degree m satisfies the equation at the m Gauss nodes of an inter
 has an error of order 2 m. Shooting whose segments are such steps is collocation with its inner
 unknowns eliminated, so that closing conditions, families and special points work as they do for
 shooting. Each step begins at a state of the mesh, and the states are solved for together: what
-grows or decays over a period by factors that no integration survives does not over one interval.
+grows or decays over a period by factors that no integration survives changes little over one
+interval.
 
 Reference: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for
 Ordinary Differential Equations, SIAM (1995), chapter 5; E. Doedel, Lecture Notes on Numerical
@@ -23,12 +24,13 @@ from jaxdyn import Scene, Status
 from jaxdyn.solvers.gauss import collocation
 from orbits.shooting.segment import Make, Piece, scene_of
 
-#: Nodes of an interval: order 16 at its end. Fewer need more intervals for twelve digits.
+#: Nodes of an interval, which give order 16 at its end. With fewer, twelve digits need more
+#: intervals.
 NODES = 8
-_MORE = 2  # nodes with which the error of a step is estimated
+_MORE = 2  # additional nodes with which the error of a step is estimated
 _ITERATIONS_MOST = 20
 _CONVERGED = 1e-15  # change of the states at the nodes, relative to their size
-_ACCEPTED = 1e-9  # a last change above this share is no convergence
+_ACCEPTED = 1e-9  # with a last change above this share the iteration has not converged
 
 
 class Rule(NamedTuple):
@@ -37,7 +39,7 @@ class Rule(NamedTuple):
     Attributes:
       c: (m,) nodes.
       a: (m, m) integrals of the nodes' polynomials from 0 to each node.
-      d: (m,) the end is the start plus `d` times the changes to the nodes.
+      d: (m,) weights; the end is the start plus `d` times the changes from the start to the nodes.
     """
 
     c: np.ndarray
@@ -61,7 +63,7 @@ class Step(NamedTuple):
 
 @functools.cache
 def rule(nodes: int) -> Rule:
-    """The rule with a number of nodes."""
+    """The rule with the given number of nodes."""
     x, w = np.polynomial.legendre.leggauss(nodes)
     c = (x + 1) / 2
     a = collocation(c)
@@ -74,7 +76,7 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
 
     Args:
       scene: the scene.
-      pieces: the intervals (n), at least two, each of which leads about to the next one's start.
+      pieces: the n intervals, at least two, each of which leads nearly to the start of the next.
       make: see `Equations`.
       nodes: number of nodes.
     """
@@ -84,7 +86,7 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
 
 @functools.partial(jax.jit, static_argnames=("make", "nodes"))
 def linearise_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
-    """The steps, and derivatives of their ends by each field of the pieces (a Piece)."""
+    """The steps, and the derivatives of their ends by each field of the pieces (a `Piece`)."""
 
     def each(piece: Piece, end: Array):
         step = _step(scene, make, piece, end, rule(nodes))
@@ -94,21 +96,21 @@ def linearise_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: in
 
 
 def _guess_ends(pieces: Piece) -> Array:
-    """(n, k) where the intervals end if each leads to the next and the last goes on straight."""
+    """(n, k) guessed ends: each interval leads to the next, and the last continues straight."""
     starts, spans = pieces.start, pieces.span
     last = starts[-1] + (starts[-1] - starts[-2]) * spans[-1] / spans[-2]
     return jnp.concatenate([starts[1:], last[None]])
 
 
 def local_errors(scene: Scene, pieces: Piece, *, make: Make | None) -> np.ndarray:
-    """(n, k) the change of the ends with two more nodes: their error, of order 2 m + 1."""
+    """(n, k) errors of the ends, of order 2 m + 1: how much two more nodes change them."""
     few = steps(scene, pieces, make=make).end
     many = steps(scene, pieces, make=make, nodes=NODES + _MORE).end
     return np.abs(np.asarray(many - few))
 
 
 def interpolate(start: np.ndarray, nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(n, k) the polynomials through starts (n, k) and nodes (n, m, k), at shares (n,)."""
+    """(n, k) the polynomials through starts (n, k) and nodes (n, m, k), at shares (n,) of each."""
     points = np.append(0.0, rule(nodes.shape[1]).c)
     values = np.concatenate([start[:, None], nodes], axis=1)
     weights = np.ones((len(at), len(points)))
@@ -119,7 +121,7 @@ def interpolate(start: np.ndarray, nodes: np.ndarray, at: np.ndarray) -> np.ndar
 
 
 def _defect(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: Rule) -> Array:
-    """(m, k) zero where the nodes' polynomial satisfies the equation at the nodes."""
+    """(m, k) the defect, zero where the nodes' polynomial satisfies the equation at the nodes."""
     scene = scene_of(scene, make, piece.parameter)
     rates = jax.vmap(scene.rate)(piece.t0 + piece.span * rule.c, nodes)
     return nodes - piece.start[None] - piece.span * (rule.a @ rates)
