@@ -1,14 +1,14 @@
 """Conditions for a motion to be periodic: closings, symmetries, further conditions.
 
-`closings` are the ways to close (plainly, as a choreography, up to a rotation, by reversal),
-`symmetry` their parts, `conditions` select a member of a family (by energy, period, an entry of
-the state), `given` checks the arguments of a search, `sizes` are the units in which entries of a
-state are compared.
+`closings` has the ways to close (plainly, as a choreography, up to a rotation, by reversal),
+`symmetry` the symmetries of which they consist, `conditions` what selects a member of a family (its
+energy, its period, an entry of the state); `given` checks the arguments of a search, and `sizes`
+has the units in which entries of a state are compared.
 
 May import: `jaxdyn`.
 
-One more closing is a subclass of `Closing` in `closings`, or a function that makes one, and a line
-in ``orbits/__init__.pyi``.
+To add a closing, write a subclass of `Closing` in `closings`, or a function that makes one, and add
+a line to ``orbits/__init__.pyi``.
 """
 
 import lazy_loader

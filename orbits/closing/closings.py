@@ -3,8 +3,9 @@
 The condition decides how long a motion is integrated and how many numbers are unknown. Plain
 closing is y(T) = y(0). With a symmetry g of the scene, y(T / n) = g y(0) may be sufficient: a
 choreography of three bodies needs a third of a period. A motion that starts on the fixed set of a
-time reversal and meets such a set again retraces its path: half of a period, and half of the
-unknowns. A motion that closes up to a rotation by an unknown angle is a relative periodic orbit.
+time reversal and meets such a set again retraces its path, which takes half of a period and half of
+the unknowns. A motion that closes up to a rotation by an unknown angle is a relative periodic
+orbit.
 """
 
 import abc
@@ -25,11 +26,11 @@ from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, order, point_symmetry
 
-#: Angles tried for the first guess of the angle of a relative orbit, at least, and for each turn
-#: of the fastest entries in 2 pi.
+#: Angles tried for the first guess of the angle of a relative orbit: at least so many, and so many
+#: for each turn of the fastest entries in 2 pi.
 _ANGLES_TRIED, _ANGLES_A_TURN = 64, 16
-#: Steps for each turn, and terms, of the series of a rotation; one by 2 pi is then accurate to
-#: rounding: 0.4^16 / 16! < 1e-19.
+#: Steps for each turn, and terms, of the series of a rotation; a rotation by 2 pi is then accurate
+#: to rounding: 0.4^16 / 16! < 1e-19.
 _ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
 
@@ -54,42 +55,43 @@ class Closing(Record):
         return np.arange(k)
 
     def start(self, system: System, u: Array, base: Array) -> Float[Array, " k"]:
-        """The start with unknowns u (p,); base (k,) is another start that the closing allows."""
+        """The start with unknowns u (p,); base (k,) is any start that the closing allows."""
         del base
         return system.project(jnp.zeros(()), jnp.asarray(u))
 
     @abc.abstractmethod
     def miss(self, system: System, end: Array, y0: Array, angle: Array) -> Array:
-        """(m,) the closing error of a part of the motion that leads from y0 to end."""
+        """(m,) the closing error of a part of the motion that leads from `y0` to `end`."""
 
     def rows(self, each: np.ndarray) -> np.ndarray:
-        """(m,) the sizes of the closing error's entries, from those (k,) of the state."""
+        """(m,) the sizes of the closing error's entries, from those (k,) of the state's entries."""
         return each
 
     def after(self, system: System, y0: Array, angle: float, periods: int) -> Array:
-        """(k,) the state after a number of whole periods from the start y0, or before, if < 0."""
+        """(k,) the state a number of whole periods after the start y0, or before it if negative."""
         del system, angle, periods
         return y0
 
     @property
     def mirror(self) -> Symmetry | None:
-        """A time reversal by which the motion retraces a part in the next one; None if it does not.
+        """The time reversal by which each part retraces the one before; None if it does not.
 
-        Then two parts, else one, lead from a state to the one that `back` takes to it.
+        With one, two parts lead from a state to the one that `back` maps to it; otherwise one part
+        does.
         """
         return None
 
     @abc.abstractmethod
     def back(self, system: System, y: Array, angle) -> Array:
-        """(k,) the start whose image y the motion reaches after one part, or two (`mirror`)."""
+        """(k,) the start whose image y the motion reaches after one part, or two with `mirror`."""
 
     def angle(self, system: System, end: Array, y0: Array) -> float:
-        """Best guess of the angle [rad] for a part of the motion that leads from y0 to end."""
+        """Best guess of the angle [rad] for a part of the motion that leads from `y0` to `end`."""
         del system, end, y0
         return 0.0
 
     def fit_to(self, scene: Scene) -> "Closing":
-        """The same condition with the numbers that it needs of a scene to which it applies."""
+        """The same condition with the numbers that it needs from a scene to which it applies."""
         del scene
         return self
 
@@ -110,7 +112,7 @@ class Return(Closing):
       turn: name of the system's generator of the rotation, e.g. "turn in xy"; None for plain
         closing.
       frequency: how often the fastest entries of a state turn while the angle grows by 2 pi: once
-        in space, k times those of the k-th harmonic of a wave. `fitted` finds it.
+        in space, k times for the k-th harmonic of a wave. `fit_to` finds it.
     """
 
     symmetry: Symmetry = IDENTITY
@@ -133,9 +135,9 @@ class Return(Closing):
         return self.symmetry.inverse.act(y)
 
     def _rotate(self, system: System, y: Array, angle) -> Array:
-        """The flow of the generator g(y) = A y + b over an angle: a matrix exponential's series.
+        """The flow of the generator g(y) = A y + b over an angle, by the series of exp(A angle).
 
-        jax.scipy.linalg.expm computes the same and takes seconds to compile.
+        jax.scipy.linalg.expm would compute the same, but takes seconds to compile.
         """
         origin = system.generators(jnp.zeros_like(y))[self.turn]
         steps = _ROTATION_STEPS * self.frequency
@@ -159,7 +161,7 @@ class Return(Closing):
     def after(self, system, y0, angle, periods):
         if self.turn is None:  # the power of g is the identity
             return y0
-        # The rotations need not add up: a reflection turns the next one round.
+        # The rotations need not add up: a reflection reverses the next one.
         once = self.act if periods > 0 else self.back
         for _ in range(self.parts * abs(periods)):
             y0 = once(system, y0, angle)
@@ -194,13 +196,13 @@ class Return(Closing):
 class Reversal(Closing):
     """The motion starts on the fixed set of a time reversal and reaches that of another.
 
-    From there it retraces its path, mirrored. If both reversals are the same, that is half of a
-    period. Otherwise their product is a symmetry g, and a period has twice as many parts as the
-    order of g.
+    From there it retraces its path, mirrored. If both reversals are the same, a part is half of a
+    period. Otherwise their product is a symmetry g, and the number of parts in a period is twice
+    the order of g.
 
     Attributes:
-      here: time reversal whose fixed set contains the start.
-      there: time reversal whose fixed set contains the state after a part.
+      here: the time reversal whose fixed set contains the start.
+      there: the time reversal whose fixed set contains the state after a part.
       parts: see `Closing`.
       name: see `Closing`.
     """
@@ -218,7 +220,7 @@ class Reversal(Closing):
     def start(self, system, u, base):
         y = base.at[self.free(len(base))].set(u)
         places, signs = _table(self.here, len(base))
-        # Of two entries that are exchanged the later one follows from the earlier one.
+        # Of two entries that `here` exchanges, the later one follows from the earlier one.
         follows = np.flatnonzero(places < np.arange(len(base)))
         y = y.at[follows].set(signs[follows] * y[places[follows]])
         return system.project(jnp.zeros(()), y)
@@ -239,14 +241,14 @@ class Reversal(Closing):
         return self.here.act(self.there.act(y))
 
     def _changes(self, k: int) -> np.ndarray:
-        """Entries of a state that `there` changes: one of two that it exchanges."""
+        """Entries of a state that `there` changes, with only one of any two that it exchanges."""
         places, signs = _table(self.there, k)
         index = np.arange(k)
         return np.flatnonzero((places > index) | ((places == index) & (signs < 0)))
 
     def check(self, scene):
         super().check(scene)
-        # The reversal that a motion meets at a time t takes time 0 to 2 t.
+        # The reversal whose fixed set a motion meets at time t maps time 0 to 2 t.
         for symmetry, at in ((self.here, 0.0), (self.there, float(scene.t1) / self.parts)):
             symmetry.check(scene, 2 * at)
             places, signs = _table(symmetry, len(scene.y0))
@@ -265,7 +267,7 @@ class Reversal(Closing):
             )
 
 
-#: The state after a period is the start.
+#: The plain closing: the state after a period is the start.
 PLAIN = Return()
 
 
@@ -309,10 +311,10 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
     """The closing of motions that meet the fixed sets of time reversals, and retrace their path.
 
     Args:
-      here: time reversal whose fixed set contains the start.
-      there: the one whose fixed set contains the state after a part of the period; default
-        `here`.
-      parts: number of such parts in a period; default 2, for equal reversals.
+      here: the time reversal whose fixed set contains the start.
+      there: the time reversal whose fixed set contains the state after a part of the period; by
+        default `here`.
+      parts: number of such parts in a period; by default 2, for equal reversals.
     Raises:
       ValueError: `here` and `there` differ and `parts` is not given.
     Example:
@@ -331,14 +333,15 @@ def reversal(here: Symmetry, there: Symmetry | None = None, parts: int | None = 
 
 @check_first
 def mirror(scene: Scene, across: str = "xz") -> Reversal:
-    """The closing of motions that cross a plane, or an axis, at right angles: mirrored there.
+    """The closing of motions that cross a plane, or an axis, at right angles, and mirror there.
 
-    In turning axes, as of the restricted three bodies, most known orbits are: halo and Lyapunov
-    orbits cross the plane xz, planar ones the axis x.
+    Most known orbits in rotating axes, as in the restricted three-body problem, do so: halo and
+    Lyapunov orbits cross the plane xz, planar orbits the x axis.
 
     Args:
-      scene: points in turning axes, or others that have this symmetry; its start must lie across.
-      across: the axes of the plane or line, of "x", "y" and "z".
+      scene: points in rotating axes, or others that have this symmetry; the start must lie in the
+        plane or on the axis, with its velocity at right angles to it.
+      across: the axes that span the plane or line, among "x", "y" and "z".
     Raises:
       ValueError: the scene has no points, or no such axes.
     Example:
@@ -397,7 +400,7 @@ def _check_commutes(scene: Scene, turn: str) -> None:
 
 @functools.partial(jax.jit, static_argnames="turn")
 def _commutator(scene: Scene, turn: str) -> tuple[Array, Array]:
-    """(k,) the change of a generator along the rate at the start, and of the rate along it."""
+    """(k,) the change of a generator along the rate at the start, and that of the rate along it."""
 
     def rate(y):
         return scene.rate(jnp.zeros(()), y)

@@ -1,8 +1,8 @@
 """Conditions on an orbit besides closing: a given energy, period, entry of the start, and others.
 
 Periodic orbits of conservative scenes form families, of which a condition selects a member.
-Without one `find` returns the member through the given start, if that is periodic, else one near
-it.
+Without one, `find` returns the member through the given start, if that is periodic, and otherwise a
+member near it.
 """
 
 import abc
@@ -31,7 +31,7 @@ class Condition(Record):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
 
-        What a bound holds does not move at all, not even by rounding.
+        An entry that bounds hold does not move at all, not even by rounding.
         """
         del guess
         return lower, upper
@@ -42,7 +42,7 @@ class Condition(Record):
 
 
 def _hold(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-    """Bounds that hold one entry of start and period, if it has its level."""
+    """Bounds that hold one entry of start and period, if the guess has the level."""
     if guess[entry] == float(level):
         here = np.arange(len(guess)) == entry % len(guess)
         lower, upper = (np.where(here, guess, bound) for bound in (lower, upper))
@@ -50,7 +50,7 @@ def _hold(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.nda
 
 
 class Energy(Condition):
-    """The energy has this value [J]."""
+    """The condition that the energy has a given value [J]."""
 
     level: Array = eqx.field(converter=as_float)
 
@@ -64,7 +64,7 @@ class Energy(Condition):
 
 
 class Period(Condition):
-    """The full period has this value [time of the scene]."""
+    """The condition that the full period has a given value [time of the scene]."""
 
     length: Array = eqx.field(converter=as_float)
 
@@ -80,10 +80,10 @@ class Period(Condition):
 
 
 class Section(Condition):
-    """The orbit starts where an entry of the state has this value: a phase condition.
+    """The phase condition that the orbit starts where an entry of the state has a given value.
 
-    All members of a family may pass there, with different values of the other entries: hold
-    these too, or the energy, to select one member.
+    All members of a family may pass there, with different values of the other entries; to select
+    one member, hold these too, or the energy.
     """
 
     entry: int = eqx.field(static=True)
@@ -103,7 +103,7 @@ class Section(Condition):
         array("level", self.level, (), "It is the value of the entry.")
 
 
-#: What `find` and others accept: conditions, or names of entries of the start that are held.
+#: What `find` and others accept as `hold`: conditions, or names of entries of the start.
 Hold = Condition | str | Sequence[Condition | str]
 
 
@@ -111,7 +111,7 @@ def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
     """The conditions in `hold`; the name of an entry stands for its value at the scene's start.
 
     Raises:
-      ValueError: an element is neither a Condition nor the name of an entry of the state, or
+      ValueError: an element is neither a `Condition` nor the name of an entry of the state, or
         does not apply to the scene.
     """
     names = [label for label, _ in scene.system.labels()]

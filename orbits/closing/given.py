@@ -23,11 +23,11 @@ _DIFFERENTIATE = (
 )
 #: Distance from the start of a second state at which rates are compared, in units of the sizes.
 _BESIDE = 1e-3
-#: Of a drive's period: a guess so near to a multiple means that one.
+#: A guess that is nearer than this share of the drive's period to a multiple means that multiple.
 _NEAR = 0.25
-#: Of the rate that the sizes make in a radian of the span: smaller rates are rounding.
+#: Rates below this share of the sizes per radian of the span are rounding.
 _ROUNDING = 1e-6
-#: Of a rate, in units of the machine epsilon: changes up to this are its rounding.
+#: Relative changes of a rate up to this, in units of the machine epsilon, are rounding.
 _ROUNDINGS = 64.0
 
 
@@ -37,7 +37,7 @@ class Problem:
 
     Attributes:
       scene: the scene; it starts at the guess and spans the guessed period.
-      closings: closing conditions; the orbit satisfies that with the smallest residual.
+      closings: closing conditions; the orbit satisfies the one with the smallest residual.
       conditions: further conditions besides closing.
       lower: (k + 1,) lower bounds of the start and the period.
       upper: (k + 1,) upper bounds; equal to the lower ones for entries that are held fixed.
@@ -70,7 +70,7 @@ def pose(
     """The problem that the arguments of `orbits.find` pose.
 
     Raises:
-      ValueError: `scene` is not a Scene; an argument is traced, has another shape or is not
+      ValueError: `scene` is not a `Scene`; an argument is traced, has another shape or is not
         finite; `period` is not positive, or not a multiple of the drive's; no number lies between
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
@@ -143,14 +143,14 @@ def _limits(name: str, value, k: int, without: float) -> np.ndarray:
 
 
 def driven(scene: Scene) -> bool:
-    """Whether the rate depends on time; where not, that is proved from its program."""
+    """Whether the rate depends on time; False is proved from the program of the rate."""
     return plan_of(scene.field, len(scene.y0)).depends_on_time
 
 
 def in_step(scene: Scene, period: float) -> float:
     """The multiple of the drive's period that a guess of an orbit's period means.
 
-    Where the rate depends on time, an orbit must close in the phase of the drive too.
+    Where the rate depends on time, the phase of the drive must close too.
 
     Raises:
       ValueError: the guess lies between two multiples; or the drive's period cannot be read from
@@ -169,7 +169,7 @@ def in_step(scene: Scene, period: float) -> float:
 
 
 def drive_period(scene: Scene) -> float | None:
-    """The period of the rate in time; None where it has none that can be read."""
+    """The period of the rate in time; None where none can be read from its program."""
     return plan_of(scene.field, len(scene.y0)).period(scene.field)
 
 
@@ -200,18 +200,20 @@ def repeats(scene: Scene, period: float) -> bool:
 
 
 def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
-    """At many times, at the start and beside it: at rest the drive may cancel there alone."""
+    """Rates at many times, at the start and beside it: at a rest state the drive may cancel."""
     y0 = np.asarray(scene.y0)
     beside = y0 + _BESIDE * sizes(scene) * (1 + np.arange(len(y0)))
     ts = later + period * SPREAD
     at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, beside))
-    return np.concatenate([at, off] if np.isfinite(off).all() else [at])  # it may be undefined
+    # The rate beside the start may be undefined.
+    return np.concatenate([at, off] if np.isfinite(off).all() else [at])
 
 
 def drive(scene: Scene, y: Array, period: Array) -> Array:
     """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
 
-    At the phases at which the rate changes fastest: a drive may act for a small part of its period.
+    It is taken at the phases at which the rate changes fastest, since a drive may act for a small
+    part of its period.
     """
     known = jax.lax.stop_gradient(period)
     many = known * jnp.asarray(SPREAD)
@@ -225,7 +227,7 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, PHASES)[1]])
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
     varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
-    # What varies by rounding only is no drive.
+    # What varies only by rounding is not a drive.
     rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
     return ((later - now) / varies[None]).ravel()

@@ -1,14 +1,14 @@
-"""The size of each entry of a motion's state: what everything about an orbit is measured in.
+"""The size of each entry of a motion's state, in which everything about an orbit is measured.
 
 A closing error of 1e-5 is large for an atom in metres and nothing for a planet. So entries of the
-state are compared in units of their sizes along the motion, and times in radians of the period, and
-no verdict depends on the units in which a scene is written.
+state are compared in units of their sizes along the motion, and times in radians of the period, so
+that no verdict depends on the units in which a scene is written.
 
 The size of an entry is its value at the start, or the change that its rate there makes in a radian
 of the period's second harmonic, if that is larger. No motion has to be computed for that. Entries
-of one group (`jaxdyn.scales`) have the same size. Without units an entry has at least the size of
-what the others can do to it: near an equilibrium their effects cancel, and a velocity that is small
-there has no size of its own.
+of one group (`jaxdyn.scales`) have the same size. Where units do not give the groups, the size of
+an entry is at least the effect that the others can have on it: near an equilibrium their effects
+cancel, and a velocity that is small there has no size of its own.
 """
 
 import functools
@@ -26,20 +26,20 @@ from jaxdyn.scales import at_rest, groups, with_one_more
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
-#: Of what other entries make of one: less is rounding.
+#: Relative changes of a size by the effect of other entries below this are rounding.
 _ROUNDING = 1e-9
-#: Relative: numbers that differ by less are as large as each other.
+#: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
-#: Times, as fractions of the span, at which the rate is asked, spread by the golden section: a
+#: Times, as fractions of the span, at which the rate is evaluated, spread by the golden section: a
 #: drive may be zero at most of them, and has the same phase at no two of them.
 SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
-#: Of them those at which the period of a drive is told.
+#: Number of phases at which a drive is compared with itself a period later.
 PHASES = 4
 
 
 @jax.jit
 def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
-    """The scene's vector field, compiled; uncompiled it takes milliseconds."""
+    """The scene's vector field, compiled; uncompiled, it would take milliseconds."""
     return scene.rate(t, y)
 
 
@@ -60,7 +60,7 @@ def sizes(scene: Scene) -> np.ndarray:
 
 
 def times(scene: Scene) -> np.ndarray:
-    """(s,) times in its span at which the rate is asked; one where it does not depend on time."""
+    """(s,) times in the span at which the rate is evaluated; one where it is autonomous."""
     driven = plan_of(scene.field, len(scene.y0)).depends_on_time
     return (SPREAD if driven else SPREAD[:1]) * float(scene.t1)
 
@@ -86,12 +86,12 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
 
 
 def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k,) sizes of at least what the others make of an entry in the time of the motion's start.
+    """(k,) sizes, raised to at least the effect of the other entries in the time of the start.
 
-    That time is 1 over the spectral radius of |J|, of the rate's Jacobian J there; at most the
-    span, since a motion adds up no longer, also where J is nilpotent, as at a Bogdanov-Takens
-    point. Where units say which entries are of one kind (`jaxdyn.scales`) these are measured by
-    each other alone.
+    That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
+    most the span, since a motion adds up no longer than that; the limit matters where J is
+    nilpotent, as at a Bogdanov-Takens point. Where units say which entries are of one kind
+    (`jaxdyn.scales`), sizes are left as they are.
     """
     if groups(scene.system).known:
         return each
@@ -105,12 +105,12 @@ def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
 
 
 def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(k,) the sizes of entries that have known ones (k,) at a start, along its motion (s, k)."""
+    """(k,) the sizes along a motion (s, k), from the known ones (k,) at its start."""
     return coupled_sizes(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
 
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k,) of numbers that are not negative, one for each entry, the largest of each group."""
+    """(k,) the largest of each group's numbers, from one non-negative number for each entry."""
     known = groups(scene.system)
     of, found = np.array(known.of), np.array(each, float)
     for group in range(max(known.of) + 1):
@@ -119,17 +119,17 @@ def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
 
 
 def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
-    """The entry of a vector (k,) that is largest in sizes (k,); of several, the first."""
+    """The entry of a vector (k,) that is largest in sizes (k,); of several, the first one."""
     size = np.abs(vector / each)
     return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
 def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
-    """The sizes, with those that are 0 from the others by what these change (k, k) in a time.
+    """The sizes, where those that are 0 follow from what the others change in a time.
 
-    Some are not. An entry that no other one moves has the size at which the rate's Jacobian changes
-    by itself or by 1 over the time, which is decided on for one such entry after the other, and
-    what follows from it.
+    At least one size is not 0. An entry that no other one moves has the size at which the rate's
+    Jacobian `slope` (k, k) changes by itself or by 1 over the time. This is decided for one such
+    entry after the other, together with what follows from it.
     """
     made, y0 = time * slope, np.asarray(scene.y0)
     while (found == 0).any():

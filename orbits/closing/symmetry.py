@@ -1,7 +1,7 @@
 """Symmetries of a scene that permute the entries of its state and change their signs.
 
-These include relabelling equal bodies, reflections, half turns and time reversals, but no rotation
-by another angle: see `orbits.relative`.
+These include relabelling equal bodies, reflections, half turns and time reversals, but not
+rotations by other angles, for which see `orbits.relative`.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ A = TypeVar("A", Array, np.ndarray)
 
 
 class Symmetry(Record):
-    """y -> g y with entry i of g y being ``signs[i]`` times entry ``places[i]`` of y.
+    """The map y -> g y, where entry i of g y is ``signs[i]`` times entry ``places[i]`` of y.
 
     Attributes:
       places: (k,) index of the entry that each entry comes from; None for the identity.
@@ -42,7 +42,7 @@ class Symmetry(Record):
 
     @property
     def inverse(self) -> "Symmetry":
-        """The symmetry that undoes it."""
+        """The symmetry that undoes this one."""
         signs = self.signs
         if self.places is None:
             return self
@@ -51,9 +51,9 @@ class Symmetry(Record):
         return Symmetry(tuple(back.tolist()), signs, self.reversing)
 
     def check(self, scene: Scene, later: float = 0.0) -> None:
-        """Raise ValueError unless it maps motions of the scene to motions of the scene.
+        """Raise ValueError unless this maps motions of the scene to motions of the scene.
 
-        The images are later by a time, after which a reversing symmetry counts time backwards.
+        The images begin at time `later`, from which a reversing symmetry counts time backwards.
         """
         k = len(scene.y0)
         if self.places is not None and sorted(self.places) != list(range(k)):
@@ -90,7 +90,7 @@ IDENTITY = Symmetry()
 
 
 def order(act: Callable[[np.ndarray], np.ndarray], k: int) -> int:
-    """How often a symmetry acts on states of k entries until all are what they were."""
+    """The order of a symmetry on states of k entries: the power that is the identity."""
     entries = np.arange(1, k + 1)
     image, times = act(entries), 1
     while not np.array_equal(image, entries):
