@@ -1,16 +1,17 @@
 """Analysis of orbits: the stability, identity, derivatives and topology of an orbit.
 
-`stability` finds the non-trivial multipliers of the `monodromy`, on which the rules of
-`jaxdyn/analysis/eigenvalues.py` decide what is stable, `chain` the return map of a chain of legs;
-`pieces` are those of either's period; `identity` has the invariants of an orbit, `same` and
-`alignment` compare two, `words` their topology; `sensitivity` makes one differentiable in the
-parameters of its scene, `evidence` has independent checks, and the digits that they confirm,
-`report` all of it as a record; `quantities` are numbers by which families are drawn.
+`stability` finds the non-trivial multipliers of the `monodromy` matrix, from which the rules of
+`jaxdyn/analysis/eigenvalues.py` decide what is stable; `chain` has the return map of a chain of
+legs; `pieces` splits the period of either into smooth pieces. `identity` has the invariants of an
+orbit, `same` and `alignment` compare two orbits, `words` describes their topology; `sensitivity`
+makes an orbit differentiable in the parameters of its scene; `evidence` has independent checks and
+the digits that they confirm, `report` all of it as a record; `quantities` has numbers by which
+families are drawn.
 
 May import: `shooting`, `hybrid`.
 
-One more analysis is one file that takes an `Orbit`, a line in ``orbits/__init__.pyi``, and a claim
-in `report` if files and commands shall state it.
+To add an analysis, write one file that takes an `Orbit`, a line in ``orbits/__init__.pyi``, and a
+claim in `report` if files and commands shall state it.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """Alignment of two orbits of free points, in time and in space.
 
-Samples of both over a period are compared by quantities invariant under shifts in time, rotation,
-reflection, scaling and relabelling, which gives the shift; the rotation then is that of least
-squares.
+Samples of both over a period are compared by quantities that are invariant under rotation,
+reflection, scaling and relabelling, which gives the shift in time; the rotation is then found by
+least squares.
 """
 
 import dataclasses
@@ -21,11 +21,11 @@ from orbits.orbit import Orbit
 
 #: Largest distance of two orbits that count as the same one, relative to their size.
 TOLERANCE = 1e-6
-SAMPLES = 2048  # of one period
+SAMPLES = 2048  # samples of one period
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_DIFFERENCE = 1e-7  # of the period, over which a slope in time is taken
-_CANDIDATES = 8  # shifts that are refined
-_MOST_POINTS = 6  # 720 orders of bodies
+_DIFFERENCE = 1e-7  # share of the period over which a slope in time is taken
+_CANDIDATES = 8  # number of shifts that are refined
+_MOST_POINTS = 6  # most bodies, which already have 720 orders
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,11 +34,12 @@ class Match:
 
     Attributes:
       distance: largest distance of the aligned orbits, relative to their size.
-      shift: the delay of the second one.
-      backwards: whether the second one is reversed in time.
-      order: which of its bodies are the first orbit's; () where there are none.
-      mirrored: whether it is a mirror image.
-      scale: its lengths over those of the first.
+      shift: the delay of the second orbit.
+      backwards: whether the second orbit is reversed in time.
+      order: the bodies of the second orbit that correspond to those of the first, in their order;
+        () where there are none.
+      mirrored: whether the second orbit is a mirror image.
+      scale: lengths of the second orbit over those of the first.
     """
 
     distance: float
@@ -104,7 +105,7 @@ class _Units(NamedTuple):
     """Units, and a direction of time, in which the second orbit is compared with the first.
 
     Attributes:
-      lengths: factor on its lengths.
+      lengths: factor on the lengths of the second orbit.
       slow: its period over that of the first.
       backwards: whether it is run backwards.
     """
@@ -123,7 +124,7 @@ class _Units(NamedTuple):
 
 
 def _signature(x: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """(s, 3) invariants under rotation, reflection and relabelling, of mean 0 and size 1."""
+    """(s, 3) invariants under rotation, reflection and relabelling, with mean 0 and size 1."""
     r, v = x[:, 0], x[:, 1]
     moments = np.stack(
         [
@@ -138,7 +139,7 @@ def _signature(x: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 
 def _shifts(here: np.ndarray, there: np.ndarray, masses) -> list[int]:
-    """The samples of the second orbit that fit the first one's start best."""
+    """The samples of the second orbit that fit the start of the first best."""
     a, b = _signature(here, masses[0]), _signature(there, masses[1])
     product = np.fft.rfft(a, axis=0).conj() * np.fft.rfft(b, axis=0)
     fit = np.fft.irfft(product, n=len(a), axis=0).sum(axis=1)
@@ -162,7 +163,7 @@ def _refine(b: Orbit, here, index: int, units: _Units, masses) -> float:
     for _ in range(_ROUNDS):
         ys = samples(b, shift)
         rates = np.asarray(_rates(b.scene, ys))
-        # Not by Fourier interpolation: in a close encounter there are too few samples.
+        # Fourier interpolation would not do: in a close encounter there are too few samples.
         slope = (seen(ys + h * rates) - seen(ys - h * rates)) / (2 * h)
         move = float(np.sum((goal - seen(ys)) * slope) / np.sum(slope * slope))
         shift += move

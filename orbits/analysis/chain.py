@@ -5,9 +5,10 @@ mapped by the saltation matrix
 
     S = C + (f+ - C f-) g' / (g' f-),
 
-C the derivative of the change, f- and f+ the rates before and after; see R. I. Leine and
-H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004), section 7. So the
-flow has the multiplier 1, as in a smooth system. A leg without an event has S = C.
+where C is the derivative of the change of the state, and f- and f+ are the rates before and after;
+see R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems (2004),
+section 7. So the flow has the multiplier 1, as in a smooth system. A leg without an event has
+S = C.
 """
 
 import functools
@@ -24,14 +25,14 @@ from orbits.closing.sizes import rate, sizes
 from orbits.hybrid.equations import closing_in_sizes, leg_passed
 from orbits.hybrid.legs import HybridOrbit
 
-_SMALL = 1e-6  # relative: what is below it is taken for zero
+_SMALL = 1e-6  # relative values below this are taken for zero
 
 
 class ReturnMap(NamedTuple):
-    """The linearised return map, of states in units of their sizes.
+    """The linearised return map of states in units of their sizes.
 
     Attributes:
-      m: (d, d) on all that the closing compares.
+      m: (d, d) the map on all that the closing compares.
       flow: (d,) the rate at the start, in the same basis.
       advances: number of directions that the closing leaves out.
     """
@@ -45,9 +46,9 @@ class Transitions(NamedTuple):
     """The maps of states from the start of each leg to that of the next.
 
     Attributes:
-      maps: (n, k, k) of changes in units of the sizes at both ends, before a grazed event.
+      maps: (n, k, k) maps of deviations, in units of the sizes at both ends, up to a grazed event.
       end: (k,) the state after the last leg, or after a grazed event.
-      grazed: index of a leg that ends by an event that is grazed, not crossed; None without one.
+      grazed: index of a leg that ends at an event that is grazed, not crossed; None without one.
     """
 
     maps: list[np.ndarray]
@@ -56,7 +57,7 @@ class Transitions(NamedTuple):
 
 
 def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
-    """The maps of a chain's legs, integrated at a tolerance, with those of their events.
+    """The maps of a chain's legs, integrated at a tolerance, including those of their events.
 
     Raises:
       ValueError: the chain has constrained states.
@@ -87,7 +88,7 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
     """The return map of a chain, its legs integrated at a tolerance.
 
     Raises:
-      ValueError: the chain grazes an event, has constrained states, or a closing that does not
+      ValueError: the chain grazes an event, has constrained states, or has a closing that does not
         say that the motion repeats itself.
     """
     scene = orbit.legs[0].scene
@@ -121,9 +122,9 @@ def _rate(scene: Scene, y) -> Array:
 
 
 def without_flow(returns: ReturnMap) -> tuple[np.ndarray, bool]:
-    """(basis, whether the flow is a direction that the map keeps): it is left out of the basis.
+    """(basis, whether the map keeps the direction of the flow), where the basis omits a kept flow.
 
-    A leg that lasts a fixed time and is followed by another rate makes the flow no such direction.
+    The map does not keep it if a leg lasts a fixed time and is followed by another rate.
     """
     m, flow = returns.m, returns.flow
     kept = np.linalg.norm(flow) > 0 and np.linalg.norm(m @ flow - flow) <= _SMALL * (

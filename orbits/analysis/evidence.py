@@ -2,7 +2,7 @@
 
 The finder makes its own integrator's error part of the closing condition, so its residual says
 nothing about that error. Here the whole period is integrated by a method of another family at
-a tighter tolerance, and then several periods in a row.
+a tighter tolerance; several periods in a row can be integrated as well.
 """
 
 import dataclasses
@@ -50,9 +50,9 @@ def closure(
 ) -> float:
     """Largest entry of the state minus the start after some periods; NaN if not reached.
 
-    Each is in units of its size along the orbit (`orbits.closing.sizes`).
-    For a relative orbit the start is rotated accordingly. For a chain of legs it is the largest
-    error of its closing, and of the ends of its legs at their times.
+    Each entry is in units of its size along the orbit (`orbits.closing.sizes`). For a relative
+    orbit the start is rotated accordingly. For a chain of legs the result is the largest error of
+    its closing and of the ends of its legs at their times.
     """
     rtol = orbit.rtol if rtol is None else rtol
     if isinstance(orbit, HybridOrbit):
@@ -66,20 +66,20 @@ def closure(
 
 
 def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveResult:
-    """The motion after some periods, or a part of one, in plain or logarithmic time."""
+    """The motion after some periods, or after a part of one, in plain or logarithmic time."""
     s = None if orbit.s_period is None else periods * orbit.s_period
     solver = orbit.solver if solver is None else solver
     return advance(orbit.scene, periods * orbit.period, s, rtol=rtol, solver=solver)
 
 
 def _closing_errors(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> np.ndarray:
-    """(m,) the errors of a chain's equations after some periods, by given methods."""
+    """(m,) the errors of a chain's equations after some periods, integrated by given methods."""
     chain = Chain.of(orbit)
     return chain.residual(orbit.y0, orbit.spans, rtol, solvers, periods) / _in_units(orbit)[1]
 
 
 def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
-    """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of these."""
+    """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of the equations."""
     chain, spans = Chain.of(orbit), orbit.spans
     found = chain.linearised(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
     each = chain.sizes(found, spans)
@@ -90,9 +90,9 @@ def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
 def growth(orbit: Orbit | HybridOrbit) -> float:
     """Largest growth of a change of the state on the way to the end of the period.
 
-    The largest of the derivatives of the end by states at 32 times, or at the starts of the legs of
-    a chain; NaN where it grazes an event. Times the unit of rounding it is about the smallest
-    closing error of an integration in doubles.
+    This is the largest norm of the derivatives of the end by states at 32 times, or at the starts
+    of the legs of a chain; NaN where the chain grazes an event. Multiplied by the unit of rounding,
+    it is about the smallest closing error of an integration in doubles.
     """
     if isinstance(orbit, HybridOrbit):
         maps, _, grazed = transitions(orbit, orbit.rtol)
@@ -102,7 +102,7 @@ def growth(orbit: Orbit | HybridOrbit) -> float:
     if orbit.mesh is not None:
         fine = whole
     elif orbit.s_period is None:
-        # Its encounters, if any, are moderate: cut inside one, the value is somewhat larger.
+        # Encounters, if any, are moderate; a cut inside one makes the value somewhat larger.
         even = (1 / SEGMENTS_MOST,) * SEGMENTS_MOST
         fine = dataclasses.replace(whole, shares=even, s_spans=None)
     else:
@@ -117,8 +117,8 @@ class Digits:
     """The certain decimal digits of an orbit's numbers.
 
     Attributes:
-      y0: of the start, relative to the sizes of its entries along the orbit.
-      period: of the full period.
+      y0: digits of the start, relative to the sizes of its entries along the orbit.
+      period: digits of the full period.
     """
 
     y0: float
@@ -130,8 +130,8 @@ def digits(orbit: Orbit | HybridOrbit) -> Digits:
     """The digits of an orbit that another integrator at a tighter tolerance confirms.
 
     The closing error by that integrator, times the inverse of the closing equations' Jacobian,
-    is the displacement of the orbit if it were found again with it. In a family of orbits that
-    is the distance to the family, whose members all close.
+    is the displacement of the orbit if it were found again with that integrator. In a family of
+    orbits this is the distance to the family, whose members all close.
 
     Example:
       >>> import orbits
@@ -159,24 +159,24 @@ def digits(orbit: Orbit | HybridOrbit) -> Digits:
 
 
 def _first_order_move(jacobian: np.ndarray, miss: np.ndarray) -> np.ndarray:
-    """(n,) by how much the unknowns would move, to first order, for equations without errors."""
+    """(n,) by how much the unknowns would move, to first order, to remove the errors `miss`."""
     if not np.isfinite(miss).all():
         return np.full(jacobian.shape[1], np.nan)
     return np.abs(np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ miss)
 
 
 def _digits(error: float) -> float:
-    """Correct decimal digits at this relative error, at most those of a double."""
+    """Correct decimal digits at a relative error, at most those of a double."""
     return float(-np.log10(max(error, np.finfo(float).eps))) if np.isfinite(error) else 0.0
 
 
 def _other(orbit: Orbit) -> Method:
-    """A method that finding the orbit did not use, neither for the motion nor with tangents."""
+    """A method that the search for the orbit did not use, neither for the motion nor tangents."""
     return other_solver(orbit.scene, orbit.solver, logarithmic=orbit.s_period is not None)
 
 
 def _others(orbit: HybridOrbit) -> tuple[Method, ...]:
-    """For each leg of a chain a method that finding it did not use."""
+    """For each leg of a chain, a method that the search did not use."""
     return tuple(other_solver(leg.scene, logarithmic=False) for leg in orbit.legs)
 
 

@@ -31,8 +31,8 @@ from orbits.orbit import Orbit, relocate
 CHOREOGRAPHY = 1e-9
 #: Largest change along the orbit of a conserved quantity, relative to its terms.
 KEPT = 1e-9
-_MOMENTS = 32  # of one period, to test conservation
-_SAMPLES = 720  # of one period, to bracket the passage nearest to the centre
+_MOMENTS = 32  # times in one period at which conservation is tested
+_SAMPLES = 720  # samples of one period, to bracket the passage nearest to the centre
 _PASSAGE_STEPS = 8  # Newton steps on the time of that passage
 
 
@@ -43,9 +43,9 @@ class Identity:
     Attributes:
       choreography: whether all bodies follow one curve, evenly spaced in time; None unless
         several points move freely.
-      permutation_error: deviation from one: the largest entry, in units of its size, of y(T/n)
-        minus the relabelled start, for the better of the two directions; NaN where bodies are not
-        equal.
+      permutation_error: deviation from a choreography: the largest entry, in units of its size, of
+        y(T/n) minus the relabelled start, for the better of the two directions; NaN where bodies
+        are not equal.
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin, in the plane of x and y; None where it is not
         conserved.
@@ -67,7 +67,7 @@ class Identity:
 def identify(orbit: Orbit | HybridOrbit) -> Identity:
     """The invariants of an orbit, where they exist.
 
-    Those of a chain of legs are its energy and angular momentum, if they are the same on all legs.
+    A chain of legs has its energy and angular momentum, where they are the same on all legs.
 
     Example:
       >>> import orbits
@@ -102,9 +102,9 @@ def scale_free_period(scene: Scene, period: float, energy: float) -> float | Non
     masses with G = 1 mostly print T |E|^(3/2) itself, which is this times p^(3/2) / m^(1/2).
 
     Args:
-      scene: of the motion.
-      period: of the motion [s].
-      energy: kinetic plus potential [J].
+      scene: the scene of the motion.
+      period: its period [s].
+      energy: its energy, kinetic plus potential [J].
     Returns:
       The number; None unless several bodies move under their mutual attraction alone.
     """
@@ -116,14 +116,14 @@ def scale_free_period(scene: Scene, period: float, energy: float) -> float | Non
     if n < 2 or G == 0:
         return None
     product = (m[1:] / mean) @ np.cumsum(m / mean)[:-1] / (n * (n - 1) / 2)
-    # From a speed, not from powers of energies and masses, which may overflow.
+    # Computed from a speed, since powers of energies and masses may overflow.
     speed = np.sqrt(abs(energy) / mean)
     return float(period * speed**3 / (G * mean) / product**1.5)
 
 
 def conserved_values(orbit: Periodic) -> tuple[float | None, float | None]:
     """Energy, and angular momentum in the plane of x and y; None if not conserved."""
-    # Not evenly spaced: equal values at symmetric times would look constant.
+    # The times are not evenly spaced: equal values at symmetric times would look constant.
     moments = np.linspace(0.0, 1.0, _MOMENTS) ** 1.5
     runs = []
     for piece in pieces(orbit):
@@ -146,7 +146,7 @@ def _energy(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> tuple[np.ndarray, f
 
 
 def _turns(scene: Scene, ts: np.ndarray, ys: np.ndarray) -> bool:
-    """Whether it has points that are not on a line."""
+    """Whether the scene has points in a space of more than one dimension."""
     return scene.has_points and jax.eval_shape(scene.points, ts[0], ys[0]).r.shape[1] > 1
 
 
@@ -172,7 +172,7 @@ def _momenta(scene: Scene, ts: Array, ys: Array) -> tuple[Array, Array]:
 
 
 def _constant(found: list[tuple[np.ndarray, float]], pieces: int) -> float | None:
-    """The value that all pieces have, of which each has values (s,) and their size."""
+    """The value common to all pieces, from the values (s,) of each and their size; else None."""
     if len(found) < pieces:
         return None
     values, size = np.concatenate([x for x, _ in found]), max(size for _, size in found)
@@ -180,7 +180,7 @@ def _constant(found: list[tuple[np.ndarray, float]], pieces: int) -> float | Non
 
 
 def permutation_error(orbit: Orbit) -> float:
-    """Largest entry by which y(T / n) misses the relabelled start; NaN if bodies differ."""
+    """Largest entry of y(T / n) minus the relabelled start, in sizes; NaN if bodies differ."""
     system = orbit.scene.system
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
         return float("nan")
@@ -196,14 +196,15 @@ def permutation_error(orbit: Orbit) -> float:
 def normal_form(orbit: Orbit) -> Orbit:
     """The same orbit in the frame, phase and scale of the printed figure-eight.
 
-    Three equal bodies in the plane, centre of mass at rest at the origin; the clock starts
-    where a body passes nearest to the centre, which becomes the third; the first is at
-    distance 1, in units of G m = 1; the third is on the x axis a quarter of a period later.
-    Of the remaining mirror images and labels, the one nearest to the printed start is taken
-    (course problem 17: first body at (-0.97000436, 0.24308753)).
+    The centre of mass of the three equal bodies is at rest at the origin. The clock starts where a
+    body passes nearest to the centre; this becomes the third body. The first is at distance 1, in
+    units of G m = 1, and the third is on the x axis a quarter of a period later. Of the remaining
+    mirror images and labels, the one nearest to the printed start is taken (course problem 17:
+    first body at (-0.97000436, 0.24308753)).
 
     Raises:
-      ValueError: the orbit is not of three equal bodies in the plane under their attraction alone.
+      ValueError: the orbit is not one of three equal bodies in the plane that move under their
+        mutual attraction alone.
     """
     if not has_normal_form(orbit):
         raise fail(
@@ -224,7 +225,7 @@ def normal_form(orbit: Orbit) -> Orbit:
     assert isinstance(gravity, PairGravity)
     assert isinstance(bodies, FreePoints)
     gm = float(gravity.G) * float(np.asarray(bodies.m)[0])
-    # Lengths by s, and times by s^(3/2) / sqrt(G m) : Kepler's third law.
+    # Kepler's third law scales lengths by s and times by s^(3/2) sqrt(G m).
     slow = scale**1.5 * np.sqrt(gm)
     r, v, period = scale * r, scale * v / slow, slow * orbit.period
     plain = Scene(system=FreePoints(np.ones(3), d=2), effects=(PairGravity(1.0),), y0=np.zeros(12))
@@ -262,7 +263,7 @@ def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:
 
 
 def _passage(scene: Scene, period: float) -> tuple[float, int]:
-    """Time and body of the passage nearest to the origin: r . v = 0 by Newton's method."""
+    """Time and body of the passage nearest to the origin, where r . v = 0, by Newton's method."""
     ts = np.arange(_SAMPLES) * period / _SAMPLES
     ys = np.asarray(quick_solve(scene, period, ts=ts, rtol=1e-12).ys)
     distance = np.linalg.norm(ys[:, :6].reshape(-1, 3, 2), axis=-1)

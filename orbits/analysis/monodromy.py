@@ -1,7 +1,7 @@
 """The monodromy matrix of an orbit, rotated back for a relative orbit.
 
-By one run over the period, or from segments that join: a run leaves an orbit along which errors
-grow much, and its matrix then is that of another motion.
+It comes from one run over the period, or from segments that join: where errors grow much, a run
+leaves the orbit, and its matrix is that of another motion.
 """
 
 import dataclasses
@@ -29,12 +29,13 @@ from orbits.shooting.segment import Piece, linearise_end
 from orbits.shooting.segmentation import cut_into_segments
 from orbits.shooting.units import InUnits
 
-_SAMPLES = 1024  # of a period, for the mean of the divergence
-_ROUNDING = 1e-12  # of that, relative to its size
-_FEWER = 2  # nodes, for a second opinion on an orbit by collocation
-#: Newton steps to segments that join to this; they go on to rounding.
+_SAMPLES = 1024  # samples of a period, for the mean of the divergence
+_ROUNDING = 1e-12  # rounding error of that mean, relative to its size
+_FEWER = 2  # how many fewer nodes give a second opinion on an orbit by collocation
+#: Most Newton steps towards segments that join, and the error at which they do; iterations go on
+#: to the rounding level.
 _STEPS, _JOINED = 8, 1e-9
-_SAME = 1e-8  # of the sizes: by how much the start of an orbit, and its period, may move meanwhile
+_SAME = 1e-8  # how far, in sizes, the start and the period may move in these steps
 
 
 class Segments(NamedTuple):
@@ -52,18 +53,18 @@ class Segments(NamedTuple):
 
     @classmethod
     def of(cls, orbit: Orbit) -> "Segments | None":
-        """Those of an orbit, in which errors grow little; None if none are found that join."""
+        """Segments of an orbit in which errors grow little; None if none are found that join."""
         guess, rtol = np.append(np.asarray(orbit.y0), orbit.period), orbit.rtol
         cuts = cut_into_segments(Equations.of(orbit), guess, rtol, None, orbit.angle)
         return cls(cuts, cuts.spread(guess[:-1], guess[-1], rtol, orbit.angle), math.nan).at(rtol)
 
     def at(self, rtol: float) -> "Segments | None":
-        """Those of the same orbit at another tolerance; None if they do not join."""
+        """The segments of the same orbit at another tolerance; None if they do not join."""
         if rtol == self.rtol:
             return self
         equations, x = self.equations, self.x
         closed = InUnits(equations, x, rtol)
-        # The states between are those of a run that has left the orbit; where it starts is known.
+        # The states between segments are those of a run that left the orbit; its start is known.
         known, free = np.append(equations.start_at(x), x[-1]), np.append(closed.sizes, x[-1])
         lower, upper = equations.bounds(known - _SAME * free, known + _SAME * free)
         options = {"units": closed.units.x, "goal": _JOINED, "max_iterations": _STEPS}
@@ -97,7 +98,7 @@ class Segments(NamedTuple):
 
 
 def _mirror_image(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) -> Piece:
-    """The segments (n) of the next part of a motion, by which a time reversal retraces them."""
+    """The n segments of the next part of a motion, which retraces these by a time reversal."""
     starts = np.concatenate([end[None], here.start[:0:-1]])
     later = 2 * float(np.sum(here.span)) - (here.t0 + here.span)[::-1]
     return Piece(
@@ -111,7 +112,7 @@ def _mirror_image(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) 
 
 @jax.jit
 def _image(closing: Closing, system: System, end: Array, angle) -> tuple[Array, Array]:
-    """(k,) the start that leads to an end, as its image, and (k, k) the derivative by the end."""
+    """(k,) the start whose image is an end, and (k, k) its derivative by the end."""
 
     def back(y: Array) -> Array:
         return closing.back(system, y, angle)
@@ -129,10 +130,10 @@ class Returned(NamedTuple):
     """A monodromy matrix.
 
     Attributes:
-      m: (d, d) in a basis of tangents, in units of sizes; NaN unless the status is OK.
-      status: of the integration over the period.
-      log_determinant: logarithm of the determinant, of segments without constraints; else NaN.
-      gap: by how much the end of a run misses the start, in sizes; 0 of segments, which join.
+      m: (d, d) the matrix in a basis of tangents, in units of sizes; NaN unless the status is OK.
+      status: status of the integration over the period.
+      log_determinant: logarithm of the determinant, from segments without constraints; else NaN.
+      gap: by how much the end of a run misses the start, in sizes; 0 for segments, which join.
     """
 
     m: np.ndarray
@@ -142,17 +143,17 @@ class Returned(NamedTuple):
 
 
 def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k, d) orthonormal basis of `tangents` at the start, in units of sizes `each` (k,)."""
+    """(k, d) an orthonormal basis of the `tangents` at the start, in units of sizes `each` (k,)."""
     return np.linalg.qr(tangents(scene, np.asarray(scene.y0)) / each[:, None])[0]
 
 
 def return_in_basis(orbit: Orbit, rtol, basis: np.ndarray, each: np.ndarray) -> Returned:
     """The monodromy matrix by one run over the period, rotated back for a relative orbit.
 
-    The basis (k, d) is one of states in units of sizes `each` (k,).
+    The basis (k, d) is a basis of states in units of sizes `each` (k,).
 
-    The displacement after a period is measured by `difference`: -1 times a quaternion is the
-    same attitude.
+    The displacement after a period is measured by the system's `difference`, since a quaternion
+    and its negative are the same attitude.
     """
     m, status, end = _run(orbit, rtol)
     m = basis.T @ map_in_units(np.asarray(m), each) @ basis
@@ -181,15 +182,15 @@ def _run(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
         end, status, m = _by_integration(orbit, rtol)
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
-    # Not by solving: the inverse rotation is exact to rounding.
+    # The inverse rotation is exact to rounding, so nothing is solved.
     return (rotation_back(orbit) @ m if closing.turns else m), status, end
 
 
 def log_determinant(orbit: Orbit) -> tuple[float, float]:
     """The logarithm of the monodromy matrix's determinant, and its error; NaN if it is not known.
 
-    By Liouville's theorem the integral of the divergence of the rate, which is the same however
-    much the motion is unstable. The rate must be one of as many entries as degrees of freedom.
+    By Liouville's theorem it is the integral of the divergence of the rate, which can be computed
+    however unstable the motion is. The state must not be constrained.
     """
     scene = orbit.scene
     if type(scene.system).project is not System.project:
@@ -197,7 +198,7 @@ def log_determinant(orbit: Orbit) -> tuple[float, float]:
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     flow = quick_solve(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     found = np.asarray(_divergences(scene, jnp.asarray(ts), flow.ys))
-    # The mean of a smooth periodic function over equal times; half of them show its error.
+    # The mean of a smooth periodic function at equal times; every other time shows its error.
     whole, half = (float(orbit.period * x.mean()) for x in (found, found[::2]))
     return whole, abs(whole - half) + _ROUNDING * float(orbit.period * np.abs(found).max())
 
@@ -217,7 +218,7 @@ def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
 
 
 def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """The same by the steps over the orbit's mesh; at a coarser tolerance with fewer nodes."""
+    """End, status, derivative by steps over the mesh; with fewer nodes at a coarser tolerance."""
     parts = orbit.closing.parts
     one = Equations.of(orbit)
     shares = tuple(np.tile(one.shares, parts) / parts)
@@ -234,7 +235,7 @@ def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
 def _displacement(orbit: Orbit, end: Array) -> Array:
     """(k, k) derivative of the displacement after a period by the end."""
     system, y0 = orbit.scene.system, orbit.scene.y0
-    # Only for the branch of a wrapped angle, or the sign of a quaternion.
+    # The target only decides on the branch of a wrapped angle, or the sign of a quaternion.
     target = jax.lax.stop_gradient(orbit.closing.after(system, y0, orbit.angle, 1))
     return jax.jacfwd(system.difference)(end, target)
 

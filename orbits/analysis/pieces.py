@@ -1,4 +1,4 @@
-"""A period of an orbit, or of a chain of legs, in its smooth pieces: what all that compares needs.
+"""The smooth pieces of a period of an orbit, or of a chain of legs, as all comparisons need them.
 
 An orbit is one piece. A chain has one for each leg; its state is compared with the start as its
 closing compares it, so that a position that the closing leaves out does not count.
@@ -22,7 +22,7 @@ from orbits.orbit import Orbit
 
 Periodic = Orbit | HybridOrbit
 
-#: Of the period: this close to the end of a leg a state is that after its change.
+#: Share of the period: this close to the end of a leg, the state is the one after its change.
 _AT_END = 1e-9
 
 
@@ -30,10 +30,10 @@ class Piece(NamedTuple):
     """A smooth piece of a period.
 
     Attributes:
-      scene: with the start and the span of the piece.
-      t0: time at which it begins.
-      solver: what integrates it; None for the default.
-      rtol: at this tolerance.
+      scene: the scene, with the start and the span of the piece.
+      t0: time at which the piece begins.
+      solver: the method that integrates it; None for the default.
+      rtol: tolerance of that integration.
     """
 
     scene: Scene
@@ -42,19 +42,19 @@ class Piece(NamedTuple):
     rtol: float
 
     def states(self, ts: np.ndarray) -> np.ndarray:
-        """(s, k) states at times (s,) of the piece itself, in order."""
+        """(s, k) states at times (s,) since the start of the piece, in order."""
         scene = self.scene
         flow = quick_solve(scene, float(scene.t1), ts=ts, rtol=self.rtol, solver=self.solver)
         return np.asarray(flow.ys)
 
     def at(self, t: float) -> Array:
-        """(k,) the state at a time of the piece itself, which may be beside its ends."""
+        """(k,) the state at a time since the start of the piece, which may lie beyond its ends."""
         if t == 0:
             return jnp.asarray(self.scene.y0)
         return quick_solve(self.scene, t, rtol=self.rtol, solver=self.solver).y1
 
     def like(self, other: "Piece") -> bool:
-        """Whether states of both are states of one kind of motion."""
+        """Whether the states of both pieces belong to one kind of system."""
         return type(self.scene.system) is type(other.scene.system) and (
             self.scene.y0.shape == other.scene.y0.shape
         )
@@ -97,7 +97,7 @@ def offset_along(orbit: Periodic, y, way) -> np.ndarray:
 
 
 def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(m, k) what the closing of a chain compares, and (m,) the sizes of that."""
+    """(m, k) the derivative of what the closing of a chain compares, and (m,) the sizes of that."""
     slope = np.asarray(closing_left(orbit.closes, start, start)[1][0])
     rows = np.abs(slope) @ sizes(orbit.legs[0].scene)
     return slope, np.where(rows > 0, rows, 1.0)
@@ -105,7 +105,7 @@ def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndar
 
 @eqx.filter_jit
 def _closing_errors(closes, ys: Array, start: Array) -> Array:
-    # Less what a closing adds that counts turns.
+    # Subtract what a closing that counts turns adds.
     return jax.vmap(lambda y: closes(y, start) - closes(start, start))(ys)
 
 
@@ -117,7 +117,7 @@ def states_at(orbit: Periodic, ts: np.ndarray) -> list[tuple[Piece, np.ndarray]]
     which = np.minimum(np.searchsorted(ends - near, ts, side="right"), len(parts) - 1)
     found = []
     for i, piece in enumerate(parts):
-        # At all times, of which others are the ends: another number of times would compile.
+        # Evaluate at all times, clipped to the piece: another number of times would recompile.
         ys = piece.states(np.clip(ts - piece.t0, 0.0, float(piece.scene.t1)))
         found += [(piece, y) for y in ys[which == i]]
     return found

@@ -2,8 +2,8 @@
 
 A quantity is a function of an orbit, or its name: "period", "energy", and with the name of an entry
 of the state "max x", "min x", "amplitude x" (half of the difference of these), "mean x" and
-"phase x" (of its first harmonic over the period, in radians, behind a cosine). In the functions
-below the place of an entry may be taken by a function (t, y) that returns a number.
+"phase x" (that of its first harmonic over the period, in radians, behind a cosine). In the
+functions below, a function (t, y) that returns a number may take the place of an entry.
 """
 
 import functools
@@ -22,8 +22,8 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.vibration.outputs import Output
 from orbits.orbit import Orbit
 
-#: Samples of a period. The error of the polynomial of order 5 between two that are h apart is
-#: h^6 / 46080 of the sixth derivative.
+#: Samples of a period. The error of the polynomial of degree 5 between two samples h apart is
+#: h^6 / 46080 times the sixth derivative.
 _SAMPLES = 2048
 
 Quantity = Callable[[Orbit], float]
@@ -34,12 +34,12 @@ def extremes(orbit: Orbit, entry: Output) -> tuple[float, float]:
     """The least and the largest value of an entry of the state over a period.
 
     Args:
-      orbit: any.
+      orbit: any orbit.
       entry: its name, one of those of `Scene.labels`, or a function (t, y) that returns ().
     Raises:
       ValueError: there is no such entry, or the function returns another shape.
-    Limits: to about 12 digits where a period has no parts that are a thousand times faster than
-      the rest, as relaxation oscillations have; there to 3 to 6.
+    Limits: accurate to about 12 digits, but to 3 to 6 where parts of the period are a thousand
+      times faster than the rest, as in relaxation oscillations.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -51,17 +51,17 @@ def extremes(orbit: Orbit, entry: Output) -> tuple[float, float]:
 
 
 def extremes_in_time(orbit: Orbit, entry: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """`extremes`, and when they are [time of the scene]."""
+    """`extremes`, and the times at which they are reached [time of the scene]."""
     y, slopes, curvatures = _along(orbit, entry)
     (a, b, c), (a1, b1, c1) = (
         [x[i : i - 1 or None] for x in (y, slopes, 0.5 * curvatures)] for i in (0, 1)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        # Where the cubic of the ends' values and slopes is level, in the form that does not cancel.
+        # Where the cubic through the ends' values and slopes is level, without cancellation.
         second, third = 3 * (a1 - a) - 2 * b - b1, 2 * (a - a1) + b + b1
         root = -(second + np.copysign(np.sqrt(second**2 - 3 * b * third), second))
         u = np.stack([root / (3 * third), b / root])
-        # The value there is that of order 5, with the curvatures of the ends.
+        # The value there is that of the polynomial of degree 5, with the ends' curvatures.
         gap, tilt, bend = a1 - a - b - c, b1 - b - 2 * c, c1 - c
         rest = 10 * gap - 4 * tilt + bend + u * (7 * tilt - 15 * gap - 2 * bend)
         rest += u * u * (6 * gap - 3 * tilt + bend)
@@ -84,17 +84,17 @@ def amplitude(orbit: Orbit, entry: Output) -> float:
 def mean(orbit: Orbit, entry: Output) -> float:
     """The mean of an entry of the state over a period; see `extremes`."""
     y, *_ = _along(orbit, entry)
-    return float(y[:-1].mean())  # of a periodic function all digits
+    return float(y[:-1].mean())  # exact to rounding for a smooth periodic function
 
 
 @check_first
 def phase(orbit: Orbit, entry: Output) -> float:
-    """The phase of the first harmonic of an entry over a period: p of cos(2 pi t / T - p).
+    """The phase p of an entry's first harmonic over a period, cos(2 pi t / T - p).
 
-    Of a driven scene that is the phase behind a drive of cos(2 pi t / T).
+    In a driven scene this is the phase behind a drive of cos(2 pi t / T).
 
     Returns:
-      From -pi to pi.
+      The phase, from -pi to pi.
     """
     y, *_ = _along(orbit, entry)
     n = len(y) - 1
@@ -112,12 +112,12 @@ _OF_ENTRIES: dict[str, Callable[[Orbit, Output], float]] = {
 
 
 def quantity(what: str | Quantity) -> Quantity:
-    """The function of an orbit that is meant.
+    """The function of an orbit that a name stands for.
 
     Args:
       what: a function from an orbit to a number, or a name; see above.
     Raises:
-      ValueError: neither.
+      ValueError: `what` is neither.
     """
     if callable(what):
         return what
@@ -136,7 +136,7 @@ def quantity(what: str | Quantity) -> Quantity:
 
 
 def check_quantity(what: str | Quantity, scene: Scene) -> None:
-    """Raise ValueError unless a scene's orbits have a quantity, before a family is computed."""
+    """Raise ValueError, before a family is computed, unless a scene's orbits have a quantity."""
     quantity(what)
     word, _, entry = what.partition(" ") if isinstance(what, str) else ("", "", "")
     if word in _OF_ENTRIES:
@@ -146,7 +146,7 @@ def check_quantity(what: str | Quantity, scene: Scene) -> None:
 
 
 def unit(what: str, scene: Scene) -> str:
-    """The unit of a quantity's name in a scene; "1" for none, and for what has no name."""
+    """The unit of a named quantity in a scene; "1" where it has none or the name is unknown."""
     labels = scene.labels()
     known = {"period": second(labels) or "1", "energy": joule(labels) or "1"}
     word, _, entry = what.partition(" ")
@@ -156,7 +156,7 @@ def unit(what: str, scene: Scene) -> str:
 
 
 def _along(orbit: Orbit, entry: Output) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """An entry with its first two derivatives, by equal parts of a period, at their ends."""
+    """An entry and its first two derivatives, per equal part of a period, at the ends of parts."""
     scene = orbit.scene
     motion = simulate(scene, samples=_SAMPLES + 1, rtol=orbit.rtol, solver=orbit.solver)
     part = orbit.period / _SAMPLES
@@ -181,7 +181,7 @@ def _state(t: Array, y: Array) -> Array:
 def _derivatives(
     scene: Scene, ts: Array, ys: Array, *, of: Callable[[Array, Array], Array] = _state
 ) -> tuple[Array, Array, Array]:
-    """(n, ...) a function of time and state, its rates, and how these change along the motion."""
+    """(n, ...) a function of time and state, and its first and second derivative along a motion."""
 
     def along(function: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
         def slope(t: Array, y: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Everything that is claimed of an orbit, in one record.
+"""Everything that is claimed about an orbit, in one record.
 
 The command line prints it, files keep it, and `orbits verify` recomputes it.
 """
@@ -45,11 +45,11 @@ class Report:
       period: full period.
       y0: (k,) start, in the order of the system's labels.
       closure: largest difference between the state after one period and the start.
-      growth: largest growth of a change on the way to the end of the period; times the unit of
-        rounding it is the closure possible in doubles.
+      growth: largest growth of a change on the way to the end of the period; multiplied by the unit
+        of rounding, it is the closure possible in doubles.
       minimal_period: the shortest time after which the motion returns.
       choreography: whether all bodies follow one curve; None unless they are free points.
-      permutation_error: deviation from that; None where bodies differ.
+      permutation_error: deviation from a choreography; None where bodies differ.
       word: the free-group word of three bodies in the plane; None for anything else, and where
         the motion runs into a collision.
       energy: kinetic plus potential; None where it is not conserved.
@@ -59,14 +59,14 @@ class Report:
       multipliers: all Floquet multipliers as [re, im].
       multiplier_bars: error bars of the non-trivial ones, which come first.
       exponents: rotation numbers of the non-trivial pairs; None for a real pair.
-      unit_multipliers: number of them that are 1 by an integral or symmetry.
+      unit_multipliers: number of multipliers that are 1 by an integral, a symmetry or the flow.
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: see `Stability`.
       determinant_defect: see `Stability`.
-      periods_simulated: number of consecutive periods of `return_error`.
+      periods_simulated: number of consecutive periods for `return_error`.
       return_error: largest difference between the state after these and the start.
       recheck: the closure by another integrator at a tighter tolerance.
-      normal_form: None where there is none.
+      normal_form: period and start in normal form; None where there is none.
     """
 
     outcome: str
@@ -98,7 +98,7 @@ class Report:
 def report(orbit: Orbit | HybridOrbit) -> Report:
     """All claims about an orbit, computed from its scene, start and period alone.
 
-    Those about a chain of legs are computed from its legs and its closing.
+    For a chain of legs they are computed from its legs and its closing.
     """
     report_progress("identifying the orbit")
     what = identify(orbit)
@@ -152,11 +152,11 @@ def as_json(claims: Report) -> dict[str, Any]:
 
 
 def from_json(record: Any, remedy: str) -> Report:
-    """The claims of such an object; null becomes NaN where a number is expected.
+    """The claims in an object that `as_json` made; null becomes NaN where a number is expected.
 
     Args:
-      record: from a file.
-      remedy: what to do if it is none, for the message.
+      record: the object, from a file.
+      remedy: what to do if it holds no claims, for the message.
     Raises:
       ValueError: it has other entries than `as_json` writes, or some of another type.
     """

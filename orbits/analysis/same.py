@@ -1,7 +1,7 @@
 """Whether two orbits are the same motion.
 
-One may be seen at another time, rotated, mirrored, relabelled, scaled, or reversed in time: then
-they can be aligned (for free points by `alignment`), up to rounding.
+The same motion may be seen at another time, rotated, mirrored, relabelled, scaled, or reversed in
+time; then the two can be aligned (for free points by `alignment`) up to rounding.
 """
 
 import jax
@@ -26,18 +26,18 @@ from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, relocate
 
-#: `TOLERANCE` for orbits so unstable that their own periods differ by as much.
+#: Takes the place of `TOLERANCE` for orbits so unstable that their own periods differ by as much.
 _BLURRED = 1e-4
-_MISSES = 4.0  # of those by which one orbit may differ from the other
+_MISSES = 4.0  # multiple of the differences between own periods up to which two orbits may differ
 _ROUNDS = 6  # Gauss-Newton steps on the shift in time
-_DIVISORS = 64  # shorter periods are tested down to this part
+_DIVISORS = 64  # shorter periods are tested down to this fraction of the period
 
 
 @check_first
 def minimal_period(orbit: Orbit | HybridOrbit, tolerance: float = TOLERANCE) -> tuple[float, int]:
-    """The shortest time after which the motion returns, and how many of these a period is.
+    """The shortest time after which the motion returns, and how many of these a period contains.
 
-    A chain of legs returns where its closing says so; from a state before a change it does not.
+    A chain of legs returns where its closing says so, and not at a state before a change.
 
     Example:
       >>> import orbits
@@ -65,16 +65,16 @@ def same_orbit(
 ) -> bool:
     """Whether two orbits are the same up to symmetries.
 
-    That is, shifts in time; for several free points also its direction, rotations, reflections
-    and names of equal bodies; where they only attract each other by Newton's law also scale; for
-    chains of legs also what their closing leaves out.
+    The symmetries are shifts in time; for several free points also the direction of time,
+    rotations, reflections and relabelling of equal bodies; where these only attract each other by
+    Newton's law, also scaling; for chains of legs, also what their closing leaves out.
 
     Args:
       a: an orbit.
-      b: another one.
+      b: another orbit.
       tolerance: largest distance that counts as the same, relative to the orbits' size. If the
-        second period of an orbit differs from its first by more, since it is unstable, four
-        times that counts, up to 1e-4.
+        second period of an orbit differs from its first by more, since it is unstable, four times
+        that difference takes its place, up to 1e-4.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -91,7 +91,7 @@ def same_orbit(
 
 
 def _mismatch(orbit: Periodic, shift: float) -> float:
-    """Difference of the second period after a time from the first, relative to the size."""
+    """Difference between the first two periods after a shift, relative to the orbit's size."""
     if isinstance(orbit, HybridOrbit):
         return closure(orbit, periods=2)
     scene, period = orbit.scene, minimal_period(orbit)[0]
@@ -109,7 +109,7 @@ def _mismatch(orbit: Periodic, shift: float) -> float:
 def match(a: Orbit | HybridOrbit, b: Orbit | HybridOrbit) -> Match | None:
     """The best alignment of the second orbit with the first; None if there is none.
 
-    Of two chains of legs the first start is sought on the legs of the second.
+    For two chains of legs, the start of the first is sought on the legs of the second.
 
     Raises:
       ValueError: `a` or `b` does not close.
@@ -130,7 +130,7 @@ def match(a: Orbit | HybridOrbit, b: Orbit | HybridOrbit) -> Match | None:
 
 
 def _several_points(orbit: Orbit) -> bool:
-    """Whether it is one of free points that can be seen from their centre of mass."""
+    """Whether it is an orbit of several free points, seen from their centre of mass."""
     system = orbit.scene.system
     return isinstance(system, FreePoints) and len(system.m) > 1
 
@@ -140,9 +140,9 @@ def _over(orbit: Orbit, period: float) -> Orbit:
 
 
 def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
-    """As `match_points` for other systems: the first start is sought on the second orbit.
+    """`match_points` for other systems, which seeks the start of the first orbit on the second.
 
-    On one of its pieces, which is followed beyond its ends where the start is at one of them.
+    The nearest of its pieces is followed beyond its ends where the start is at one of them.
     """
     start, first = jnp.asarray(a.y0), pieces(a)[0]
     best = None
@@ -158,7 +158,7 @@ def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
         y = piece.at(t)
         off, along = offsets(a, y[None], start)[0], offset_along(a, y, rate(piece.scene, t, y))
         tries.append((float(np.abs(off).max()), t))
-        # Under a drive a state may rest for a moment: then it is compared as it is.
+        # Under a drive a state may rest for a moment; it is then compared without a shift.
         size = float(along @ along)
         t -= float(np.clip(off @ along / size, -most, most)) if size > 0 else 0.0
     distance, t = min(tries)

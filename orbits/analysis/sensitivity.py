@@ -1,8 +1,8 @@
-"""Derivatives of an orbit by the numbers of its scene: the implicit function theorem.
+"""Derivatives of an orbit by the numbers of its scene, from the implicit function theorem.
 
 The closing equations F(x, scene) = 0 hold along the family of orbits that belongs to a change
 of the scene, so dx = -F_x^+ F_scene dscene: one solve with the available Jacobian, not a
-differentiation of the finder's iterations. Of all orbits that close F_x^+ selects the nearest one,
+differentiation of the finder's iterations. Of all orbits that close, F_x^+ selects the nearest one,
 so where orbits come in families (conservative scenes) the derivative is unique only at fixed
 conditions: hold the energy, or the period.
 
@@ -47,8 +47,8 @@ class DifferentiableOrbit(eqx.Module):
 
     Attributes:
       scene: the scene with the start and the period of the orbit.
-      angle: () of a relative orbit.
-      known: the orbit it is based on.
+      angle: () angle of a relative orbit.
+      known: the orbit on which it is based.
     """
 
     scene: Scene
@@ -68,7 +68,7 @@ class DifferentiableOrbit(eqx.Module):
     def multipliers(self) -> Array:
         """(p,) the non-trivial Floquet multipliers, complex.
 
-        NaN for a multiplier that coincides with another one, where it has no derivative;
+        A multiplier that coincides with another one has no derivative and is NaN here;
         `orbits.stability` has its value.
 
         Raises:
@@ -82,7 +82,7 @@ class DifferentiableOrbit(eqx.Module):
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
 
     def exponents(self) -> Array:
-        """(p,) Floquet exponents [1/time]: log of the multipliers over the period; complex."""
+        """(p,) Floquet exponents [1/time], the logarithms of the multipliers over the period."""
         logs = jnp.log(self.multipliers())
         return logs / self.period.astype(logs.dtype)
 
@@ -134,10 +134,10 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
 
     Args:
-      scene: with the numbers to differentiate by; the orbit's own scene, or a traced copy of it. Of
-        a chain of legs the legs, or the phases that it was found from.
+      scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of
+        it. For a chain of legs, the legs or the phases from which it was found.
       orbit: what `find` or `find_hybrid` returned.
-      hold: conditions, as for `find`; they select an orbit of a family. None for chains, whose
+      hold: conditions, as for `find`; they select an orbit of a family. Chains take none, and their
         multipliers are not differentiated either.
     Returns:
       The orbit's numbers, equal to those found, with their first derivatives by every number
@@ -145,9 +145,9 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     Raises:
       ValueError: `orbit` does not close; legs are given with an orbit, or a scene or conditions
         with a chain.
-    Limits: first derivatives; the values are those of `orbit` whatever the scene's. Accurate to
-      rounding times the growth of errors over the orbit: the derivative of the figure-eight's
-      period by a mass to 1e-11, compared with differences of order 6.
+    Limits: first derivatives only; the values are those of `orbit`, whatever the numbers of the
+      scene. Derivatives are accurate to rounding times the growth of errors over the orbit: that of
+      the figure-eight's period by a mass to 1e-11, compared with differences of order 6.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
@@ -175,7 +175,7 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
 
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
-    """() when an entry of the state is level, by a step of Newton's method from a time nearby."""
+    """() the time at which an entry of the state is level, by a Newton step from a time nearby."""
     now, y = jnp.asarray(t), solve(scene, t, rtol=rtol).y1
     rate, change = jax.jvp(scene.rate, (now, y), (jnp.ones(()), scene.rate(now, y)))
     return now - jnp.where(change[entry] != 0, rate[entry] / change[entry], 0.0)
@@ -185,21 +185,21 @@ class Posed(NamedTuple):
     """The closing equations of an orbit.
 
     Attributes:
-      equations: of the orbit.
-      x: (n,) its unknowns.
+      equations: the equations.
+      x: (n,) the unknowns that solve them.
     """
 
     equations: Equations
     x: np.ndarray
 
     def of(self, scene: Scene) -> Equations:
-        """The equations of a scene with other numbers, or the same ones traced."""
+        """The equations of a scene with other numbers, or with the same ones traced."""
         known = self.equations.scene
         return eqx.tree_at(lambda e: e.scene, self.equations, scene.starting(known.y0, known.t1))
 
 
 def pose(orbit: Orbit, hold: Hold) -> Posed:
-    """The closing equations of an orbit, in segments as its errors grow."""
+    """The closing equations of an orbit, in as many segments as its growth of errors requires."""
     guess = np.append(np.asarray(orbit.y0), orbit.period)
     equations = cut_into_segments(
         Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
@@ -238,14 +238,14 @@ def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Arr
 
 
 def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
-    """(n, m) the pseudo-inverse of the Jacobian in the units of the orbit: the nearest orbit."""
+    """(n, m) the pseudo-inverse of the Jacobian, which selects the nearest orbit in its units."""
     closed = InUnits(equations, x, rtol)
     _, jacobian = closed(x)
     return _pseudo_inverse(jacobian, closed.units.x, closed.units.rows)
 
 
 def _pseudo_inverse(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """(n, m) that of a Jacobian in units of the unknowns (n,) and of the equations (m,)."""
+    """(n, m) the pseudo-inverse of a Jacobian in units of the unknowns (n,) and equations (m,)."""
     inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
     return units[:, None] * inverse / rows
 
@@ -277,7 +277,7 @@ def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _simple(linear: Stability) -> np.ndarray:
-    """(p,) whether a multiplier differs from all others, those that are forced included."""
+    """(p,) whether each multiplier differs from all others, including those that are forced."""
     forced = len(linear.multipliers) - len(linear.nontrivial)
     bars = np.append(linear.bars, np.zeros(forced))
     distance = np.abs(linear.nontrivial[:, None] - linear.multipliers)

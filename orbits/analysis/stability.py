@@ -6,15 +6,15 @@ defective pairs, so an eigenvalue solver returns them only to the square root of
 the test |multiplier| > 1 would be random. They are removed first, as a block.
 
 `trivial` finds those directions. M maps the common kernel N of the integrals' gradients to
-itself, and the symmetries' generators inside it, G, to themselves; the quotient, M on N / G,
-has exactly the non-trivial multipliers for eigenvalues, well conditioned unless two of them meet.
-Where the scene is conservative M is symplectic, which is known better than M: that is proved from
-the rate, and the multipliers then come in pairs (`pair_reciprocals`).
+itself, and the symmetries' generators inside it, G, to themselves. The eigenvalues of the quotient,
+M on N / G, are exactly the non-trivial multipliers, well conditioned unless two of them meet.
+Where the scene is conservative, M is symplectic. This is known better than M itself, since it is
+proved from the rate, and the multipliers then come in pairs (`pair_reciprocals`).
 
-Each gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between two
-tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an orbit
-with close encounters, a third tolerance shows each entry of the error, not just its size. What the
-multipliers then say, "stable", "unstable" or "undecided", is `map_verdict` of that file.
+Each multiplier gets an error bar (see `jaxdyn.analysis.eigenvalues`), from the change of M between
+two tolerances and its rounding. Where that settles nothing, as for a multiplier of 1.0036 of an
+orbit with close encounters, a third tolerance shows each entry of the error, not just its size.
+`map_verdict` of that file then judges the multipliers as "stable", "unstable" or "undecided".
 """
 
 import dataclasses
@@ -64,11 +64,11 @@ from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import CLOSED, Orbit
 from orbits.shooting import trivial
 
-#: A run over the period is replaced by segments where errors grow by more than the first, or it
-#: misses its start by more than the second, in sizes.
+#: A run over the period is replaced by segments where errors grow by more than the first of these,
+#: or the end misses the start by more than the second, in sizes.
 _GROWN, _APART = 1e4, 1e-6
 _CLOSER = 10.0  # the third tolerance, as a multiple of the first
-_EXACT_BARS = 1e-11  # a multiplier that these leave within them is one to more digits, too
+_EXACT_BARS = 1e-11  # bars so narrow that more digits would leave the verdict open as well
 _WIDE = (
     "The bars of the multipliers leave open on which side of the unit circle they are, or whether "
     "they have met. More digits decide it, in minutes: orbits.refine(orbit, 30).stability(); where "
@@ -80,7 +80,7 @@ _OPEN = (
     "scene (energy=, integrals=)."
 )
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
-_LOOSEST = 1e-9  # first tolerance above which runs may take the same few steps, and tell nothing
+_LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and tell nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,10 +88,10 @@ class Stability:
     """The linear stability of an orbit.
 
     Attributes:
-      multipliers: (d,) all Floquet multipliers: the non-trivial ones, of a relative orbit those
-        of the centre of mass, exp(+-i angle), then the unit ones; one for each direction on the
-        constraint surface, so d = k without constraints.
-      nontrivial: (p,) those not forced by an integral, a symmetry or the flow.
+      multipliers: (d,) all Floquet multipliers: the non-trivial ones, then for a relative orbit
+        those of the centre of mass, exp(+-i angle), then the unit ones. There is one for each
+        direction on the constraint surface, so d = k without constraints.
+      nontrivial: (p,) the multipliers that no integral, symmetry or flow forces.
       bars: (p,) their error bars.
       unit: number of multipliers that are 1 by an integral, a symmetry or the flow.
       integrals: number of independent integrals that were confirmed.
@@ -101,13 +101,13 @@ class Stability:
       verdict: "stable", "unstable" or "undecided".
       symplectic_defect: largest entry of M^T J M - J over |M|^2 and that of J; None where the
         system has no canonical coordinates and its rate keeps no constant form J that can be found.
-      determinant_defect: |det M - 1|, the same.
-      monodromy: (d, d) the matrix M, in the basis `tangents`; of a chain of legs on
-        what its closing compares, in units of sizes.
+      determinant_defect: |det M - 1|; None likewise.
+      monodromy: (d, d) the matrix M, in the basis `tangents`; for a chain of legs, on what its
+        closing compares, in units of sizes.
       conservative: whether the rate is proved, to rounding, to keep a symplectic form.
-      growth: norm of the same matrix, of states in units of their sizes.
-      status: of the integration over the period; unless it is OK every number is NaN and the
-        verdict "undecided".
+      growth: norm of the same matrix for states in units of their sizes.
+      status: status of the integration over the period; unless it is OK, every number is NaN and
+        the verdict is "undecided".
     """
 
     multipliers: np.ndarray
@@ -152,9 +152,10 @@ class Stability:
     def indices(self) -> np.ndarray:
         """(p / 2,) stability indices (z + 1 / z) / 2 of the pairs of non-trivial multipliers.
 
-        In [-1, 1] where a pair is on the unit circle, as all are of a stable orbit; the largest
-        first by absolute value. They are complex where two pairs leave the circle together, and
-        say nothing where multipliers come in no pairs, as in scenes with damping.
+        They lie in [-1, 1] where a pair is on the unit circle, as all pairs of a stable orbit are;
+        the largest by absolute value comes first. They are complex where two pairs leave the circle
+        together, and mean nothing where multipliers do not come in pairs, as in scenes with
+        damping.
         """
         values = 0.5 * (self.nontrivial + 1 / self.nontrivial)
         found, left = [], list(values[np.argsort(-np.abs(values), kind="stable")])
@@ -169,18 +170,18 @@ class Stability:
 
     @property
     def unnamed(self) -> int:
-        """How many of the integrals the scene does not name; they follow from its symmetries."""
+        """Number of integrals that the scene does not name, but that its symmetries imply."""
         return trivial.count_unnamed(self.reasons)
 
     @property
     def message(self) -> str:
-        """How the integration over the period ended, or what leaves the verdict open; a remedy."""
+        """How the integration ended or what leaves the verdict open, with a remedy."""
         if not self.ok or self.verdict != "undecided":
             return self.status.message
         return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
 
-#: Relative imaginary part of a stability index that is rounding.
+#: Relative imaginary part of a stability index up to which it is rounding.
 _REAL = 1e-9
 
 
@@ -188,9 +189,9 @@ class _Form(NamedTuple):
     """A symplectic form at the start of an orbit, in a basis of states in sizes.
 
     Attributes:
-      matrix: (d, d), None if none is known.
-      defect: how far the monodromy matrix is from one that keeps it.
-      kept: whether the flow keeps it, and the matrix, up to its error.
+      matrix: (d, d) the form; None if none is known.
+      defect: how far the monodromy matrix is from keeping it.
+      kept: whether the flow keeps it, and the matrix does up to its error.
     """
 
     matrix: np.ndarray | None
@@ -213,13 +214,13 @@ def stability(
         saltation matrices, and each position that its closing leaves out has a unit multiplier;
         integrals are not looked for.
       rtol: tolerance of the variational equations; the orbit's own by default. A second run
-        at a hundred times that gives the error bars; where they leave the verdict undecided, a
-        third at ten times that makes them narrower.
-      along: (k, p) directions from the start to other orbits of the same scene, for which an
-        integral is responsible that the scene does not name. Each forces one more multiplier to
-        be 1; `continue_family` finds them.
+        at a hundred times that tolerance gives the error bars; where they leave the verdict
+        undecided, a third at ten times that tolerance makes them narrower.
+      along: (k, p) directions from the start to other orbits of the same scene, which exist by an
+        integral that the scene does not name. Each forces one more multiplier to be 1;
+        `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
-        tolerances (a collision, the step limit), or a chain grazes an event, where it has no
+        tolerances (a collision, the step limit), or if a chain grazes an event, where it has no
         multipliers; with False look at `Stability.status`.
     Raises:
       ValueError: the orbit has traced values; a chain of legs was not found, grazes an event
@@ -247,7 +248,7 @@ def judge(
     along: np.ndarray | None,
     throw: bool,
 ) -> Stability:
-    """`stability` of an orbit whose segments may be known, in sizes `each` (k,) of its entries."""
+    """`stability` of an orbit whose segments may be known, with the entries' sizes `each` (k,)."""
     scene = orbit.scene
     basis = tangents_in(scene, each)
     runs = _Runs.of(segments, orbit, rtol, basis, each)
@@ -262,7 +263,7 @@ def judge(
     split = _split_monodromy(orbit, m, coarse.m, form, basis, each, along)
     q = split.q
     reduced = q.T @ m @ q
-    # The rounding error is that of the whole matrix.
+    # The rounding error is that of the whole matrix, not of the block.
     error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
     # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
     error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
@@ -276,7 +277,7 @@ def judge(
         return found, str(map_verdict(found, form.kept))
 
     found, verdict = multipliers()
-    # Collocation has two numbers of nodes only: a third matrix would be the second.
+    # Collocation has only two numbers of nodes: a third matrix would be equal to the second.
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
         closer = runs.at(_CLOSER * rtol)
         changes = [q.T @ (x.m - m) @ q for x in (closer, coarse)]
@@ -301,10 +302,10 @@ def judge(
 
 
 def _is_noise(found: Eigenvalues, orbit: Orbit) -> np.ndarray:
-    """(p,) whether a multiplier is less than its bar, and that more than any of a motion has.
+    """(p,) whether each multiplier is less than its bar, and the bar wider than `_VAGUE`.
 
-    Of a stiff one none is too little: on a slow curve the rate is a small difference of large
-    terms, and rounding of the start turns it.
+    For stiff motions no bar is too narrow to count: on a slow curve the rate is a small difference
+    of large terms, whose direction the rounding of the start changes.
     """
     vague = 0.0 if orbit.stiff else _VAGUE
     return found.bars > np.maximum(vague, np.abs(found.values))
@@ -314,10 +315,10 @@ class _Runs(NamedTuple):
     """The monodromy matrix at several tolerances, by runs over the period or from segments.
 
     Attributes:
-      fine: at the first tolerance.
-      coarse: at a coarser one.
-      at: at any other one.
-      log_determinant: its logarithm and the error of that.
+      fine: the matrix at the first tolerance.
+      coarse: the matrix at a coarser tolerance.
+      at: the matrix at any tolerance.
+      log_determinant: the logarithm of its determinant, and the error of that.
     """
 
     fine: Returned
@@ -327,7 +328,7 @@ class _Runs(NamedTuple):
 
     @classmethod
     def of(cls, segments: Segments | None, orbit: Orbit, rtol: float, basis, each) -> "_Runs":
-        """Those of an orbit; along one where errors grow much a run ends far from its start."""
+        """The matrices of an orbit, from segments where a run ends far from its start."""
         if segments is not None:
             found = cls._from_segments(segments, rtol, basis, each)
             if found is not None:
@@ -346,7 +347,7 @@ class _Runs(NamedTuple):
 
     @classmethod
     def _from_segments(cls, segments: Segments, rtol: float, basis, each) -> "_Runs | None":
-        """Those from segments; None where they do not join at the tolerances."""
+        """The matrices from segments; None where these do not join at the tolerances."""
         first, second = segments.at(rtol), segments.at(coarser(rtol))
         if first is None or second is None:
             return None
@@ -406,7 +407,7 @@ def _of_chain(orbit: HybridOrbit, rtol: float, throw: bool) -> Stability:
 
 
 def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalues:
-    """The multipliers with bars that count what the directions of the split are wrong by."""
+    """The multipliers with bars that include the error in the directions of the split."""
     off, (values, bars) = split.residual(m), found
     if not (off and len(values)):
         return found
@@ -432,13 +433,13 @@ def _split_monodromy(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -
 
 
 def _in_entries(scene: Scene, m: np.ndarray, basis: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """(d, d) a map in the basis `tangents`, from that in a basis of states in units of sizes."""
+    """(d, d) a map in the basis `tangents`, from its matrix in a basis of states in sizes."""
     change = tangents(scene, np.asarray(scene.y0)).T @ (basis * each[:, None])
     return change @ m @ np.linalg.inv(change)
 
 
 def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np.ndarray) -> _Form:
-    """The form for a map (d, d), with its error, in a basis of states in sizes `each` (k,)."""
+    """The form for a map m (d, d) with an error, in a basis of states in sizes `each` (k,)."""
     form, kept = symplectic_form(scene, scene.y0), True
     if form is not None:
         form = basis.T @ (np.asarray(form) * each * each[:, None]) @ basis
@@ -473,7 +474,7 @@ def _unknown_stability(d: int, status: Status) -> Stability:
 
 
 def rotation_numbers(values: np.ndarray, bars: np.ndarray) -> tuple[float | None, ...]:
-    """One entry per pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
+    """One rotation number for each pair (lambda, 1 / lambda) or (lambda, conj lambda)."""
     left = list(range(len(values)))
     numbers: list[float | None] = []
     while left:

@@ -1,4 +1,4 @@
-"""The topology of a planar three-body orbit: how its triangles wind round the collisions.
+"""The topology of a planar three-body orbit: how its triangles wind around the collisions.
 
 Up to position, size and rotation, three bodies in the plane are a point of a sphere. Collinear
 configurations are its equator; on it lie the three collisions, which divide it into three arcs,
@@ -23,8 +23,8 @@ from jaxdyn.status import IntegrationError, Status
 from orbits.motion import at_s, logarithmic_period, quick_solve
 from orbits.orbit import Orbit
 
-_SAMPLES = 2048  # of one period at first
-_FEWEST = 256  # samples added at a time
+_SAMPLES = 2048  # samples of one period at first
+_FEWEST = 256  # fewest samples added at a time
 _SWING = 0.4  # [rad] largest turn of a side of the triangle between samples; a passage needs more
 _RTOL = 1e-12  # tolerance of the samples
 _REFINEMENTS = 40  # halvings of an interval where the triangle turns faster
@@ -63,8 +63,8 @@ def has_word(orbit: Orbit) -> bool:
 def _positions(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
-    At places in logarithmic time, where bodies attract each other: in plain time an encounter may
-    move from one run to the next by more than it lasts.
+    Where bodies attract each other, samples are at places in logarithmic time: in plain time an
+    encounter may move from one run to the next by more than its duration.
 
     Raises:
       IntegrationError: the motion runs into a collision, where its triangle turns ever faster.
@@ -75,12 +75,12 @@ def _positions(orbit: Orbit) -> np.ndarray:
         ts, ys = _states(orbit, places, logarithmic=s is not None)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
-        # Not the angle between samples: near a collision a side turns by 2 pi unnoticed.
+        # The angle between samples would not do: near a collision a side turns by 2 pi unnoticed.
         rates = (np.linalg.norm(changes, axis=-1) / np.linalg.norm(sides, axis=-1)).max(axis=1)
         swings = np.diff(ts) * np.maximum(rates[1:], rates[:-1])
         if (swings <= _SWING).all():
             return r
-        # A power of two of new times, where it turns most: few lengths, few compilations.
+        # Add a power of two of new times, where it turns most: few lengths, few compilations.
         count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
         most = np.sort(np.argsort(-swings)[:count])
         middles = 0.5 * (places[most] + places[most + 1])
@@ -109,14 +109,14 @@ def _states(
 def _middle(before, after, area_before, area_after) -> int:
     share = area_before / (area_before - area_after)
     r = before + share * (after - before)
-    # Seen from the middle one the others are in opposite directions.
+    # Seen from the body in the middle, the others are in opposite directions.
     dots = [(r[(i + 1) % 3] - r[i]) @ (r[(i + 2) % 3] - r[i]) for i in range(3)]
     return int(np.argmin(dots)) + 1
 
 
 @check_first
 def word(orbit: Orbit) -> str:
-    """The free-group word of a planar three-body orbit, cyclically reduced, its canonical form.
+    """The free-group word of a planar three-body orbit, cyclically reduced, in canonical form.
 
     Orbits that differ by the start of the period, the labels of the bodies, a reflection or the
     direction of time have the same word.
@@ -134,7 +134,7 @@ def word(orbit: Orbit) -> str:
 
 
 def spell(middles: tuple[int, ...]) -> str:
-    """The word of a sequence of bodies in the middle, the first of them passed downwards."""
+    """The word of a sequence of bodies in the middle, of which the first is passed downwards."""
     down, up = {1: "a", 2: "b", 3: ""}, {1: "A", 2: "B", 3: ""}
     return "".join((down if i % 2 == 0 else up)[body] for i, body in enumerate(middles))
 
@@ -143,7 +143,7 @@ def canonical(letters: str) -> str:
     """The alphabetically first of all words of the same orbit.
 
     Raises:
-      ValueError: `letters` has others than a, b and their inverses A, B.
+      ValueError: `letters` contains others than a, b and their inverses A, B.
     Example:
       >>> canonical("BabA") == canonical("abAB")
       True
@@ -163,7 +163,7 @@ def canonical(letters: str) -> str:
 
 
 def _reduce(letters: str) -> str:
-    """The cyclically reduced word: adjacent inverses cancelled, also across the ends."""
+    """The cyclically reduced word, with adjacent inverses cancelled, also across the ends."""
     kept: list[str] = []
     for letter in letters:
         if kept and kept[-1] == letter.swapcase():
@@ -180,7 +180,7 @@ def _turns(letters: str) -> list[str]:
 
 
 def _relabel(letters: str) -> list[str]:
-    """The word with the bodies in any order, and of the mirror image."""
+    """The words with the bodies in every order, and those of the mirror image."""
     found = []
     for order in itertools.permutations((1, 2, 3)):
         # a = g_1 g_3^-1 and b = g_2 g_3^-1, in the bodies' new numbers.
