@@ -1,14 +1,14 @@
 """Curves of special orbits in two parameters.
 
 `following` poses folds, branch points, period doublings and torus points to the branch engine, by
-the equations of `extended` in the units of `units`, and finds the points of codimension two
-between two; `steps` makes a point with its multipliers and tests, and `curve` holds all;
-`checkpoint` keeps them in a file, and reads it.
+the equations of `extended` in the units of `units`, and finds the points of codimension two between
+neighbours on a curve; `steps` makes a point with its multipliers and tests; `curve` has the records
+of points and curves; `checkpoint` writes them to a file and reads it.
 
 May import: `families`.
 
-One more kind of curve is its closing equations in `extended` and its first vectors in `following`;
-one more kind of special point is a `CodimensionTwo` and a test in `steps`.
+To add a kind of curve, write its equations in `extended` and its first vectors in `following`; to
+add a kind of special point, write a `CodimensionTwo` and a test in `steps`.
 """
 
 import jaxdyn._doors

@@ -1,4 +1,4 @@
-"""Curves of special orbits in a file: their points as JSON, and curves again."""
+"""Curves of special orbits in a file: points written as JSON, and curves read from it."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,22 +18,22 @@ from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
 from orbits.curves.steps import frame_at, orbit_of
 from orbits.curves.units import of_equations, of_unknowns, units_of
 
-#: What such a walk is.
+#: What the file of a continuation calls a curve of orbits.
 ORBIT_CURVE = "curve of orbits"
-_HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
+_HOLDS = 1e-6  # relative closing error above which an orbit is not one of these scenes
 
 
 def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
-    """The curves of special orbits that a file keeps; also while it is written.
+    """The curves of special orbits in a file, which may still be being written.
 
     Args:
-      path: of the file that `orbits.continue_curve` wrote with ``path=``.
-      make: (p, q) -> scene, as it was given to it: files hold numbers only.
+      path: path of the file that `orbits.continue_curve` wrote with ``path=``.
+      make: (p, q) -> scene, as it was given to `orbits.continue_curve`: files hold only numbers.
     Returns:
-      The curves, in order; of an interrupted run what was found.
+      The curves, in order; for an interrupted run, what it had found.
     Raises:
-      ValueError: the file is another, was edited or damaged, or its orbits do not close in these
-        scenes.
+      ValueError: the file is of another kind, was edited or damaged, or its orbits do not close in
+        these scenes.
     """
     make = with_captures("make", make)
     walks, _ = walks_in(path, (ORBIT_CURVE,))
@@ -41,7 +41,7 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
 
 
 def codec(extended: Extended) -> Codec:
-    """The codec of points, whose orbits are those at the unknowns of the equations."""
+    """The codec of points; the orbit of each follows from the unknowns of the equations."""
 
     def pack(point: OrbitCurvePoint) -> dict[str, Any]:
         orbit = point.orbit
@@ -63,7 +63,7 @@ def codec(extended: Extended) -> Codec:
 
 
 def about(extended: Extended) -> dict[str, Any]:
-    """What tells the equations of a curve from others, besides the scenes."""
+    """What distinguishes the equations of a curve from others, besides the scenes."""
     return {
         "kind": str(extended.kind),
         "closing": encode(extended.closing),

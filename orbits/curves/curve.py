@@ -21,18 +21,18 @@ class OrbitCurvePoint:
       curve: kind of the orbits of the curve.
       orbit: the orbit.
       parameters: (2,) its values of the parameters.
-      multipliers: of the map over one part of the period, undone by the symmetry of the closing,
-        without the one along the flow; with bars.
-      angle: of the critical multipliers of a torus point [rad]; NaN for other kinds.
+      multipliers: multipliers, with bars, of the map over one part of the period followed by the
+        inverse of the closing's symmetry, without the one along the flow.
+      angle: angle of the critical multipliers of a torus point [rad]; NaN for other kinds.
       residual: largest entry of the residual of the point's equations, in its units, and of the
         condition of its kind at a special point.
-      unknowns: (n,) of the equations.
-      tangent: (n,) direction of the curve; of unit length in start, period and parameters, in its
-        units.
-      tests: of each kind of special point a number that vanishes there.
+      unknowns: (n,) unknowns of the equations.
+      tangent: (n,) direction of the curve, of unit length in start, period and parameters, in the
+        point's units.
+      tests: for each kind of special point, the value of a test function that vanishes there.
       kind: kind of special point, if it is one.
-      units: (k + 3,) of the state's entries, of the parameters and of time (`units`), in which the
-        curve is followed. None in a file of an earlier version.
+      units: (k + 3,) units of the state's entries, of the parameters and of time (`units`), in
+        which the curve is followed. None in a file of an earlier version.
     """
 
     curve: Kind
@@ -68,12 +68,12 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
     """A curve of folds, branch points, period doublings or torus points in two parameters.
 
     Attributes:
-      kind: of its orbits.
+      kind: kind of its orbits.
       members: the orbits, one per step.
-      special: its points of codimension two, between them.
+      special: its points of codimension two, between members.
       before: the number of members before each special point.
-      end: why it ends.
-      equations: the equations they solve.
+      end: why the curve ends.
+      equations: the equations that the members solve.
     """
 
     equations: Extended
@@ -86,7 +86,7 @@ class OrbitCurve(ParameterCurve[OrbitCurvePoint]):
 
     @property
     def make(self) -> MakeOfTwo:
-        """(p, q) -> scene."""
+        """The function (p, q) -> scene."""
         return self.equations.make
 
     @property

@@ -1,7 +1,7 @@
 """Equations of curves of special orbits in two parameters, with exact Jacobians.
 
 With M the derivative of the state after one part of the period by the start, g the symmetry by
-which the orbit closes (none: 1), and f the rate at the end:
+which the orbit closes (1 if there is none), and f the rate at the end:
 
 - Fold: closing, M w + b f = g w, |w| = 1; in autonomous scenes w is orthogonal to the rate at the
   start, in driven ones b = 0. Lengths and angles are in the sizes of the entries (`units`).
@@ -10,10 +10,10 @@ which the orbit closes (none: 1), and f the rate at the end:
 - Torus point: closing, M w = g u, M u = g (2 c u - w), where the multipliers exp(+-i a) have
   cos a = c. The curve passes c = -1 and 1, beyond which the multipliers are real.
 
-Products M w are integrated together with the motion, the state (y, w) or (y, w, u) as one system,
-in segments; its first derivatives are second derivatives of the motion. The period of a driven
-scene is held by its drive, which is one equation with several entries: Newton's steps are those of
-least squares.
+Products M w are integrated together with the motion, with the state (y, w) or (y, w, u) of one
+system, in segments; the first derivatives of this system are second derivatives of the motion. The
+period of a driven scene is held by its drive, which is one equation with several entries, so that
+Newton's steps are those of least squares.
 
 Reference: Doedel, Kernevez, Keller (1991), Int. J. Bifurc. Chaos 1, 745; Govaerts, Kuznetsov,
 Dhooge (2005), SIAM J. Sci. Comput. 27, 231.
@@ -38,10 +38,10 @@ from orbits.shooting.segment import Piece, linearise_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]
 
-#: Added to the start, in sizes: there the drive may cancel.
+#: Offset from the start, in sizes, at which a drive is read, since it may cancel at the start.
 _BESIDE = 0.1
 
-#: How many vectors are carried along the motion.
+#: Number of vectors carried along the motion for each kind.
 VECTORS = {Kind.FOLD: 1, Kind.BRANCH: 1, Kind.DOUBLING: 1, Kind.TORUS: 2}
 
 
@@ -51,7 +51,7 @@ class Varied(System):
     Attributes:
       make: (p, q) -> scene.
       parameters: (2,) p and q.
-      vectors: m.
+      vectors: the number m of perturbations.
     """
 
     make: MakeOfTwo = eqx.field(static=True)
@@ -73,7 +73,7 @@ class Varied(System):
 
 @functools.lru_cache(maxsize=32)
 def extended_make(make: MakeOfTwo, vectors: int) -> Callable[[Array], Scene]:
-    """(2,) parameters -> the scene of (y, w, ..); one function for each scene and number."""
+    """The function (2,) parameters -> scene of (y, w, ..); one for each `make` and number."""
 
     def extended(parameters: Array) -> Scene:
         k = len(make(*parameters).labels())
@@ -89,9 +89,9 @@ class Unknowns(NamedTuple):
     Attributes:
       states: (n, k) starts of the segments.
       vectors: (n, m, k) the perturbations there.
-      period: ().
-      parameters: (2,).
-      extra: () b of a fold, c of a torus point, 0 where there is none.
+      period: () the period.
+      parameters: (2,) the parameters.
+      extra: () b of a fold, c of a torus point, 0 for other kinds.
     """
 
     states: Array
@@ -105,14 +105,15 @@ class Frame(NamedTuple):
     """What the unknowns are compared with.
 
     Attributes:
-      sizes: (k,) of the entries of the state.
-      time: that of the motion, a radian of the period.
-      rows: (1 or 2, k) the first vector has products 1 and 0 with them.
-      start: (k,) state; the phase of an autonomous scene is that nearest to it.
-      flow: (k,) product with a change of the start: its length along the rate, in sizes.
+      sizes: (k,) sizes of the entries of the state.
+      time: unit of time of the motion, a radian of the period.
+      rows: (1 or 2, k) rows whose products with the first vector are 1 and 0.
+      start: (k,) a state; the phase of an autonomous scene is the one nearest to it.
+      flow: (k,) a row whose product with a change of the start is its length along the rate, in
+        sizes.
       point: (k + 3,) a start, period and parameters.
-      along: (k + 3,) normal of the plane through them, in which the solution lies: its product with
-        a change of them is a length in units.
+      along: (k + 3,) normal of the plane through `point` in which the solution lies; its product
+        with a change of start, period and parameters is a length in units.
     """
 
     sizes: np.ndarray
@@ -129,7 +130,7 @@ class Extended(eqx.Module):
 
     Attributes:
       make: (p, q) -> scene.
-      kind: of the orbits.
+      kind: kind of the orbits.
       closing: how they close.
       driven: whether the rate depends on time.
       segments: number of segments, of equal length.
@@ -197,7 +198,7 @@ class Extended(eqx.Module):
         )
 
     def __call__(self, x: np.ndarray, frame: Frame):
-        """Residual (r,), Jacobian (r, n), and M (k, k) at x; NaN where a motion ends early."""
+        """The residual (r,), its Jacobian (r, n), and M (k, k) at x; NaN if a motion ends early."""
         here = jax.tree.map(np.asarray, _pieces(self, x))
         extended = extended_make(self.make, self.vectors)
         base = extended(jnp.asarray(here.parameter[0]))
@@ -243,7 +244,7 @@ class Extended(eqx.Module):
         held = frame.rows @ w[0] - jnp.eye(len(frame.rows))[0]
         place = jnp.concatenate([start, unknowns.period[None], unknowns.parameters])
         if self.driven:
-            # Beside the start: at rest the drive may cancel.
+            # The drive is read beside the start: at a rest state it may cancel.
             more = [drive(scene, start + _BESIDE * frame.sizes, unknowns.period)]
         else:
             more = [(jnp.asarray(frame.flow) @ (start - frame.start))[None]]
@@ -262,7 +263,7 @@ def _pieces(extended: Extended, x: Array) -> Piece:
 
 @eqx.filter_jit
 def _linearise(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
-    """(residual, Jacobian) at x from the segments' ends and their derivatives."""
+    """The residual and the Jacobian at x from the segments' ends and their derivatives."""
 
     def residual(x):
         change = jax.tree.map(jnp.subtract, extended.pieces(x), here)

@@ -37,18 +37,18 @@ from orbits.shooting.segment import Piece, linearise_end
 
 # ---- Points of codimension two between two neighbours of a curve of special orbits
 #
-# Each kind has a test, a function of a point that changes sign there; its zero is located along
+# Each kind has a test function of a point, which changes sign there; its zero is located along
 # the curve (`Chart.locate`). At a cusp both parameters turn: the test is their change along the
-# curve, in the direction that it has before the cusp. The tests of the others, in `steps`, are
-# those of the multipliers besides the critical ones; at strong resonances of a torus point, of
-# its angle.
+# curve, in the direction that it has before the cusp. The tests of the other kinds, in `steps`,
+# are functions of the multipliers besides the critical ones, and at strong resonances of a torus
+# point of its angle.
 #
 # Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, chapters 9 and
 # 10.
 
-#: Largest test at a special point.
+#: Largest value of a test at a special point.
 GOAL = 1e-9
-#: Change of both parameters at a cusp, of their change in a step beside it.
+#: Largest change of both parameters along the curve at a cusp, relative to the point before.
 _TURNED = 1e-6
 
 
@@ -91,7 +91,7 @@ def _turning(chart: CurveChart, point: OrbitCurvePoint) -> np.ndarray:
 # ---- Curves of folds, branch points, period doublings and torus points of orbits in two parameters
 
 RTOL = 1e-13
-_GROWTH = 1e3  # largest growth of errors in a segment
+_GROWTH = 1e3  # largest growth of errors over a segment
 _MOST_SEGMENTS = 32
 _ANYWHERE = (-np.inf, np.inf)
 _LOST = "no orbit of the curve was found beyond: a collision, or an equilibrium"
@@ -123,11 +123,11 @@ def continue_curve(
         once.
       point: a fold, branch point, period doubling or torus point, from ``family.special`` of
         `continue_family`; or a special point of another curve, or an orbit near the curve.
-      parameters: the values of both parameters at `point`; those of a point of a curve by default.
-      kind: of the curve; that of the point by default, required for an orbit.
-      step: length of the first step in start, period and parameters, in units of their sizes, of a
-        radian of the period, and of what the parameters change (`orbits.curves.units`); the others
-        are up to ten times as long.
+      parameters: the values of both parameters at `point`; by default those of a point of a curve.
+      kind: kind of the curve; by default that of the point, required for an orbit.
+      step: length of the first step in start, period and parameters, in units of the sizes of the
+        entries, of a radian of the period, and of the parameters' units (`orbits.curves.units`);
+        later steps are up to ten times as long.
       members: largest number of members.
       down: start towards a smaller second parameter.
       within: bounds on each parameter; the curve ends at the first member beyond them.
@@ -135,15 +135,15 @@ def continue_curve(
         requires.
       rtol: tolerance of the integrations.
       report: called with each member as it is found.
-      path: file (.jsonl) that keeps each member as it is found, and may keep several curves; the
-        same call goes on from it where it was interrupted. See `orbits.curves.load`.
+      path: file (.jsonl) to which each member is written as it is found, and which may hold several
+        curves; the same call resumes from it where it was interrupted. See `orbits.curves.load`.
     Returns:
       The members, and the special points between them.
     Raises:
       ValueError: `point` is of another kind, there is no such orbit near it, the scene has a first
         integral, or a number is out of range or traced.
     Limits: host only. A branch point is followed only where a symmetry keeps it: the orbit must
-      close by one of two parts (``closing=orbits.Return(symmetry, parts=2)``), and then special
+      close after one of two parts (``closing=orbits.Return(symmetry, parts=2)``), and then special
       points other than cusps are not named. A curve of torus points ends at a 1:1 or 1:2 resonance.
     Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
       Elements of Applied Bifurcation Theory, chapters 9 and 10.
@@ -187,7 +187,7 @@ def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarra
 def _closing(orbit: Orbit, kind: Kind) -> Return:
     closing = orbit.closing
     if isinstance(closing, Return) and closing.parts == 2 and not closing.turns:
-        # Its map has the multiplier 1 at a fold, and -1 where the symmetry is lost.
+        # The map over one part has the multiplier 1 at a fold, and -1 where the symmetry is lost.
         return closing if kind in (Kind.BRANCH, Kind.FOLD) else PLAIN
     if kind == Kind.BRANCH:
         remedy = "Find the orbit with closing=orbits.Return(symmetry, parts=2)."
@@ -196,7 +196,7 @@ def _closing(orbit: Orbit, kind: Kind) -> Return:
 
 
 def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
-    """The equations, and the unknowns near an orbit with their units."""
+    """The equations, the unknowns near an orbit, and their units."""
     scene = make(*jnp.asarray(both))
     if not isinstance(scene, Scene) or len(scene.labels()) != len(orbit.y0):
         raise fail("make", f"a scene with a state of {len(orbit.y0)} entries", scene)
@@ -225,7 +225,7 @@ def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
 
 
 def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np.ndarray, Units]:
-    """The unknowns of an orbit, with the critical vectors of its monodromy matrix; its units."""
+    """The unknowns of an orbit, with critical vectors from its monodromy matrix, and its units."""
     n, m, k = extended.segments, extended.vectors, extended.k
     scenes = extended_make(extended.make, m)
     span = orbit.period / (extended.closing.parts * n)
@@ -256,7 +256,7 @@ def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np
 
 
 def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.ndarray, float]:
-    """(m, k) the critical vectors of the returned map g, and b or c; all in units."""
+    """(m, k) the critical vectors of the map g over a part, and b or c; all in units."""
     k = len(g)
     if extended.kind == Kind.FOLD:
         if extended.driven:
@@ -272,8 +272,9 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
         raise fail("point", "an orbit with complex multipliers", "real ones alone")
     pair = upper[np.argmin(np.abs(np.abs(values[upper]) - 1))]
     cosine = values[pair].real / abs(values[pair])
-    # In the plane of the pair one with a large change: not near the eigenvector that is left of it
-    # at a 1:1 resonance. Where all change alike, as in a rotation, it is the same one all the same.
+    # Take a vector in the plane of the pair with a large change, so not one near the eigenvector
+    # that is left of the plane at a 1:1 resonance. Where all vectors change alike, as in a
+    # rotation, the choice is still reproducible.
     plane = np.linalg.qr(np.stack([vectors[:, pair].real, vectors[:, pair].imag], axis=1))[0]
     change = g @ plane - cosine * plane
     w = plane @ (change.T @ change @ (plane.T @ np.random.default_rng(0).standard_normal(k)))
@@ -284,7 +285,7 @@ def _critical(extended: Extended, g: np.ndarray, flow: np.ndarray) -> tuple[np.n
 def _first(
     extended: Extended, start: np.ndarray, units: Units, step: float, sign: float
 ) -> OrbitCurvePoint:
-    """The point of the curve nearest to a start, whose second parameter grows for sign 1."""
+    """The point of the curve nearest to a start; along it the second parameter grows for sign 1."""
     size = len(extended.place)
     place = start[extended.place]
     up = np.append(np.zeros(size - 1), sign)

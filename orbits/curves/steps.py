@@ -1,4 +1,4 @@
-"""Points of a curve: the one in a plane near a start, with its multipliers and tests."""
+"""Points of a curve: each is in a plane near a start, and has its multipliers and tests."""
 
 import math
 
@@ -20,8 +20,10 @@ from orbits.orbit import Orbit, Outcome
 
 #: Largest residual of a point, relative to 1 + the largest entry of its unknowns, in units.
 GOAL = 1e-10
-_NOISE = 100.0  # of the tolerance: a test that vanishes all along, where determinants are 1
-_DEPENDENT = 1e-13  # relative: smaller singular values are those of dependent equations
+#: A test that vanishes all along a curve, as where determinants are 1, is noise below this
+#: multiple of the tolerance.
+_NOISE = 100.0
+_DEPENDENT = 1e-13  # smaller singular values, relatively, belong to dependent equations
 
 
 def solve(
@@ -29,13 +31,13 @@ def solve(
 ) -> Solution | None:
     """The point of a curve in a plane, near a start; None if Newton's method finds none.
 
-    Its unknowns are as they are, its Jacobian in units; `more` is (k, k) M.
+    The unknowns of the result are not in units, its Jacobian is; its `more` is M (k, k).
 
     Args:
       extended: the equations.
       start: (n,) unknowns.
       point: (k + 3,) start, period and parameters in the plane.
-      along: (k + 3,) its normal, orthogonal to it in units.
+      along: (k + 3,) the normal of the plane, orthogonal to it in units.
       units: the units.
     """
     frame = frame_at(extended, start, point, along, units)
@@ -58,7 +60,7 @@ class CurveChart(Chart[OrbitCurvePoint]):
 
     Attributes:
       extended: the equations.
-      units: those of the member.
+      units: the units of the member.
     """
 
     def __init__(self, extended: Extended, member: OrbitCurvePoint):
@@ -85,7 +87,7 @@ class CurveChart(Chart[OrbitCurvePoint]):
 def point_at(
     extended: Extended, found: Solution, along: np.ndarray, units: Units
 ) -> OrbitCurvePoint:
-    """The record of a point whose tangent points the same way as `along` (k + 3,), in units."""
+    """The record of a point; its tangent points the same way as `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
     sign = 1.0 if place @ (along / of_place(units)) >= 0 else -1.0
@@ -110,7 +112,7 @@ def point_at(
 
 
 def orbit_of(extended: Extended, x: np.ndarray, residual: float, iterations: int) -> Orbit:
-    """The orbit of the unknowns x (n,)."""
+    """The orbit at the unknowns x (n,)."""
     unknowns = extended.unpack(x)
     scene = extended.make(*unknowns.parameters)
     return Orbit(
@@ -124,7 +126,7 @@ def orbit_of(extended: Extended, x: np.ndarray, residual: float, iterations: int
 
 
 def partial_return(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> np.ndarray:
-    """(k, k) the map over a part of the period, undone by the symmetry of the closing."""
+    """(k, k) the map over a part of the period, then the inverse of the closing's symmetry."""
     system, y0 = orbit.scene.system, orbit.y0
 
     def miss(end, start):
@@ -137,7 +139,7 @@ def partial_return(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> n
 
 
 def reduced_multipliers(extended: Extended, orbit: Orbit, monodromy: np.ndarray, each: np.ndarray):
-    """The multipliers of a part of the period, without the one along the flow.
+    """The multipliers of the map over a part of the period, without the one along the flow.
 
     The entries of the state have sizes `each` (k,).
     """
@@ -183,21 +185,22 @@ def _besides(kind: Kind, values, bars, cosine: float):
 
 
 def _value(values: np.ndarray, at: float) -> float:
-    """The characteristic polynomial: the product of all differences; 1 for none."""
+    """The characteristic polynomial: the product of all differences, or 1 if there is none."""
     return float(np.prod(at - values).real)
 
 
 def _slope(values: np.ndarray, at: float) -> float:
-    """Its derivative at a zero: the product of the other differences.
+    """The derivative of the characteristic polynomial; at a zero, the product of other differences.
 
-    As a sum it is smooth where two multipliers meet, each of which has half of the digits only.
+    Written as a sum, it is smooth where two multipliers meet, each of which then has only half of
+    the digits.
     """
     others = [np.prod(at - np.delete(values, i)) for i in range(len(values))]
     return float(np.sum(others).real)
 
 
 def _least(values: np.ndarray, bars: np.ndarray) -> float:
-    """The smallest absolute value, with the sign of the product; 1 for none, 0 within its bar."""
+    """The least absolute value, with the sign of the product; 0 within its bar, 1 for no values."""
     if not len(values):
         return 1.0
     least = int(np.argmin(np.abs(values)))
@@ -208,7 +211,7 @@ def _least(values: np.ndarray, bars: np.ndarray) -> float:
 
 
 def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
-    """The frame at unknowns, with the plane through a point and normal to a direction, in units."""
+    """The frame at unknowns, with the plane through a point and normal to `along`, in units."""
     unknowns, each = extended.unpack(start), units.each
     w = unknowns.vectors[0] / each
     first = w[0] / np.linalg.norm(w[0])

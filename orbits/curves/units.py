@@ -1,9 +1,9 @@
-"""The units of curves: the sizes of their orbits, radians of the period, and of the parameters.
+"""The units of curves: the sizes of their orbits, a radian of the period, and parameters' units.
 
-All lengths, angles, ranks and residuals are in these, so that none depends on the units of the
-scenes. The first orbit of a curve decides; entries that grow along it have their largest size so
-far. Special points have the units of the member before. Those of the parameters are what they
-change, as along families (`orbits.families.lengths`).
+All lengths, angles, ranks and residuals are in these units, so that none depends on the units of
+the scenes. The first orbit of a curve decides on them; entries that grow along the curve have their
+largest size so far. Special points have the units of the member before. The unit of a parameter
+follows from what the parameter changes, as along families (`orbits.families.lengths`).
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from orbits.motion import sample
 def units_at(
     extended: Extended, states: np.ndarray, period: float, parameters: np.ndarray
 ) -> Units:
-    """Those of an orbit, of which states (s, k) are known, the first one at its start."""
+    """The units of an orbit of which states (s, k) are known; the first one is its start."""
     scene = extended.make(*jnp.asarray(parameters)).starting(states[0], period)
     ts, ys = _motion(extended, scene, states)
     each = sizes_along(scene, ys, sizes(scene))
@@ -32,14 +32,14 @@ def units_at(
 
 
 def units_of(extended: Extended, point: OrbitCurvePoint) -> Units:
-    """Those of a point; 1 in files of earlier versions, which had none."""
+    """The units of a point; 1 for points from files of earlier versions, which have none."""
     if point.units is None:
         return Units(np.ones(extended.k), np.ones(2), 1.0)
     return Units.of(point.units, extended.k)
 
 
 def as_member(extended: Extended, point: OrbitCurvePoint, sense: float = 1.0) -> OrbitCurvePoint:
-    """A point as a member, with units that are no smaller than its entries; or -1 times its way."""
+    """A point as a member: its units are at least its entries, its tangent is times `sense`."""
     units, unknowns = units_of(extended, point), extended.unpack(point.unknowns)
     scene = point.orbit.scene
     _, ys = _motion(extended, scene, np.asarray(unknowns.states))
@@ -50,28 +50,28 @@ def as_member(extended: Extended, point: OrbitCurvePoint, sense: float = 1.0) ->
 
 
 def of_place(units: Units) -> np.ndarray:
-    """(k + 3,) those of start, period and parameters."""
+    """(k + 3,) the units of start, period and parameters."""
     return np.concatenate([units.each, [units.time], units.parameters])
 
 
 def of_unknowns(extended: Extended, units: Units) -> np.ndarray:
-    """(n,) those of all unknowns."""
+    """(n,) the units of all unknowns."""
     states = np.tile(units.each, (extended.segments, 1))
     vectors = np.tile(units.each, (extended.segments, extended.vectors, 1))
-    # What is added of the rate to a vector.
+    # A fold's extra unknown is the multiple of the rate that is added to a vector.
     extra = units.time if extended.kind == Kind.FOLD else 1.0
     return extended.pack(states, vectors, units.time, units.parameters, extra)
 
 
 def of_equations(extended: Extended, units: Units, count: int) -> np.ndarray:
-    """(r,) those of the equations, `count` in all: of states, and then of numbers without units."""
+    """(r,) the units of `count` equations: first of states, then of numbers without a unit."""
     joints = np.tile(units.each, (extended.segments - 1) * (1 + extended.vectors))
     closing = np.tile(extended.closing.rows(units.each), 1 + extended.vectors)
     return np.concatenate([joints, closing, np.ones(count - len(joints) - len(closing))])
 
 
 def _motion(extended: Extended, scene, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(s,) times and (s, k) states along an orbit: of its segments, or of its motion."""
+    """(s,) times and (s, k) states along an orbit: starts of its segments, or a sampled motion."""
     part = float(scene.t1) / extended.closing.parts
     if extended.segments > 1:
         return np.arange(extended.segments) * part / extended.segments, states
