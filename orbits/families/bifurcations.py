@@ -1,18 +1,19 @@
-"""Special points of a family: found between two members, and located.
+"""Special points of a family: they are detected between two members, and located.
 
-Most kinds have a test, a function of the members that changes sign where a family passes such a
+Most kinds have a test function of the members, which changes sign where a family passes such a
 point (`_TESTS`); its zero is located by steps along the family. Multipliers that leave the unit
-circle in pairs are counted instead, and the place by bisection. Where rounding leaves the sign of a
-test open, as of a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is found.
+circle in pairs are counted instead, and the place is located by bisection. Where rounding leaves
+the sign of a test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is
+found.
 
 - Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
   is stationary along the family. A multiplier is 1 there.
 - Branch point: a non-trivial multiplier passes through 1, and a second family crosses.
-- Period doubling: one passes through -1.
+- Period doubling: a multiplier passes through -1.
 - Equilibrium: the orbits have shrunk to nothing, and the family ends (`shrinking`).
 - Torus point: a complex pair crosses the unit circle.
-- Grazing: a chain of legs meets an event at the speed zero, or touches a bound of a leg. Beyond, it
-  is no motion, and the family ends.
+- Grazing: a chain of legs meets an event at zero speed, or touches a bound of a leg. Beyond it the
+  chain is not a motion, and the family ends.
 - Krein collision: two complex pairs on the unit circle meet and leave it, as they can in
   conservative scenes.
 """
@@ -33,16 +34,16 @@ from orbits.families.steps import OrbitChart
 from orbits.families.surface import Surface
 from orbits.shooting.equations import Equations
 
-#: Of its gradient: an integral that changes less along the family is constant.
+#: An integral that changes along the family by less than this share of its gradient is constant.
 _CONSTANT = 1e-11
-_STEPS = 40  # of a bisection
-#: Of the larger value of a test at two neighbours: what counts as zero.
+_STEPS = 40  # steps of a bisection
+#: A test counts as zero below this share of its larger value at two neighbours.
 _ZERO = 1e-3
 #: Relative distance below which two special points are one.
 _SAME_PLACE = 1e-5
-#: Bars that leave open where a multiplier is, if it is within them.
+#: Bars wider than this leave open where a multiplier within them is.
 _VAGUE = 0.1
-#: Of a step in which multipliers seem to have crossed the circle in several ways, to tell which.
+#: Most halvings of a step in which multipliers seem to have crossed the circle in several ways.
 _HALVINGS = 8
 
 Test = Callable[[Surface, Member], float]
@@ -54,7 +55,7 @@ def special_points(
     """The special points between two neighbours."""
     rest = rest_between(surface, a, b)
     if rest is not None:
-        # Beyond it orbits repeat, and at it other tests vanish where frequencies are resonant.
+        # Beyond the equilibrium orbits repeat, and at it other tests vanish at resonances.
         point = zero_between(surface, a, rest, _TESTS[Kind.DOUBLING])
         doublings = [] if point is None else [_with_kind(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
@@ -100,7 +101,7 @@ def _margin(i: int) -> Test:
 def zero_between(
     surface: Surface, a: Member, b: Member, test: Test, *, known: bool = True
 ) -> Member | None:
-    """The member between two others where a test is zero; None for none."""
+    """The member between two others where a test is zero; None if there is none."""
 
     def value(member: Member) -> float:
         return test(surface, member)
@@ -113,7 +114,7 @@ def zero_between(
 def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
     """The member between two others where multipliers leave the circle in pairs, by bisection.
 
-    None if it is not found.
+    The list is empty if it is not found.
     """
     chart, start = OrbitChart(surface, a), a
     for _ in range(_STEPS):
@@ -125,7 +126,7 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
 
 
 def _same(a: Member, b: Member) -> bool:
-    # Along the family: an orbit may also be found at another phase.
+    # The distance is measured along the family: an orbit may also be found at another phase.
     return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
@@ -150,7 +151,7 @@ def _fold(surface: Surface, member: Member) -> float:
 
 @jax.jit
 def _gradient(equations: Equations, x: Array) -> Array:
-    """(n,) of the energy, or of the first integral of one entry, at x."""
+    """(n,) the gradient of the energy, or of the first integral that is a number, at x."""
 
     def integral(x: Array) -> Array:
         found = energy.integrals(equations.scene, jnp.zeros(()), equations.start(x))
@@ -167,7 +168,7 @@ def _through(value: float) -> Test:
     return test
 
 
-#: Functions of a member that change sign at special points.
+#: Test functions of a member, which change sign at special points.
 _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _through(1.0), Kind.DOUBLING: _through(-1.0)}
 
 
@@ -177,7 +178,7 @@ def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:
 
 
 def _is_told(kind: Kind, surface: Surface, member: Member) -> bool:
-    """Whether the sign of a test is no rounding."""
+    """Whether the sign of a test is known in spite of rounding."""
     if kind == Kind.FOLD:
         whole = member.tangent / member.point.units
         steady = _CONSTANT * float(np.linalg.norm(whole) * member.point.units[-2])
@@ -190,7 +191,8 @@ def _is_told(kind: Kind, surface: Surface, member: Member) -> bool:
 def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
     """Whether multipliers have left the unit circle between two members, but not at +1 or -1.
 
-    There they leave it one by one. Pairs that meet off the circle do not change their number.
+    At +1 and -1 they leave it one by one. Pairs that meet off the circle do not change the number
+    of multipliers outside.
     """
     for known in (a.stability, b.stability):
         inside_or_out = np.abs(np.abs(known.nontrivial) - 1) <= known.bars
@@ -201,7 +203,7 @@ def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
 
 
 def _singly(surface: Surface, a: Member, b: Member) -> int:
-    """At how many of +1 and -1 multipliers have crossed the unit circle between two members."""
+    """The number of the points +1 and -1 at which multipliers have crossed the unit circle."""
     told = _known_tests(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
     return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in told)
 
@@ -213,12 +215,12 @@ def _count_spiralling(member: Member) -> int:
 
 
 def _off(member: Member) -> np.ndarray:
-    """Which multipliers are outside of the unit circle."""
+    """(p,) whether each multiplier is outside of the unit circle."""
     return np.abs(member.stability.nontrivial) - 1 > member.stability.bars
 
 
 def _pair_kind(a: Member, b: Member) -> Kind:
-    """How multipliers left the circle in pairs: at a Krein collision, to both sides of it."""
+    """How multipliers left the circle in pairs; at a Krein collision they go to both sides."""
     outer = max(a, b, key=lambda member: int(_off(member).sum()))
     values = outer.stability.nontrivial
     mirrored = [np.abs(values - 1 / np.conj(v)).min() < abs(v) - 1 for v in values[_off(outer)]]

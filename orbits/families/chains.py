@@ -1,7 +1,7 @@
-"""Chains of legs as a surface of solutions: their families are followed like those of orbits.
+"""Chains of legs as a surface of solutions, so that families of them are followed as of orbits.
 
-Their unknowns are those of `orbits.hybrid.equations`. A family goes on beyond a grazed event, but
-with chains that are no motions; so grazing is a special point, at which it ends.
+The unknowns are those of `orbits.hybrid.equations`. The solutions go on beyond a grazed event, but
+as chains that are not motions; so grazing is a special point at which a family ends.
 """
 
 import dataclasses
@@ -18,8 +18,8 @@ from orbits.hybrid.margins import margins
 from orbits.orbit import Outcome
 from orbits.shooting.units import Lengths, Units
 
-_RANK = 1e-9  # relative: what a closing leaves out
-_HOLDS = 1e-6  # a chain over several periods closes better than this, if its closing allows it
+_RANK = 1e-9  # smaller singular values, relatively, belong to what a closing leaves out
+_HOLDS = 1e-6  # a chain over several periods closes better than this if its closing allows it
 
 
 class ChainSurface(Surface):
@@ -41,8 +41,8 @@ class ChainSurface(Surface):
         return orbit.legs[0].scene
 
     def stability(self, orbit: HybridOrbit, point: Point, alike: np.ndarray) -> Stability:
-        del point, alike  # of integrals nothing is known
-        # Beyond a bound as well: there the tests tell that it was passed.
+        del point, alike  # nothing is known about integrals
+        # A chain beyond a bound has them as well: tests there show that the bound was passed.
         closed = dataclasses.replace(orbit, outcome=Outcome.FOUND)
         return stability(closed, throw=False)
 
@@ -73,7 +73,7 @@ class ChainSurface(Surface):
         if chain.make is None:
             return Lengths(own)
         rows = chain.rows(found, unknowns.spans, each, unknowns.parameter)
-        # Its unit changes an equation by that equation's unit, where it does so most.
+        # A unit of the parameter changes the most sensitive equation by that equation's unit.
         most = float(np.abs(found.jacobian[:, -2] / rows).max())
         return Lengths(own, 1 / most if 0 < most < np.inf else 1.0)
 

@@ -1,4 +1,4 @@
-"""Families of orbits in the file of a continuation: members as JSON, and members again."""
+"""Families of orbits in the file of a continuation: members written as JSON and read again."""
 
 import dataclasses
 from collections.abc import Callable
@@ -23,14 +23,14 @@ from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.units import InUnits
 
-#: What such a walk is: of orbits, or of chains of legs.
+#: What the file of a continuation calls a family: one of orbits, or one of chains of legs.
 ORBITS, CHAINS = "orbits", "chains"
-_POINT = ("orbit", "point")  # what is made again of a point of the surface
-_UNITS = ("sizes", "units")  # of a point
-_NOT_NUMBERS = ("equations", "jacobian", "growth")  # of a point, and what steps from it need
-#: Of a point whose orbit was cut into other segments than the first one.
+_POINT = ("orbit", "point")  # fields of a member that are made again from a point of the surface
+_UNITS = ("sizes", "units")  # fields of a point that files of earlier versions do not have
+_NOT_NUMBERS = ("equations", "jacobian", "growth")  # fields of a point that are not written
+#: Entry of a point whose orbit was cut into other segments than the first orbit.
 _CUTS = "cuts"
-_HOLDS = 1e-6  # relative: closing errors of orbits of these scenes are smaller
+_HOLDS = 1e-6  # relative closing error above which an orbit is not one of these scenes
 
 
 class _Cuts(NamedTuple):
@@ -41,7 +41,7 @@ class _Cuts(NamedTuple):
 
 
 def codec(surface: Surface) -> Codec:
-    """The codec of members, whose orbits are those at points of a surface of solutions."""
+    """The codec of members; the orbit of each follows from its point on a surface of solutions."""
 
     def pack(member: Member) -> dict[str, Any]:
         point = encode(member.point, _NOT_NUMBERS)
@@ -67,7 +67,7 @@ def codec(surface: Surface) -> Codec:
             point = surface.point(**known)
             fields |= _in_units(point, fields)
         else:
-            # The Jacobian serves to leave the point, which has been done; it would fill the file.
+            # The Jacobian is needed only for the next step, which was taken, and is not stored.
             none = np.full((1, known["x"].size), np.nan)
             point = Point(**known, equations=cuts, jacobian=none)
         return Member(**fields, point=point, orbit=surface.at(point).orbit(point))
@@ -76,12 +76,12 @@ def codec(surface: Surface) -> Codec:
 
 
 def _without_units(point: Any) -> bool:
-    """Whether a point is of a file in which all lengths were in the units of the scene."""
+    """Whether a point is from a file in which all lengths are in the units of the scene."""
     return isinstance(point, dict) and not any(name in point for name in _UNITS)
 
 
 def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The directions of a member of such a file, of unit length in the units of its point."""
+    """The directions of a member from such a file, of unit length in the units of its point."""
     tangent, alike = fields["tangent"], fields["alike"]
     if tangent.shape != point.x.shape or alike.shape[:1] != point.x.shape:
         raise fail("file", "directions of the unknowns", f"{tangent.shape}, {alike.shape}", OTHER)
@@ -91,12 +91,12 @@ def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
 
 
 def what(surface: Surface) -> str:
-    """What a walk on a surface is."""
+    """What the file of a continuation calls the families on a surface."""
     return CHAINS if isinstance(surface.equations, Chain) else ORBITS
 
 
 def about(surface: Surface) -> dict[str, Any]:
-    """What tells the equations of a family from others, besides the scenes."""
+    """What distinguishes the equations of a family from others, besides the scenes."""
     equations = surface.equations
     if isinstance(equations, Chain):
         closes = getattr(equations.closes, "__qualname__", type(equations.closes).__name__)
@@ -129,7 +129,7 @@ class _About(NamedTuple):
 
 
 def family(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
-    """The family of a walk.
+    """The family that a file holds as a `SavedBranch`.
 
     Raises:
       ValueError: its orbits do not close in these scenes.

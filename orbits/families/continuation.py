@@ -1,11 +1,12 @@
 """Families of periodic orbits, followed by pseudo-arclength in the space of all unknowns.
 
-Each step is along the family, orthogonal to all directions that do not change the orbit, followed
-by the shortest Newton steps back to the surface of solutions, which move neither along the family
-nor along the symmetries. So no phase condition is needed, no unfolding parameter in conservative
-scenes, where energy and period change along the family, and folds are regular points.
+Each predictor step is along the family, orthogonal to all directions that do not change the orbit.
+It is followed by the shortest Newton steps back to the surface of solutions, which move neither
+along the family nor along the symmetries. So no phase condition is needed, and no unfolding
+parameter in conservative scenes, where energy and period change along the family; folds are regular
+points.
 
-Special points follow from the non-trivial multipliers (`bifurcations`). At a simple one
+Special points follow from the non-trivial multipliers (`bifurcations`). At a simple branch point
 `switch_branch` steps onto the other branch.
 
 Reference: E. Doedel et al., AUTO-07P, and F. J. Munoz-Almaraz et al., Physica D 181 (2003) 1,
@@ -42,13 +43,13 @@ from orbits.shooting.segmentation import cut_into_segments
 
 # ---- Families that close upon themselves (isolas): the first orbit again
 #
-# A step that passes the first member comes near it, from behind. Where orbits may start anywhere on
-# themselves, the parameter and the period tell, else all unknowns. If the orbit there is the first
-# one, the family is closed.
+# A step that passes the first member comes near it from behind. Where any point of an orbit may be
+# its start, this shows in the parameter and the period, otherwise in all unknowns. If the orbit
+# there is the first one, the family is closed.
 
 
 def first_met_again(surface: Surface, first: Member, a: Member, b: Member) -> Member | None:
-    """The first member as it is met again between two neighbours; None if it is not."""
+    """The first member where the family passes it again between two neighbours; None if not."""
 
     def compared(point: Point, x: np.ndarray) -> np.ndarray:
         if surface.shrinks:
@@ -77,14 +78,14 @@ def first_met_again(surface: Surface, first: Member, a: Member, b: Member) -> Me
 
 # ---- Families of periodic orbits, followed by pseudo-arclength in the space of all unknowns
 
-#: At least, so that lengths and directions along a family are those of a whole motion: at a single
-#: start a family turns, and may be stiff, for no other reason than where on the orbits that is.
+#: Fewest segments, so that lengths and directions along a family are those of a whole motion: as
+#: seen at a single start, a family may turn or be stiff merely because of where that start lies.
 _SEGMENTS = 4
 #: Distances from a special point at which another branch is looked for, in turn.
 _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
-#: Of the amplitude: an orbit that is further from a special point is on another branch.
+#: An orbit further from a special point than this multiple of the amplitude is on another branch.
 _BESIDE = 4.0
-_NUDGE = 1e-6  # along a tangent, for a difference
+_NUDGE = 1e-6  # length along a tangent, for a difference quotient
 _ANYWHERE = (-np.inf, np.inf)
 _ENDS = {
     Kind.REST: "an equilibrium, to which the orbits shrink",
@@ -127,26 +128,26 @@ def continue_family(
     Args:
       orbit: its first member; what `find` or `find_hybrid` returned.
       make: the scene for each value of a parameter, e.g. a function ``mu -> van_der_pol(mu)``;
-        its start and span do not matter. By default the family of a conservative scene along
-        which energy and period change. For a chain of legs the legs, or the phases that it was
-        found from: `scenes.phases_of` the scene with this value.
+        its start and span do not matter. The default is the family of a conservative scene along
+        which energy and period change. For a chain of legs it makes the legs, or the phases from
+        which it was found: `scenes.phases_of` the scene with this value.
       parameter: the value of the parameter for `orbit`.
       step: length of the first step in the space of all unknowns, each in units of its size along
-        the largest orbit so far (`orbits.closing.sizes`); the others are up to ten times as long.
+        the largest orbit so far (`orbits.closing.sizes`); later steps are up to ten times as long.
       members: largest number of members.
-      down: start towards a smaller parameter (without one: a shorter period).
-      within: bounds on the parameter (without one: on the period); the family ends at the first
+      down: start towards a smaller parameter, or without one towards a shorter period.
+      within: bounds on the parameter, or without one on the period; the family ends at the first
         member beyond them.
       energies: bounds on the energy of the members, likewise; not for chains.
       hold: conditions that all members satisfy besides closing, e.g. ``orbits.Energy(-1.0)``, or
-        names of entries of the start that all have in common; not for chains.
-      segments: at least, see `find`; where errors grow on the way orbits are cut into more; not for
-        chains, whose legs are segments.
+        names of entries of the start that all members have in common; not for chains.
+      segments: least number of segments, see `find`; where errors grow along the family, orbits are
+        cut into more. Not for chains, whose legs are segments.
       goal: largest closing error of a member.
       report: called with each member as it is found.
-      path: file (.jsonl) that keeps each member as it is found, and may keep several families; the
-        same call goes on from it where it was interrupted. `orbits.families.load` reads it; not the
-        families of chains, which hold numbers only.
+      path: file (.jsonl) to which each member is written as it is found, and which may hold several
+        families; the same call resumes from it where it was interrupted. `orbits.families.load`
+        reads it, but not families of chains, since the file holds only numbers.
     Returns:
       The members, and the special points between them.
     Raises:
@@ -154,10 +155,9 @@ def continue_family(
         `parameter` is given; `step`, `members` or a pair of bounds is out of range; a chain of legs
         is given without `make`, or with what is not for chains.
     Limits: host only. A family that closes upon itself ends where it meets its first member again.
-      A family of chains ends where one grazes an event, since beyond they are no
-      motions. A special point is detected where a multiplier changes sides between two
-      members: of two that do so in one step one or none is found. One that cannot be located is
-      left out.
+      A family of chains ends where one grazes an event, since beyond it they are not motions. A
+      special point is detected where a multiplier changes sides between two members: if two do so
+      in one step, one or none is found. A special point that cannot be located is left out.
     Example:
       >>> import numpy as np, orbits
       >>> from jaxdyn import scenes
@@ -216,12 +216,12 @@ def switch_branch(
 
     Args:
       family: the family of the point.
-      special: one of ``family.special``.
+      special: a special point, one of ``family.special``.
       amplitude: distance from the point, in the space of the unknowns, each in units of its size;
         by default 0.01, or less where the branch bends sooner.
       times: periods after which the new orbits close: 2 at a period doubling, 1 at a branch
         point, q at a torus point where a multiplier is exp(2 pi i p / q).
-      opposite: on the other half of the branch; as with a negative amplitude.
+      opposite: take the other half of the branch, as with a negative amplitude.
     Returns:
       (orbit, parameter); NaN for the parameter where the family has none.
     Raises:
@@ -250,8 +250,8 @@ def switch_branch(
     aside, here = -aside if opposite else aside, surface.point(x, point.residual, 0)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
         found = surface.nearest(x + size * aside, across=aside)
-        # The known branch, which bends towards the other direction, is as far away there as the
-        # root of the amplitude. A given one is taken as it is.
+        # The known branch, which bends towards the other direction, would be as far away there as
+        # the root of the amplitude. With a given amplitude any orbit is accepted.
         beside = np.inf if amplitude is not None else _BESIDE * size
         if found is not None and here.distance(found.x) < beside:
             return surface.orbit(found), parameter_at(surface, found.x)
@@ -326,6 +326,6 @@ class _Problem(BranchProblem[Member]):
 
 
 def _measure(surface: Surface, point: Point) -> float:
-    """The quantity of `within` and `down`: the parameter, or the period."""
+    """The quantity to which `within` and `down` refer: the parameter, or the period."""
     make = surface.equations.make
     return float(point.x[-1] if make is None else parameter_at(surface.at(point), point.x))

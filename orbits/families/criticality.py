@@ -1,8 +1,8 @@
-"""Is a bifurcation of an orbit super- or subcritical: coefficients of the normal form of its map.
+"""Whether a bifurcation of an orbit is super- or subcritical: coefficients of its normal form.
 
 With A, B and C the first three derivatives of the return map, |q| = 1 and p q = 1:
 
-- Fold, A q = q, p A = p: a = p B(q, q) / 2. Not zero: two orbits meet.
+- Fold, A q = q, p A = p: a = p B(q, q) / 2. If a is not zero, two orbits meet.
 - Branch point: c = p C(q, q, q) / 6 + p B(q, h) / 2 with (1 - A) h = B(q, q) up to q. Where a
   symmetry makes a vanish, it is a pitchfork, supercritical for c < 0.
 - Period doubling, A q = -q, p A = -p: b = p C(q, q, q) / 6 + p B(q, h) / 2 with
@@ -10,9 +10,9 @@ With A, B and C the first three derivatives of the return map, |q| = 1 and p q =
 - Torus point, A q = exp(i a) q: d = Re exp(-i a) (p C(q, q, q*) + 2 p B(q, g) + p B(q*, h)) / 2
   with (1 - A) g = B(q, q*), (exp(2 i a) - A) h = B(q, q); supercritical for d < 0.
 
-Entries are in their sizes along the orbit, by which verdicts are reached; what is returned is for
-unit vectors of the state as it is. Sums with B and C are coefficients of the series of the map
-along curves of starts such as e q + e^2 h / 2: no tensor is formed.
+Verdicts are reached with entries in units of their sizes along the orbit; the coefficients that are
+returned are for unit vectors of the state itself. Sums with B and C are coefficients of the series
+of the map along curves of starts such as e q + e^2 h / 2: no tensor is formed.
 
 Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, sections 5.4 and
 9.7.
@@ -44,7 +44,7 @@ from orbits.orbit import Orbit
 # The coefficients of a motion in a small number e, y0 + e y1 + e^2 y2 + e^3 y3, are integrated
 # together as one system, with the exact coefficients of the rate. In an autonomous scene each
 # motion of the curve is then moved along the flow by a time, itself a series in e, to the plane
-# through the start of the orbit across its flow.
+# through the start of the orbit orthogonal to its flow.
 
 ORDER = 3
 
@@ -77,7 +77,7 @@ class Jets(System):
     scene: Scene
 
     def labels(self):
-        # Coefficients of one entry are alike, also without a unit: some are zero, or rounding.
+        # Coefficients of one entry have the same size, also without a unit: some are only rounding.
         known = [
             (name, f"that of {name}" if unit == "1" else unit) for name, unit in self.scene.labels()
         ]
@@ -99,7 +99,7 @@ def _carry(scene: Scene, curve: Array, period: Array, rtol) -> Array:
 def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
     """A curve of states (4, k) moved along the flow to the plane through the scene's start.
 
-    It is across the flow there where entries are in sizes (k,).
+    The plane is orthogonal to the flow there when entries are in units of `each` (k,).
     """
     y0 = scene.y0
     normal = scene.rate(jnp.zeros(()), y0) / each**2
@@ -125,9 +125,9 @@ def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
 
 
 def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
-    """(k, d) coordinates of starts: all of them, or those across the flow.
+    """(k, d) a basis of starts: of all of them, or of those orthogonal to the flow.
 
-    They are orthonormal where entries are in sizes `each` (k,).
+    It is orthonormal when entries are in units of `each` (k,).
     """
     if driven:
         return np.diag(each)
@@ -142,8 +142,8 @@ def return_coefficients(
 
     Args:
       orbit: an orbit that returns after its period.
-      axes: (k, d) `basis`.
-      each: (k,) the sizes that it is in.
+      axes: (k, d) the `basis` of starts.
+      each: (k,) the sizes in which it is orthonormal.
       u1: (d,) coordinates.
       u2: (d,) coordinates.
       rtol: tolerance of the integration.
@@ -153,7 +153,7 @@ def return_coefficients(
     curve = jnp.asarray(np.stack([y0, axes @ u1, axes @ u2, np.zeros(len(y0))]))
     end = _carry(orbit.scene, curve, jnp.asarray(orbit.period), rtol)
     if not driven:
-        # Its constant is the start up to the closing error, which would move the plane.
+        # The constant term is the start up to the closing error, which would move the plane.
         end = _return_curve(orbit.scene, end.at[0].set(jnp.asarray(y0)), jnp.asarray(each))
     return np.asarray(end[1:]) / each @ (axes / each[:, None])
 
@@ -161,8 +161,8 @@ def return_coefficients(
 # ---- Super- or subcritical: coefficients of the normal form of the map of an orbit
 
 _CRITICAL = 1e-4  # largest distance of a multiplier from its value at the bifurcation
-_RESONANT = 1e-3  # of 1: a smaller |exp(3 i a) - 1| or |exp(4 i a) - 1| is a strong resonance
-_PHASES = 5  # equally spaced: harmonics -3 to 3 of a series are told from each other
+_RESONANT = 1e-3  # a smaller |exp(3 i a) - 1| or |exp(4 i a) - 1| means a strong resonance
+_PHASES = 5  # equally spaced phases, which separate the harmonics of a series that are needed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,10 +170,11 @@ class Criticality:
     """The normal form of a bifurcation of an orbit.
 
     Attributes:
-      kind: of the bifurcation.
-      coefficient: the one that decides, for unit eigenvectors; of a branch point the cubic one.
+      kind: kind of the bifurcation.
+      coefficient: the coefficient that decides, for unit eigenvectors; the cubic one for a branch
+        point.
       bar: its error bar.
-      quadratic: of a fold or branch point, else NaN.
+      quadratic: quadratic coefficient of a fold or branch point, else NaN.
       verdict: "supercritical", "subcritical", "fold", "transcritical" or "undecided".
       message: what the verdict means, or why there is none.
     """
@@ -214,12 +215,12 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
 
     Args:
       point: one of ``family.special``, or an orbit at a bifurcation.
-      kind: of the bifurcation; that of the point by default, required for an orbit.
+      kind: kind of the bifurcation; by default that of the point, required for an orbit.
     Returns:
       The coefficient with an error bar, and a verdict.
     Raises:
       ValueError: the orbit has no multiplier that belongs to the kind, has a first integral, closes
-        after a rotation only, or has constraints.
+        only up to a rotation, or has constraints.
     Limits: host only. The motion is integrated over a whole period at once, so that the bar grows
       with the multipliers.
     Reference: Kuznetsov (2004), Elements of Applied Bifurcation Theory, 3rd edition, section 5.4.
@@ -254,7 +255,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
 
 @dataclasses.dataclass(frozen=True)
 class _Map:
-    """The return map: its series along curves, and its derivative."""
+    """The return map of an orbit: its series along curves, and its derivative."""
 
     orbit: Orbit
     axes: np.ndarray
@@ -267,12 +268,12 @@ class _Map:
         return return_coefficients(self.orbit, self.axes, self.each, u1, u2, self.rtol, self.driven)
 
     def derivative(self) -> np.ndarray:
-        """(d, d)."""
+        """(d, d) the derivative of the return map."""
         eye = np.eye(self.axes.shape[1])
         return np.stack([self.along(u, 0 * u)[0] for u in eye], axis=1)
 
     def length(self, q: np.ndarray) -> float:
-        """That of a vector (d,) of the state as it is."""
+        """The length of a vector with coordinates q (d,) in the state itself, not in sizes."""
         return float(np.linalg.norm(self.axes @ q))
 
     def critical(self, wanted=None) -> tuple[np.ndarray, complex, np.ndarray, np.ndarray]:
@@ -298,7 +299,7 @@ class _Map:
 
 
 class _Form(NamedTuple):
-    """What decides, the quadratic coefficient, whether that is all, and the length of q."""
+    """The coefficient that decides, the quadratic one, whether it does decide, and |q|."""
 
     coefficient: float
     quadratic: float

@@ -1,7 +1,7 @@
 """A bifurcation diagram: equilibria, orbits that begin at their Hopf points, and their branches.
 
-Every family is followed from the special points of those before it. What cannot be followed is
-kept as a failure with its reason, beside all that was found.
+Each family begins at a special point of one before it. What cannot be followed is kept as a failure
+with its reason, beside all that was found.
 """
 
 import dataclasses
@@ -27,9 +27,9 @@ from orbits.orbit import SearchError
 from orbits.shooting.segment import Make
 
 _SAME = 1e-6  # distance in units of the family below which two special points are one
-_MET = 1e-4  # the same for branch points of orbits, by parameter and period
-_NEAR = 1e-2  # the same for Hopf points and orbits that have shrunk to them
-_SAMPLES = 200  # of an orbit, for the extremes of an entry
+_MET = 1e-4  # the same for branch points of orbits, in parameter and period
+_NEAR = 1e-2  # the same for a Hopf point and orbits that have shrunk to it
+_SAMPLES = 200  # samples of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
 #: What a search or a continuation raises where there is nothing to find.
@@ -63,7 +63,7 @@ class Diagram:
     Attributes:
       rests: families of equilibria.
       orbits: families of orbits.
-      depths: of each family of orbits, the number of doublings that lead to it.
+      depths: for each family of orbits, the number of doublings that lead to it.
       failures: what was not found.
     """
 
@@ -118,8 +118,8 @@ def diagram(
 ) -> Diagram:
     """The bifurcation diagram of a scene over a parameter.
 
-    Families of equilibria in both directions from the start and through branch points; families
-    of orbits from each Hopf point; families of orbits of twice the period from each doubling, both
+    It has the families of equilibria in both directions from the start and through branch points,
+    the families of orbits from each Hopf point, those of twice the period from each doubling, both
     halves of the other family from each branch point of orbits, and so on.
 
     Args:
@@ -127,8 +127,8 @@ def diagram(
       parameter: its value at the start.
       start: (k,) state near an equilibrium; or (k/2,) coordinates of a state at rest.
       within: bounds on the parameter.
-      depth: largest number of doublings that are followed one after the other; 0 for none.
-        Branch points of orbits are followed at any depth.
+      depth: largest number of successive doublings that are followed; 0 for none. Branch points of
+        orbits are followed at any depth.
       step: length of the first step along equilibria.
       members: largest number of members of a family of equilibria.
       orbit_step: length of the first step along orbits; `step` by default.
@@ -136,14 +136,14 @@ def diagram(
       amplitude: distance from a special point at which a new family begins, in the sizes of the
         entries; by default 0.01, or less where no orbit is found there.
       report: called with each family and failure as it is found.
-      path: file (.jsonl) that keeps each member as it is found; the same call goes on from it
-        where it was interrupted. See `orbits.families.load`.
+      path: file (.jsonl) to which each member is written as it is found; the same call resumes from
+        it where it was interrupted. See `orbits.families.load`.
     Returns:
       All families, and what could not be followed, with the reason.
     Raises:
       ValueError: there is no equilibrium near `start`, or a number is out of range; see
         `continue_equilibria`.
-    Limits: host only. Of a family of orbits that closes by a symmetry, no doublings.
+    Limits: host only. Doublings of a family of orbits that closes by a symmetry are not followed.
     Example:
       >>> import jaxdyn, orbits
       >>> def make(mu):
@@ -164,7 +164,7 @@ def diagram(
 
 
 def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
-    """The diagram whose orbits are in `found` in the end."""
+    """The diagram; its families of orbits are collected in `found`."""
     make, report, log = found.make, found.report, found.log
     rests, failures = [], []
     _progress.report_progress("following equilibria")
@@ -211,13 +211,13 @@ def _near(a: Equilibrium, b: Equilibrium) -> bool:
 
 
 def _units(point: Equilibrium) -> np.ndarray:
-    """(k + 1,) those of state and parameter."""
+    """(k + 1,) the units of state and parameter."""
     assert point.units is not None  # it was found here
     return point.units[:-1]
 
 
 def _coincide(a: Member, b: Member) -> bool:
-    """Whether two branch points are one: a member of another family has it to fewer digits."""
+    """Whether two branch points are one; on another family it is located to fewer digits."""
     apart = abs(a.parameter - b.parameter) / a.point.units[-2]
     return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
 
@@ -232,7 +232,7 @@ def _shrunk_to(end: Member, point: Equilibrium) -> bool:
 
 
 class _Orbits:
-    """The families of orbits of a diagram, as they are found."""
+    """The families of orbits of a diagram, collected as they are found."""
 
     def __init__(self, make: Make, options: dict, amplitude: float | None, report, log: Log | None):
         self.make, self.options, self.report, self.log = make, options, report, log
@@ -260,7 +260,7 @@ class _Orbits:
     def _follow(self, point, begin: Callable, doublings: int, depth: int) -> None:
         try:
             orbit, value = begin()
-            # Away from the point: on the side to which the first orbit lies.
+            # Follow the family away from the point, to the side on which the first orbit lies.
             down = value < point.parameter
             log = None if self.log is None else self.log.with_note(**{DOUBLINGS: doublings})
             options = self.options | {"down": down, "path": log}
@@ -279,7 +279,7 @@ class _Orbits:
             if not (double and doublings < depth) and not self._new_branch(special):
                 continue
             _progress.report_progress(f"following a {special.kind} at {special.parameter:.6g}")
-            # The halves of a doubled family are the same orbits, half a period later.
+            # Both halves of a doubled family are the same orbits, half a period later.
             for opposite in (False,) if double else (False, True):
 
                 def other(special=special, opposite=opposite):

@@ -27,11 +27,11 @@ class Member:
     Attributes:
       orbit: the orbit.
       parameter: its value of the family's parameter; NaN without one.
-      energy: of the scene at the start; NaN without one.
+      energy: energy of the scene at the start; NaN without one.
       stability: multipliers and verdict.
-      point: its point on the surface of solutions.
+      point: the orbit's point on the surface of solutions.
       tangent: (n,) vector along the family there, of unit length in the units of the point.
-      alike: (n, p) orthonormal in these units: directions to other orbits of the same scene, one
+      alike: (n, p) directions to other orbits of the same scene, orthonormal in these units, one
         for each integral that the scene does not name.
       kind: kind of special point, if it is one.
     """
@@ -72,8 +72,8 @@ class Family:
       members: the orbits, one per step.
       special: folds, branch points, period doublings, torus points, Krein collisions, an
         equilibrium and a grazed event, between members.
-      end: why it ends.
-      equations: the closing equations they solve.
+      end: why the family ends.
+      equations: the closing equations that the members solve.
     """
 
     members: tuple[Member, ...]
@@ -141,7 +141,7 @@ def first_scene(orbit: Orbit | HybridOrbit) -> Scene:
 
 
 def smooth_orbit(name: str, orbit: Orbit | HybridOrbit) -> Orbit:
-    """An orbit as it is.
+    """The orbit, unless it is a chain of legs.
 
     Raises:
       ValueError: it is a chain of legs.
@@ -160,7 +160,7 @@ def _from_to(x: np.ndarray) -> str:
 
 
 def _place(member: Member) -> str:
-    """The place of a member on its family: its parameter, or its energy, or its period."""
+    """The place of a member on its family: its parameter, else its energy, else its period."""
     numbers = {"parameter": member.parameter, "energy": member.energy}
     known = {name: x for name, x in numbers.items() if not math.isnan(x)}
     name, x = next(iter({**known, "period": member.orbit.period}.items()))

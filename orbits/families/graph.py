@@ -1,10 +1,10 @@
 """The graph of families: at which special points they meet.
 
-A place is a special point that belongs to several families: a branch point, a period doubling,
-where the orbits of one family are those of the other traced twice, an equilibrium to which orbits
-shrink. A family reaches a place if one of its own special points is the same orbit, or if it ends
-beside it, as those that `switch_branch` and `from_hopf` begin: then orbits of it are found ever
-nearer to the place, each at half the distance of the one before.
+A place is a special point that belongs to several families: a branch point, a period doubling
+(where the orbits of one family are those of the other traced twice), or an equilibrium to which
+orbits shrink. A family reaches a place if one of its own special points is the same orbit, or if it
+ends beside it, as families that `switch_branch` and `from_hopf` begin do: then orbits of it are
+found ever nearer to the place, each at half the distance of the one before.
 """
 
 import dataclasses
@@ -36,17 +36,18 @@ from orbits.shooting.effort import GOAL
 from orbits.shooting.equations import Equations
 from orbits.shooting.units import units_of_unknowns
 
-#: Distance, in units, of two special points that are one: each is known to the root
-#: of rounding only, and in between of samples.
+#: Distance, in units, up to which two special points are one: each is known only to the root of
+#: rounding, and lies between samples.
 _SAME = 1e-3
-#: Relative: distance of a place from the end of a family that begins there, and of their periods.
+#: Largest relative distance of a place from the end of a family that begins there, and of periods.
 _NEAR = 0.1
-_AHEAD = 0.7  # cosine, at least, of the angle between a family and the way to such a place
+_AHEAD = 0.7  # least cosine of the angle between a family and the way to such a place
 _HALVINGS = 4
-#: Of half of the distance, between the orbit expected there and the one found: a family has bent.
+#: Largest distance between the orbit expected halfway and the one found, as a share of half of the
+#: way: with more, the family has bent.
 _BENT = 0.5
 _RESTS = (str(Kind.REST), str(Kind.HOPF))
-_SAMPLES = 256  # of an orbit, for the phase at which it is nearest to another
+_SAMPLES = 256  # samples of an orbit, for the phase at which it is nearest to another
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,12 +56,12 @@ class Place:
 
     Attributes:
       kind: kind of special point.
-      orbit: its orbit; an equilibrium with the period of small oscillations about it.
+      orbit: its orbit, or an equilibrium with the period of small oscillations about it.
       parameter: its value of the families' parameter; NaN without one.
-      energy: of the scene there; NaN without one.
+      energy: energy of the scene there; NaN without one.
       families: numbers of the families that meet, from 0.
-      times: of each, how often its orbits trace that of the place: 1, or 2 at a doubling.
-      rests: numbers of the families of equilibria that it belongs to.
+      times: for each family, how often its orbits trace that of the place: 1, or 2 at a doubling.
+      rests: numbers of the families of equilibria to which it belongs.
       units: (k + 1,) sizes of the entries of the state, and the unit of the parameter, along its
         family.
     """
@@ -76,7 +77,7 @@ class Place:
 
     @property
     def period(self) -> float:
-        """Its period [time of the scene]."""
+        """The period of its orbit [time of the scene]."""
         return self.orbit.period
 
 
@@ -87,7 +88,7 @@ class Graph:
     Attributes:
       families: families of orbits.
       rests: families of equilibria.
-      places: where at least two of them meet.
+      places: places where at least two of them meet.
     """
 
     families: tuple[Family, ...]
@@ -96,7 +97,7 @@ class Graph:
 
     @property
     def components(self) -> list[tuple[int, ...]]:
-        """The numbers of the families of orbits that are joined, the largest component first."""
+        """The numbers of the families in each connected component, the largest first."""
         groups = [{i} for i in range(len(self.families))]
         for place in self.places:
             met = [group for group in groups if group & set(place.families)]
@@ -130,13 +131,13 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     """The graph of families that meet at special points.
 
     Args:
-      families: families of one scene, or of one parameter of it; or what `diagram` returned.
+      families: families of one scene, or in one parameter of it; or what `diagram` returned.
     Returns:
       The families with the places at which two or more meet.
     Raises:
       ValueError: there is no family, or they differ in whether they have a parameter.
-    Limits: host only. A family joins a place at which it has a special point itself or near which
-      it ends; one that passes without any is not seen.
+    Limits: host only. A family joins a place where it has a special point itself or near which it
+      ends; a family that passes a place without a special point is not seen.
     Example:
       >>> import jaxdyn, orbits
       >>> def make(mu):
@@ -168,7 +169,7 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
 
 
 def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> list[Place]:
-    """The special points at which families may meet; one may be there several times."""
+    """The special points at which families may meet; one may appear several times."""
     found = []
     for i, family in enumerate(rests):
         for point in family.special:
@@ -255,7 +256,7 @@ def _apart(one: Orbit, two: Orbit) -> float:
 
 
 def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
-    """Whether the family goes on from an end to the place, which its orbits trace a few times."""
+    """Whether the family goes on from an end to the place, traced so many times."""
     period = times * place.period
     if abs(end.orbit.period - period) > _NEAR * period:
         return False
@@ -264,8 +265,8 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
     surface, x = OrbitSurface(equations, end.orbit.rtol, GOAL), end.point.x
     near = _in_units_of(place, equations, there, end.point)
     units, ahead = near.units, end.tangent / near.units
-    # Near the end and ahead of it, but for directions that leave an orbit the same. Orbits about an
-    # equilibrium are as large as they are far from it.
+    # The place must be near the end and ahead of it, up to directions that leave an orbit the same.
+    # Orbits about an equilibrium are as large as they are far from it.
     neutral, reach = surface.neutral(near), 1.0 if place.kind in _RESTS else _NEAR
     off = (there - x) / units
     off = off - neutral @ (neutral.T @ off)
@@ -284,7 +285,7 @@ def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
 
 
 def _in_units_of(place: Place, equations: Equations, there: np.ndarray, point: Point) -> Point:
-    """A point with units of at least those at a place `there` that is no equilibrium.
+    """A point with units at least as large as at the place `there`, unless that is an equilibrium.
 
     An entry that is zero on one family and not on another has no size of its own beside the place.
     """
@@ -311,7 +312,7 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
 
 
 def _where(place: Place) -> str:
-    """The place on its families: its parameter, or its energy, or its period."""
+    """The place on its families: its parameter, else its energy, else its period."""
     numbers = {"parameter": place.parameter, "energy": place.energy, "period": place.period}
     name, x = next((name, x) for name, x in numbers.items() if not math.isnan(x))
     return f"{name} {_text.brief(x)}"

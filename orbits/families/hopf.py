@@ -16,9 +16,10 @@ from orbits.orbit import Orbit, SearchError
 from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
 
-#: Of the sizes of an equilibrium's entries: the usual distance of an orbit from it.
+#: The usual distance of an orbit from an equilibrium, as a share of the sizes of its entries.
 _SMALL = 1e-2
-#: Of that distance: where orbits soon cease to be ellipses, as with fast and slow motions.
+#: Shares of that distance that are tried: orbits may soon cease to be ellipses, as in fast-slow
+#: systems.
 _SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
 _NO_ORBIT = (
     "No orbit was found at this amplitude. Try a smaller one, or leave it out: at a distance from "
@@ -36,20 +37,20 @@ def from_hopf(
 ) -> tuple[Orbit, float]:
     """An orbit that begins at a Hopf point, and its parameter.
 
-    To first order it is the ellipse of the critical eigenvector, and its period 2 pi over the
+    To first order it is the ellipse of the critical eigenvector, and its period is 2 pi over the
     frequency; the parameter follows from the closing equations with the start held at a distance.
 
     Args:
       family: what `jaxdyn.continue_equilibria` returned.
       point: a Hopf point of ``family.special``.
       amplitude: distance of the start from the equilibrium in the units of the state, along the
-        eigenvector when its largest entry in their sizes is at its most; by default a hundredth of
-        the sizes of the equilibrium's entries, or where these are 0 of the distance at which the
-        rate is no longer linear, or less where no orbit is found there.
+        eigenvector in the phase at which its largest entry, in sizes, is at its maximum. By default
+        it is a hundredth of the sizes of the equilibrium's entries, or where these are 0 of the
+        distance at which the rate is no longer linear; less where no orbit is found there.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
-      ValueError: `point` is no Hopf point, or `amplitude` is 0 or not finite.
+      ValueError: `point` is not a Hopf point, or `amplitude` is 0 or not finite.
       SearchError: no orbit was found.
     Reference: Y. Kuznetsov, Elements of Applied Bifurcation Theory, Springer (2004), section 10.2.
     Example:
@@ -74,7 +75,7 @@ def from_hopf(
     period = 2 * np.pi / point.frequency
     for distance in usual if amplitude is None else (amplitude,):
         start = point.state + distance * critical
-        # At rest in the origin a scene would have no size.
+        # The scene starts on the guess: at rest in the origin its entries would have no size.
         scene = family.make(point.parameter).starting(start, period)
         equations = Equations(scene=scene, closing=PLAIN, make=family.make)
         guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
@@ -93,7 +94,7 @@ def in_sizes(family: EquilibriumFamily, point: Equilibrium, share: float) -> flo
 
 
 def _critical(family: EquilibriumFamily, point: Equilibrium) -> np.ndarray:
-    """(k,) the way in which the orbits of a Hopf point begin, of length 1."""
+    """(k,) the direction in which the orbits of a Hopf point begin, of length 1."""
     each = units_of(family.make, point).each
     values, vectors = np.linalg.eig(map_in_units(point.jacobian, each))
     vector = each * vectors[:, np.argmin(np.abs(values - 1j * point.frequency))]

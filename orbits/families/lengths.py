@@ -1,11 +1,12 @@
 """The units of lengths and angles along a family: the sizes of its orbits, and of its parameter.
 
-A start says little where it is near an equilibrium, or a passage through zero, as starts are that
-move across the flow along a family. So an entry has its largest size along the motion; one without
-a unit has at least the size that others give to it (`orbits.closing.sizes.coupled_sizes`). A
-parameter has no size by its value, which may be anything, but by what it changes: its unit changes
-the rate, or the rate's derivatives, by their units in a radian of the period, where it does so
-most. To second order: at 0 a parameter whose square counts changes nothing to first order.
+A start says little about sizes near an equilibrium or a passage through zero, and along a family
+starts move across the flow and may come there. So the size of an entry is its largest along the
+motion; one without a unit has at least the size that others give to it
+(`orbits.closing.sizes.coupled_sizes`). The size of a parameter does not follow from its value,
+which may be anything, but from what it changes: its unit changes the rate, or the rate's
+derivatives, by their units in a radian of the period, where it does so most. This is taken to
+second order, since a parameter that enters by its square changes nothing to first order at 0.
 """
 
 import functools
@@ -41,7 +42,7 @@ def parameter_units(
 ) -> np.ndarray:
     """(p,) the units of the parameters, () or (p,), of `make` along a motion (s, k).
 
-    The scene's span is a period; its entries have sizes `each` (k,).
+    The scene's span is a period; the entries of its state have sizes `each` (k,).
     """
     changes = np.asarray(_changes(scene, parameters, ts, ys, each, make=make))
     first, second = changes * float(scene.t1) / (2 * np.pi)
@@ -61,9 +62,9 @@ def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @functools.partial(jax.jit, static_argnames="make")
 def _changes(scene: Scene, parameters, ts: Array, ys: Array, each: Array, *, make: Make) -> Array:
-    """(2, p) the largest change by parameters of the rate, or of its derivatives, in sizes (k,).
+    """(2, p) the largest changes of the rate, or of its derivatives, by the parameters, in sizes.
 
-    To first order, and of the rate to second order.
+    The first row is to first order; the second one is of the rate alone, to second order.
     """
 
     def largest(t, y):

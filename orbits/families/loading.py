@@ -1,4 +1,4 @@
-"""Bifurcation diagrams, and families in a parameter, from a file."""
+"""Bifurcation diagrams, and families in a parameter, read from a file."""
 
 from pathlib import Path
 
@@ -13,18 +13,18 @@ from orbits.shooting.segment import Make
 
 
 def load(path: str | Path, make: Make) -> Diagram:
-    """The families of equilibria and of orbits that a file keeps; also while it is written.
+    """The families of equilibria and of orbits in a file, which may still be being written.
 
     Args:
-      path: of the file that `orbits.diagram`, `orbits.continue_family` or
+      path: path of the file that `orbits.diagram`, `orbits.continue_family` or
         `jaxdyn.continue_equilibria` wrote with ``path=``.
-      make: the scene for each value of the parameter, as it was given to them: files hold numbers
-        only.
+      make: the scene for each value of the parameter, as it was given to them: files hold only
+        numbers.
     Returns:
-      All families as a diagram; of an interrupted run what was found.
+      All families as a diagram; for an interrupted run, what it had found.
     Raises:
-      ValueError: the file is another, was edited or damaged, has a family without a parameter or
-        with conditions, or what it holds are no equilibria and orbits of these scenes.
+      ValueError: the file is of another kind, was edited or damaged, has a family without a
+        parameter or with conditions, or does not hold equilibria and orbits of these scenes.
     """
     make = with_captures("make", make)
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))

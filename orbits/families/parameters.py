@@ -14,7 +14,7 @@ from jaxdyn._checks import choice, fail
 from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes import catalogue
 
-_ASIDE, _LATER = 0.1, 0.3  # a state and a time where a drive or a damper acts, if any does
+_ASIDE, _LATER = 0.1, 0.3  # offset of a state, and a time, where a drive or damper acts, if any
 
 
 @check_first
@@ -54,14 +54,14 @@ def maker(
 def maker_of_two(
     name: str, values: dict[str, Any], parameters: tuple[str, str]
 ) -> tuple[Callable[[Array, Array], Scene], tuple[float, float]]:
-    """The scene as a function of two of its numbers, whose names its arguments have.
+    """The scene as a function of two of its numbers, with their names as those of its arguments.
 
     Args:
       name: name of the scene.
       values: the numbers that differ from the scene's defaults.
       parameters: names of the two numbers.
     Raises:
-      ValueError: they are one, or see `maker`.
+      ValueError: both are the same, or `maker` refuses one of them.
     """
     first, second = parameters
     if first == second:

@@ -1,10 +1,10 @@
 """Derivatives of special points of families by the numbers of their scenes.
 
 Along a family the test of a special point, g(p, numbers) = 0, has derivatives by the implicit
-function theorem for the orbit, so dp = -g_numbers / g_p. The test is that of multipliers: l + 1 at
-a period doubling, |l|^2 - 1 at a torus point. At a fold, where orbits have no derivative by the
-parameter, it is the part w F of the closing equations F that no change of the orbit moves, with w
-normal to the range of their Jacobian.
+function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. With the critical multiplier l,
+the test is l + 1 at a period doubling and |l|^2 - 1 at a torus point. At a fold, where orbits have
+no derivative by the parameter, it is the part w F of the closing equations F that no change of the
+orbit moves, with w normal to the range of their Jacobian.
 """
 
 import equinox as eqx
@@ -23,8 +23,8 @@ from orbits.families.family import Member, smooth_orbit
 from orbits.shooting.segment import Make
 from orbits.shooting.units import InUnits
 
-#: Of the largest singular value of the closing equations' Jacobian at a fold: less is zero. What is
-#: left of it there is the root of what rounding leaves of the parameter.
+#: A singular value of the closing equations' Jacobian at a fold is zero below this share of the
+#: largest. Its remainder there is the root of the rounding error of the parameter.
 _ZERO = 1e-5
 _KINDS = (Kind.FOLD, Kind.DOUBLING, Kind.TORUS)
 
@@ -38,16 +38,16 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
 
     Args:
       point: a fold, period doubling or torus point, of ``family.special``.
-      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by: the
-        values are those that the point was found with, or traced copies.
+      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by:
+        those with which the point was found, or traced copies.
       hold: the conditions of the family, as for `continue_family`.
     Returns:
-      Its value is that of `point`, whatever the numbers are; with first derivatives.
+      The parameter of `point`, whatever the numbers are, with its first derivatives.
     Raises:
       ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
         does not change with the parameter.
-    Limits: host only but for the numbers that make the scene; not for chains. A period doubling of
-      a conservative scene, where two multipliers are -1, is not generic.
+    Limits: host only except for the numbers that make the scene; not for chains. A period doubling
+      of a conservative scene, where two multipliers are -1, is not generic.
     Example:
       >>> import jax, orbits
       >>> import jax.numpy as jnp
@@ -89,14 +89,14 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
 
     scene, by_parameter = eqx.filter_jvp(make, (value,), (jnp.ones(()),))
     found = test(scene)
-    # Without the other numbers: second derivatives are not wanted.
+    # The slope has no derivatives by the other numbers: second derivatives are not wanted.
     fixed = jax.lax.stop_gradient((scene, by_parameter))
     _, slope = eqx.filter_jvp(test, fixed[:1], fixed[1:])
     return value - slope @ (found - jax.lax.stop_gradient(found)) / (slope @ slope)
 
 
 def _critical(point: Member) -> int:
-    """Which of the non-trivial multipliers is -1, or on the unit circle with another one."""
+    """Index of the non-trivial multiplier that is -1, or on the unit circle with its conjugate."""
     values = point.stability.nontrivial
     if point.kind == Kind.DOUBLING:
         return int(np.argmin(np.abs(values + 1.0)))

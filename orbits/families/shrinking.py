@@ -1,10 +1,10 @@
 """The equilibrium between two members of a family, to which its orbits shrink.
 
 Beyond it the family would go on with the same orbits, half a period later: there the flow at the
-start is reversed. It is not found by steps along the family, which may pass beside it, since each
-is across the flow at its own start; instead an orbit is shrunk towards it. A family that comes near
-an equilibrium without shrinking, as towards a homoclinic orbit, is told by its period, which is not
-that of small oscillations.
+start is reversed. Steps along the family do not find it, since each is across the flow at its own
+start and they may pass beside it; instead an orbit is shrunk towards it. A family that comes near
+an equilibrium without shrinking, as towards a homoclinic orbit, is recognised by its period, which
+is not that of small oscillations.
 """
 
 import dataclasses
@@ -23,25 +23,26 @@ from orbits.families.steps import member_at, parameter_at
 from orbits.families.surface import Point, Surface
 
 _NEWTON_STEPS = 20
-_RANK = 1e-9  # relative: smaller singular values of the Jacobian leave the state where it is
-#: In steps of the family: distance of an equilibrium that is looked for before it is passed, since
-#: shorter and shorter steps may end there.
+_RANK = 1e-9  # relatively smaller singular values of the Jacobian leave the state where it is
+#: Distance, in steps of the family, at which an equilibrium is looked for before it is passed,
+#: since ever shorter steps may end there.
 _AHEAD = 1.0
 #: The orbit is shrunk to this part of its radius, but to no less than this part of the size of the
 #: equilibrium: periods are wrong by the square of the radius, and by rounding divided by it.
 _SMALLER, _SMALLEST = 1e-4, 3e-5
-_TIMES = 3  # steps in which it is shrunk: the equilibrium of another parameter is elsewhere
-_OFF_RESONANCE = 1e-3  # of the multipliers of the equilibrium over the orbit's period
+_TIMES = 3  # steps in which it is shrunk: the equilibrium moves with the parameter
+_OFF_RESONANCE = 1e-3  # largest error of the equilibrium's multipliers over the orbit's period
 
 
 def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
     """A tiny orbit about the equilibrium between two neighbours, or ahead of the second one.
 
-    It keeps the tangent and the directions of the first. None if orbits do not shrink there.
+    It keeps the tangent and the directions of the first neighbour. None if orbits do not shrink
+    there.
     """
     if not surface.shrinks:
         return None
-    # Lengths of states, as of unknowns, are in the units of the first one.
+    # Lengths of states and of unknowns are in the units of the first neighbour.
     each = a.point.sizes
     (here, flow), (there, next_flow) = (_start(surface, m.point.x, each) for m in (a, b))
     speed, along = float(flow @ flow), float(next_flow @ flow)
@@ -58,7 +59,7 @@ def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
     ways = [float(np.linalg.norm(y - rest)) for y in (here, there)]
     if min(ways) > (1.0 if passed else _AHEAD) * length or not (passed or ways[1] < ways[0]):
         return None
-    # The nearer one, unless that is the equilibrium itself to rounding.
+    # Shrink the nearer orbit, unless that is the equilibrium itself to rounding.
     goal = max(_SMALLER * max(ways), _SMALLEST * float(np.linalg.norm(rest)))
     point = b.point if ways[0] < goal or goal < ways[1] < ways[0] else a.point
     point = _shrunk(surface, point, (rest * each, each), goal, _AHEAD * length)
@@ -78,8 +79,9 @@ def _shrunk(
 ) -> Point | None:
     """The orbit of a family whose start is at a distance `goal` from an equilibrium.
 
-    That is `near` the first state, and the distance in the sizes that are the second (k,). None if
-    it is not found with unknowns that change by less than `most` in each step.
+    The equilibrium is near the first entry of `near` (k,), and the distance is in the sizes that
+    are the second one (k,). None if the orbit is not found with unknowns that change by at most
+    `most` in each step.
     """
     equations, (rest, each) = surface.equations, near
     for left in range(_TIMES, 0, -1):
@@ -130,10 +132,8 @@ def _start(surface: Surface, x: np.ndarray, each: np.ndarray) -> tuple[np.ndarra
 def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | None:
     """(k,) the equilibrium near a state; None if Newton's method does not converge.
 
-    Lengths are in sizes `each` (k,).
-
-    `jaxdyn.analysis.equilibria.equilibrium` refuses those that are not isolated, as of bodies that
-    may be anywhere.
+    Lengths are in sizes `each` (k,). `jaxdyn.analysis.equilibria.equilibrium` would not do, since
+    it refuses equilibria that are not isolated, as those of bodies that may be anywhere.
     """
 
     def equations(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

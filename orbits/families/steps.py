@@ -12,18 +12,18 @@ from jaxdyn.continuation.branch import Chart, Correction, Place
 from orbits.families.family import Member
 from orbits.families.surface import Point, Surface
 
-#: A step is at most so many times as long as the one before, and longer only if the family will
-#: bend by no more than this part of it, and multipliers will move no further than this: of two
-#: special points in one step each may hide the other.
+#: A step is at most `_GROW` times as long as the one before, and longer only if the family will
+#: bend by no more than the part `_BENT` of it, and multipliers will move no further than `_DRIFT`:
+#: of two special points in one step, each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
-#: Growth of errors over an orbit with which doubles hold few digits of it, or none.
+#: Growth of errors over an orbit above which doubles hold few digits of it, or none.
 _UNHOLDABLE = 1e12
-_NUDGE = 1e-6  # along a tangent, for a difference
+_NUDGE = 1e-6  # length along a tangent, for a difference quotient
 _FLAT = 1e-9  # a period or parameter that changes less is constant
 
 
 def first_member(surface: Surface, point: Point, sign: float) -> Member:
-    """The member at a point, whose tangent leads to a larger parameter or period for sign 1.
+    """The member at a point; its tangent leads to a larger parameter or period for sign 1.
 
     Raises:
       ValueError: the point belongs to no family.
@@ -32,7 +32,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     if not ways.shape[1]:
         remedy = "Give make and parameter, or fewer conditions."
         raise fail("orbit", "a member of a family", "an isolated one", remedy)
-    # Of several directions that of the largest change of the parameter, or the period.
+    # Of several directions, take that of the largest change of the parameter, or the period.
     entry = ways[-1] if surface.equations.make is None else ways[-2]
     tangent = ways @ entry if np.linalg.norm(entry) > _FLAT else ways[:, -1]
     tangent = sign * tangent / np.linalg.norm(tangent)
@@ -47,19 +47,19 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
 
 
 class OrbitChart(Chart[Member]):
-    """A family near a member, in units of that.
+    """A family near a member, in the units of that member.
 
-    Each step ends at the nearest solution, which is moved neither along the family nor along what
-    keeps an orbit.
+    Each step ends at the nearest solution: the corrector moves neither along the family nor along
+    directions that leave the orbit the same.
 
     Attributes:
       surface: the surface of solutions, in the segments of the member.
-      units: (n,) of the unknowns.
+      units: (n,) units of the unknowns.
       known: whether the multipliers of members must be known: without them no special point would
         be detected.
     """
 
-    resolution = 1e-12  # integrations are not better
+    resolution = 1e-12  # integrations are not more accurate
 
     def __init__(self, surface: Surface, member: Member, *, known: bool = True):
         self.surface, self.units, self.known = surface, member.point.units, known
@@ -88,7 +88,7 @@ class OrbitChart(Chart[Member]):
         return point.units * tangent[:, 0] / self.units
 
     def cosine(self, last: Member, found: Correction, tangent: np.ndarray) -> float:
-        # In units of the new point: after a close passage sizes are others.
+        # Use the units of the new point: after a close passage sizes differ.
         units = found.solution.units
         a, b = last.tangent / units, tangent * self.units / units
         return float(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
@@ -130,10 +130,10 @@ class OrbitChart(Chart[Member]):
 
 
 def drift(a: Member, b: Member) -> float:
-    """How far multipliers move between two members, at most; infinite if that is unknown.
+    """The farthest that a multiplier moves between two members; infinite if that is unknown.
 
-    On the sphere of complex numbers, as those near zero and infinity may change without effect.
-    Where multipliers exchange their order of size it is too large.
+    It is measured on the Riemann sphere, since multipliers near zero and infinity may change
+    without effect. Where multipliers exchange their order of size, the result is too large.
     """
     one, two = (member.stability.nontrivial for member in (a, b))
     if len(one) != len(two):
@@ -143,7 +143,7 @@ def drift(a: Member, b: Member) -> float:
 
 
 def in_segments(surface: Surface, member: Member) -> Member:
-    """The member in segments that suit it: where errors grow much in one it is cut again."""
+    """The member in segments that suit it: it is cut again where errors grow much over one."""
     old, new = member.point, surface.recut(member.point)
     if new is None:
         return member
@@ -195,7 +195,7 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
 
 
 def _same_scene(surface: Surface, ways: np.ndarray) -> np.ndarray:
-    """(n, d) orthonormal: those of the directions along which the parameter is constant."""
+    """(n, d) orthonormal: the directions along which the parameter is constant."""
     if surface.equations.make is None or not ways.shape[1]:
         return ways
     change = ways[-2]
@@ -216,9 +216,9 @@ def _orthonormal(ways: np.ndarray) -> np.ndarray:
 
 
 def _nearest(ways: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """(n, p) orthonormal: of the space of the directions (n, d), that nearest to the old (n, p).
+    """(n, p) orthonormal: the part of the span of directions (n, d) nearest to the old (n, p).
 
-    At a branch point the space has one more dimension than the old one.
+    At a branch point that span has one more dimension than the old one.
     """
     u, s, vt = np.linalg.svd(ways @ (ways.T @ old), full_matrices=False)
     kept = s > 0.5

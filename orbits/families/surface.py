@@ -1,7 +1,7 @@
 """The surface of solutions of an orbit's closing equations: its directions, and steps on it.
 
-Near a regular orbit it has one direction along the family, and one for each way to move the orbit
-without changing it: in time, and by each symmetry of the scene.
+Near a regular orbit the surface has one direction along the family, and one for each way to move
+the orbit without changing it: in time, and by each symmetry of the scene.
 """
 
 import abc
@@ -28,15 +28,15 @@ from orbits.shooting.outcomes import is_determined, orbit_at
 from orbits.shooting.segmentation import recut
 from orbits.shooting.units import InUnits, Lengths, Units, units_at, units_of_unknowns
 
-_CORRECTIONS = 8  # Newton steps from a predicted point; more mean that the step was too long
-#: Relative: singular values below are directions of the surface. Those of starts in a close passage
-#: are large, so that others are small beside them.
+_CORRECTIONS = 8  # most Newton steps of the corrector; more mean that the step was too long
+#: Singular values below this share of the largest belong to directions of the surface. Those of
+#: starts in a close passage are large, so that others are small beside them.
 _KERNEL = 1e-9
-_NEUTRAL = 1e-6  # relative: the closing equations change no more along a symmetry of theirs
-#: Decimal digits that are lost over a period, at most, where one run tells the multipliers.
+_NEUTRAL = 1e-6  # relative change of the closing equations up to which a direction is a symmetry
+#: Most decimal digits that may be lost over a period for one run to give the multipliers.
 _FEW_DIGITS = 4.0
-_AT_REST = 1e-9  # of the sizes: radius of an orbit that is an equilibrium to rounding
-_BRANCH = 1e-3  # relative: at a branch point found by bisection one more is below this
+_AT_REST = 1e-9  # radius, in sizes, of an orbit that is an equilibrium to rounding
+_BRANCH = 1e-3  # relative: one more singular value is below this at a branch point
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Point:
     Attributes:
       equations: the closing equations that it solves, in the segments in which it was found.
       x: (n,) unknowns.
-      jacobian: (m, n) of the closing equations there.
-      sizes: (k,) of the entries of the state, from which the units follow (`lengths`).
-      units: (n,) of the unknowns, in which lengths and angles near the point are measured.
+      jacobian: (m, n) Jacobian of the closing equations there.
+      sizes: (k,) sizes of the entries of the state, from which the units follow (`lengths`).
+      units: (n,) units of the unknowns, in which lengths and angles near the point are measured.
       residual: largest entry of the closing error, or error of a step of collocation.
-      iterations: number of Newton steps to it.
-      growth: the largest of errors over a segment; NaN if that is not known.
+      iterations: number of Newton steps that led to it.
+      growth: largest growth of errors over a segment; NaN if that is not known.
     """
 
     equations: Any
@@ -64,7 +64,7 @@ class Point:
     growth: float = math.nan
 
     def distance(self, x: np.ndarray) -> float:
-        """Distance of x (n,)."""
+        """Distance of x (n,) from the point, in units."""
         return float(np.linalg.norm((x - self.x) / self.units))
 
     def along(self, direction: np.ndarray, x: np.ndarray) -> float:
@@ -73,21 +73,21 @@ class Point:
 
     @property
     def place(self) -> np.ndarray:
-        """(p,) the unknowns that points have in whatever segments: all but the states between."""
+        """(p,) the unknowns but for states between segments, so the same for any segments."""
         return self.equations.place(self.x)
 
     @property
     def size(self) -> float:
-        """Length of the unknowns."""
+        """Length of the unknowns, in units."""
         return float(np.linalg.norm(self.x / self.units))
 
 
 class Closed(Protocol):
-    """Closing equations in units: residual (m,) and Jacobian (m, n) at unknowns as they are.
+    """Closing equations in units: residual (m,) and Jacobian (m, n) at unknowns not in units.
 
     Attributes:
       units: the units.
-      sizes: (k,) of the entries of the state.
+      sizes: (k,) sizes of the entries of the state.
     """
 
     units: Units
@@ -99,15 +99,15 @@ class Closed(Protocol):
 class Surface(abc.ABC):
     """All solutions of closing equations, found to a goal at a tolerance.
 
-    One more kind of motion is one more class of this kind: its unknowns x end with the parameter of
-    the family, if it has one, and a time.
+    To add a kind of motion, write a subclass whose unknowns x end with the parameter of the family,
+    if it has one, and a time.
 
     Attributes:
       equations: the equations; their `make` is None without a parameter.
       rtol: tolerance of the integrations.
       goal: largest closing error.
-      shrinks: whether its orbits may shrink to an equilibrium.
-      parts: number of parts of a period, of which one closes.
+      shrinks: whether the orbits may shrink to an equilibrium.
+      parts: number of parts of a period, one of which closes the orbit.
     """
 
     shrinks: bool
@@ -128,12 +128,12 @@ class Surface(abc.ABC):
     def stability(self, orbit: Any, point: Point, alike: np.ndarray) -> Stability:
         """The multipliers of the orbit at a point, with directions (n, p) to others of its scene.
 
-        Without an error where there are none; see `Stability.status`.
+        No error is raised where there are none; see `Stability.status`.
         """
 
     @abc.abstractmethod
     def judge(self, orbit: Any, known: Stability) -> Any:
-        """The orbit with its outcome, by what is known of its stability."""
+        """The orbit with the outcome that its known stability implies."""
 
     def margins(self, orbit: Any) -> np.ndarray:
         """(e,) numbers that change sign where an orbit grazes an event."""
@@ -150,7 +150,7 @@ class Surface(abc.ABC):
 
     @abc.abstractmethod
     def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
-        """(n,) of the unknowns at x."""
+        """(n,) the units of the unknowns at x."""
 
     @abc.abstractmethod
     def _in_units(self, point: Point) -> np.ndarray:
@@ -158,7 +158,7 @@ class Surface(abc.ABC):
 
     @abc.abstractmethod
     def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:
-        """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
+        """(n, r) orthonormal in units: directions on the surface that leave the orbit the same."""
 
     def at(self, point: Point) -> "Surface":
         """The same surface, in the segments of a point."""
@@ -177,7 +177,7 @@ class Surface(abc.ABC):
 
     @abc.abstractmethod
     def status(self, x: np.ndarray) -> Status:
-        """How the integrations at x end."""
+        """The status of the integrations at x."""
 
     def step_error(self, x: np.ndarray) -> float:
         """The largest error of a step of collocation at x, which no closing error shows; else 0."""
@@ -185,16 +185,17 @@ class Surface(abc.ABC):
         return 0.0
 
     def _growth(self, closed: Any, x: np.ndarray) -> float:
-        """The largest of errors over a segment; NaN if that is not known."""
+        """The largest growth of errors over a segment; NaN if that is not known."""
         del closed, x
         return math.nan
 
     def nearest(
         self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
     ) -> Point | None:
-        """The solution nearest to x; with `across` (n,), that with x's component along it.
+        """The solution nearest to x; with `across` (n,), among those with x's component along it.
 
-        Lengths are in the units at x, or at a point `near` it, whose sizes are then the least.
+        Lengths are in the units at x, or in those at a point `near` it, whose sizes are then lower
+        bounds.
         """
         if near is None:
             known = self._lengths(x)
@@ -242,7 +243,7 @@ class Surface(abc.ABC):
         )
 
     def point(self, x: np.ndarray, residual: float, iterations: int) -> Point:
-        """The point at x (n,), which is known to be one; without its Jacobian."""
+        """The point at x (n,), which is known to be a solution; its Jacobian is NaN."""
         jacobian, here = np.full((1, x.size), np.nan), self._lengths(x)
         return Point(
             self.equations, x, jacobian, here.sizes, self._units(x, here), residual, iterations
@@ -258,11 +259,11 @@ class Surface(abc.ABC):
         return u[:, s > 0.5]  # each direction of the kernel is known or orthogonal to that
 
     def neutral(self, point: Point) -> np.ndarray:
-        """(n, r) orthonormal in units: directions along the surface that keep the orbit."""
+        """(n, r) orthonormal in units: directions on the surface that leave the orbit the same."""
         return self._neutral(point.x, self._in_units(point), point.units, point.sizes)
 
     def lengths(self, point: Point) -> Lengths:
-        """What the units of a point follow from."""
+        """The lengths from which the units of a point follow."""
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return Lengths(point.sizes, parameter)
 
@@ -344,7 +345,7 @@ class OrbitSurface(Surface):
 
     def stability(self, orbit: Orbit, point: Point, alike: np.ndarray) -> Stability:
         along = np.asarray(_start_slope(self.equations, point.x)) @ alike
-        # Of point.growth in each segment at most.
+        # Errors grow by at most `point.growth` over each segment.
         lost = self.parts * self.equations.segments * math.log10(max(1.0, point.growth))
         alone = self.equations.collocated or lost <= _FEW_DIGITS
         segments = None if alone else Segments(point.equations, point.x, self.rtol)
@@ -374,19 +375,19 @@ class OrbitSurface(Surface):
         scene = scene.starting(equations.start_at(x), unknowns.period)
         columns = []
         if self._symmetries is None:
-            # Looked for once: a family has those of its first member, and one that it loses on the
-            # way is no direction of the surface there.
+            # They are looked for once: a family has those of its first member, and a symmetry that
+            # it loses on the way is not a direction of the surface there.
             self._symmetries = tuple(trivial.symmetries(scene, each))
         for name in self._symmetries:
             states = [scene.y0, *jnp.asarray(unknowns.between)]
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
             columns.append(equations.pack(first, between, 0.0, 0.0, 0.0) / in_units)
-        # Not every symmetry of the scene is one of the closing condition.
+        # Not every symmetry of the scene is a symmetry of the closing condition.
         return those_kept(jacobian, columns)
 
 
 def those_kept(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, r) orthonormal: of directions (n,), all in units, those in which equations hold on."""
+    """(n, r) orthonormal: those of the directions (n,), in units, that keep the equations."""
     kept = [np.zeros(jacobian.shape[1])]
     for column in columns:
         size = np.linalg.norm(column)
