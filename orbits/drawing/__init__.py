@@ -1,15 +1,15 @@
 """Pictures of periodic orbits, of families of them, of throws and of closed loops.
 
-`periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `graphs` which
-families meet, `throwing` throws, `about_centres` closed loops, `manifolds` stable and unstable
-manifolds, `sections` surfaces of section, `tori` invariant tori, `responses` frequency responses
-and backbone curves, `unit_circle` multipliers, `basin_maps` basins of attraction; all use the parts
-of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show import this
-folder, since Matplotlib is slow to load.
+`periodic` draws orbits, `families` families, `diagrams` bifurcation diagrams, `graphs` the graphs
+of families that meet, `throwing` throws, `about_centres` closed loops, `manifolds` stable and
+unstable manifolds, `sections` surfaces of section, `tori` invariant tori, `responses` frequency
+responses and backbone curves, `unit_circle` multipliers, `basin_maps` basins of attraction. All use
+the parts of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show
+import this folder, since Matplotlib is slow to load.
 
 May import: `discovery`, `files`, `manifolds`, `responses`, `sections`, `targets`, `tori`.
 
-One more picture is one more file with one function, and one line below.
+To add a picture, write a file with one function, and a line below.
 """
 
 from orbits.drawing.about_centres import loops, rosette

@@ -18,11 +18,11 @@ from orbits.targets.loops import FewestLoops, fewest
 _SAMPLES = 300
 _EXPONENTS = (-2.9, -2.5, -2.0, -1.0, 0.0, 1.0, 3.0, 6.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 _FILLING = 12_000  # samples of a rosette of many loops
-_TITLE = 80  # characters of a line
+_TITLE = 80  # most characters in a line of a title
 _ABOUT = "Motions about a centre of force r^n: apsidal angle and least number of loops"
 _RING = 6.0  # inches, width of the picture of a rosette
 _WIDEST = 2.0  # largest apsidal angle over pi in the picture
-_ROOM = 0.06  # of that angle: least distance of two labels
+_ROOM = 0.06  # least distance of two labels, in units of that angle over pi
 
 
 def loops(
@@ -35,15 +35,15 @@ def loops(
 ) -> Figure:
     """A picture of the apsidal angle of power laws r^n, and of the least number of loops.
 
-    Above, the range of orbits between circles and lines, with the fractions turns / loops at which
-    they close; below, the number of loops of the simplest of them. The axis of exponents is
-    logarithmic in n + 3, to show both ends.
+    The upper panel shows the range of orbits between circles and lines, with the fractions turns /
+    loops at which they close; the lower one shows the number of loops of the simplest of them. The
+    axis of exponents is logarithmic in n + 3, to show both ends.
 
     Args:
       path: file to write, .png, .pdf or .svg.
       lowest: first exponent, > -3.
       highest: last exponent.
-      most: largest number of loops of the fractions marked.
+      most: largest number of loops of the fractions that are marked.
       title: its title; a description by default, "" for none.
     Raises:
       ValueError: not -3 < `lowest` < `highest`, or `path` cannot be written.
@@ -85,10 +85,10 @@ def loops(
 
 @check_first
 def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
-    """A picture of a motion about a centre and of its ring, which it fills unless it closes.
+    """A picture of a motion about a centre and of the ring that it fills unless it closes.
 
     Args:
-      scene: from `orbits.targets.loops.rosette`; its span is drawn.
+      scene: from `orbits.targets.loops.rosette`; the motion over its span is drawn.
       path: file to write, .png, .pdf or .svg.
       title: its title, such as why it does not close; the scene with its numbers by default, ""
         for none.
@@ -114,7 +114,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
 
 
 def _from_edge(n):
-    """The scale of exponents on the axis; motions between two radii need n > -3."""
+    """The scale of exponents on the axis, which begins at -3: bounded motions need n > -3."""
     return np.log(np.maximum(np.asarray(n, float) + 3, 1e-300))
 
 

@@ -12,7 +12,7 @@ from orbits.discovery.basins import CHAOTIC, Basins
 
 _NOWHERE = "#ffffff"
 _SIZE = 6.0  # [in]
-_MOST_POINTS = 4000  # of a chaotic attractor that are drawn
+_MOST_POINTS = 4000  # most points of a chaotic attractor that are drawn
 
 
 def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:

@@ -26,8 +26,8 @@ def diagram(
 ) -> Figure:
     """A picture of a diagram: one entry of equilibria, and its extremes along orbits.
 
-    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
-    dotted; special points are marked.
+    Stable stretches are solid, unstable ones dashed, and those between two verdicts or without a
+    verdict dotted; special points are marked.
 
     Args:
       found: from `orbits.diagram`.

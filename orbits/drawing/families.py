@@ -44,8 +44,8 @@ def family(
 ) -> Figure:
     """A picture of a family: a quantity of its orbits against its parameter or the energy.
 
-    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
-    dotted; special points are marked.
+    Stable stretches are solid, unstable ones dashed, and those between two verdicts or without a
+    verdict dotted; special points are marked.
 
     Args:
       listed: a family, or a list of one, from `family_files.load`.
@@ -53,7 +53,7 @@ def family(
       quantity: "period", "energy", "amplitude x", "max x", "min x", "mean x" or "phase x" of an
         entry x of the state, or a function from an orbit to a number; see
         `orbits.analysis.quantities`.
-      parameter: what to call the parameter of a family.
+      parameter: name of the parameter of a family in the picture.
       title: its title; the scene with the numbers that all orbits share by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, the family has no parameter and its scene no energy, or
@@ -107,7 +107,7 @@ def overview(found: Family) -> Figure:
 
 
 def _name(found: Family) -> str | None:
-    """The parameter of a family, whatever its name, if it has one."""
+    """A name for the parameter of a family; None if it has no parameter."""
     return None if np.isnan(found.parameters).any() else "parameter"
 
 

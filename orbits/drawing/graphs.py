@@ -1,4 +1,4 @@
-"""A picture of a graph of families: each a line, joined at the places where they meet."""
+"""A picture of a graph of families: each is a line, joined to others where they meet."""
 
 from typing import Any
 
@@ -24,9 +24,9 @@ def graph(
 ) -> Figure:
     """A picture of families over their parameter or energy, and of the places where they meet.
 
-    Each family is a line of its own colour and number, of the periods of its orbits: solid where
-    they are stable, dashed where unstable, else dotted. A dotted vertical line joins a period
-    doubling to the family whose orbits trace its own twice.
+    Each family is a line of its own colour and number, which shows the periods of its orbits: solid
+    where they are stable, dashed where unstable, otherwise dotted. A dotted vertical line joins a
+    period doubling to the family whose orbits trace its orbit twice.
 
     Args:
       found: from `orbits.graph`.
@@ -54,7 +54,7 @@ def graph(
             lambda x: x.point.place,
         ):
             line = np.array([(across(x), x.orbit.period) for x in points])
-            # Thinner and thinner, so that families of the same periods are all seen.
+            # Each line is thinner than the last, so that families of equal periods are all seen.
             width = _THIN + _WIDER * (1 - i / len(colours))
             ax.plot(*line.T, color=colour, lw=width, ls=STRETCHES[verdict], label="_")
         middle = family.members[int(len(family.members) * (i + 1) / (len(colours) + 1))]
@@ -88,7 +88,7 @@ def graph(
 
 
 def _mark(ax: Any, place: Place, x: float) -> None:
-    """A place, and a dotted line to the families that trace its orbit twice."""
+    """Draw a place, and a dotted line to the families that trace its orbit twice."""
     if 2 in place.times:
         periods = (place.period, 2 * place.period)
         ax.plot([x, x], periods, ls=":", lw=1.0, color=INK, zorder=2, label="_")

@@ -16,7 +16,7 @@ from orbits.manifolds.strands import Manifold
 
 _COLOURS = {"unstable": PALETTE[1], "stable": PALETTE[0]}
 _WIDTH, _HEIGHT = 6.4, 5.6  # inches
-_SAMPLES, _RTOL = 400, 1e-10  # of the orbits
+_SAMPLES, _RTOL = 400, 1e-10  # samples of the orbits, and their tolerance
 
 
 @check_first
@@ -68,7 +68,7 @@ def manifold(
 
 
 def _draw(ax, one: Manifold, which: list[int]) -> None:
-    """The strands."""
+    """Draw the strands."""
     label = f"{one.kind} manifold"
     for strand in one.samples[one.ok]:
         ax.plot(*strand[:, which].T, color=_COLOURS[one.kind], lw=0.6, alpha=0.7, label=label)
@@ -76,7 +76,7 @@ def _draw(ax, one: Manifold, which: list[int]) -> None:
 
 
 def _draw_base(ax, one: Manifold, which: list[int]) -> None:
-    """What the strands belong to."""
+    """Draw the orbit or the equilibrium to which the strands belong."""
     if one.orbit is None:
         ax.plot(*one.base[:1, which].T, "o", color=INK, ms=5, label="equilibrium")
         return

@@ -1,4 +1,4 @@
-"""Pictures of periodic orbits: side by side, to one scale, with the velocities at the start."""
+"""Pictures of periodic orbits side by side, to one scale, with the velocities at the start."""
 
 from collections.abc import Sequence
 
@@ -31,11 +31,11 @@ from orbits.hybrid.legs import HybridOrbit
 
 _SAMPLES = 600
 _RTOL = 1e-10
-_BACK = 1e-6  # of the sizes of entries: a state that differs by less from the start is it
+_BACK = 1e-6  # a state that differs by less from the start, in sizes, is the start
 _FEW_STEPS = 5000
 _PANEL = 4.6  # inches wide
 _ARROW = 0.16  # longest arrow as a share of the widest direction
-_AT_REST = 1e-9  # speed at a start that counts as none, in widths of the picture a period
+_AT_REST = 1e-9  # speed at a start that counts as zero, in widths of the picture per period
 _LINE = 0.22  # [inches] per line of the titles
 
 
@@ -48,19 +48,19 @@ def orbits(
 ) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
 
-    Dots mark where bodies start, arrows their velocities there, to one scale per picture. Where a
-    leg of a chain ends in a jump, that is dashed.
+    Dots mark where bodies start, and arrows their velocities there, to one scale per picture. A
+    jump at the end of a chain's leg is dashed.
 
     Args:
       found: chains of legs, or objects with a ``scene``, a start ``y0`` (k,) and a ``period`` ()
         [s].
       path: file to write, .png, .pdf or .svg.
-      titles: title of each; may have several lines.
-      title: title of all; the scene with the numbers that all orbits share by default, "" for
-        none.
+      titles: title of each orbit; it may have several lines.
+      title: title of the figure; by default the scene with the numbers that all orbits share, ""
+        for none.
     Raises:
-      ValueError: `found` is no sequence, is empty or has orbits in different dimensions, `titles`
-        has another length, or `path` cannot be written.
+      ValueError: `found` is not a sequence, is empty or has orbits in different dimensions,
+        `titles` has another length, or `path` cannot be written.
       IntegrationError: an orbit cannot be integrated over its period.
     """
     path = picture_path(path)
@@ -110,10 +110,10 @@ def orbits(
 def overview(orbit) -> Figure:
     """The picture of an orbit in a notebook: untitled, and only if it takes seconds.
 
-    Entries of the state against time where nothing moves in space.
+    Where nothing moves in space, it shows the entries of the state over time.
 
     Raises:
-      IntegrationError: it takes more than a few thousand steps.
+      IntegrationError: the motion takes more than a few thousand steps.
     """
     motion = _one_period(orbit, max_steps=_FEW_STEPS)
     try:
@@ -123,7 +123,7 @@ def overview(orbit) -> Figure:
 
 
 def _comes_back(orbit, motion) -> bool:
-    """Whether the last change of a chain leads to its start: else the motion advances."""
+    """Whether the last change of a chain leads to its start; otherwise the motion advances."""
     if not isinstance(orbit, HybridOrbit):
         return False
     scene = first_scene(orbit)
@@ -172,13 +172,13 @@ def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
     start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
     r, v = map(np.asarray, start)
     fastest = np.linalg.norm(v, axis=1).max()
-    # What rounding leaves of a start at rest has no direction.
+    # A velocity that is only rounding, at a start at rest, has no direction.
     moves = fastest > _AT_REST * width / float(orbit.period)
     return (r, v * (_ARROW * width / fastest)) if moves else None
 
 
 def _draw_velocities(ax, r: np.ndarray, arrows: np.ndarray) -> None:
-    """Arrows (2-D or 3-D) from where the bodies start."""
+    """Draw arrows (2-D or 3-D) from where the bodies start."""
     look = {
         "units": "inches",
         "width": 0.022,

@@ -1,4 +1,4 @@
-"""Pictures of frequency responses and backbone curves, as engineers draw them."""
+"""Pictures of frequency responses and backbone curves, in the form that engineers use."""
 
 import itertools
 import math
@@ -106,7 +106,7 @@ def backbone(
 ) -> Figure:
     """A picture of backbone curves: frequency over energy, or amplitude over frequency.
 
-    The energy is that above the equilibrium. Stable vibrations are solid, unstable ones dashed;
+    The energy is relative to the equilibrium. Stable vibrations are solid, unstable ones dashed;
     special points and internal resonances are marked, the latter with their ratio.
 
     Args:
@@ -114,7 +114,7 @@ def backbone(
       path: file to write, .png, .pdf or .svg.
       against: "energy" for the frequency over the energy, on a logarithmic scale; "amplitude" for
         the amplitude over the frequency, as response curves are drawn.
-      output: of which amplitudes are; see `frequency_response`.
+      output: the output whose amplitude is drawn; see `frequency_response`.
       title: its title; the scene by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, the scene has no energy, or there is no such output.
@@ -156,12 +156,12 @@ def backbone(
 
 
 def _places(curve: Family, of: Callable[[Member], float]) -> dict[int, tuple[float, float]]:
-    """Where each member and special point of a curve is, by its identity."""
+    """The place in the picture of each member and special point of a curve, by its `id`."""
     return {id(m): (m.parameter, of(m)) for m in (*curve.members, *curve.special)}
 
 
 def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
-    """The same with angles that do not jump along the curve."""
+    """The same places, with angles that do not jump along the curve."""
     angles = np.unwrap([places[id(m)][1] for m in curve.members])
     if angles.mean() < 0:
         angles = angles + 2 * np.pi
@@ -193,7 +193,7 @@ def _curve(ax, curve: Family, places: dict, colour, name: str, kinds: dict) -> N
 
 
 def _output(output: Output | None, scene: Scene) -> tuple[Output, str]:
-    """What is drawn, and what it is called with its unit."""
+    """The output that is drawn, and its name with its unit."""
     labels = dict(scene.labels())
     output = output or next(iter(labels))
     if callable(output):

@@ -19,32 +19,33 @@ from orbits.sections.tables import SectionPoints
 
 _PANEL, _ABOVE = 4.4, 0.7  # inches
 _GRID = 300  # points each way, for the edge of the allowed region
-_MARGINS = 0.1 * 1.5 ** np.arange(9)  # of a box around the points, in its size
-#: Of the position of the points, and of entries of their unit: a smaller extent is rounding.
+_MARGINS = 0.1 * 1.5 ** np.arange(9)  # margins of a box around the points, relative to its size
+#: An extent below these shares of the position of the points, and of entries with the same unit, is
+#: rounding.
 _RESOLVED, _ROUNDING = 1e-6, 1e-8
-_SAME_ENERGY = 1e-9  # of their terms: energies of starts on one energy surface
-_POINTS = 4000  # in a panel, above which dots are smaller
+_SAME_ENERGY = 1e-9  # largest difference of energies on one energy surface, relative to their terms
+_POINTS = 4000  # number of points in a panel above which dots are smaller
 _MOST_PANELS = 6
-_DECIMALS = 12  # of an energy: the rest of one of 0 is rounding
+_DECIMALS = 12  # decimals of an energy that are kept, so that rounding about 0 is not shown
 
 
 @check_first
 def section(
     points: SectionPoints | Sequence[SectionPoints], path=None, *, titles=(), title=None
 ) -> Figure:
-    """A picture of the crossings of a section: a dot for each, a colour for each start.
+    """A picture of the crossings of a section: a dot for each, in one colour for each start.
 
-    Where all starts have one energy, and it leaves no other choice, the edge of the region that it
-    allows is drawn.
+    Where all starts have one energy, and it determines the state at a point of the section, the
+    edge of the region that it allows is drawn.
 
     Args:
       points: what `orbits.section` returned, or several of them, drawn side by side.
       path: file to write, .png, .pdf or .svg.
-      titles: one for each; the energy by default.
-      title: that of the picture; the scene with its numbers by default, "" for none.
+      titles: title of each panel; the energy by default.
+      title: title of the picture; the scene with its numbers by default, "" for none.
     Raises:
-      ValueError: `path` cannot be written, there are no crossings or too many pictures, or the
-        number of titles is another one.
+      ValueError: `path` cannot be written, there are no crossings or too many panels, or the
+        number of titles is not that of the panels.
     """
     path = picture_path(path)
     tables = [points] if isinstance(points, SectionPoints) else list(points)
@@ -81,7 +82,7 @@ def _panel(ax, table: SectionPoints) -> None:
 
 
 def _widen(ax, table: SectionPoints) -> None:
-    """Widen the axis of a coordinate that is constant, which would show the rounding of it."""
+    """Widen the axis of a coordinate that is constant, which would otherwise show its rounding."""
     low, high, constant = _extent(table)
     for axis, ends, wide in zip("xy", zip(low, high, strict=True), constant, strict=True):
         if wide and np.ptp(getattr(ax.dataLim, f"interval{axis}")) < ends[1] - ends[0]:
@@ -89,7 +90,7 @@ def _widen(ax, table: SectionPoints) -> None:
 
 
 def _extent(table: SectionPoints) -> tuple[np.ndarray, ...]:
-    """(2,) lower and upper ends of the points, and whether they differ by rounding only."""
+    """(2,) lower and upper ends of the points, and whether these differ only by rounding."""
     low, high = np.nanmin(table.qp, axis=(0, 1)), np.nanmax(table.qp, axis=(0, 1))
     middle, half = (low + high) / 2, (high - low) / 2
     units = dict(table.scene.labels())
@@ -133,7 +134,7 @@ def _edge(ax, table: SectionPoints) -> None:
         seen += [(q, p, least)] * int(outside.any())
         if whole:
             break
-    # The box that holds the whole region; for an open one the first that shows an edge.
+    # Draw in the box that holds the whole region; for an open one in the first that shows an edge.
     for q, p, least in seen[-1:] if whole else seen[:1]:
         ax.contour(q, p, least, levels=[energy], colors=INK, linewidths=1, linestyles="solid")
 

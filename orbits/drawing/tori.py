@@ -69,12 +69,12 @@ def _surface(found: Torus) -> tuple[np.ndarray, np.ndarray]:
             for y in found.at(theta)
         ]
     )
-    # A return turns the circle by rho. Turned back in proportion to time, lines close.
+    # A return turns the circle by rho; turned back in proportion to time, the lines close.
     return ts, _turn_back(flowed, found.rotation * ts / found.time)
 
 
 def _turn_back(flowed: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """(n + 1, s, k) circles (n, s, k), each turned by its angle back (s,), and closed."""
+    """(n + 1, s, k) circles (n, s, k), each turned back by its angle `back` (s,), and closed."""
     n = len(flowed)
     modes = np.fft.rfft(flowed, axis=0)
     turn = np.exp(-1j * np.arange(len(modes))[:, None] * back[None])

@@ -20,15 +20,15 @@ from orbits.analysis.stability import Stability
 
 _SIDE = 4.2  # inches
 _REACH = 1.6  # largest |multiplier| drawn in its place; larger ones are arrows with their sizes
-_FURTHEST = 1.35  # where the head of an arrow is
+_FURTHEST = 1.35  # distance of an arrow's head from 0
 
 
 @check_first
 def multipliers(found: Stability, path=None, *, title: str | None = None) -> Figure:
     """A picture of the multipliers of an orbit in the complex plane, with the unit circle.
 
-    Those far outside are arrows towards them, with their absolute values; in an unstable pair the
-    partner lies close to 0.
+    Multipliers far outside are shown by arrows towards them, with their absolute values; the
+    partner of such a multiplier in an unstable pair lies close to 0.
 
     Args:
       found: what `orbits.stability` returned.
