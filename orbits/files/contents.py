@@ -1,4 +1,4 @@
-"""What a file holds, as it claims: an orbit with all that was found of it, or a family."""
+"""What a file claims to hold: an orbit with all that was found about it, or a family."""
 
 import dataclasses
 from pathlib import Path
@@ -16,13 +16,13 @@ from orbits.proof.refined import Refined
 
 @dataclasses.dataclass(frozen=True)
 class Claimed:
-    """An orbit with what its file claims of it; `verify` recomputes that.
+    """An orbit with what its file claims about it; `verify` recomputes that.
 
     Attributes:
       orbit: the orbit.
       report: the claims that every orbit file has.
-      refined: its digits, if it has more than doubles have.
-      certificate: its proof, if it has one.
+      refined: the digits of the orbit, if there are more than doubles have.
+      certificate: the proof of the orbit, if there is one.
     """
 
     orbit: Orbit
@@ -35,7 +35,7 @@ def contents(path: str | Path) -> Claimed | Listing:
     """The orbit or the family in a file, with its claims, none of which is recomputed.
 
     Args:
-      path: of the JSON file.
+      path: path of the JSON file.
     Raises:
       ValueError: it is neither an orbit file nor a family file of this version, or its data is
         invalid.

@@ -1,4 +1,4 @@
-"""An orbit as plain JSON, and back: the common part of orbit files and family files."""
+"""The conversion of an orbit to plain JSON and back, common to orbit files and family files."""
 
 import math
 from typing import Any, NamedTuple
@@ -33,7 +33,7 @@ def encode_orbit(orbit: Orbit | HybridOrbit) -> dict[str, Any]:
     """The orbit as numbers, strings, lists and dictionaries.
 
     Raises:
-      ValueError: the scene holds a function, or it is a chain of legs, which hold some.
+      ValueError: the scene holds a function, or it is a chain of legs, which hold functions.
     """
     orbit = smooth_orbit("orbit", orbit)
     return {name: encode(getattr(orbit, name)) for name in _FIELDS}

@@ -36,7 +36,7 @@ class Entry:
     Attributes:
       orbit: the orbit.
       parameter: its value of the family's parameter; NaN without one.
-      energy: of the scene at the start; NaN without one.
+      energy: energy of the scene at the start; NaN without one.
       verdict: "stable", "unstable" or "undecided".
       kind: kind of special point, if it is one.
     """
@@ -53,10 +53,11 @@ class Listing:
     """A family as a list.
 
     Attributes:
-      parameter: name of the number that changes along it; None if only energy and period change.
+      parameter: name of the number that changes along the family; None if only energy and period
+        change.
       members: the orbits, in order.
       special: the special points between them.
-      end: why it ends.
+      end: why the family ends.
     """
 
     parameter: str | None
@@ -77,7 +78,7 @@ def save(path: str | Path, family: Listing) -> None:
     """Write a family, atomically.
 
     Args:
-      path: of the JSON file.
+      path: path of the JSON file.
       family: from `listing`.
     Raises:
       ValueError: the folder does not exist, or a scene holds a function.
@@ -96,7 +97,7 @@ def load(path: str | Path) -> Listing:
     """The family in a file; each orbit can be reported on, and continued, like a new one.
 
     Raises:
-      ValueError: not a readable family file of this version, or its data is invalid.
+      ValueError: the file is not a readable family file of this version, or its data is invalid.
     """
     known = FamilyFile(**decode_fields(LAYOUT.read(path), FamilyFile, "file", DAMAGED))
     members, special = (

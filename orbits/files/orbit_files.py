@@ -1,4 +1,4 @@
-"""Orbit files: an orbit with all that is claimed of it, written and read."""
+"""Orbit files, which hold an orbit with all that is claimed about it, written and read."""
 
 import dataclasses
 import math
@@ -23,10 +23,10 @@ from orbits.orbit import Orbit, Outcome
 from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
 
-# ---- Files of chains of legs: their numbers with all that is claimed of them
+# ---- Files of chains of legs: their numbers with all that is claimed about them
 #
 # A file holds no functions, and so no events and changes: the legs, or the phases, are given again
-# when it is read, and refused if the chain does not close by them.
+# when it is read, and are refused if the chain does not close by them.
 
 CHAIN_LAYOUT = Layout("jaxdyn-chain", 1, "orbits.save")
 #: Largest closing error of a chain by the legs that are given with its file.
@@ -38,10 +38,10 @@ class ChainFile(NamedTuple):
 
     Attributes:
       path: see `HybridOrbit`.
-      starts: of the legs.
-      spans: of the legs.
+      starts: starts of the legs.
+      spans: spans of the legs.
       rtol: see `HybridOrbit`.
-      claims: what is claimed of the chain.
+      claims: what is claimed about the chain.
     """
 
     path: list[tuple[str, int]]
@@ -99,12 +99,12 @@ def _load_chain(
     return found, known.claims
 
 
-# ---- Orbit files: an orbit with all that is claimed of it, written and read
+# ---- Orbit files: an orbit with all that is claimed about it, written and read
 
 Closes = Callable[[Array, Array], Array]
 
 LAYOUT = Layout("jaxdyn-orbit", 5, "--save, or orbits.save,", {4: False})
-#: Claims of more digits and of a proof, where a file has them.
+#: Names of the claims of more digits and of a proof, where a file has them.
 REFINED, CERTIFICATE = "refined", "certificate"
 
 
@@ -116,11 +116,11 @@ def save(
     """Write an orbit with all claims about it, atomically.
 
     Args:
-      path: of the JSON file.
+      path: path of the JSON file.
       orbit: what `find`, `find_hybrid`, `refine` or `prove` returned; the digits or the certificate
-        are claims. Of a chain of legs the file has the numbers only, since events and changes are
+        are claims. For a chain of legs the file has only the numbers, since events and changes are
         functions.
-      claims: its report; made here by default.
+      claims: the report about the orbit; made here by default.
     Raises:
       ValueError: `orbit` is something else, the folder does not exist, or the scene holds a
         function.
@@ -150,13 +150,13 @@ def load(path, legs=None, *, closes=None):
     """The orbit in a file, and the file's claims about it.
 
     Args:
-      path: of the JSON file.
-      legs: of a chain of legs the legs or the phases that were given to `find_hybrid`: its file has
-        numbers only.
-      closes: likewise, if it was given.
+      path: path of the JSON file.
+      legs: for a chain of legs, the legs or the phases that were given to `find_hybrid`, since its
+        file has only numbers.
+      closes: the closing of a chain, if one was given to `find_hybrid`.
     Raises:
-      ValueError: not a readable orbit file of this version, its data is invalid, or the chain does
-        not close by these legs.
+      ValueError: the file is not a readable orbit file of this version, its data is invalid, or the
+        chain does not close by these legs.
     """
     if legs is not None:
         return _load_chain(path, legs, closes)

@@ -53,7 +53,7 @@ def verify(
     """All claims of an orbit file recomputed, and those that do not hold.
 
     Args:
-      path: of the JSON file.
+      path: path of the JSON file.
       legs: see `load`.
       closes: see `load`.
     Raises:
@@ -76,7 +76,7 @@ def verify(
 
 
 def _compare_proofs(orbit: Orbit, proofs: dict[str, Any]):
-    """Claims of digits and of a proof that do not come out again."""
+    """The claims of digits and of a proof that are not reproduced."""
     if not proofs:
         return
     # python-flint is needed for these claims alone.
@@ -93,7 +93,7 @@ def _compare_proofs(orbit: Orbit, proofs: dict[str, Any]):
 
 
 def _not_a_motion(orbit: HybridOrbit, derived: Report):
-    """A file may describe a chain that does not close, or that passes a bound."""
+    """The mismatches of a file whose chain does not close, or passes a bound."""
     if not derived.closure <= AGREEMENT:
         yield Mismatch("error of the closing", f"at most {AGREEMENT:.1e}", derived.closure)
     if not orbit.keeps_bounds:
@@ -101,7 +101,7 @@ def _not_a_motion(orbit: HybridOrbit, derived: Report):
 
 
 def _not_closed(orbit: Orbit, derived: Report):
-    """A file may truthfully describe a motion that is not an orbit."""
+    """The mismatches of a file that truthfully describes a motion which is not an orbit."""
     end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
     miss = np.asarray(orbit.closing.miss(system, end, y0, angle))
@@ -115,7 +115,7 @@ def _not_closed(orbit: Orbit, derived: Report):
 
 
 def _units(orbit: Periodic, derived: Any) -> dict[str, Any]:
-    """What numbers with a unit are compared in, by name; the others are compared with 1."""
+    """The sizes by which numbers with a unit are compared, by name; others are compared with 1."""
     energy = abs(derived["energy"] or 0.0)
     return {
         "period": orbit.period,
