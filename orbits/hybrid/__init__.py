@@ -1,12 +1,13 @@
 """Piecewise-smooth periodic motions: smooth legs joined by events.
 
-`legs` defines such a motion, `phases` makes its legs of the phases of a scene, `equations` are its
-equations, `search` solves them, also unlike known ones, `margins` says how far it is from grazing.
+`legs` defines such a motion, `phases` makes its legs from the phases of a scene, `equations` has
+its equations, `search` solves them, also away from known solutions, and `margins` says how far it
+is from grazing.
 
 May import: `shooting`.
 
-One more such motion is a function that makes the `Leg`s of a `HybridOrbit` and calls `find_hybrid`,
-as `hop` in page 38 of the course does.
+To add such a motion, write a function that makes the `Leg`s of a `HybridOrbit` and calls
+`find_hybrid`, as `hop` on page 38 of the course does.
 """
 
 import jaxdyn

@@ -7,8 +7,8 @@ grazes the ground, where the time of an event has no derivative, while these equ
 The price is that a solution may pass an end before its time; the bounds of a leg exclude that.
 
 In units all are numbers of order 1: a state is in units of the sizes of its entries along the
-chain, a time in those of its guess, and an equation in units of what changes of the states by their
-sizes make of it.
+chain, a time in units of its guess, and an equation in units of its change when the states change
+by their sizes.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import legs_of
 from orbits.orbit import Outcome
 
-#: From the parameter of a family to legs, or to phases with their legs along a path.
+#: A function from the parameter of a family to legs, or to phases with their legs along a path.
 MakeChain = Callable[[Array], Sequence[Leg] | Mapping[str, Phase]]
 
 
@@ -38,9 +38,9 @@ class Unknowns(NamedTuple):
     """The unknowns, by name.
 
     Attributes:
-      start: (k,) of the first leg.
+      start: (k,) start of the first leg.
       spans: (n,) duration of each leg.
-      parameter: () of a family, else 0.
+      parameter: () parameter of a family, else 0.
     """
 
     start: np.ndarray
@@ -49,10 +49,10 @@ class Unknowns(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """The equations at unknowns.
+    """The equations at given unknowns.
 
     Attributes:
-      value: (m,) left sides.
+      value: (m,) left-hand sides.
       jacobian: (m, u) derivatives by the unknowns.
       starts: the start of each leg, and that of the leg after the last.
       ends: the end of each leg.
@@ -68,10 +68,10 @@ class Chain(NamedTuple):
     """The equations of a chain of legs.
 
     Attributes:
-      legs: in order; their scenes' starts and spans are not used.
+      legs: the legs in order; their scenes' starts and spans are not used.
       closes: (end, start) -> closing error.
       make: the legs for each value of the parameter of a family; None without one.
-      path: through the phases that `make` returns; () if it returns legs.
+      path: the path through the phases that `make` returns; () if it returns legs.
     """
 
     legs: tuple[Leg, ...]
@@ -91,7 +91,7 @@ class Chain(NamedTuple):
         return Unknowns(start, spans, float(x[-2]) if self._along else 0.0)
 
     def place(self, x: np.ndarray) -> np.ndarray:
-        """(u,) all unknowns: none are states between segments."""
+        """(u,) all unknowns, since none are states between segments."""
         return x
 
     def pack(self, start, spans, parameter: float = 0.0) -> np.ndarray:
@@ -104,7 +104,7 @@ class Chain(NamedTuple):
         return self.make is not None
 
     def legs_at(self, parameter: float) -> tuple[Leg, ...]:
-        """The legs at a parameter of the family."""
+        """The legs at a value of the family's parameter."""
         if self.make is None:
             return self.legs
         return legs_of(self.make(jnp.asarray(parameter, float)), self.path)
@@ -112,7 +112,8 @@ class Chain(NamedTuple):
     def linearised(self, x: np.ndarray, rtol) -> Linearised:
         """The equations and their Jacobian.
 
-        Leg by leg on the host, so that each kind of leg is compiled once for chains of any length.
+        Legs are passed one by one on the host, so that each kind of leg is compiled once for chains
+        of any length.
         """
         unknowns = self.unpack(x)
         k, n = len(unknowns.start), len(self.legs)
@@ -149,7 +150,7 @@ class Chain(NamedTuple):
         return _leg_of_family_passed(self.make, self.path, i, y, span, parameter, rtol)
 
     def sizes(self, first: Linearised, spans: np.ndarray, parameter=0.0) -> list[np.ndarray]:
-        """(k,) of the entries of each leg's state: the largest of all where these are one kind."""
+        """(k,) sizes of the entries of each leg's state, the largest of legs with equal labels."""
         legs = self.legs_at(parameter)
         each = [
             sizes(leg.scene.starting(y, t))
@@ -162,7 +163,7 @@ class Chain(NamedTuple):
         ]
 
     def rows(self, first: Linearised, spans: np.ndarray, each, parameter=0.0) -> np.ndarray:
-        """(m,) what changes of the states by their sizes make of each equation."""
+        """(m,) the change of each equation when the states change by their sizes."""
         found = [
             np.asarray(_change(leg, end, t, size))
             for leg, end, t, size in zip(
@@ -177,7 +178,7 @@ class Chain(NamedTuple):
     def orbit(
         self, x: np.ndarray, *, residual: float, outcome: Outcome, iterations: int, rtol: float
     ) -> HybridOrbit:
-        """The chain at a point x of the unknowns; found only if it keeps the bounds of its legs."""
+        """The chain at a point x of the unknowns; FOUND only if it keeps the bounds of its legs."""
         unknowns = self.unpack(x)
         starts = self.linearised(x, rtol).starts[:-1]
         placed = tuple(
@@ -211,10 +212,11 @@ class Chain(NamedTuple):
         return self.over_periods(times).pack(unknowns.start, spans, unknowns.parameter)
 
     def residual(self, start, spans, rtol, solvers: Sequence[Method | None], periods: int = 1):
-        """(m,) the equations after some periods, by given methods of integration.
+        """(m,) the errors of the equations after some periods, by given methods of integration.
 
-        The errors of the ends are those of the last period, those of the closing the sum of all:
-        the difference of the last state from the start, if one period's is that of its ends.
+        The errors of the ends are those in the last period. The closing errors are summed over all
+        periods: if the closing is the difference of two states, the sum is that of the last state
+        from the start.
         """
         y, closing, left = np.asarray(start), 0.0, []
         for _ in range(periods):
@@ -228,7 +230,7 @@ class Chain(NamedTuple):
 
 @eqx.filter_jit
 def _change(leg: Leg, end: Array, span, each: Array) -> Array:
-    """(e,) `Chain.rows` of the ends of a leg."""
+    """(e,) the part of `Chain.rows` that belongs to the ends of a leg."""
 
     def left(end):
         return _ends(leg, span, end)
@@ -254,7 +256,7 @@ def _ends(leg: Leg, span, end: Array) -> Array:
 
 @eqx.filter_jit
 def _end(leg: Leg, y: Array, span, rtol, *, solver: Method | None):
-    """(start of the next leg, residual of the ends), without derivatives."""
+    """The start of the next leg and the residual of the ends, without derivatives."""
     end = solve(leg.scene.starting(y), span, rtol=rtol, solver=solver).y1
     return leg.change(span, end), _ends(leg, span, end)
 
@@ -267,7 +269,7 @@ def _passage(leg: Leg, y: Array, span, rtol):
 
 @eqx.filter_jit
 def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> Array:
-    """(m,) the equations of a chain, differentiable in every number of it."""
+    """(m,) the residual of a chain's equations, differentiable in every number of the chain."""
     first = y = legs[0].scene.system.project(jnp.zeros(()), start)
     found = []
     for i, leg in enumerate(legs):
@@ -278,7 +280,7 @@ def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> 
 
 @eqx.filter_jit
 def leg_passed(leg: Leg, y: Array, span, rtol):
-    """(start of the next leg, residual of the ends, end), and derivatives of the first two."""
+    """The next leg's start, residual of the ends, and end, with derivatives of the first two."""
 
     def passed(y, span):
         return _passage(leg, y, span, rtol)
@@ -313,7 +315,7 @@ def closing_left(closes, end: Array, start: Array):
 def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, k) derivatives of the closing error by both states, in sizes (k,).
 
-    Each equation is in the unit of what it compares.
+    Each equation is divided by the norm of its derivative by the start.
     """
     by_end, by_start = (np.asarray(x) * each for x in closing_left(closes, end, start)[1])
     rows = np.linalg.norm(by_start, axis=1, keepdims=True)

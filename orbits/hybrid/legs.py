@@ -1,8 +1,8 @@
 """A piecewise-smooth periodic motion: a closed chain of smooth legs (roll, fly, ...).
 
-`find_hybrid` (orbits.hybrid.search) finds them. In its equations the times of the corners are
-unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg state what
-must hold on the way, and a chain that violates them is not reported as found.
+`find_hybrid` (orbits.hybrid.search) finds such motions. In its equations the times of the corners
+are unknowns, so a solution may pass the end of a leg before its time. The bounds of a leg state
+what must hold on the way, and a chain that violates them is not reported as found.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from jaxdyn.integrate.phases import HybridTrajectory
 from orbits.orbit import Outcome
 
 _LOOKS = 400  # samples of a leg
-_PASSED = 1e-9  # of the largest value of a bound on a leg: a value further below 0 is not rounding
+_PASSED = 1e-9  # a bound this far below 0, relative to its largest value on a leg, is violated
 
 
 #: The name of the phase of each leg, and the index of the exit by which it ends.
@@ -35,7 +35,7 @@ class Leg(Record):
 
     Attributes:
       scene: system and effects (its start and span are not used). Neither its rate nor the
-        functions below may depend on time: what is driven has the phase of its drive as an entry
+        functions below may depend on time: a driven system has the phase of its drive as an entry
         of the state.
       ends: functions that vanish at the leg's end: its event, and further conditions.
       change: (t, y) -> the state at the start of the next leg; a named function or a module.
@@ -53,13 +53,14 @@ class HybridOrbit:
     """A periodic chain, its closing error, and the outcome of the search for it.
 
     Attributes:
-      legs: in order; their scenes have the start and the span of each.
+      legs: the legs in order; their scenes have the start and the span of each.
       closes: (end, start) -> closing error of the chain.
       residual: largest entry of the closing error, see the `goal` of `find_hybrid`.
-      outcome: `Outcome`; unless it is FOUND this is the best iterate.
+      outcome: how the search ended; unless it is FOUND, this is the best iterate.
       iterations: Newton steps taken.
       rtol: tolerance of the integrations.
-      path: through the phases whose legs these are, as `HybridTrajectory.path`; () for others.
+      path: the path through the phases to which the legs belong, as `HybridTrajectory.path`; () for
+        legs without phases.
     """
 
     legs: tuple[Leg, ...]
@@ -101,7 +102,7 @@ class HybridOrbit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(n,) names of the legs, which are those of their phases, or numbers."""
+        """(n,) names of the legs: those of their phases, or numbered ones."""
         found = tuple(name for name, _ in self.path)
         return found or tuple(f"leg {i + 1}" for i in range(len(self.legs)))
 
@@ -117,7 +118,7 @@ class HybridOrbit:
 
     @property
     def ok(self) -> bool:
-        """Whether it closes."""
+        """Whether the chain closes and keeps its bounds."""
         return self.outcome == Outcome.FOUND
 
     @property
@@ -161,8 +162,8 @@ class HybridOrbit:
     def smallest(self, leg: int, event: Event) -> float:
         """The smallest value of a function at 400 times of a leg.
 
-        For a height in flight, say, or a normal force in contact: if it is below zero by more
-        than rounding, the chain closes but is not physically realisable.
+        The function may be a height in flight, say, or a normal force in contact: if its value is
+        below zero by more than rounding, the chain closes but is not physically realisable.
         """
         return float(self._values(leg, event).min())
 
@@ -172,7 +173,7 @@ class HybridOrbit:
         return not self._violations()
 
     def _violations(self) -> list[tuple[str, float]]:
-        """The bounds violated by more than rounding, each with its smallest value."""
+        """The bounds that are violated by more than rounding, each with its smallest value."""
         found = []
         for i, leg in enumerate(self.legs):
             for j, bound in enumerate(leg.bounds):

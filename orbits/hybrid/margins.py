@@ -1,7 +1,7 @@
-"""How far a chain of legs is from grazing: numbers that change sign where it does.
+"""How far a chain of legs is from grazing: numbers that change sign where it grazes.
 
-A leg grazes the event that ends it where the speed at which it meets it is zero. It grazes a bound
-where the bound has a minimum of zero on the way. Beyond, the chain closes, but is no motion: it
+A leg grazes the event at its end where it meets the event at zero speed. It grazes a bound where
+the bound has a minimum of zero on the way. Beyond that the chain closes, but is not a motion: it
 meets an event from its far side, or passes a bound.
 """
 
@@ -16,13 +16,13 @@ from orbits.hybrid.equations import leg_passed
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.motion import quick_solve
 
-_SAMPLES = 400  # of a leg, to find a minimum, and between two samples, to refine it
+_SAMPLES = 400  # samples of a leg to find a minimum, and about that sample to refine it
 
 
 def margins(orbit: HybridOrbit) -> np.ndarray:
-    """(e,) of each leg the speed at its event, and the smallest minimum of each of its bounds.
+    """(e,) for each leg the speed at its event, and the smallest minimum of each of its bounds.
 
-    A bound without a minimum inside of its leg has its largest value there.
+    For a bound without a minimum inside its leg, the number is its largest absolute value there.
     """
     found = []
     for leg in orbit.legs:
@@ -35,7 +35,7 @@ def margins(orbit: HybridOrbit) -> np.ndarray:
 
 
 def _least_minimum(leg: Leg, bound: Event, rtol: float) -> float:
-    """The smallest local minimum of a bound inside of a leg."""
+    """The smallest local minimum of a bound inside a leg."""
     ts = np.linspace(0.0, float(leg.scene.t1), _SAMPLES + 1)
     values = _along(leg, bound, ts, rtol)
     inside = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1

@@ -1,8 +1,8 @@
 """Legs from phases: the chain of legs along a path through the phases of a scene.
 
-A phase (`jaxdyn.integrate.phase`) knows all of its exits, a leg only the one it ends by. The bounds
-of a phase, its exits with a direction, are those of the leg: so a chain that passes one of them on
-its way is not taken for a motion.
+A phase (`jaxdyn.integrate.phase`) has all of its exits, a leg only the one by which it ends. The
+exits of a phase that have a direction become bounds of the leg, so that a chain that passes one of
+them on its way is not taken for a motion.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,18 +17,18 @@ from jaxdyn.integrate.phase import Phase, no_time
 from jaxdyn.integrate.phases import simulate_phases
 from orbits.hybrid.legs import Leg, Path
 
-#: Spans of the scenes within which a guess is followed to its events.
+#: Number of the scenes' spans within which a guess is followed to its events.
 _SPANS = 100.0
 
 Phases = Mapping[str, Phase]
 
 
 class Inside(Event):
-    """How far a state is on the near side of an exit of a phase; not negative along it.
+    """How far a state is on the near side of an exit; this is not negative within the phase.
 
     Attributes:
-      event: of the exit.
-      side: the sign of its value within the phase.
+      event: the event of the exit.
+      side: the sign of the event's value within the phase.
     """
 
     event: Event
@@ -39,7 +39,7 @@ class Inside(Event):
 
 
 def legs_of(given: Sequence[Leg] | Phases, path: Path) -> tuple[Leg, ...]:
-    """Legs as they are, or those along a path through phases.
+    """The given legs, or those along a path through given phases.
 
     Raises:
       ValueError: the phases have no such path.
@@ -68,7 +68,7 @@ def follow(phases: Phases, y0, events: int) -> tuple[Path, np.ndarray]:
     """The path of a guess over a number of events, and the durations between them.
 
     Raises:
-      ValueError: so many events do not follow, or after them the motion is in another phase.
+      ValueError: fewer events follow, or after them the motion is not in its first phase.
     """
     whole("events", events, least=1)
     span = _SPANS * max((float(phase.scene.t1) for phase in phases.values()), default=1.0)

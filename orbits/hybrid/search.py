@@ -1,6 +1,6 @@
 """The search for piecewise-smooth periodic motions: closed chains of smooth legs.
 
-Newton's method on the equations of `equations`, in units.
+It applies Newton's method to the equations of `equations`, in units.
 """
 
 import dataclasses
@@ -31,19 +31,19 @@ from orbits.shooting.multiple import Shooting
 
 # ---- Distances of chains of legs from known ones, for deflation
 #
-# A known chain may be begun at the start of any of its legs, and run through once or twice.
+# A known chain may begin at the start of any of its legs, and be run through once or twice.
 
-_TIMES = (1, 2)  # periods of a known chain
+_TIMES = (1, 2)  # numbers of periods of a known chain
 
 
 class Squares:
-    """x -> of each known chain the square of its distance from x (u,), and its gradient (u,)."""
+    """x (u,) -> the square of its distance from each known chain, and that square's gradient."""
 
     def __init__(self, chain: Chain, known: Sequence[HybridOrbit], sizes: np.ndarray):
         """Measure in sizes (k,) of the first state, and in known periods.
 
         Raises:
-          ValueError: one of the known does not close, or is of other scenes.
+          ValueError: one of the known chains does not close, or is of other scenes.
         """
         self._chain, self._sizes = chain, sizes
         scene = chain.legs[0].scene
@@ -78,14 +78,14 @@ class Squares:
                 slope = self._chain.pack(2 * off / self._sizes, by_span)
                 found.append((float(off @ off) + late**2, slope))
         square, slope = min(found, key=lambda one: one[0])
-        # Zero on the chain, where the gradient's direction is unknown and steps are zero.
+        # The gradient is zero on the chain, where its direction is unknown and steps are zero.
         return max(square, np.finfo(float).tiny), slope
 
 
 # ---- The search for piecewise-smooth periodic motions: closed chains of smooth legs
 
 _SHOOTING = Shooting()
-_SHORTEST = 0.02  # of its guess: a shorter leg has vanished
+_SHORTEST = 0.02  # a leg shorter than this share of its guess has vanished
 
 
 class Comes(eqx.Module):
@@ -116,31 +116,31 @@ def find_hybrid(
     """The periodic chain of legs near a guess.
 
     Args:
-      legs: in order; the last one leads to the first. Or phases by name, as for `simulate_phases`
-        (`scenes.phases_of` has those of ready-made scenes): the legs are those that the motion from
-        `y0` passes, and the bounds of the phases are theirs.
+      legs: the legs in order, of which the last leads to the first; or phases by name, as for
+        `simulate_phases` (`scenes.phases_of` has those of ready-made scenes). The legs are then
+        those that the motion from `y0` passes, and their bounds are those of the phases.
       y0: (k,) guess of the start of the first leg.
-      spans: (n,) guess of the duration of each leg; with phases by default those of the motion
+      spans: (n,) guess of the duration of each leg; with phases, by default those of the motion
         from `y0`.
-      events: with phases, how many of them a period has: the motion from `y0` is followed so far.
+      events: with phases, the number of them in a period: the motion from `y0` is followed so far.
       closes: (end, start) -> closing error, a module or a named function; by default the
         difference of the states. One that leaves out a position finds motions that advance.
-      strategy: ``orbits.Shooting()``, or ``orbits.Deflated(known)`` for another chain than known
-        ones from the same guess. These are told by the starts of their legs and their periods, so
-        they should begin with an event.
-      goal: largest closing error of a solution, in units of what changes of the states by their
-        sizes make of it.
+      strategy: ``orbits.Shooting()``, or ``orbits.Deflated(known)`` for a chain unlike known ones
+        from the same guess. Chains are compared by the starts of their legs and their periods, so
+        legs should begin with an event.
+      goal: largest closing error of a solution, in units of its change when the states change by
+        their sizes.
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
       report: called with an `Iteration` after each step; its period is the last leg's span.
       throw: raise if none was found.
-      unlike: deprecated, ``strategy=orbits.Deflated(known)``.
+      unlike: deprecated; use ``strategy=orbits.Deflated(known)``.
     Returns:
-      The chain; of a family of them the one nearest to the guess.
+      The chain; where chains form a family, the one nearest to the guess.
     Raises:
       ValueError: `legs` is empty or has other elements, a leg's rate, an event or a change depends
         on time, `y0` or `spans` has the wrong shape, `spans`, `goal` or `rtol` is out of range; or
-        from `y0` the phases are not `events` ones that lead back to the first.
+        the motion from `y0` is not in its first phase again after `events` phases.
       SearchError: none was found (``throw=True``).
     Limits: host only. Only the bounds of a leg detect ends that are passed earlier.
     Example:
@@ -264,7 +264,7 @@ class _Part(eqx.Module):
 
 
 def _check_timeless(name: str, part: Any, k: int) -> None:
-    """Raise ValueError if an event or a change depends on time, of which a chain knows nothing."""
+    """Raise ValueError if an event or a change depends on time, which a chain does not have."""
     if plan_of(_Part.of(part), k).depends_on_time:
         wanted = "a function of the state alone"
         remedy = (
@@ -276,7 +276,7 @@ def _check_timeless(name: str, part: Any, k: int) -> None:
 
 
 def check_legs(legs: tuple[Leg, ...]) -> None:
-    """Raise ValueError for what is no chain of legs, or depends on time."""
+    """Raise ValueError for what is not a chain of legs, or depends on time."""
     if not legs:
         raise fail("legs", "at least one", "none", "A chain has legs.")
     for i, leg in enumerate(legs):
