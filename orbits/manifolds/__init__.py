@@ -1,15 +1,15 @@
 """Stable and unstable manifolds of periodic orbits and equilibria.
 
 `manifold` chooses how far from an orbit strands begin and follows them, `directions` has the
-tangents in which they begin, `strands` is the result. `connecting` is the call that finds
-connections, `connection` the result. `between_equilibria` finds those of equilibria, and chooses
-where their ends lie; `splitting` has the invariant subspaces of the linearisation as functions of a
-parameter. `between_orbits` finds those of orbits, where strands cross on a section. `links` solves
-both.
+tangents along which they begin, `strands` has the record of the result. `connecting` has the call
+that finds connections, `connection` the record of one. `between_equilibria` finds connections of
+equilibria and chooses where their ends lie; `splitting` has the invariant subspaces of the
+linearisation as functions of a parameter. `between_orbits` finds connections of orbits, where
+strands cross on a section. `links` solves the equations of both.
 
 May import: `families`.
 
-One more kind of object that has manifolds is one more function in `directions`.
+To add a kind of object that has manifolds, write a function in `directions`.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The search for a connection of equilibria: a strand passes by, then ends come closer."""
+"""The search for a connection of equilibria: a strand passes the second, then ends come closer."""
 
 import math
 from collections.abc import Callable
@@ -28,8 +28,8 @@ from orbits.motion import quick_solve
 #
 # The unknowns are the travel time, the parameter if there is one, and the states between
 # segments. The chain begins at a given distance from the first equilibrium along its unstable
-# eigenvector, its links meet, and it ends at a given distance from the second, on the stable
-# subspace there. These linear ends are off the manifolds by terms of second order. Single
+# eigenvector, its links meet, and it ends at a given distance from the second equilibrium, on the
+# stable subspace there. These linear ends are off the manifolds by terms of second order. Single
 # shooting fails here: an error at the passage of an equilibrium at a distance d grows as a power
 # of 1/d, in the Lorenz system as d^(-2.7).
 #
@@ -40,16 +40,16 @@ Make = Callable[[Array], Scene]
 
 
 class Chain(Links):
-    """What is to be connected.
+    """The chain of segments that is to connect two equilibria.
 
     Attributes:
       base: the scene, or any of those that `make` gives.
       make: the scene for each value of the parameter; None without one.
       near: (2, k) states near the two equilibria.
-      along: (k,) unstable direction at the first, with the sense of its branch.
-      across: (k, c) basis of the subspace at the second that is not stable, in sizes.
+      along: (k,) unstable direction at the first equilibrium, with the sense of its branch.
+      across: (k, c) basis, in sizes, of the subspace at the second equilibrium that is not stable.
       each: (k,) sizes of the entries.
-      cuts: (2,) real parts between the eigenvalues of these subspaces and the others.
+      cuts: (2,) real parts that separate the eigenvalues of these subspaces from the others.
       segments: number of links.
       rtol: tolerance of the integrations.
     """
@@ -65,11 +65,11 @@ class Chain(Links):
     rtol: float
 
     def scene_at(self, parameter) -> Scene:
-        """The scene at a parameter, None without one."""
+        """The scene at a value of the parameter, or the one scene if there is no parameter."""
         return self.base if self.make is None else self.make(parameter)
 
     def unpack(self, x: Array) -> tuple[Array, Array | None, Array]:
-        """Travel time, parameter, and the states (segments - 1, k) between links."""
+        """The travel time, the parameter, and the states (segments - 1, k) between links."""
         return x[0], None if self.make is None else x[1], self.states(x)
 
     def states(self, x: Array) -> Array:
@@ -127,15 +127,15 @@ def ends_at(chain: Chain, x) -> tuple[Split, Array, Split]:
     return chain.ends(chain.scene_at(chain.unpack(x)[1]))
 
 
-# ---- The search for a connection of equilibria: a strand passes by, then ends come closer
+# ---- The search for a connection of equilibria: a strand passes the second, then ends come closer
 
-_FIRST = 1e-2  # in the sizes of the entries, as all distances: the first one of the ends
+_FIRST = 1e-2  # first distance of the ends; all distances are in the sizes of the entries
 _SHORTER = 4.0  # ratio of successive distances
-_LEVELS = 14  # most of them
-_LEFT = 0.1  # of the largest distance from the first equilibrium: there it has been left
+_LEVELS = 14  # most distances that are tried
+_LEFT = 0.1  # share of the largest distance from the first equilibrium at which it has been left
 _STRAND = 4000  # samples of the strand in which the approach is sought
-_LONGEST = 10.0  # by default, of the slowest e-folding times, beyond leaving and arriving
-_SAMPLES = 16  # of each link
+_LONGEST = 10.0  # slowest e-folding times that a strand lasts, by default, after leaving
+_SAMPLES = 16  # samples of each link
 _BRANCHES = {"+": 1.0, "-": -1.0}
 
 
@@ -168,7 +168,7 @@ def connect_rests(
 def _pose(
     a: Scene, b, make: Make | None, p: float, branch: str, segments: int, rtol: float
 ) -> tuple[Chain, np.ndarray]:
-    """What is to be connected, and the rates of leaving and of arriving slowest."""
+    """The chain that is to connect the equilibria, and the rates of leaving and slowest arrival."""
     if type(a.system).project is not System.project:
         remedy = "Use a minimal set of coordinates."
         raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
@@ -213,7 +213,7 @@ def _pose(
 def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutcome:
     """Unknowns and distances of the ends where the strand passes the second equilibrium.
 
-    An outcome if it does not.
+    An outcome if the strand does not pass it.
     """
     scene, (a, b) = posed.base, posed.near
     start = scene.starting(a + _FIRST * posed.along)
@@ -262,7 +262,7 @@ def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
 
 
 def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
-    """Unknowns of the chain with shorter ends, to which the linear flows are appended."""
+    """Unknowns of the chain extended by the linear flows, so that its ends are closer."""
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, old, _SAMPLES))
     first, v, second = ends_at(posed, found.x)
     before, after = np.log(old / new) / rates
@@ -282,7 +282,7 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
 
 
 def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> float:
-    """Distance of the ends of a chain from the one with shorter ends, across the motion."""
+    """Distance, across the motion, of a chain's ends from the chain whose ends are closer."""
     (coarse, old), (fine, new) = last, now
     ts, ys = (np.asarray(z) for z in sample(posed, coarse.x, old, _SAMPLES))
     before = math.log(old[0] / new[0]) / rates[0]
@@ -295,7 +295,7 @@ def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> flo
 
 
 def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connection:
-    """The connection found."""
+    """The connection that was found."""
     time, p, _ = posed.unpack(found.x)
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, steps, _SAMPLES))
     scene = posed.scene_at(p)

@@ -27,10 +27,10 @@ from orbits.orbit import Orbit
 # The chain begins beside one orbit on its linear unstable manifold, and ends beside the other on
 # its linear stable one. The phases of both ends are unknown, with the time between them. If there
 # is an energy, the linear ends differ in it by a term of second order, and the equations depend
-# on each other to that order only: one more unknown, a shift of the first state along the
-# gradient of the energy, makes them as many as the unknowns.
+# on each other only to that order: one more unknown, a shift of the first state along the
+# gradient of the energy, makes the number of unknowns that of the equations.
 
-_MOST_STEPS = 300  # of a link: an iterate that takes more has gone astray, into an encounter
+_MOST_STEPS = 300  # steps of a link; an iterate that takes more has gone astray, into an encounter
 
 
 class OrbitChain(Links):
@@ -44,7 +44,7 @@ class OrbitChain(Links):
       starts: (2, k) starts of the orbits, at phase 0.
       tangents: (2, k) tangents of length 1 there, of the unstable manifold of the first orbit and
         of the stable one of the second.
-      own: (2, k) sizes of the entries along the orbits, in which distances from them are.
+      own: (2, k) sizes of the entries along each orbit, in which distances from it are measured.
       each: (k,) sizes of the entries.
       conserved: whether the energy is an integral.
       segments: number of links.
@@ -71,7 +71,7 @@ class OrbitChain(Links):
             return quick_solve(self.base.starting(y), known, rtol=self.rtol).y1
 
         y, v = jax.jvp(state, (self.starts[i],), (self.tangents[i],))
-        # To first order in the phase, which is all that its derivative needs.
+        # The phase enters to first order, which is all that its derivative needs.
         rate, turn = jax.jvp(lambda y: self.base.rate(jnp.zeros(()), y), (y,), (v,))
         y, v = y + rate * (phase - known), v + turn * (phase - known)
         return y, y + step * v / jnp.linalg.norm(v / self.own[i])
@@ -95,7 +95,7 @@ class OrbitChain(Links):
     def ends(self, starts: Array, each: Array) -> Array:
         """(segments, k) the ends of the links.
 
-        Each depends on its own start alone: their derivatives are computed once, not for each of
+        Each depends only on its own start, so that derivatives are computed once, not for each of
         the unknowns.
         """
         known, span = jax.lax.stop_gradient((starts, each))
@@ -116,13 +116,13 @@ _BRANCHES = {
     "both": ("both", "both"),
     **{first + last: (first, last) for first in "+-" for last in "+-"},
 }
-_SAMPLES = 16  # of each link
+_SAMPLES = 16  # samples of each link
 _ATTEMPTS = 24  # most crossings of strands that are tried
-_SAME_ENERGY = 1e-9  # of their terms: difference of energies up to which they are the same
-_SAME = 1e-6  # of a period, and of the time: connections closer than this are the same
-_BEYOND = 0.1  # of a piece of a curve: by so much a crossing may lie beyond its end
-_SHIFTED = 10.0  # times the error of the ends: a larger shift is a difference of energies
-_DIMENSIONS = 3  # of the levels of integrals in which surfaces of motions meet along motions
+_SAME_ENERGY = 1e-9  # difference of energies, relative to their terms, up to which they are equal
+_SAME = 1e-6  # connections closer than this, in periods and in time, are the same
+_BEYOND = 0.1  # how far a crossing may lie beyond the end of a piece of a curve, in its length
+_SHIFTED = 10.0  # a shift of more than so many errors of the ends is a difference of energies
+_DIMENSIONS = 3  # dimensions of the level sets in which surfaces of motions meet along motions
 
 
 class Asked(NamedTuple):
@@ -216,7 +216,7 @@ def _check(a: Orbit, b: Orbit) -> bool:
 
 
 def _polish(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
-    """The connection number `which` of those to which crossings of strands lead, nearest first."""
+    """Connection number `which` of those to which crossings of strands lead, nearest first."""
     guesses = _crossings(found[0], found[1], np.asarray(posed.each))
     known: list[np.ndarray] = []
     total, miss, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
@@ -249,7 +249,7 @@ def _alike(place: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
-    """The motions from both ends to the section, as one chain."""
+    """The unknowns of the chain that consists of the motions from both ends to the section."""
     whole = sum(times)
     nodes = whole * np.arange(1, posed.segments) / posed.segments
     states = np.empty((len(nodes), posed.starts.shape[1]))
@@ -266,10 +266,10 @@ def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
 
 
 def _crossings(first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]:
-    """Where the curves of ends of strands cross: signs, phases and times of the two, nearest first.
+    """Where the curves of strands' ends cross: signs, phases and times of the two, nearest first.
 
-    Curves are polygons here, in the sizes `each` (k,). Two pieces cross where the points nearest to
-    each other of their straight lines are on both of them, and closer than the longer of them.
+    Curves are polygons here, in the sizes `each` (k,). Two pieces cross where the points at which
+    their straight lines come nearest are on both pieces, and closer than the longer piece is long.
     """
     (p, dp, of_p), (q, dq, of_q) = (_pieces(one, each) for one in (first, last))
     if not (len(p) and len(q)):
@@ -299,14 +299,14 @@ def _crossings(first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]
 
 
 def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:
-    """Starts (n, k) and sides (n, k) of the polygons; the sign, and at both ends phase and time.
+    """Starts (n, k) and sides (n, k) of the polygons, with signs, and phase and time at both ends.
 
     Phases are signed times from the start of the orbit, backwards for a stable manifold.
     """
     n = len(found) // len(np.unique(found.branches))
     period = found.orbit.period if found.orbit is not None else np.nan
     sense = 1.0 if found.kind == "unstable" else -1.0
-    closes = found.multipliers[0].real > 0  # else the branches are one strip, joined after a period
+    closes = found.multipliers[0].real > 0  # else both branches are one strip that closes on itself
     starts, sides, about = [], [], []
     for begin in range(0, len(found), n):
         for i in range(n if closes else n - 1):

@@ -32,15 +32,17 @@ def connect(
 ) -> Connection:
     """The connection from one equilibrium or orbit to another, or back to the same one.
 
-    Of equilibria: it leaves `a` along its one unstable direction, and arrives at `b` on its stable
-    subspace. In general this happens at isolated values of a parameter of the scene, which is found
-    together with the motion. Without `make` the connection exists at the scene's own numbers, as a
-    separatrix of a conservative scene does. Newton's method with exact derivatives, on segments;
-    the linear ends are shortened until the error that they cause is below `error`.
+    A connection of equilibria leaves `a` along its one unstable direction, and arrives at `b` on
+    its stable subspace. In general this happens at isolated values of a parameter of the scene,
+    which is found together with the motion. Without `make` the connection exists at the scene's own
+    numbers, as a separatrix of a conservative scene does. It is found by Newton's method with exact
+    derivatives, on segments; the linear ends are shortened until the error that they cause is below
+    `error`.
 
-    Of orbits: strands of the unstable manifold of `a` and of the stable one of `b` are cut at the
-    section `until`. Where their curves cross there, Newton's method begins. Connections of orbits
-    in three dimensions, or in four with an energy, exist for whole ranges of parameters.
+    For a connection of orbits, strands of the unstable manifold of `a` and of the stable manifold
+    of `b` are cut at the section `until`. Where their curves cross there, Newton's method begins.
+    Connections of orbits in three dimensions, or in four with an energy, exist for whole ranges of
+    parameters.
 
     Args:
       a: a scene whose start is the equilibrium, or with `make` is near it; or an orbit.
@@ -48,14 +50,14 @@ def connect(
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``. A program
         is compiled for each function, so define it once.
       parameter: a value near that of the connection.
-      branch: "+" or "-", the side of `a`, by default "+"; see `orbits.manifold`. Of orbits two
-        signs, the sides of both, or "both" (the default), all sides.
-      until: the section, of orbits only; directions of crossings are those along strands,
+      branch: "+" or "-", the side of `a`, by default "+"; see `orbits.manifold`. For orbits two
+        signs, for the sides of both, or "both" (the default) for all sides.
+      until: the section, for orbits only; directions of crossings are those along strands,
         backwards for those of `b`.
       crossings: number of the crossing at which strands end, or one for `a` and one for `b`.
       strands: number of strands on each side of each orbit.
       which: number of the connection of orbits, 0 for the one whose strands come nearest.
-      time: the first approach to `b` is sought within this time; length of a strand of an orbit
+      time: time within which the first approach to `b` is sought, or length of a strand of an orbit
         [time of the scene].
       error: wanted estimated error of the linear ends, in the sizes of the entries.
       segments: number of segments; each has 16 of the resulting states.
@@ -63,14 +65,14 @@ def connect(
     Returns:
       The motion, the parameter with its error, and an outcome.
     Raises:
-      ValueError: `a` or `b` is no equilibrium, `a` has not exactly one unstable eigenvalue, `b` has
-        no stable one, `make` and `parameter` are not given together, or a number is out of range;
-        the orbits have different energies, or connections of them are not isolated.
+      ValueError: `a` or `b` is not an equilibrium, `a` has not exactly one unstable eigenvalue, `b`
+        has no stable one, `make` and `parameter` are not given together, or a number is out of
+        range; the orbits have different energies, or connections of them are not isolated.
       SearchError: the wanted error is not reached beside an orbit.
-    Limits: host only. Scenes without constraints, autonomous. The connection found is the one
+    Limits: host only; autonomous scenes without constraints. The connection found is the one
       nearest to the closest approach of strands; others may exist.
     Reference: Beyn (1990), IMA J. Numer. Anal. 10, 379; Doedel & Friedman (1989), J. Comput. Appl.
-      Math. 26, 155; of orbits Koon, Lo, Marsden & Ross (2000), Chaos 10, 427.
+      Math. 26, 155; for orbits, Koon, Lo, Marsden & Ross (2000), Chaos 10, 427.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes

@@ -1,4 +1,4 @@
-"""What a connection is: its motion, its parameter, and the outcome of the search for it."""
+"""The record of a connection: its motion, its parameter, and the outcome of the search for it."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from jaxdyn import Scene, _text
 from jaxdyn.status import Code
 from orbits.orbit import Orbit
 
-_SAME = 1e-6  # of the largest entries on the way: ends that are so near are one
+_SAME = 1e-6  # ends that are nearer than this share of the largest entries on the way are one
 
 
 class ConnectionOutcome(Code):
@@ -61,24 +61,23 @@ class Connection:
 
     Attributes:
       scene: the scene, at the parameter found, starting at the first state.
-      parameter: value at which the connection exists; NaN without one.
+      parameter: parameter at which the connection exists; NaN without one.
       parameter_error: the change of the parameter with the last shortening of the ends, plus what
         gaps as large as the goal would cause.
       rests: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].
-      step_off: distances of the first state and of the last one from those, in the sizes of the
-        entries.
-      error: estimated distance of the ends from the manifolds; at equilibria that of the ends at
-        the next larger step-off, an upper bound where the estimate converges; in the same units.
+      step_off: distances of the first and the last state from `rests`, in the sizes of the entries.
+      error: estimated distance of the ends from the manifolds, in the same units; at equilibria
+        that of the ends at the next larger step-off, an upper bound where the estimate converges.
       miss: largest gap of the closing equations.
       ts: (s,) times of the states, from 0.
       states: (s, k) states; NaN unless found.
-      outcome: `ConnectionOutcome`.
+      outcome: how the search ended.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
-      orbits: the two orbits; None of equilibria.
-      phases: times from their starts at which the orbits pass `rests`; NaN likewise.
+      orbits: the two orbits; None for equilibria.
+      phases: times from their starts at which the orbits pass `rests`; NaN for equilibria.
     """
 
     scene: Scene
@@ -120,7 +119,7 @@ class Connection:
 
     @property
     def ok(self) -> bool:
-        """Whether it connects."""
+        """Whether a connection was found."""
         return self.outcome == ConnectionOutcome.FOUND
 
     @property
@@ -137,15 +136,15 @@ def no_connection(
     iterations: int,
     orbits: tuple[Orbit, Orbit] | None = None,
 ) -> Connection:
-    """What is known where a chain of links was not closed: NaN for what was sought.
+    """The record of a chain of links that was not closed, with NaN for what was sought.
 
     Args:
       posed: the chain.
       near: (2, k) the states that it was to connect.
-      outcome: why there is none.
-      miss: see `Connection`, as the others.
-      iterations: likewise.
-      orbits: likewise.
+      outcome: why there is no connection.
+      miss: see `Connection`.
+      iterations: see `Connection`.
+      orbits: see `Connection`.
     """
     near = np.asarray(near)
     return Connection(

@@ -1,8 +1,8 @@
 """The linear part of a stable or unstable manifold: tangents along an orbit, or at an equilibrium.
 
-The stable manifold is the unstable one of the reversed motion, and it is computed so: integrated
-backwards its tangent grows, and rounding does not. Forwards it would be lost by the square of the
-multiplier.
+The stable manifold is the unstable manifold of the reversed motion, and is computed as such:
+integrated backwards its tangent grows, and rounding does not. Forwards it would be lost by the
+square of the multiplier.
 """
 
 from typing import NamedTuple
@@ -22,10 +22,10 @@ from orbits.closing.sizes import sizes, sizes_at_rest
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 
-#: Default kinds of manifolds, and the sense of time in which their strands leave.
+#: Kinds of manifolds, and the sense of time in which their strands leave.
 SENSES = {"unstable": 1.0, "stable": -1.0}
-_WEIGHT = 0.1  # of the largest entry of a vector: smaller ones do not tell its sign
-_REST = 1e-8  # change in the time of the fastest eigenvalue that an equilibrium may have, in sizes
+_WEIGHT = 0.1  # entries below this share of a vector's largest do not decide on its sign
+_REST = 1e-8  # largest change of an equilibrium in the time of the fastest eigenvalue, in sizes
 _REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
 
 
@@ -42,7 +42,7 @@ class Directions(NamedTuple):
       each: (k,) sizes of the entries of a state (`orbits.closing.sizes`).
       span: length of the map in time, negative for a stable manifold.
       rate: rate at which the slowest of the directions grows in the sense of the strands.
-      multipliers: (m,) multipliers, or eigenvalues of an equilibrium, that the manifold belongs to.
+      multipliers: (m,) multipliers, or eigenvalues of an equilibrium, to which it belongs.
     """
 
     base: np.ndarray
@@ -56,12 +56,12 @@ class Directions(NamedTuple):
 
 
 def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Directions:
-    """The tangents at n phases of an orbit, of the multiplier number `which`."""
+    """The tangents at n phases of an orbit that belong to the multiplier number `which`."""
     found = stability(orbit)
     sense, period = SENSES[kind], orbit.period
     size, off = np.abs(found.nontrivial), found.bars
     leaving = size - off > 1 if kind == "unstable" else size + off < 1
-    # The farthest from the circle first.
+    # The multiplier that is farthest from the circle comes first.
     wanted = sorted(found.nontrivial[leaving], key=lambda z: -sense * abs(z))
     value = _choose(wanted, which, f"{kind} multiplier", "orbits.stability has all of them")
     each = sizes(orbit.scene)
@@ -87,7 +87,7 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
 
 
 def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
-    """The tangents at an equilibrium: two of a curve, n on a circle of a surface."""
+    """The tangents at an equilibrium: one of a curve, n on a circle of a surface."""
     y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "An equilibrium is a state."))
     each, sense = sizes_at_rest(scene, y), SENSES[kind]
     near = classify(map_in_units(linearize(scene, y).jacobian, each))
@@ -127,7 +127,7 @@ def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions
 
 
 def _choose(wanted: list, which: int, what: str, remedy: str) -> complex:
-    """The real one of this number."""
+    """The value of this number, which must be real."""
     which = _checks.whole("which", which, 0)
     if which >= len(wanted):
         got = f"{len(wanted)} of them"
@@ -140,7 +140,7 @@ def _choose(wanted: list, which: int, what: str, remedy: str) -> complex:
 
 
 def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """(d, m) orthonormal basis of the invariant subspace of these eigenvalues."""
+    """(d, m) an orthonormal basis of the invariant subspace of the chosen eigenvalues."""
     values, vectors = np.linalg.eig(a)
     picked = [int(np.argmin(np.abs(values - z))) for z in chosen]
     v = vectors[:, picked]
@@ -153,14 +153,14 @@ def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def _with_sign(v: np.ndarray) -> np.ndarray:
-    """The unit vector along v whose first entry of weight is positive: the branch +1."""
+    """The unit vector along v whose first entry of weight is positive, which is the branch +1."""
     size = np.abs(v)
     return v * np.sign(v[np.argmax(size > _WEIGHT * size.max())]) / np.linalg.norm(v)
 
 
 @jax.jit
 def _carry(scene: Scene, ts: Array, v: Array, rtol) -> tuple[Array, Array]:
-    """(n, k) states at times ts, and the tangent v at the start carried along by the flow."""
+    """(n, k) states at times `ts`, and the tangent v at the start, carried there by the flow."""
 
     def states(y):
         return quick_solve(scene.starting(y), ts[-1], ts=ts, rtol=rtol).ys

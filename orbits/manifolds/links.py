@@ -1,8 +1,8 @@
 """Chains of segments of a motion whose gaps Newton's method closes.
 
-The first number among the unknowns is the time that the chain takes; what the others are, and where
-its first and last states may lie, is that of the kind of chain. Gaps and distances are in the sizes
-of the entries; an unknown is in units of what makes gaps of about that.
+The first of the unknowns is the time that the chain takes; the kind of chain determines the others,
+and where the first and last states may lie. Gaps and distances are in the sizes of the entries; the
+unit of an unknown is the change that makes gaps of about that size.
 """
 
 import abc
@@ -20,7 +20,7 @@ from orbits.motion import quick_solve
 
 _NEWTON_STEPS, _HALVINGS = 30, 9
 _GOAL = 1e-12  # largest gap, in units of the largest entry of the states in sizes, or 1
-_DEPENDENT = 1e-11  # smallest over largest singular value of equations that are dependent
+_DEPENDENT = 1e-11  # smallest over largest singular value below which equations are dependent
 
 
 class Links(eqx.Module):
@@ -38,14 +38,14 @@ class Links(eqx.Module):
 
     @abc.abstractmethod
     def open(self, x: Array, steps: Array) -> tuple[Scene, Array, Array]:
-        """The scene, the starts (segments, k) of the links, and the time of all, at unknowns x.
+        """The scene, the starts (segments, k) of the links, and their whole time, at unknowns x.
 
         `steps` (2,) are the distances of the ends of the chain from what it connects.
         """
 
     @abc.abstractmethod
     def states(self, x: Array) -> Array:
-        """The states (segments - 1, k) between links, which end the unknowns."""
+        """The states (segments - 1, k) between links, which are the last of the unknowns."""
 
     @abc.abstractmethod
     def gaps(self, x: Array, steps: Array) -> Array:
@@ -58,7 +58,7 @@ class Solution(NamedTuple):
     Attributes:
       x: (n,) the unknowns.
       miss: largest gap.
-      converged: whether it is below the goal.
+      converged: whether that gap is below the goal.
       independent: whether the equations determine all unknowns.
       doubt: (n,) change of each unknown by gaps as large as the goal.
       iterations: number of steps.
@@ -85,8 +85,8 @@ def _gaps_and_slopes(chain: Links, x, steps) -> tuple[Array, Array]:
 def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
     """The chain without gaps near unknowns x (n,), by damped steps of Newton's method.
 
-    With an integral of motion there are more equations than unknowns, consistent with each other:
-    hence least squares.
+    Steps are least-squares solutions, since with an integral of motion there are more equations
+    than unknowns, which are consistent with each other.
     """
     first = tuple(np.asarray(z) for z in _gaps_and_slopes(chain, x, steps))
     units = _units(first[1])
@@ -95,7 +95,7 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
         tried = x + units * z
         if not tried[0] > 0:  # a chain takes some time
             return np.full(first[0].shape, np.nan), first[1]
-        # The slopes too, though often only gaps are compared: one program compiles, not two.
+        # Slopes are computed even where only gaps are compared, so that one program is compiled.
         gaps, slopes = _gaps_and_slopes(chain, tried, steps) if z.any() else first
         return np.asarray(gaps), np.asarray(slopes) * units
 
@@ -120,7 +120,7 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
 
 
 def _units(slopes: np.ndarray) -> np.ndarray:
-    """(n,) of unknowns in which derivatives by them (m, n) have the length 1."""
+    """(n,) units of the unknowns in which derivatives by them (m, n) have length 1."""
     lengths = np.linalg.norm(slopes, axis=0)
     return 1 / np.where(lengths > 0, lengths, 1.0)
 
@@ -131,7 +131,7 @@ def _goal(chain: Links, x: np.ndarray) -> float:
 
 @eqx.filter_jit
 def sample(chain: Links, x, steps, n: int) -> tuple[Array, Array]:
-    """(segments * n + 1,) times and (..., k) states, n in each link and the end."""
+    """(segments * n + 1,) times and (..., k) states: n in each link, and the end."""
     scene, starts, time = chain.open(x, steps)
     each = time / chain.segments
     ts = each * jnp.linspace(0.0, 1.0, n + 1)[1:]

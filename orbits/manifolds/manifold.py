@@ -19,17 +19,17 @@ from orbits.orbit import Orbit, SearchError
 
 # ---- How far from an orbit the linear start of a manifold may be, for a wanted error
 #
-# A start ``base + e * tangent`` misses the manifold by a term of order e^2. It shows in a map over
-# one period (an equilibrium has a time instead): the image of ``base + e * before`` is on the
+# A start ``base + e * tangent`` misses the manifold by a term of order e^2. This shows in a map
+# over one period (for an equilibrium, over a time): the image of ``base + e * before`` is on the
 # manifold to a smaller error, and the linear prediction of it is the start itself. Their distance,
 # over 1 - 1/growth, is the estimate. It is measured for e, e / 4, e / 16, ..., and extrapolated
 # from where it falls at least as e^2: further down there is only rounding.
 
-_LARGEST = 0.2  # in units of the sizes of the entries, as all distances: the first e
+_LARGEST = 0.2  # the first e; all distances are in units of the sizes of the entries
 _RUNGS = 10
-_RATIO = 0.25  # of an e and the one before: halves take twice the time for the same step-off
-_QUADRATIC = 9.0  # ratio of estimates at e and e / 4: 16 for an error of order e^2
-_SHARE = 0.5  # of the wanted error that may be rounding
+_RATIO = 0.25  # ratio of successive e: halves would take twice the time for the same step-off
+_QUADRATIC = 9.0  # least ratio of estimates at e and e / 4, which is 16 for an error of order e^2
+_SHARE = 0.5  # share of the wanted error that may be rounding
 
 
 def choose_step_off(
@@ -101,8 +101,8 @@ def _apart(scene: Scene, ys: Array, others: Array) -> Array:
 RTOL = 1e-12
 #: Default error of the linear starts.
 ERROR = 1e-8
-#: By default a strand lasts until its tangent has grown from the step-off to 1, and this often
-#: the time in which it grows e-fold more.
+#: By default a strand lasts until its tangent has grown from the step-off to 1, and then for so
+#: many e-folding times more.
 _MORE = 3.0
 _BRANCHES = {"both": (1, -1), "+": (1,), "-": (-1,)}
 
@@ -127,23 +127,23 @@ def manifold(
 
     Strands begin a small step off the orbit along its Floquet vectors, which the variational flow
     carries around it, or along the eigenvectors of an equilibrium. The step is as long as the
-    wanted error of this linear start allows. They run on all cores, those of a stable manifold
-    backwards.
+    wanted error of this linear start allows. Strands are integrated on all cores, those of a stable
+    manifold backwards.
 
     Args:
       orbit: a periodic orbit, or a scene whose start is an equilibrium.
       kind: "stable" or "unstable".
       until: the section at which strands end; without one they end after `time`. Directions of
         crossings are those along the strand, backwards for a stable manifold.
-      crossings: number of the crossing at which they end.
-      time: length of strands [time of the scene], with a section the longest; by default until
-        the linear growth reaches 1, and three times the e-folding time more.
+      crossings: number of the crossing at which strands end.
+      time: length of strands [time of the scene], with a section the largest; by default the time
+        until the linear growth reaches 1, and three e-folding times more.
       strands: number of phases of the orbit, or of starts on the circle of a two-dimensional
         manifold of an equilibrium; each has two strands, one of each branch, unless on a circle.
       branch: "+", "-" or "both". On "+" the first entry of the vector at phase 0 grows (the first
         that is not below a tenth of the largest).
-      which: number of the multiplier or eigenvalue, the fastest is 0; at an equilibrium by default
-        all of them, which may be two.
+      which: number of the multiplier or eigenvalue, where the fastest is 0; at an equilibrium by
+        default all of them, of which there may be two.
       error: largest estimated distance of a start from the manifold: the norm of a state whose
         entries are in units of their sizes (`orbits.closing.sizes`).
       samples: number of states on each strand.
@@ -152,11 +152,12 @@ def manifold(
     Returns:
       The strands, with starts, ends, samples, and a status each.
     Raises:
-      ValueError: the orbit is none, not an equilibrium, or has no such multiplier; another argument
-        is out of its range.
-      SearchError: the error wanted is not reached.
-    Limits: host only. One-dimensional manifolds of the map over a period, with a real multiplier;
-      of equilibria one or two dimensions. Orbits that close only after a rotation are refused.
+      ValueError: `orbit` is neither an orbit nor an equilibrium, or has no such multiplier; another
+        argument is out of its range.
+      SearchError: the wanted error is not reached.
+    Limits: host only. Manifolds of orbits belong to one real multiplier, so that those of the map
+      over a period are one-dimensional; manifolds of equilibria have one or two dimensions. Orbits
+      that close only up to a rotation are refused.
     Reference: Krauskopf et al. (2005), Int. J. Bifurcation Chaos 15, 763; Koon, Lo, Marsden & Ross
       (2000), Chaos 10, 427.
     Example:

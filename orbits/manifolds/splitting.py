@@ -13,13 +13,13 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.analysis.equilibria import equilibrium
 
-#: Newton steps of the sign function: each halves a large or doubles a small eigenvalue; the last
-#: six are quadratic.
+#: Newton steps for the sign function: each halves a large or doubles a small eigenvalue; the last
+#: six converge quadratically.
 _SIGN_STEPS = 40
 
 
 class Split(NamedTuple):
-    """An equilibrium (k,), the Jacobian (k, k), and the projector (k, k) on the faster subspace."""
+    """An equilibrium (k,), the Jacobian (k, k), and the projector (k, k) on the upper subspace."""
 
     rest: Array
     jacobian: Array
@@ -29,7 +29,7 @@ class Split(NamedTuple):
 def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
     """The equilibrium near a state, with the subspace of eigenvalues of real part above `cut`.
 
-    With the sizes `each` (k,) of the entries, in which the iteration is.
+    The iteration is in units of the sizes `each` (k,) of the entries.
     """
     rest = equilibrium(scene, near)
     jacobian = jax.jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(rest)

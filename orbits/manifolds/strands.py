@@ -18,16 +18,16 @@ class Manifold:
       kind: "unstable", or "stable", whose strands run backwards.
       orbit: the orbit, or None.
       base: (n, k) the states beside which strands begin.
-      phases: (n,) of each strand: the time at which the orbit passes its base, over the period,
-        from 0 to 1; at an equilibrium the angle on the circle of starts over a turn.
-      branches: (n,) the side, 1 or -1, of each; 1 for all of a circle.
-      multipliers: multipliers of the orbit, or eigenvalues of the equilibrium, that it belongs to.
+      phases: (n,) for each strand, the time at which the orbit passes its base, over the period,
+        from 0 to 1; at an equilibrium the angle on the circle of starts, over a turn.
+      branches: (n,) the side, 1 or -1, of each strand; 1 for all strands from a circle.
+      multipliers: multipliers of the orbit, or eigenvalues of the equilibrium, to which it belongs.
       step_off: distance of the starts from the base, in the sizes of the entries.
-      linear_error: estimated distance of the starts from the manifold, likewise.
-      t0s: (n,) times of the starts, which matter to a driven scene only.
+      linear_error: estimated distance of the starts from the manifold, in these sizes.
+      t0s: (n,) times of the starts, which only matter to a driven scene.
       starts: (n, k) starts.
       ts: (n,) times of the ends.
-      ends: (n, k) states then, at a section or a time; NaN unless the status is OK.
+      ends: (n, k) states at those times, on a section or after a time; NaN unless the status is OK.
       status: (n,) `Status` codes.
       sample_ts: (n, s) times of the samples.
       samples: (n, s, k) states on the strands; NaN unless the status is OK.
