@@ -2,17 +2,17 @@
 
 `closing_equations` states the closing equations as a square system and why a zero of it is an
 orbit, `posing` sets that system up for an orbit, with the integrals of laws whose orbits all close
-and the exact period of a periodic forcing. `refinement` solves it; `refined` is the result.
-`krawczyk` tests that a box has exactly one zero, `theorems` proves the identities that this rests
-on, the folder `stability` encloses the multipliers; `proving` does all of it, and tells
-choreographies from other orbits, `certificate` is the result, and `checking` does it again from a
-file.
+and the exact period of a periodic forcing. `refinement` solves it; `refined` has the record of the
+result. `krawczyk` tests that a box has exactly one zero, `theorems` proves the identities on which
+this rests, the folder `stability` encloses the multipliers; `proving` does all of it, and
+distinguishes choreographies from other orbits, `certificate` has the record of the result, and
+`checking` repeats the proof from a file.
 
 May import: `analysis`. The results, `refined` and `certificate`, are plain data; all else needs
 python-flint, ``pip install 'jaxdyn[proof]'``.
 
-One more number to many digits is a field of `refined` and its calculation in `refinement`; one more
-theorem about an orbit is a field of `certificate` and its proof in `proving`.
+To add a number to many digits, write a field of `refined` and its calculation in `refinement`; to
+add a theorem about an orbit, write a field of `certificate` and its proof in `proving`.
 """
 
 import lazy_loader

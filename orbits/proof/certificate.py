@@ -11,17 +11,17 @@ from jaxdyn.balls.enclosed import Enclosed
 from jaxdyn.files.codec import decode_fields
 from orbits.orbit import Orbit
 
-#: What a record may ask to be calculated again: more than `prove` takes for 1000 digits.
+#: Limits of what a record may ask to be calculated: more than `prove` takes for 1000 digits.
 _LEAST_BITS, _MOST_BITS, _MOST_DIGITS = 2, 40_000, 1200.0
 _NUMBER = re.compile(r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?")
 _EXACT = re.compile(r"-?[0-9]{1,20000}\*2\^-?[0-9]{1,6}")
-#: What is said of an orbit that is proved.
+#: Fields that make claims about an orbit that is proved.
 _CLAIMS = ("period", "y0", "multipliers", "exponents", "verdict", "verdict_proved", "choreography")
 
 
 @dataclasses.dataclass(frozen=True)
 class Certificate:
-    """What is proved of an orbit.
+    """What is proved about an orbit.
 
     Attributes:
       orbit: the orbit in doubles.
@@ -29,20 +29,20 @@ class Certificate:
         be the only one within `radius` of their centre with the same held numbers.
       reason: the theorem's conditions in words, or what it lacks and what to try.
       bits: precision of the calculation.
-      digits: those of the series.
-      radius: of the box in which the orbit is unique, in units of each unknown.
+      digits: decimal digits of the series.
+      radius: radius of the box in which the orbit is unique, in units of each unknown.
       centre: the unknowns at the box's centre, exactly: mantissa and exponent of 2.
-      names: of the unknowns.
+      names: names of the unknowns.
       held: numbers that keep the values they have in doubles, by name.
       period: the period.
       y0: (k) the start.
-      multipliers: the non-trivial ones, as pairs of real and imaginary parts.
+      multipliers: the non-trivial multipliers, as pairs of real and imaginary parts.
       exponents: rotation numbers of pairs on the unit circle.
       verdict: "stable", "unstable" or "undecided", linearly.
       verdict_proved: whether the enclosures prove it.
       choreography: True or False if proved, else None.
-      units: those of the unknowns: sizes of entries of the start, a radian of the period, of an
-        angle 1; all are powers of 2. All are 1 in records of earlier versions.
+      units: units of the unknowns: sizes of entries of the start, a radian of the period, and 1 for
+        an angle; all are powers of 2. All are 1 in records of earlier versions.
     """
 
     orbit: Orbit
@@ -122,7 +122,7 @@ class Certificate:
 
     @classmethod
     def from_json(cls, orbit: Orbit, record: Any, remedy: str) -> "Certificate":
-        """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
+        """The certificate that `as_json` wrote; other records are a ValueError with the remedy."""
         try:
             pairs = [[z["re"], z["im"]] for z in record["multipliers"]]
             units = record.get("units", [1.0] * len(record["centre"]))
@@ -138,7 +138,7 @@ class Certificate:
         return certificate
 
     def check(self, remedy: str) -> None:
-        """Raise ValueError, with the remedy, if it is none that `prove` makes."""
+        """Raise ValueError, with the remedy, if `prove` cannot have made this certificate."""
         if not self.proved:
             nothing = Certificate(self.orbit, False, self.reason, self.bits, self.digits, "0")
             if any(getattr(self, name) != getattr(nothing, name) for name in _CLAIMS):

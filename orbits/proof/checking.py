@@ -1,4 +1,4 @@
-"""Records of digits and proofs checked again, from the orbit and the record alone."""
+"""The check of records of digits and proofs, from the orbit and the record alone."""
 
 from typing import Any
 
@@ -16,14 +16,14 @@ from orbits.proof.refinement import refine
 _ENCLOSED = ("period", "y0", "multipliers", "exponents")
 _SAME = ("proved", "reason", "names", "held", "verdict", "verdict_proved", "choreography")
 _REMEDY = "orbits.prove makes certificates."
-_BITS = 8000  # to compare decimal strings of up to 1000 digits
+_BITS = 8000  # precision at which decimal strings of up to 1000 digits are compared
 
 
 def refined_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
-    """The first number of a refined orbit that does not come out again; "" if all do."""
+    """The first number of a refined orbit that is not reproduced; "" if all are."""
     again = refine(orbit, int(record["digits"])).as_json()
     allowed = arb(10) ** (2 - int(record["digits"]))
-    # A period and an energy are their own sizes; multipliers and angles have that of 1.
+    # A period and an energy are their own sizes; multipliers and angles have the size 1.
     each = {"y0": sizes_of(orbit.scene).tolist(), "period": 0.0, "energy": 0.0}
     for name in ("period", "y0", "multipliers", "exponents", "angle", "energy"):
         if not _close(record[name], again[name], allowed, each.get(name, 1.0)):
@@ -32,13 +32,13 @@ def refined_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
 
 
 def certificate_mismatch(orbit: Orbit, record: dict[str, Any]) -> str:
-    """What of a certificate is not proved again; "" if all is.
+    """The part of a certificate that is not proved again; "" if all is.
 
-    The test runs on the box of the record's centre and radius with the record's bits. Whatever the
-    record encloses must contain what is enclosed now.
+    The test runs on the box of the record's centre and radius with the record's bits. Each
+    enclosure in the record must contain the one found now.
 
     Raises:
-      ValueError: it is no certificate.
+      ValueError: the record is not a certificate.
     """
     known = Certificate.from_json(orbit, record, _REMEDY)
     if not record["proved"]:
@@ -70,7 +70,7 @@ def _prove_again(
 
 
 def _close(claimed: Any, derived: Any, allowed: arb, size: Any) -> bool:
-    """Whether numbers agree, relative to themselves or to their sizes, if these are larger."""
+    """Whether numbers agree, relative to the sum of their sizes and their absolute values."""
     if isinstance(derived, list):
         if not (isinstance(claimed, list) and len(claimed) == len(derived)):
             return False

@@ -1,23 +1,24 @@
 """The closing equations of an orbit as a square system, for any number of digits.
 
-Unknown are the free entries of the start, the period, and the angle of a relative orbit. As many
-entries of the start (or the period) are held at the values they have, which are binary floats, as
-there are directions along which the orbit is not alone: along the motion, along symmetries, along
-its family. As many equations are spared as follow from the others by integrals of the motion. What
+The unknowns are the free entries of the start, the period, and the angle of a relative orbit. For
+each direction along which the orbit is not isolated (along the motion, along symmetries, along its
+family), an entry of the start (or the period) is held at its value, which is a binary float. For
+each equation that follows from the others by integrals of the motion, one equation is spared. What
 is left has a regular Jacobian.
 
-Why the spared equations hold: let the motion go from y0 to y, and let g, the image of y0 that the
-closing condition asks for, differ from y in spared entries only, by e. Integrals that the motion
-keeps, and the symmetry of the closing condition as well, have I(y) = I(y0) = I(g), so that
+The spared equations hold for the following reason. Let the motion go from y0 to y, and let g, the
+image of y0 that the closing condition requires, differ from y only in spared entries, by e. For
+integrals that both the motion and the symmetry of the closing condition keep, I(y) = I(y0) = I(g),
+so that
 
     0 = I_i(y) - I_i(g) = sum_j N_ij e_j
 
 with N_ij between bounds of dI_i/dy_j on the hull of y and g (mean value theorem, row by row). If
-all such matrices N are regular, e = 0. Of a reversal R, which maps I to -I, the motion starts at a
-fixed point, where I = 0, and ends at y; g = (y + R y) / 2 is a fixed point, where I = 0 as well,
+all such matrices N are regular, e = 0. With a reversal R, which maps I to -I, the motion starts at
+a fixed point, where I = 0, and ends at y; g = (y + R y) / 2 is a fixed point, where I = 0 as well,
 and the same follows. The alternative, to unfold the rate by forces lambda_i grad I_i (Munoz-Almaraz
 et al. 2003, Physica D 181, 1; Galan et al. 2002, Physical Review Letters 88, 241101, on the eight),
-makes formulas of three times the length.
+makes formulas three times as long.
 """
 
 import dataclasses
@@ -39,21 +40,23 @@ class ClosingEquations:
 
     Attributes:
       field: the rate.
-      formulas: of the same.
+      formulas: the formulas of the rate.
       integrals: the formula of each integral by which equations are spared, by name.
       parts: number of parts in a period.
       embed: (k, p) the start as a function of its free entries; entries 0, 1 and -1.
       end: (m, k) the closing error is ``end`` times the end of a part ...
       goal: (m, k) ... minus ``goal`` times the start, rotated for a relative orbit.
-      generator: (k, k) of the rotation; None unless the orbit is relative.
+      generator: (k, k) the generator of the rotation; None unless the orbit is relative.
       names: (p + 1 or p + 2) names of start entries, "period", "angle".
-      values: floats of the same: where the search begins.
-      held: indices of those that keep their values.
+      values: the numbers with these names, in floats, at which the search begins.
+      held: indices of the numbers that keep their values.
       spared: indices of the equations that follow from the others, one for each integral.
-      sizes: (k,) of the entries of the state along the motion: powers of 2, which do not round.
-      drive: (w, n) of a driven scene, whose period is 2 pi n / w; else None.
+      sizes: (k,) sizes of the entries of the state along the motion: powers of 2, which do not
+        round.
+      drive: (w, n) for a driven scene, whose period is 2 pi n / w; else None.
       candidates: formulas that may be integrals.
-      reversals: (k, k) those that fix the start and the end of a part; None for a return.
+      reversals: (k, k) the two reversals that fix the start and the end of a part; None for a
+        return.
     """
 
     field: BallField
@@ -85,9 +88,10 @@ class ClosingEquations:
 
     @property
     def units(self) -> np.ndarray:
-        """(p + 1 or p + 2) of the numbers: of start entries, a radian of the period, 1 of an angle.
+        """(p + 1 or p + 2) units of the numbers.
 
-        All are powers of 2.
+        They are the sizes of start entries, a radian of the period, and 1 for an angle; all are
+        powers of 2.
         """
         p = self.embed.shape[1]
         start = np.where(self.embed.T != 0, self.sizes, 0.0).max(axis=1)
@@ -96,7 +100,7 @@ class ClosingEquations:
 
     @property
     def rows(self) -> np.ndarray:
-        """(m,) of the closing error's entries."""
+        """(m,) units of the closing error's entries."""
         return np.where(self.end != 0, self.sizes, 0.0).max(axis=1)
 
     def centre(self) -> list[arb]:
@@ -129,14 +133,14 @@ class ClosingEquations:
         return turned.entries(), (_matrix(self.generator) * turned).entries()
 
     def turn_angle(self, numbers: list) -> arb | None:
-        """() the angle of a relative orbit over its period; None of others."""
+        """() the angle of a relative orbit over its period; None for other orbits."""
         return None if self.generator is None else numbers[len(self.names) - 1] * self.parts
 
     def _rotation(self, numbers: list) -> arb_mat:
         return (_matrix(self.generator) * numbers[len(self.names) - 1]).exp()
 
     def residual(self, end: list, numbers: list) -> list:
-        """(m) the closing error of a part that leads to this end, with the spared equations."""
+        """(m) the closing error of a part that leads to an end, spared equations included."""
         goal, _ = self.goals(numbers)
         return [a - b for a, b in zip(product(self.end, end), goal, strict=True)]
 
@@ -161,19 +165,19 @@ class ClosingEquations:
         """Whether the spared equations are proved to follow from the others, on boxes of both.
 
         Raises:
-          Undecided: integrals have another case there.
+          Undecided: the case of an integral's formula is undecided there.
         """
         if not self.integrals:
             return True
         hull = [a.union(b) for a, b in zip(end, self._nearest(end, numbers), strict=True)]
         spread = self.spread()[:, list(self.spared)]
-        # No case that holds at one point alone: of the complex functions.
+        # Complex functions have no case that holds only at one point.
         rows = self.gradients(list(self.integrals.values()), hull, COMPLEX)
         matrix = arb_mat(rows) * _matrix(spread)
         return bool(abs(matrix.det()) > 0)
 
     def _nearest(self, end: list, numbers: list) -> list:
-        """(k) a point at which the motion would close, that differs from its end by the error."""
+        """(k) the point whose difference from the end is the closing error."""
         if self.reversals is None:
             return self.goals(numbers)[0]
         image = product(self.reversals[1], end)
@@ -199,9 +203,10 @@ class ClosingEquations:
         )
 
     def spread(self) -> np.ndarray:
-        """(k, m) how the end differs from that point, by the closing error's entries.
+        """(k, m) the map from the closing error's entries to the end's difference from that point.
 
-        Of a reversal up to factors: pairs of entries that are exchanged have one equation.
+        For a reversal it is known up to factors: a pair of entries that are exchanged has one
+        equation.
         """
         return np.eye(self.field.k, dtype=int) if self.reversals is None else self.end.T
 
@@ -262,7 +267,7 @@ def product(matrix: np.ndarray, vector: list) -> list:
 
 
 def inverse(matrix: arb_mat) -> arb_mat:
-    """The inverse of a matrix, by elimination of one near to the unit: others widen balls."""
+    """The inverse of a matrix, by elimination of a matrix near the unit: others widen balls."""
     near = arb_mat([[x.mid() for x in row] for row in matrix.tolist()]).inv()
     near = arb_mat([[x.mid() for x in row] for row in near.tolist()])
     return near * (matrix * near).inv()

@@ -11,8 +11,8 @@ If K lies in the interior of X, F has exactly one zero in X, and it lies in K.
 Proof. For z in X the mean value theorem, row by row, gives F(z) - F(x) = M (z - x) with M in D,
 since D is a box of matrices. So N(z) = z - C F(z) = x - C F(x) + (1 - C M)(z - x) lies in K, in the
 interior of X, and N has a fixed point z in X (Brouwer). K in the interior of X needs
-|1 - C D| r < r for the radii r of X, so that every C M is regular, hence C: F(z) = 0. Two zeros
-z, w would have 0 = C (F(z) - F(w)) = C M (z - w) with C M regular: z = w.
+|1 - C D| r < r for the radii r of X, so that every C M is regular, hence also C, and F(z) = 0. Two
+zeros z, w would have 0 = C (F(z) - F(w)) = C M (z - w) with C M regular, so that z = w.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
 
-#: Steps X -> K with the D of the first X, each of which narrows K by the contraction at first.
+#: Most steps X -> K with the D of the first X; each narrows K, by the contraction at first.
 _NARROWING = 100
 
 
@@ -34,7 +34,7 @@ class Test:
     Attributes:
       passed: whether K lies in the interior of X.
       numbers: enclosures of all numbers at the zero where it passed, else X.
-      tube: about the motions from X over a part of the period.
+      tube: the tube about the motions from X over a part of the period.
       step: the largest entry of |K - x|, in units.
       contraction: norm of 1 - C D, in units.
     """
@@ -55,10 +55,10 @@ def krawczyk_test(
     slope_digits: float,
     units: np.ndarray,
 ) -> Test:
-    """Krawczyk's test on the box about the numbers of this radius in units (n) of the unknowns.
+    """Krawczyk's test on the box about the numbers with a radius in units (n) of the unknowns.
 
     Raises:
-      NotEnclosed: there is no tube about the motions from the box.
+      NotEnclosed: no tube about the motions from the box is found.
     """
     with precision(bits):
         own = [arb(one) for one in units.tolist()]

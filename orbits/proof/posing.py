@@ -29,14 +29,15 @@ from orbits.proof.closing_equations import ClosingEquations, float_matrix, power
 
 # ---- Integrals of the two central laws whose bounded motions all close (Bertrand's theorem)
 #
-# With a = -w(r) r, of one point at r with velocity v:
+# For one point at r with velocity v and acceleration a = -w(r) r,
 #
 #     Laplace's vector   v x (r x v) + (a . r) r     is conserved if a = -k r / |r|^3,
 #     Fradkin's tensor   v v^T + w r r^T             is conserved if a = -k r,
 #
-# the first also divided by k. Both are written with the acceleration itself, so no strength is
-# needed; which of them is conserved is left to `posing` and `theorems`. Their orbits are as many as
-# starts, and their closing equations depend on each other by these integrals.
+# the first of which is usually divided by k. Both are written with the acceleration itself, so no
+# strength is needed; which of them is conserved is left to the functions below and to `theorems`.
+# Every start of these laws is on an orbit, and their closing equations depend on each other by
+# these integrals.
 #
 # Reference: Goldstein, Poole, Safko (2002), Classical Mechanics, section 3.9; Fradkin (1965),
 # American Journal of Physics 33, 207.
@@ -45,7 +46,7 @@ _STATES = (4, 6)  # lengths of [r, v] of one point in a plane or in space
 
 
 def hidden_integrals(scene: Scene, t, y: Array) -> dict[str, Array]:
-    """The entries of both, each (), by name, if a state may be [r, v] of one point; else {}.
+    """The entries of both integrals, each (), by name, if a state may be [r, v]; else {}.
 
     Example:
       >>> from jaxdyn.effects import PowerLaw
@@ -72,17 +73,17 @@ def hidden_integrals(scene: Scene, t, y: Array) -> dict[str, Array]:
     return vector | tensor
 
 
-# ---- The exact period of a drive: of a rate that depends on time by sines and cosines of w t + c
+# ---- The exact period of a drive by sines and cosines of w t + c
 
 _REMEDY = "The rate may depend on time t by sines and cosines of w t + c with one number w."
 
 
 def drive_period(formulas: Formulas, period: float) -> tuple[float, int]:
-    """(w, n) such that 2 pi n / w is a period of the rate, exactly, and the float given, about.
+    """(w, n) such that 2 pi n / w is exactly a period of the rate, and nearly the float given.
 
     Raises:
       ValueError: time occurs otherwise than in sines and cosines of w t + c with a known float w,
-        or `period` is no multiple of the common period.
+        or `period` is not a multiple of the common period.
     """
     frequencies = {abs(w) for w in _frequencies(formulas)}
     if not frequencies:
@@ -116,7 +117,7 @@ def _frequencies(formulas: Formulas) -> list[float]:
 
 
 def _slope(node: Node, inside: dict[Node, float]) -> float | None:
-    """The known w of a node w t + c."""
+    """The known w of a node w t + c; None for other nodes."""
     if node.op == "scale" and isinstance(node.args[0], float):
         found = Fraction(node.args[0]) * Fraction(inside[node.args[1]])
         return float(found) if Fraction(float(found)) == found else None
@@ -133,16 +134,16 @@ def _slope(node: Node, inside: dict[Node, float]) -> float | None:
 
 #: Digits of the motion from which Jacobians in doubles and the rank are taken.
 ROUGH_DIGITS = 16.0
-#: Singular values below this part of the largest are 0: multipliers of 1, to the square root of
-#: the rounding of the orbit in doubles.
+#: Singular values below this part of the largest are 0. They belong to multipliers of 1, which are
+#: known to the square root of the rounding of the orbit in doubles.
 _RANK = 1e-6
-#: The period is held only where holding entries of the start does not select an orbit.
+#: Weight of the period, which is held only where holding entries of the start selects no orbit.
 _RELUCTANCE = 1e-3
-#: A candidate for an integral is one if its rate of change is rounding at points near the orbit.
+#: A candidate is an integral if its relative rate of change at points near the orbit is below this.
 _CONSERVED = 1e-11
 _POINTS = 3
-_NEAR = 0.01  # spread of the points, by the size of each entry
-_ROUNDING = 1e-8  # of the size of an entry: starts on an axis are so near to it
+_NEAR = 0.01  # spread of the points, relative to the size of each entry
+_ROUNDING = 1e-8  # an entry below this share of its size is 0, as at starts on an axis
 
 
 class Unposed(SearchError):
@@ -153,9 +154,9 @@ def equations_of(orbit: Orbit) -> ClosingEquations:
     """The square system of an orbit that `find` returned.
 
     Raises:
-      Unposed: the equations depend on each other, and not by known integrals.
-      ValueError: it is no orbit; the rate has no formulas; the states satisfy constraints; the
-        closing condition is of another kind.
+      Unposed: the equations depend on each other, and known integrals do not explain it.
+      ValueError: it is not an orbit; the rate has no formulas; the states satisfy constraints; the
+        closing condition is neither a return nor a reversal.
     """
     _check(orbit)
     scene, closing = orbit.scene, orbit.closing
@@ -222,7 +223,7 @@ def _maps(closing: Closing, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         embed = (unit + here)[:, free]
         embed = embed // np.abs(embed[free, np.arange(len(free))])
         off = unit - there
-        # Of two entries that are exchanged the rows are equal, or opposite: one is sufficient.
+        # Rows of two entries that are exchanged are equal or opposite: one is sufficient.
         signed = np.concatenate([off, -off])
         first = [(signed == row).all(1).nonzero()[0] % k for row in off]
         rows = [i for i in range(k) if off[i].any() and first[i].min() == i]
@@ -298,16 +299,16 @@ def _conserved_candidates(
 def points_near(
     system: ClosingEquations, spread: float, count: int
 ) -> Iterator[tuple[float, list[arb]]]:
-    """Times and states near the start, always the same ones.
+    """Times and states near the start, which are the same in each call.
 
     Args:
       system: the closing equations.
-      spread: standard deviation of each entry, by its size.
+      spread: standard deviation of each entry, relative to its size.
       count: number of points.
     """
     random = np.random.default_rng(0)
     values = system.embed @ np.array(system.values[: system.embed.shape[1]])
-    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more is conserved.
+    # Entries that are 0 or rounding must vary as well: on an axis of symmetry more is conserved.
     each = np.where(abs(values) > _ROUNDING * np.array(system.sizes), abs(values), system.sizes)
     period = system.values[system.embed.shape[1]]
     for _ in range(count):
@@ -320,7 +321,7 @@ def _floats(rows: list[list]) -> np.ndarray:
 
 
 def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEquations:
-    """The same equations with as many unknowns: some numbers held, some equations spared."""
+    """The equations made square: some numbers are held, some equations are spared."""
     with precision(128):
         numbers = whole.centre()
         run = whole.motion(numbers, ROUGH_DIGITS, slopes=True)
@@ -334,7 +335,7 @@ def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEqu
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
     dependent, count = left[:, rank:].T, len(own) - rank
-    # What the sizes change in an integral; its own unit does not matter.
+    # Changes of each integral, divided by what the sizes change in it: its unit does not matter.
     changes = gradients * np.array(whole.sizes)
     most = np.linalg.norm(changes, axis=1, keepdims=True)
     changes = (gradients @ whole.spread()) * whole.rows / np.where(most > 0, most, 1.0)
@@ -359,7 +360,7 @@ def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEqu
 
 
 def pivots(rows: np.ndarray, count: int) -> list[int] | None:
-    """Indices of `count` columns (r, n) that are as independent as possible."""
+    """Indices of `count` columns of rows (r, n) that are as independent as possible; else None."""
     rows, chosen = rows.copy(), []
     largest = np.linalg.norm(rows, axis=0).max(initial=0.0)
     for _ in range(count):

@@ -27,18 +27,18 @@ from orbits.proof.stability.spectrum import Spectrum, spectrum
 from orbits.proof.stability.structure import structure
 from orbits.proof.theorems import missing
 
-# ---- Whether equal bodies of an orbit follow one curve at equal times apart: a choreography
+# ---- Whether equal bodies of an orbit follow one curve at equal times apart, as a choreography
 
-_DIGITS = 30.0  # of where bodies are within a period
+_DIGITS = 30.0  # digits of the places of bodies within a period
 
 
 def on_one_curve(
     scene: Scene, system: ClosingEquations, numbers: list[arb], bits: int
 ) -> bool | None:
-    """Whether equal bodies follow one curve at equal times apart; None if not proved, or not asked.
+    """Whether equal bodies follow one curve at equal times apart; None if not proved or applicable.
 
     On such a curve, after the n-th part of any period each body is where one of them was at first,
-    in whichever order they follow.
+    whatever the order in which they follow each other.
     """
     points = scene.points(jnp.zeros(()), scene.y0) if scene.has_points else None
     other = system.drive is not None or system.reversals is not None
@@ -83,21 +83,23 @@ def _bodies(state: list[arb], n: int) -> list[list[arb]]:
 
 # ---- The proof that a periodic orbit exists, is locally unique, and is stable or unstable
 
-_BOX = 10.0  # digits by which a box is wider than the centre is known
-_LEAST_RADIUS = 1e-300  # of a box, a float
+_BOX = 10.0  # digits by which a box is wider than the error of its centre
+_LEAST_RADIUS = 1e-300  # least radius of a box, which is a float
 _SPARE = 6.0
-#: Digits more where multipliers cannot be told apart: of the published three-body orbits with 32
-#: digits some lack five.
+#: Additional digits where multipliers cannot be told apart: some published three-body orbits with
+#: 32 digits lack five.
 _SHARPER = 12
 #: An orbit in doubles is as near to the true one as its closing error says, within this factor
 #: [measured: 0.02 at most].
 _NEAR = 100.0
-#: Bits of the first trial beyond those of the digits; each further one doubles them.
+#: Bits of the first trial beyond those of the digits; each further trial doubles them.
 _EXTRA_BITS = 64
 _TRIALS = 4
-#: Contraction of boxes that is not due to the step alone, and such that a proof is hopeless.
+#: Contraction above which a failure is not due to the step alone, and above which a proof is
+#: hopeless.
 _LEAST_CONTRACTION, _MOST_CONTRACTION = 0.5, 1e20
-#: Sizes of boxes by the step: what a box that is too narrow becomes, and where it is hopeless.
+#: Sizes of boxes relative to the step: that of a box which replaces one that is too narrow; and
+#: steps relative to the box above which a proof is hopeless.
 _WIDER, _WIDEST = 10.0, 1e3
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 _ANOTHER = "More digits do not help; find the orbit again, from another guess."
@@ -107,27 +109,29 @@ _ANOTHER = "More digits do not help; find the orbit again, from another guess."
 def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate:
     """A certificate that a true periodic orbit exists near one in doubles.
 
-    It says that the equations of motion, whose numbers are the scene's binary floats exactly, have
-    a periodic solution within the enclosures of the certificate, the only one within its radius
-    that has the held numbers. The test is Krawczyk's (`krawczyk`) on closing equations that
+    It says that the equations of motion, whose numbers are exactly the scene's binary floats, have
+    a periodic solution within the enclosures of the certificate, and that this is the only one
+    within its radius with the held numbers. The test is Krawczyk's (`krawczyk`) on closing
+    equations that
     integrals make square (`closing_equations`), over tubes of Taylor series whose remainders are
     bounded by Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and
     symmetries are proved as identities (`theorems`); no step rests on a rounded number.
 
     Args:
       orbit: what `find` returned.
-      digits: about those of the enclosures, 15 to 1000; more of them prove more unstable orbits.
+      digits: approximate digits of the enclosures, 15 to 1000; with more of them, more unstable
+        orbits can be proved.
       throw: raise if nothing is proved.
     Returns:
-      The certificate; unless it says `prove`, its reason says what to try.
+      The certificate; unless it is `proved`, its reason says what to try.
     Raises:
       ValueError: the rate is not made of elementary functions, its states satisfy constraints, or
         python-flint is missing.
       SearchError: nothing is proved (``throw=True``).
-    Limits: one segment, hence orbits of moderate instability; `prove` without `verdict_proved`
-      where multipliers cannot be told apart, even with twelve digits more; these are tried, in a
-      narrower box, which takes as long again. Multipliers have some ten digits fewer than the
-      start. The period need not be the shortest one.
+    Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
+      where multipliers cannot be told apart, even with twelve more digits, which are tried in a
+      narrower box and take as long again. Multipliers have some ten digits fewer than the start.
+      The period need not be the shortest one.
     Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,
       1899 (choreographies); Kapela, Simo (2007), Nonlinearity 20, 1241 (the eight's stability).
     Example:
@@ -153,7 +157,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
 
 
 def _prove(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -> Certificate:
-    """The certificate of a box about the numbers to so many digits."""
+    """The certificate of a box about the numbers of the orbit, solved to so many digits."""
     try:
         numbers, lost = solve(system, digits + _SPARE)
     except SearchError as error:
@@ -189,10 +193,10 @@ def certify(
       orbit: the orbit in doubles.
       system: its closing equations.
       numbers: all their numbers, at the centre of the box.
-      radius: of the box, in units of each unknown.
-      digits: of the series.
+      radius: radius of the box, in units of each unknown.
+      digits: decimal digits of the series.
       bits: precision; by default it is raised until the test passes, or fails for another reason.
-      units: (n) of the unknowns; those of the closing equations by default.
+      units: (n) units of the unknowns; those of the closing equations by default.
       throw: raise if nothing is proved.
     """
     report_progress("proving the symmetries and integrals")
@@ -224,7 +228,7 @@ def certify(
                 f"in a box of {radius:.1e}, with contraction {test.contraction:.1e}."
             )
             if _LEAST_CONTRACTION < test.contraction < _MOST_CONTRACTION:
-                # Derivatives of more digits, unless it was them.
+                # Raise the digits of the derivatives, unless they are not the reason.
                 if slope_digits > digits + _SPARE:
                     break
                 slope_digits += math.log10(test.contraction) + _SPARE
@@ -232,7 +236,7 @@ def certify(
             if bits or test.contraction > _MOST_CONTRACTION or test.step > _WIDEST * radius:
                 break
             if test.contraction * _WIDER * test.step < _LEAST_CONTRACTION * radius:
-                # A wider box holds what rounding and remainders leave, and still contracts.
+                # A wider box contains the effects of rounding and remainders, and still contracts.
                 radius = _WIDER * test.step
                 continue
         extra *= 2
@@ -240,7 +244,7 @@ def certify(
 
 
 def _degenerate(system: ClosingEquations, test: Test, bits: int) -> str:
-    """Why the zero of the closing equations may be no orbit, or not alone; "" if it is one."""
+    """Why the zero of the closing equations may not be an isolated orbit; "" if it is one."""
     numbers = test.numbers
     with precision(bits):
         if not system.period(numbers) > 0:
@@ -311,7 +315,7 @@ def _spectrum(
 
 
 def _generators(scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(A, b) of each candidate y' = A y + b for a symmetry."""
+    """(A, b) for each candidate y' = A y + b for a symmetry."""
     k = len(scene.y0)
     origin = {n: np.asarray(g) for n, g in scene.system.generators(jnp.zeros(k)).items()}
     units = [scene.system.generators(e) for e in jnp.eye(k)]

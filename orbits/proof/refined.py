@@ -12,8 +12,8 @@ from jaxdyn.files.codec import decode_fields
 from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
 
-_SPARE = 3  # digits of multipliers that two which nearly meet may have lost
-_ROUNDING = 1e-14  # of multipliers as doubles
+_SPARE = 3  # digits that two multipliers which nearly meet may have lost
+_ROUNDING = 1e-14  # rounding of multipliers as doubles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Refined:
 
     Attributes:
       orbit: the orbit in doubles that it refines.
-      digits: certain decimal digits after the leading one of each number; for `y0` of the size of
-        each entry along the motion.
+      digits: certain decimal digits after the leading one of each number; for `y0`, after the
+        leading one of each entry's size along the motion.
       period: the full period.
       y0: (k) the start.
       held: names of the numbers that keep the values they have in doubles, which select the orbit
@@ -34,7 +34,7 @@ class Refined:
       exponents: rotation numbers in (0, 1/2) of pairs of them on the unit circle; None for a pair
         elsewhere.
       energy: kinetic plus potential; None where it is not conserved.
-      angle: of a relative orbit, else None.
+      angle: angle of a relative orbit, else None.
     """
 
     orbit: Orbit
@@ -68,9 +68,9 @@ class Refined:
     def stability(self) -> Stability:
         """The linear stability by these multipliers, where those in doubles leave it undecided.
 
-        Their bars are those of the digits, at least the rounding of doubles. What else is in the
-        record is that of the orbit in doubles. Where other multipliers are 1 than theory says the
-        verdict is "undecided".
+        Their bars follow from the digits, and are at least the rounding of doubles. All else in the
+        record is from the orbit in doubles. Where the number of multipliers that are 1 is not that
+        of the theory, the verdict is "undecided".
         """
         rough = stability(self.orbit, throw=False)
         values = np.array([complex(*map(float, z)) for z in self.multipliers])
@@ -103,7 +103,7 @@ class Refined:
 
     @classmethod
     def from_json(cls, orbit: Orbit, record: Any, remedy: str) -> "Refined":
-        """What `as_json` wrote about an orbit; raises ValueError, with the remedy, for others."""
+        """The orbit that `as_json` wrote; other records are a ValueError with the remedy."""
         found = decode_fields(record, cls, "refined", remedy, without=("orbit",))
         if len(found["y0"]) != len(orbit.y0):
             raise fail("refined", f"{len(orbit.y0)} numbers of the start", len(found["y0"]), remedy)

@@ -1,4 +1,4 @@
-"""More digits of an orbit: its start, period, multipliers, to as many as wanted."""
+"""More digits of an orbit: its start, period and multipliers, to as many digits as wanted."""
 
 import math
 
@@ -21,13 +21,13 @@ LEAST_DIGITS, MOST_DIGITS = 15, 1000
 #: Digits of the calculation beyond those that are reported, besides those that the motion loses.
 _SPARE = 6
 _LEAST_ITERATIONS, _MOST_ITERATIONS = 2, 60
-#: Digits that an orbit in doubles has, and its Jacobian; the first step finds how many.
+#: Assumed digits of an orbit in doubles and its Jacobian; the first step measures them.
 _FIRST_DIGITS = 12.0
-#: Steps with one Jacobian, which costs about as much as four of them.
+#: Most steps with one Jacobian, which costs about as much as four of them.
 _MOST_CHORDS = 3
-_ALLOWANCE = 2.0  # digits that a step may gain less than is expected
-_LEAST_GAIN = 2.0  # digits: a step that gains less does not converge
-#: Orders of the series in the independent last run beyond those of the iteration.
+_ALLOWANCE = 2.0  # digits by which the gain of a step may fall short of what is expected
+_LEAST_GAIN = 2.0  # with a gain of fewer digits in a step the iteration does not converge
+#: Additional orders of the series in the independent last run.
 _OTHER_ORDER = 7
 
 
@@ -35,10 +35,10 @@ _OTHER_ORDER = 7
 def refine(orbit: Orbit, digits: int = 50) -> Refined:
     """Start and period of an orbit to many digits.
 
-    Newton's method on the closing equations (see `closing_equations` in the same folder), with a
-    Jacobian in doubles as long as that gains digits in each step, in full precision where it does
-    not. Every number of the scene stands for its binary float, exactly; so do the entries that are
-    held.
+    They are found by Newton's method on the closing equations (see `closing_equations` in the same
+    folder), with a Jacobian in doubles as long as that gains digits in each step, and in full
+    precision where it does not. Every number of the scene stands exactly for its binary float; so
+    do the entries that are held.
 
     Args:
       orbit: what `find` returned.
@@ -113,7 +113,7 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
 
 
 def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
-    """The numbers of an orbit to this many digits, and how many digits its motion loses.
+    """The numbers of an orbit to a number of digits, and how many digits its motion loses.
 
     Raises:
       SearchError: Newton's method does not converge.
@@ -131,7 +131,7 @@ def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
         numbers, found = _step(system, numbers, inverse, wanted + lost)
         report_progress(f"Newton step {index}: {max(found, 0.0):.0f} digits before it")
         if found < reached - _ALLOWANCE and index > 1:
-            # The step before gained less than was expected of it.
+            # The previous step gained less than expected.
             gain = min(gain, found - before)
             if gain < _LEAST_GAIN or index > _MOST_ITERATIONS:
                 raise SearchError(
@@ -145,7 +145,7 @@ def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:
 def _step(
     system: ClosingEquations, numbers: list[arb], inverse: arb_mat, digits: float
 ) -> tuple[list[arb], float]:
-    """The numbers after a step of Newton's method, and how many of their digits it left."""
+    """The numbers after a step of Newton's method, and the number of digits that it left."""
     with precision(bits_of(digits)):
         numbers = _at_precision(system, numbers)
         end = _motion(system, numbers, digits, slopes=False)
@@ -182,7 +182,7 @@ def _motion(system: ClosingEquations, numbers: list[arb], digits: float, *, slop
 
 
 def _at_precision(system: ClosingEquations, numbers: list[arb]) -> list[arb]:
-    """The numbers, with an exact period of a drive at the present precision."""
+    """The numbers, with the exact period of a drive at the present precision."""
     if system.drive is None:
         return numbers
     place = system.embed.shape[1]
@@ -197,7 +197,7 @@ def _move(system: ClosingEquations, numbers: list[arb], step: list[arb]) -> list
 
 
 def _largest(vector: list[arb], units: np.ndarray) -> arb:
-    """The largest of numbers, in units."""
+    """The largest absolute value of numbers in units."""
     found = arb(0)
     for x, unit in zip(vector, units.tolist(), strict=True):
         bound = (abs(x) / unit).upper()
@@ -210,7 +210,7 @@ def _log10(x: arb) -> float:
 
 
 def _text(x: arb, size: arb, digits: int) -> str:
-    """A decimal string with an absolute error below 10^-digits of a size."""
+    """A decimal string with an absolute error below 10^-digits times a size."""
     if x.mid().is_zero():
         return "0"
     shorter = max(1, digits + math.ceil(_log10(abs(x.mid())) - _log10(abs(size.mid()))))

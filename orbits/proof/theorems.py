@@ -3,7 +3,7 @@
 All are identities between the formulas of a rate, proved by algebra (`jaxdyn/balls/identities.py`),
 not tested at points.
 
-A rate may have another case where two quantities are equal exactly, such as a distance and 0. The
+A rate may have another case where two quantities are exactly equal, such as a distance and 0. The
 discs about the steps of a tube prove that they differ all along its motions (`balls.arithmetic`);
 identities of symmetries also need that the symmetry keeps the differences, up to their order.
 """
@@ -26,7 +26,8 @@ class Theorems:
     """The rate and functions of the state as polynomials.
 
     Attributes:
-      ring: the polynomials.
+      formulas: the formulas of the rate.
+      ring: the ring of polynomials.
       rate: (k) the rate.
       differences: formulas that are not 0 along the motions.
     """
@@ -39,10 +40,10 @@ class Theorems:
 
     @classmethod
     def of(cls, formulas: Formulas, field: BallField | None = None) -> "Theorems":
-        """Those of a rate.
+        """The polynomials of a rate.
 
         Args:
-          formulas: of the rate, and of others in the same graph.
+          formulas: the formulas of the rate, and of others in the same graph.
           field: the rate whose motions are enclosed by tubes, which decide its cases.
 
         Raises:
@@ -73,7 +74,7 @@ class Theorems:
         return any(x is self.formulas.time for x in (*self.formulas.rates, *operands))
 
     def is_conserved(self, integral: Number) -> bool:
-        """Whether grad I . f = 0, and I does not depend on time by itself."""
+        """Whether grad I . f = 0, and I does not depend explicitly on time."""
         graph, time = self.formulas.graph, self.formulas.time
         (by_time,) = self.evaluate(gradients(graph, [integral], [time])[0])
         return self.ring.vanishes(by_time) and self.vanishes_along(
@@ -85,7 +86,7 @@ class Theorems:
         return self.vanishes_along(self.gradient(integral), direction)
 
     def are_turned(self, a: Number, b: Number, direction: list) -> bool:
-        """Whether a direction turns two functions into each other: a' = b, b' = -a, or reversed."""
+        """Whether a direction turns functions into each other: a' = b, b' = -a, or the reverse."""
         changes = [self._dot(self.gradient(one), direction) for one in (a, b)]
         here = self.evaluate([a, b])
         return any(
@@ -95,7 +96,7 @@ class Theorems:
         )
 
     def is_zero(self, row: list, column: list, zeros: list) -> bool:
-        """Whether a product of two vectors is 0 where some polynomials are, each up to sign."""
+        """Whether a product of two vectors is 0, or up to sign one of some polynomials that are."""
         total = self._dot(row, column)
         each = (total, *(total - sign * zero for zero in zeros for sign in (1, -1)))
         return any(self.ring.vanishes(one) for one in each)
@@ -111,10 +112,11 @@ class Theorems:
         return total
 
     def returns_to_zero(self, row: list, column: list, turn: np.ndarray | None = None) -> bool:
-        """Whether a product of two vectors is a . dy/dt, of constant a.
+        """Whether a product of two vectors is a . dy/dt with constant a.
 
-        If it is constant along motions, it then is 0 on every periodic one, and on one that returns
-        rotated if only entries of y are involved that the rotation's generator `turn` keeps.
+        If it is constant along motions, it is then 0 on every periodic motion; on a motion that
+        returns rotated, only entries of y may be involved that the rotation's generator `turn`
+        keeps.
         """
         total = self._dot(row, column)
         kept = [True] * len(self.rate) if turn is None else (~turn.any(axis=1)).tolist()
@@ -164,7 +166,7 @@ class Theorems:
         )
 
     def direction(self, matrix: np.ndarray, offset: np.ndarray) -> list:
-        """(k) A y + b."""
+        """(k) the direction A y + b."""
         linear = self.apply(matrix, self._variables()[1:])
         return [a + self.ring.constant(float(b)) for a, b in zip(linear, offset, strict=True)]
 
@@ -190,8 +192,8 @@ class Theorems:
 def missing(system: ClosingEquations) -> str:
     """What the step from a zero of the closing equations to an orbit lacks; "" if nothing.
 
-    See `closing_equations` for why the unfolding is 0, and the closing condition for why the motion
-    repeats.
+    See `closing_equations` for why the spared equations hold, and the closing condition for why the
+    motion repeats.
     """
     try:
         known = Theorems.of(system.formulas, system.field)

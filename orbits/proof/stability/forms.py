@@ -1,7 +1,7 @@
 """Constant symplectic forms that a rate may keep, found in floats; `structure` proves them.
 
-Those of `invariant_forms` that are small rational numbers times one of them are recognised, as of
-masses 1/2 and 3/2: where all coordinates have one unit, and all velocities.
+Forms of `invariant_forms` are recognised if their entries are simple rational multiples of one of
+them, as with masses 1/2 and 3/2, where all coordinates have one unit and all velocities one.
 """
 
 import itertools
@@ -17,14 +17,14 @@ from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import pivots, points_near
 
 _POINTS = 6
-_SPREAD = 0.3  # of the points, in parts of each entry's size
-_LARGEST = 1000  # denominators
-_ROUNDED = 1e-8  # of entries
+_SPREAD = 0.3  # spread of the points, relative to each entry's size
+_LARGEST = 1000  # largest denominator
+_ROUNDED = 1e-8  # largest difference of an entry from its fraction
 _BITS = 128
 
 
 def forms_of(system: ClosingEquations) -> list[np.ndarray]:
-    """(k, k) candidates for a symplectic form, of fractions; [] if none is found."""
+    """(k, k) candidates for a symplectic form, whose entries are fractions; [] if none is found."""
     k = system.field.k
     if k % 2:
         return []

@@ -1,9 +1,9 @@
 """The non-trivial multipliers of a monodromy matrix in balls.
 
 Multipliers that are 1 by an integral or a symmetry come in defective groups, whose computed values
-would be as uncertain as a root of the rounding. Where the reason of each is known as a vector, the
-matrix is `reduce` to the others, which are simple. Where only their number is, the characteristic
-polynomial is divided by x - 1 as often.
+would be as uncertain as a root of the rounding. Where the reason for each is known as a vector,
+`reduce` reduces the matrix to the others, which are simple. Where only their number is known,
+`deflate` divides the characteristic polynomial by x - 1 so many times.
 """
 
 import math
@@ -17,10 +17,10 @@ _NEWTON_STEPS = 30
 
 
 def reduce(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat:
-    """(k - n - m, ...) how a matrix acts on a kernel modulo directions in it.
+    """(k - n - m, ...) the action of a matrix on a kernel modulo directions in it.
 
     Args:
-      matrix: (k, k).
+      matrix: (k, k) the matrix.
       rows: (n) row vectors (k) whose span it keeps.
       directions: (m) vectors (k) of their common kernel whose span it keeps.
     Raises:
@@ -34,7 +34,7 @@ def reduce(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat
     columns = [*directions]
     if n and len(others.T):
         w = arb_mat(rows)
-        # Within the kernel of the exact rows.
+        # Project them onto the kernel of the exact rows.
         inside = kept - w.transpose() * ((w * w.transpose()).inv() * (w * kept))
     columns += np.array(inside.tolist(), object).reshape(k, -1).T.tolist()
     whole = arb_mat([*columns, *rows]).transpose()
@@ -51,7 +51,7 @@ def deflate(matrix: arb_mat, unit: int) -> list[arb]:
 
 
 def multiplicity(matrix: arb_mat, error: float) -> int:
-    """How often 1 is a multiplier, if numbers below an error are 0; not proved."""
+    """The multiplicity of the multiplier 1 if numbers below an error are 0; it is not proved."""
     coefficients = matrix.charpoly().coeffs()
     count = 0
     while len(coefficients) > 1:
@@ -64,7 +64,7 @@ def multiplicity(matrix: arb_mat, error: float) -> int:
 
 
 def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
-    """Enclosures of the roots, each of one root, to an error; [] if they cannot be told apart."""
+    """Enclosures of one root each, to an error; [] if roots cannot be told apart."""
     if len(coefficients) < 2:
         return []
     polynomial = acb_poly(coefficients)
@@ -78,7 +78,7 @@ def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
 def _sharpen(polynomial: acb_poly, z: acb) -> acb:
     """A narrower enclosure of the root in a ball, by interval Newton steps.
 
-    The root lies in mid z - p(mid z) / p'(z), as it does in z.
+    If the root lies in z, it lies in mid z - p(mid z) / p'(z) as well.
     """
     slope = polynomial.derivative()
     for _ in range(_NEWTON_STEPS):
@@ -107,11 +107,11 @@ def rotation_number(z: acb) -> arb:
 
 
 def sorted_roots(found: list[acb]) -> list[acb]:
-    """Largest first, the one with positive imaginary part before its conjugate."""
+    """The roots, largest first, each with positive imaginary part before its conjugate."""
 
     def rank(z: acb) -> tuple[float, ...]:
         size = float(abs(z).mid())
-        # Conjugates differ in size by rounding alone, real ones by more however close they are.
+        # The sizes of conjugates differ only by rounding, those of real ones by more.
         imaginary = 0.0 if z.imag.contains(0) else float(z.imag.mid())
         return -(round(size, 9) if math.isfinite(size) else size), -imaginary, -size
 

@@ -2,11 +2,12 @@
 
 `structure` says which multipliers are 1, or turn as a relative orbit does.
 
-On the unit circle: if M is symplectic, or similar to its inverse by a reversal of the orbit, with a
-multiplier z there is 1 / conj z, as often; multipliers on the circle are their own images, so that
-is true of the others alone. If each enclosure of a multiplier holds one, and its image under that
-reflection meets no other enclosure, z = 1 / conj z, that is |z| = 1; multipliers on the circle that
-are distinct, and distinct from those that are known, mean linear stability (Kapela, Simo 2007,
+That multipliers are on the unit circle is proved as follows. If M is symplectic, or similar to its
+inverse by a reversal of the orbit, then with a multiplier z there is 1 / conj z, with the same
+multiplicity. The prescribed multipliers are on the circle and their own images, so this is also
+true of the others alone. If each enclosure contains one multiplier, and its image under that
+reflection meets no other enclosure, then z = 1 / conj z, that is |z| = 1. Multipliers on the circle
+that are distinct, and distinct from those that are known, mean linear stability (Kapela, Simo 2007,
 Nonlinearity 20, 1241).
 """
 
@@ -25,10 +26,10 @@ from orbits.proof.stability.structure import Prescribed, Structure, prescribe
 
 @dataclasses.dataclass(frozen=True)
 class Spectrum:
-    """The non-trivial multipliers.
+    """The non-trivial multipliers and what they prove.
 
     Attributes:
-      values: enclosures, one for each; empty if they cannot be told apart.
+      values: enclosures, one for each multiplier; empty if these cannot be told apart.
       verdict: "stable", "unstable" or "undecided".
     """
 
@@ -48,11 +49,11 @@ def spectrum(
 
     Args:
       system: the closing equations.
-      numbers: enclosures of all its numbers.
+      numbers: enclosures of all numbers of these equations.
       slopes: the derivative over a part of the period, for all motions of a wider box. It is
         enclosed again, for sharper multipliers.
-      known: about the flow.
-      digits: of the series.
+      known: what is known about the flow.
+      digits: decimal digits of the series.
       bits: precision.
     """
     with precision(bits):

@@ -1,20 +1,21 @@
-"""What the flow about an orbit keeps, proved, and the multipliers that this prescribes.
+"""What the flow about an orbit is proved to keep, and the multipliers that this prescribes.
 
 Let W be gradients w_i of integrals at the start, independent, and g_j independent directions in
 their common kernel. If the monodromy matrix M takes the span of the w_i to itself from the right,
 and that of the g_j from the left, it acts on the kernel modulo the g_j, and the multipliers are
 those of this action, of that on the w_i and of that on the g_j. Here the directions are
 
-    the flow f, of an orbit whose rate does not depend on time;
-    A y + b, of a linear symmetry, if its flow commutes with that of the rate;
+    the flow f, if the rate does not depend on time;
+    A y + b for a linear symmetry, if its flow commutes with that of the rate;
     J^-1 w_i, if the flow keeps a constant symplectic form J (Noether's theorem; Arnold 1989,
     Mathematical Methods of Classical Mechanics, section 40): M J^-1 M^T = J^-1.
 
-Of an orbit that returns, w_i M = w_i and M g_j = g_j: all these multipliers are 1. M of a relative
-orbit is R^-1 times the derivative of the flow, with a rotation R by the angle a; then an integral
-that R keeps prescribes a 1, and so does a direction that commutes with it. Two integrals that R
-turns into each other, as the entries of the momentum, or their two directions, prescribe
-exp(i a) and exp(-i a). Both are 0 on the orbit, unless exp(i a) = 1, as they are conserved.
+For an orbit that returns, w_i M = w_i and M g_j = g_j, and all these multipliers are 1. For a
+relative orbit M is R^-1 times the derivative of the flow, with a rotation R by the angle a; then an
+integral that R keeps prescribes a 1, and so does a direction that commutes with R. Two integrals
+that R turns into each other, such as the entries of the momentum, or their two directions,
+prescribe exp(i a) and exp(-i a). Such integrals are 0 on the orbit, unless exp(i a) = 1, since they
+are conserved.
 """
 
 import dataclasses
@@ -34,14 +35,14 @@ from orbits.proof.theorems import Theorems
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """What is known of the flow beside the rate.
+    """What is known about the flow besides the rate.
 
     Attributes:
       theorems: the rate as polynomials; None if it is not representable, and nothing is known.
       integrals: conserved functions by name, which the rotation of a relative orbit keeps.
-      pairs: conserved functions, two each, that this rotation turns into each other.
-      generators: (matrix, offset) of symmetries, without the flow, that commute with it.
-      form: (k, k) constant symplectic form that the flow and the rotation keep, of fractions; None
+      pairs: pairs of conserved functions that this rotation turns into each other.
+      generators: (matrix, offset) of symmetries, besides the flow, that commute with the rotation.
+      form: (k, k) constant symplectic form, in fractions, that the flow and the rotation keep; None
         if none is proved.
     """
 
@@ -53,12 +54,12 @@ class Structure:
 
 
 class Prescribed(NamedTuple):
-    """What prescribes multipliers.
+    """The vectors that prescribe multipliers.
 
     Attributes:
-      rows: (n) gradients (k) whose span the monodromy matrix keeps, independent.
-      directions: (m) directions (k) in their kernel whose span it keeps, independent.
-      multipliers: the different ones that these have, in the upper half plane.
+      rows: (n) independent gradients (k) whose span the monodromy matrix keeps.
+      directions: (m) independent directions (k) in their kernel whose span it keeps.
+      multipliers: the distinct multipliers that these prescribe, in the upper half plane.
     """
 
     rows: list[list]
@@ -67,7 +68,7 @@ class Prescribed(NamedTuple):
 
 
 class _Direction(NamedTuple):
-    """A direction at the start, and the same as polynomials."""
+    """A direction at the start, and the same direction as polynomials of the state."""
 
     at_start: list
     everywhere: list
@@ -101,7 +102,7 @@ def structure(
 
 
 def _holds(claim, *args) -> bool:
-    """Whether a claim is proved; one about formulas that are no polynomials is not."""
+    """Whether a claim is proved; a claim about formulas that are not polynomials is not."""
     try:
         return claim(*args)
     except NoPolynomial:
@@ -109,7 +110,7 @@ def _holds(claim, *args) -> bool:
 
 
 def _pairs(theorems: Theorems, integrals: list[Number], turned: list):
-    """Two integrals each that a rotation turns into each other at unit rate."""
+    """Pairs of integrals that a rotation turns into each other at unit rate."""
     left = list(integrals)
     while left:
         a = left.pop(0)
@@ -121,7 +122,7 @@ def _pairs(theorems: Theorems, integrals: list[Number], turned: list):
 
 
 def prescribe(system: ClosingEquations, numbers: list, known: Structure) -> Prescribed:
-    """What is proved to prescribe multipliers, of an orbit whose rate does not depend on time."""
+    """The vectors that are proved to prescribe multipliers, for a rate that is autonomous."""
     start = system.start(numbers)
     flow = [arb(x) for x in system.field.rate(arb(0), start)]
     if known.theorems is None:
@@ -159,7 +160,7 @@ def prescribe(system: ClosingEquations, numbers: list, known: Structure) -> Pres
 
 
 def _linear(theorems: Theorems, matrix: np.ndarray, offset: np.ndarray, start: list) -> _Direction:
-    """A y + b."""
+    """The direction A y + b."""
     moved = product(matrix, start)
     there = [x + arb(float(b)) for x, b in zip(moved, offset, strict=True)]
     return _Direction(there, theorems.direction(matrix, offset))
@@ -174,7 +175,7 @@ def _in_kernel(
 ) -> bool:
     """Whether the derivatives of integrals along a direction are 0 on the orbit.
 
-    They are conserved, as the direction's flow commutes with that of the rate.
+    These derivatives are conserved, since the direction's flow commutes with that of the rate.
     """
     known = theorems.evaluate(zeros)
     return all(
@@ -186,7 +187,7 @@ def _in_kernel(
 
 
 def _independent(groups: list[list[list]]) -> list[int]:
-    """Indices of groups of vectors that are proved to be independent, as many as come first."""
+    """Indices of groups of vectors that are proved to be independent, chosen in order."""
     chosen: list[int] = []
     for i in range(len(groups)):
         rows = [row for j in (*chosen, i) for row in groups[j]]
@@ -214,7 +215,7 @@ def _is_kept(theorems: Theorems, form: np.ndarray, turn: np.ndarray) -> bool:
 
 
 def _inverse(form: np.ndarray) -> np.ndarray:
-    """(k, k) the inverse of a form times a whole number, of whole numbers."""
+    """(k, k) a multiple of the inverse of a form whose entries are whole numbers."""
     found = _rational(form).inv()
     table = [[Fraction(int(x.p), int(x.q)) for x in row] for row in found.tolist()]
     scale = math.lcm(*(x.denominator for row in table for x in row))
@@ -226,7 +227,7 @@ def _rational(form: np.ndarray) -> fmpq_mat:
 
 
 def exact(table: np.ndarray) -> np.ndarray:
-    """An array of numbers as one of fractions, whose products are exact."""
+    """An array of numbers as an array of fractions, whose products are exact."""
     found = np.empty(np.shape(table), object)
     found.flat = [Fraction(x) for x in np.asarray(table).ravel().tolist()]
     return found
