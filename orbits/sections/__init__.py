@@ -1,14 +1,14 @@
 """Surfaces of section: where motions cross an event, again and again.
 
 `completion` finds the velocity that a start on the section lacks from its energy, `tables` the
-crossings of many starts (`orbits.section`), `maps` is the Poincare map as a differentiable
+crossings of many starts (`orbits.section`), `maps` has the Poincare map as a differentiable
 function, `records` writes crossings as JSON and CSV, `coordinates` says which entries of the state
 are coordinates of a section.
 
 May import: `analysis`.
 
-One more kind of section is an event (`jaxdyn.integrate.events`), and in `coordinates` the entry of
-the state that is fixed on it.
+To add a kind of section, write an event (`jaxdyn.integrate.events`), and in `coordinates` the entry
+of the state that is fixed on it.
 """
 
 from orbits.sections import coordinates, records

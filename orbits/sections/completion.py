@@ -1,8 +1,8 @@
 """Starts on a section: the velocity that section coordinates and an energy leave open.
 
 The energy of a mechanical scene is a quadratic polynomial of each velocity, a v^2 + b v + c, so
-the missing one is a root of it; Newton's method polishes the root, and is all there is where the
-energy is another function of the unknown.
+the missing velocity is a root of it. Newton's method polishes the root, and does all the work where
+the energy is another function of the unknown.
 """
 
 from collections.abc import Mapping
@@ -25,9 +25,9 @@ from orbits.closing.sizes import sizes
 from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of, unknown_of
 
 _NEWTON_STEPS = 30
-#: Of the terms of the energy: a larger residual is no solution.
+#: Largest residual of a solution, relative to the terms of the energy.
 _RESIDUAL = 1e-13
-_OFF = 1e-9  # of the state: a start farther from the section is none on it
+_OFF = 1e-9  # largest distance of a start from the section, relative to the state
 
 
 class Completed(NamedTuple):
@@ -82,17 +82,17 @@ def complete(
       event: the section; an entry that it fixes need not be given.
       given: the entries by name, () or (n,) each.
       energy: () or (n,) energy of the starts [J].
-      unknown: name of the entry that is looked for; by default the velocity of the position that
-        the event fixes.
+      unknown: name of the entry that is sought; by default the velocity of the position that the
+        event fixes.
       sign: 1 for the larger of two solutions, -1 for the smaller one; by default the direction
         of the event, or 1.
       t0: () time of the starts.
     Returns:
       The starts, in the order of the numbers; those outside the allowed region are NaN, with a
-      status. Differentiable in the numbers of the scene, the given ones and the energy.
+      status. They are differentiable in the numbers of the scene, the given ones and the energy.
     Raises:
-      ValueError: the scene has no energy, a name is no entry, an entry is missing or given twice,
-        the given starts are not on the section, or `sign` is not 1 or -1.
+      ValueError: the scene has no energy, a name is not that of an entry, an entry is missing or
+        given twice, the given starts are not on the section, or `sign` is not 1 or -1.
     Example:
       >>> import jaxdyn, orbits
       >>> from jaxdyn import scenes
@@ -113,7 +113,7 @@ def complete(
     way = (event.direction or 1) if sign is None else sign
     t0 = jnp.asarray(t0, float)
     y0s, status = _completed(scene, t0, *rows, float(way), index=index)
-    # An entry that the event fixes can be wrong also outside the allowed region.
+    # An entry that the event fixes is checked at starts outside the allowed region as well.
     incomplete = fixed_entry(event) not in (None, index)
     _check_on_section(scene, event, t0, rows[0] if incomplete else y0s)
     return Completed(y0s, status)
@@ -175,7 +175,7 @@ def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index:
     zero = jnp.zeros(())
     c, b, a = excess(zero), slope(zero), 0.5 * jax.grad(slope)(zero)
     below = b * b - 4 * a * c
-    # Not by the difference of two almost equal numbers.
+    # This form avoids the difference of two almost equal numbers.
     q = -0.5 * (b + jnp.where(b < 0, -1.0, 1.0) * jnp.sqrt(jnp.maximum(below, 0.0)))
     roots = jnp.stack([_over(q, a), _over(c, q)])
     roots = jnp.where(
@@ -216,7 +216,7 @@ _completed = jax.jit(_every, static_argnames="index")
 def least_energies(scene: Scene, event: Reaches, shown: tuple[int, int], qp: Array) -> Array | None:
     """(n,) least energy of states on a section; None unless one entry is left to choose.
 
-    The edge of the allowed region is where it is the energy of the motions.
+    The edge of the allowed region is where this is the energy of the motions.
 
     Args:
       scene: the scene, with an energy.

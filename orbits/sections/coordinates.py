@@ -10,7 +10,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import Event, Reaches
 from orbits.closing.sizes import sizes
 
-#: Of the sizes: by which entries are moved apart: a state at rest does not tell velocities.
+#: How far entries are moved apart, relative to their sizes, since at rest all velocities are equal.
 _PROBE = 1e-3
 
 
@@ -25,7 +25,7 @@ def entry(scene: Scene, argument: str, name: str) -> int:
     """The entry of the state with a name.
 
     Raises:
-      ValueError: there is none; the nearest is suggested.
+      ValueError: there is none; the nearest name is suggested.
     """
     return names_of(scene).index(choice(argument, name, names_of(scene)))
 
@@ -49,8 +49,8 @@ def has_velocities(scene: Scene) -> bool:
 def pair(scene: Scene, event: Event, coordinates: Sequence[str] | None = None) -> tuple[int, int]:
     """The two entries of a section that are drawn: those named, or a position and its velocity.
 
-    By default the first position that the event leaves free, with its velocity where the state is
-    [q, v], with the next free entry elsewhere; both entries of a state of two.
+    The default is the first position that the event leaves free, with its velocity where the state
+    is [q, v] and with the next free entry elsewhere; for a state of two entries, both.
 
     Raises:
       ValueError: the names are not two different entries, or there are no two to choose.
@@ -78,7 +78,7 @@ def unknown_of(scene: Scene, event: Event, unknown: str | None) -> int:
     """The entry that the energy determines: the one named, or the velocity of the fixed position.
 
     Raises:
-      ValueError: the name is no entry, or there is no such velocity.
+      ValueError: the name is not that of an entry, or there is no such velocity.
     """
     if unknown is not None:
         return entry(scene, "unknown", unknown)

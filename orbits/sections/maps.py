@@ -2,9 +2,9 @@
 
 The map completes a start (by the section, and by the energy where one is given), follows the
 motion to its next crossing and reads the coordinates there. Its derivative is that of the flow
-projected along the motion onto the section, since `events.until` differentiates the time of the
-crossing too; restricted to an energy surface if there is one. At a fixed point its eigenvalues are
-the non-trivial multipliers of the orbit.
+projected along the motion onto the section, since `crossings` differentiates the time of the
+crossing too, and restricted to an energy surface if an energy is given. At a fixed point its
+eigenvalues are the non-trivial multipliers of the orbit.
 """
 
 from typing import Annotated
@@ -50,10 +50,10 @@ class PoincareMap(eqx.Module):
     Attributes:
       scene: the scene.
       event: the section.
-      energy: () of all points; None where the section alone completes a state.
+      energy: () energy of all points; None where the section alone completes a state.
       span: () longest time to the crossing.
       rtol: relative tolerance of a step.
-      names: of the d section coordinates.
+      names: names of the d section coordinates.
       unknown: name of the entry that the energy determines, if one is given.
       sign: see `complete`.
       iterates: number of crossings.
@@ -75,15 +75,15 @@ class PoincareMap(eqx.Module):
     def __call__(self, q) -> Array:
         """(d,) coordinates of the crossing that follows the point q (d,); NaN where there is none.
 
-        Differentiable any number of times in forward mode, and in reverse mode, also in the
-        numbers of the map; jit and vmap work.
+        The map is differentiable any number of times in forward mode, and in reverse mode, also in
+        its numbers; jit and vmap work.
         """
         return self.step(q).q
 
     def step(self, q) -> Mapped:
         """The crossing that follows the point q (d,), with its state, time and status."""
         y, status = self._start(q)
-        # From the state of an allowed point, so that a forbidden one gives no NaN in derivatives.
+        # A forbidden point is replaced by an allowed state, to avoid NaN in derivatives.
         y = jnp.where(status == Status.OK, y, self.scene.y0)
         t0 = self._phase
         found = crossings(
@@ -159,13 +159,13 @@ def poincare_map(
 ) -> PoincareMap:
     """The Poincare map of a section as a function of the section coordinates.
 
-    The coordinates are all entries of the state, in their order, but for the one that the event
-    fixes, and for the one that the energy determines where one is given.
+    The coordinates are all entries of the state, in their order, except for the one that the event
+    fixes and, where an energy is given, the one that it determines.
 
     Args:
       scene: the scene; its start is not used.
       event: `events.Reaches` with a direction, or `events.Every` for a stroboscopic map.
-      energy: () of all points; leave it out where it is not conserved, or should vary.
+      energy: () energy of all points; leave it out where it is not conserved, or should vary.
       unknown: name of the entry that the energy determines; see `complete`.
       sign: see `complete`.
       crossings: number of crossings that make one application of the map.

@@ -1,4 +1,4 @@
-"""Crossings of a section as plain data: a record for JSON, a CSV file."""
+"""Crossings of a section as plain data: a record for JSON, and a CSV file."""
 
 import csv
 import io
@@ -15,7 +15,7 @@ from orbits.sections.tables import SectionPoints
 
 @check_first
 def as_json(points: SectionPoints) -> dict:
-    """The crossings as a record for JSON; what is not known is None."""
+    """The crossings as a record for JSON; unknown numbers are None."""
     rows = zip(points.counts.tolist(), points.status.tolist(), strict=True)
     starts = [
         {
@@ -45,7 +45,7 @@ def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
     the time, the direction, and the state.
 
     Args:
-      path: of the .csv file.
+      path: path of the .csv file.
       tables: one or several sections of one scene.
     Raises:
       ValueError: `path` cannot be written.

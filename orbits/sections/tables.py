@@ -24,13 +24,13 @@ from jaxdyn.solvers import Solver
 from orbits.sections.completion import Completed, outcome_text
 from orbits.sections.coordinates import names_of, pair
 
-#: Crossings of a start in one call of the compiled program.
+#: Most crossings of a start in one call of the compiled program.
 _AT_ONCE = 16
 _CHUNK = 512  # starts in a queue
 
 
 class SectionPoints(NamedTuple):
-    """The crossings of n starts with a section, N of each.
+    """The crossings of n starts with a section, N for each start.
 
     Attributes:
       scene: the scene.
@@ -38,7 +38,7 @@ class SectionPoints(NamedTuple):
       names: names of the two section coordinates (q, p).
       qp: (n, N, 2) their values; angles are between -pi and pi.
       ts: (n, N) times of the crossings; NaN where there are fewer, as in all arrays.
-      ys: (n, N, k) states then.
+      ys: (n, N, k) states at these times.
       directions: (n, N) 1 where the event's value rises along the motion, -1 where it falls.
       counts: (n,) number of crossings found.
       status: (n,) `Status` codes.
@@ -68,7 +68,7 @@ class SectionPoints(NamedTuple):
     def _to_labelled(self) -> Labelled:
         labels = self.scene.labels()
         axes, starts, time = ("start", "crossing"), ("start",), second(labels)
-        # The section's coordinates instead of the state's, whose angles may have turned.
+        # Section coordinates replace those of the state, whose angles may have turned.
         coordinates = [(name, dict(labels).get(name, "")) for name in self.names]
         states = entries(axes, self.ys, labels) | entries(axes, self.qp, coordinates)
         return Labelled(
@@ -117,8 +117,8 @@ def section(
       event: the section, with the direction that counts; `events.Every` for a stroboscope.
       starts: (n, k) states, or what `sections.complete` returned; the scene's own by default. A
         start on the section does not count as a crossing.
-      crossings: of each start.
-      t1: () latest time of a crossing; the scene's span for each crossing by default.
+      crossings: number of crossings of each start.
+      t1: () latest time of a crossing; by default the scene's span for each crossing.
       coordinates: names of the two entries of the state that are drawn; by default a position
         and its velocity.
       rtol: see `simulate`.
@@ -128,11 +128,11 @@ def section(
       threads: see `ensemble.run`.
       progress: show a bar.
     Returns:
-      The crossings, in NumPy arrays. A start that fails, or crosses less often, keeps the
-      crossings before, and has a status with a remedy; it does not affect the others.
+      The crossings, in NumPy arrays. A start that fails, or crosses less often, keeps its earlier
+      crossings and has a status with a remedy; it does not affect the others.
     Raises:
-      ValueError: `event` is no event, `starts` has a wrong shape, `crossings` is not positive, or
-        another number is out of range, as for `simulate`.
+      ValueError: `event` is not an event, `starts` has a wrong shape, `crossings` is not positive,
+        or another number is out of range, as for `simulate`.
     Limits: no derivatives (`jaxdyn.crossings` has them for one motion, `sections.poincare_map` for
       the map). Points of chaotic motions lose their digits as motions do: the distribution is
       meaningful, not each late point; `drift` does not measure that.
@@ -195,7 +195,7 @@ class _Table:
     def go_on(self, end: float, *, threads, **options) -> None:
         """Find the next crossings of all starts that need more."""
         rows = np.flatnonzero(self.running)
-        # All have as many as there were rounds, or have ended.
+        # All starts that are still running have the same number of crossings.
         done = int(self.counts[rows[0]])
         most = min(_AT_ONCE, self.wanted - done)
         watch = EachCrossing(self.scene.field, self.event, jnp.asarray(most), _AT_ONCE)
