@@ -1,13 +1,12 @@
 """Quasi-periodic motions: invariant tori about elliptic periodic orbits.
 
-`torus` begins one with the Floquet vector of an orbit, `refinement` solves it with as many modes as
-it needs, by the equations of `invariance` on an invariant circle, a Fourier series of `circle`;
-`record` is the result, `continuation` poses their family to the branch engine.
+`torus` begins a torus with the Floquet vector of an orbit, `refinement` solves it with as many
+modes as it needs, by the equations of `invariance` for an invariant circle, which is a Fourier
+series of `circle`; `record` has the result, `continuation` poses families to the branch engine.
 
 May import: `analysis`.
 
-One more way to fix a torus in its family is one more row in `refinement`, for
-`invariance.Conditions`.
+To add a way to fix a torus in its family, write a row in `refinement`, for `invariance.Conditions`.
 """
 
 import lazy_loader

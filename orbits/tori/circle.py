@@ -1,7 +1,7 @@
-"""Closed curves in state space as Fourier series, by their points at equally spaced angles.
+"""Closed curves in state space as Fourier series, given by their points at equally spaced angles.
 
 N = 2 m + 1 points determine m modes; interpolation, rotation and derivatives are exact for curves
-of no more modes.
+of at most m modes.
 """
 
 import math
@@ -34,7 +34,7 @@ def at(points: np.ndarray, theta) -> np.ndarray:
 
 
 def resample(points: np.ndarray, n: int) -> np.ndarray:
-    """(n, k) the same curve by another, odd number of points."""
+    """(n, k) the same curve, given by another, odd number of points."""
     return at(points, angles(n))
 
 

@@ -1,9 +1,9 @@
 """Families of tori about an orbit: continuation in the amplitude by pseudo-arclength.
 
-A problem of the branch engine: each step predicts along the secant of the last two circles and
-solves the invariance equation together with a condition that keeps the component along the secant.
-So the rotation may pass an extremum, and the amplitude a fold. Lengths are in the units of the
-first torus (`Metric`).
+This is a problem of the branch engine: each step predicts along the secant of the last two circles
+and solves the invariance equation together with a condition that keeps the component along the
+secant. So the rotation may pass an extremum, and the amplitude a fold. Lengths are in the units of
+the first torus (`Metric`).
 """
 
 import collections
@@ -25,8 +25,8 @@ from orbits.tori.record import Torus
 from orbits.tori.refinement import refine
 from orbits.tori.torus import GOAL, MOST_MODES
 
-_ASTRAY = 0.5  # correction, as a share of the step, of a torus that is not of this family
-#: What such a walk is.
+_ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
+#: What the file of a continuation calls a family of tori.
 TORI = "tori"
 _SAME = ("scene", "outcome", "held", "rtol")  # what the tori of a family have in common
 
@@ -37,7 +37,7 @@ class TorusFamily:
 
     Attributes:
       members: the tori.
-      end: why it ends.
+      end: why the family ends.
     """
 
     members: tuple[Torus, ...]
@@ -89,17 +89,18 @@ def continue_tori(
     Args:
       torus: what `orbits.torus` returned.
       members: largest number of tori, the first included.
-      step: first step of the amplitude, in its units, the largest one too; half of the amplitude by
-        default. A negative one follows the family towards the orbit.
+      step: first and largest step of the amplitude, in its units; half of the amplitude by default.
+        A negative step follows the family towards the orbit.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
-      path: file (.jsonl) that keeps each torus as it is found; the same call goes on from it where
-        it was interrupted.
+      path: file (.jsonl) to which each torus is written as it is found; the same call resumes from
+        it where it was interrupted.
     Returns:
       The tori found, and why there are no more.
     Raises:
       ValueError: `torus` was not found, `members` is less than 2 or `step` is 0.
-    Limits: host only. Steps jump over the gaps at resonances of high order, and end at wide ones.
+    Limits: host only. Steps jump over the gaps at resonances of high order, and the family ends at
+      a wide gap.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -117,7 +118,7 @@ def continue_tori(
         raise _checks.fail("step", "a number other than 0", step)
     problem = _Problem(torus, goal, max_modes)
     metric = problem.metric
-    # In units: of the harmonic of this torus.
+    # The length of the step in units is that of the change of this torus's harmonic.
     length = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
     first = _Place(torus, _outwards(torus, step, metric), guessed=True)
     found = follow(problem, first, length, members, lambda place: None, path)
@@ -130,8 +131,8 @@ class _Place(NamedTuple):
     Attributes:
       torus: the torus.
       tangent: the secant from the torus before, of unit length.
-      guessed: whether it is that of the first torus: without the changes of the rotation and of the
-        centre.
+      guessed: whether the tangent is the guess for the first torus, which leaves out the changes of
+        the rotation and of the centre.
     """
 
     torus: Torus
@@ -140,7 +141,7 @@ class _Place(NamedTuple):
 
 
 class _Record(NamedTuple):
-    """A `_Place` as its file has it."""
+    """A `_Place` as a file has it."""
 
     torus: dict
     tangent: Unknowns
@@ -150,7 +151,7 @@ class _Record(NamedTuple):
 class _Chart(Chart[_Place]):
     """A family of tori near one of them, in the units of the first one."""
 
-    turn = -math.inf  # a secant turns as far as a step is corrected
+    turn = -math.inf  # a secant turns only as far as its step was corrected
 
     def __init__(self, problem: "_Problem", guessed: bool):
         self.problem, self.metric = problem, problem.metric

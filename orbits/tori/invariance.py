@@ -1,15 +1,16 @@
 """The equations of an invariant circle of the map over a time T, and Newton's method for them.
 
-A torus of two frequencies is cut by the map phi over one of its periods T in a circle u(theta), on
-which the map is a rotation by rho:
+A torus of two frequencies contains a circle u(theta) on which the map phi over one of its periods T
+is a rotation by rho:
 
     phi(u(theta)) = u(theta + rho)
 
-(Gomez & Mondelo 2001; Olikara & Scheeres 2012). Unknown are the points u at N angles, rho, and T
-unless it is the period of a drive. The circle may be shifted in theta and, without a drive, along
-the flow; a torus has neighbours of other amplitude and energy. As many conditions single one out.
+(Gomez & Mondelo 2001; Olikara & Scheeres 2012). The unknowns are the points u at N angles, rho, and
+T unless it is the period of a drive. The circle may be shifted in theta and, without a drive, along
+the flow; a torus has neighbours of other amplitude and energy. One condition for each of these
+directions singles a circle out.
 
-Equations, unknowns and lengths are in units: those of `Metric`.
+Equations, unknowns and lengths are in the units of `Metric`.
 """
 
 import math
@@ -27,7 +28,7 @@ from orbits.shooting.segment import Piece, linearise_end
 from orbits.tori import circle
 
 _STEPS = 15
-_DIVERGED = 100.0  # growth of the residual in one step after which there is no solution nearby
+_DIVERGED = 100.0  # growth of the residual in one step above which no solution is nearby
 
 
 class Unknowns(NamedTuple):
@@ -44,16 +45,16 @@ class Unknowns(NamedTuple):
     time: float
 
     def pack(self) -> np.ndarray:
-        """(N k + 2,) all of them."""
+        """(N k + 2,) all unknowns as one vector."""
         return np.concatenate([self.points.ravel(), [self.rotation, self.time]])
 
     def after(self, step: np.ndarray) -> "Unknowns":
-        """After a step (N k + 2,)."""
+        """The unknowns after a step (N k + 2,)."""
         points = self.points + step[:-2].reshape(self.points.shape)
         return Unknowns(points, self.rotation + float(step[-2]), self.time + float(step[-1]))
 
     def resample(self, n: int) -> "Unknowns":
-        """With n points."""
+        """The same circle with n points."""
         return self._replace(points=circle.resample(self.points, n))
 
 
@@ -61,8 +62,8 @@ class Metric(NamedTuple):
     """Units of the entries of a state and of time; lengths of circles, their rotations and times.
 
     Attributes:
-      each: (k,) of the entries.
-      time: of time.
+      each: (k,) units of the entries.
+      time: unit of time.
     """
 
     each: np.ndarray
@@ -79,15 +80,15 @@ class Metric(NamedTuple):
         return np.append(np.tile(self.each, n), [1.0, self.time])
 
     def row(self, tangent: Unknowns) -> np.ndarray:
-        """(N k + 2,) the product with a tangent; of points it is half of that of the harmonics."""
+        """(N k + 2,) the product with a tangent; for points, half of that of their harmonics."""
         points, rotation, time = tangent
         along = points / self.each**2 / len(points)
         return np.append(along.ravel(), [rotation, time / self.time**2])
 
     def coordinates(self, found: Unknowns) -> np.ndarray:
-        """(N k + 2,) of unknowns, or of a tangent, as numbers without units.
+        """(N k + 2,) coordinates of unknowns, or of a tangent, as numbers without units.
 
-        Distances of circles about one centre are those of their harmonics.
+        The distance of two circles about one centre is that of their harmonics.
         """
         points, rotation, time = found
         each = points / self.each * math.sqrt(2 / len(points))
@@ -106,11 +107,11 @@ class Metric(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What singles out a circle among those that satisfy the invariance equation.
+    """The conditions that single out a circle among those that satisfy the invariance equation.
 
     Attributes:
-      rows: (c, N k + 2) and
-      values: (c,): linear conditions rows @ unknowns = values, both in units.
+      rows: (c, N k + 2) rows of the linear conditions rows @ unknowns = values, in units.
+      values: (c,) right-hand sides of these conditions, in units.
       energy: the mean energy of the points; None where it is not prescribed.
     """
 
@@ -141,7 +142,7 @@ def solve(
     def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _equations(scene, start.after(units * x), conditions, rtol, metric)
 
-    # Equations that integrals make dependent are consistent: the shortest step solves all.
+    # Equations that integrals make dependent are consistent, so the shortest step solves all.
     rank = np.finfo(float).eps * units.size
     nowhere = np.zeros(units.size)
     found = newton.solve(equations, nowhere, steps=_STEPS, rank=rank, diverged=_DIVERGED)
@@ -160,7 +161,7 @@ def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:
 def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
     """States (N, k) after a time, and their derivatives by the start (N, k, k) and the time (N, k).
 
-    Entries that turn are followed to the turn nearest to their start. NaN where a motion ends.
+    Angles are taken in the turn nearest to their start. States are NaN where a motion ends.
     """
     done = [
         linearise_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
@@ -194,7 +195,7 @@ def _equations(
         return residual, jacobian
     value, gradient = mean_energy(scene, points)
     change = np.append((gradient * metric.each).ravel(), [0.0, 0.0])
-    # As much as the sizes change it.
+    # The unit is the change of the energy when the entries change by their sizes.
     unit = math.sqrt(n) * float(np.linalg.norm(change)) or 1.0
     return (
         np.append(residual, (value - conditions.energy) / unit),

@@ -1,4 +1,4 @@
-"""What a torus is: its circle, its rotation, and the outcome of the search for it."""
+"""The record of a torus: its circle, its rotation, and the outcome of the search for it."""
 
 import dataclasses
 import math
@@ -39,21 +39,21 @@ class TorusOutcome(Code):
 
 @dataclasses.dataclass(frozen=True)
 class Torus:
-    """An invariant torus, by an invariant circle of the map over the time T.
+    """An invariant torus, given by an invariant circle of the map over the time T.
 
     Attributes:
       scene: the scene.
       points: (N, k) the circle, at equally spaced angles.
-      time: T, the time between returns to the circle: a period of the torus, that of the drive of
-        a driven scene [time of the scene].
-      rotation: angle rho by which the map turns the circle [rad]; with the sense of theta, and
-        any multiple of 2 pi, it is arbitrary.
-      amplitude: norm of the first harmonic of the circle, of which a torus was asked for by the
-        component along the orbit's Floquet vector [norm of a state].
+      time: T, the time between returns to the circle: a period of the torus, which is that of the
+        drive in a driven scene [time of the scene].
+      rotation: angle rho by which the map turns the circle [rad]; its sign, which depends on the
+        sense of theta, and multiples of 2 pi are arbitrary.
+      amplitude: norm of the first harmonic of the circle [norm of a state]; a torus is asked for by
+        the component of this harmonic along the orbit's Floquet vector.
       energy: mean energy of the circle; NaN for a scene without one.
       error: largest error of invariance, between the points, in the sizes of the entries.
-      outcome: `TorusOutcome`; unless it is FOUND this is the best iterate, not a torus.
-      held: "energy", "time" or "drive": what is kept along the family of tori.
+      outcome: how the search ended; unless it is FOUND, this is the best iterate, not a torus.
+      held: "energy", "time" or "drive", the quantity that is kept along the family of tori.
       rtol: tolerance of the integrations.
     """
 
@@ -89,7 +89,7 @@ class Torus:
 
     @property
     def ok(self) -> bool:
-        """Whether it is a torus."""
+        """Whether this is a torus."""
         return self.outcome == TorusOutcome.FOUND
 
     @property
@@ -104,9 +104,9 @@ class Torus:
 
     @property
     def unknowns(self) -> Unknowns:
-        """What Newton's method solved for."""
+        """The unknowns for which Newton's method solved."""
         return Unknowns(self.points, self.rotation, self.time)
 
     def at(self, theta) -> np.ndarray:
-        """(s, k) states of the circle at angles theta (s,), at time 0 of a driven scene."""
+        """(s, k) states of the circle at angles theta (s,); in a driven scene, at time 0."""
         return circle.at(self.points, _checks.host_array("theta", theta, (None,)))

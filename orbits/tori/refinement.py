@@ -1,4 +1,4 @@
-"""A torus near a circle: the conditions that single it out, and as many modes as it needs."""
+"""The torus near a circle: the conditions that single it out, and the modes that it needs."""
 
 import dataclasses
 import math
@@ -11,7 +11,7 @@ from orbits.tori import circle
 from orbits.tori.invariance import Conditions, Metric, Unknowns, error, mean_energy, solve
 from orbits.tori.record import Torus, TorusOutcome
 
-_MORE = 1.5  # factor of the modes from attempt to attempt
+_MORE = 1.5  # factor on the number of modes from attempt to attempt
 _COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
 
@@ -27,7 +27,7 @@ def refine(
     """The torus near a start, with as many modes as it needs.
 
     Args:
-      like: a torus of the same family, for what they share.
+      like: a torus of the same family, for what both share.
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
       target: ("amplitude", a), ("rotation", rho), or ("along", tangent, start, metric) for a step
@@ -77,8 +77,8 @@ def _conditions(
     """The rows for a circle of as many points as `now`."""
     n, k = now.points.shape
     nothing = np.zeros(n * k)
-    # The first harmonic along w: its imaginary part fixes theta = 0, its real part the amplitude.
-    share = metric.norm(w)  # of a unit of the amplitude
+    # The first harmonic along w fixes theta = 0 by its imaginary, the amplitude by its real part.
+    share = metric.norm(w)  # norm in the metric of a unit of the amplitude
     wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None] / metric.each**2 / share
     phase, size = wave.imag.ravel(), wave.real.ravel()
     duration = np.append(nothing, [0.0, 1 / metric.time])
@@ -94,7 +94,7 @@ def _conditions(
     if like.held == "drive":
         rows, values = [*rows, duration], [*values, now.time / metric.time]
     else:
-        # Not moved along the flow.
+        # The circle is not moved along the flow.
         reference = start.resample(n).points
         flow = np.asarray(_rates(like.scene, reference)) / metric.each
         flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each

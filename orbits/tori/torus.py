@@ -18,7 +18,7 @@ from orbits.tori.refinement import refine
 
 #: Default largest error of invariance, in the sizes of the entries.
 GOAL = 1e-11
-#: Modes of the first attempt, and the most.
+#: Number of modes of the first attempt, and the default of the largest number.
 FEWEST_MODES, MOST_MODES = 6, 60
 _ELLIPTIC = 1e-6  # distance of a multiplier from the unit circle below which it may be on it
 
@@ -37,31 +37,32 @@ def torus(
     """The invariant torus of a given amplitude about an elliptic periodic orbit.
 
     A pair of multipliers exp(+-i nu) of the orbit belongs to tori around it, one for each amplitude
-    (and energy), on which the map over the time T turns a circle by rho, close to nu. It is begun
-    with the Floquet vector, and solved as a Fourier series with as many modes as its coefficients
-    need.
+    (and energy), on which the map over the time T turns a circle by rho, close to nu. The circle
+    begins with the Floquet vector, and is solved as a Fourier series with as many modes as its
+    coefficients need.
 
     Args:
-      orbit: a periodic orbit; of a driven scene T is its period, else T is free and the energy of
-        the orbit is kept, or its period if the scene has no energy.
+      orbit: a periodic orbit. In a driven scene T is its period; otherwise T is free and the energy
+        of the orbit is kept, or its period if the scene has no energy.
       amplitude: component of the circle's first harmonic along the Floquet vector, which has norm 1
-        in the units of the state; orthogonal to it is the rest of the harmonic in the sizes of the
-        entries. The tori of a family begin at 0, which is the orbit.
-      pair: which pair of multipliers on the unit circle, in the order of `Stability.nontrivial`.
-      rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]; close to
-        that of a torus of the guessed amplitude, in the same sense.
+        in the units of the state; the rest of the harmonic is orthogonal to that vector in the
+        sizes of the entries. The tori of a family begin at 0, which is the orbit.
+      pair: number of the pair of multipliers on the unit circle, in the order of
+        `Stability.nontrivial`.
+      rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]. It should
+        be close to that of a torus of the guessed amplitude, in the same sense.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
-      throw: raise unless it was found; with False look at `Torus.outcome`.
+      throw: raise unless a torus was found; with False look at `Torus.outcome`.
     Returns:
       The torus, its rotation, and its error of invariance between the points of the circle.
     Raises:
-      ValueError: the orbit is none, or has no such pair of multipliers; `amplitude` or `goal` is
-        not positive; `max_modes` is less than `FEWEST_MODES`.
+      ValueError: `orbit` is not an orbit, or has no such pair of multipliers; `amplitude` or `goal`
+        is not positive; `max_modes` is less than `FEWEST_MODES`.
       SearchError: no torus was found (``throw=True``).
-    Limits: host only. Scenes without damping and without constraints, and tori of two frequencies,
-      that of the orbit or the drive and one more. Where rho / 2 pi is close to a fraction with a
-      small denominator there is a gap in the family.
+    Limits: host only; scenes without damping and without constraints; tori of two frequencies, that
+      of the orbit or the drive and one more. Where rho / 2 pi is close to a fraction with a small
+      denominator, there is a gap in the family.
     Reference: Gomez & Mondelo (2001), Physica D 157, 283; Olikara & Scheeres (2012), Adv.
       Astronaut. Sci. 145, 911; Jorba (2001), Nonlinearity 14, 943.
     Example:
