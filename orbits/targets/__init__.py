@@ -1,15 +1,15 @@
-"""Throws at a target, closed loops about a centre of force, numbers for which something holds.
+"""Throws at a target, closed loops about a centre of force, and the design of orbits.
 
 `aim` answers questions about throws (`hit`, `farthest`, `slowest`) by their range over all angles;
-`launch` is one throw, also one that ends at its terminal velocity, `thrown` its equations along the
-launch. `loops` closes orbits about a centre, from the ratio of their
-radii.
+`launch` computes one throw, also one that ends at its terminal velocity, by the equations along the
+launch in `thrown`. `loops` closes orbits about a centre, from the ratio of their radii.
 
-`design` finds numbers of a scene for which something wanted holds of an orbit or a special point.
+`design` finds numbers of a scene for which a wanted condition holds for an orbit or a special
+point.
 
 May import: `analysis`.
 
-One more question is one function in `aim` or `loops`, or a file beside them.
+To add a question, write a function in `aim` or `loops`, or a file beside them.
 """
 
 from orbits.targets import aim, loops

@@ -1,16 +1,16 @@
 """Aiming: the launch angles that hit a target, the farthest throw, the least speed.
 
-Any throw of one point in the plane, whatever acts on it: `farthest` samples the range over all
+The throws are of one point in the plane, whatever acts on it. `farthest` samples the range over all
 angles, forwards and backwards, and refines its best maximum; `hit` divides all angles at the
 extremes of the range into pieces where it is monotone, each of which has at most one angle that
 hits; `slowest` raises the speed until the farthest throw reaches the target. Times of landing, and
 the derivatives of the range by angle and speed, are exact (see `jaxdyn.integrate.events`); there
 are no penalties.
 
-With quadratic drag c v^2 the best angle is 45 degrees for slow throws and tends to 0 as the speed v
-grows, very slowly: with L = log(v^2 c / (m g)) like s / L, where s itself grows like log L. In the
-limit the ball lands at a right angle to its launch, as it does without drag. With linear
-drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
+With quadratic drag c v^2 the best angle is 45 degrees for slow throws and tends to 0 very slowly as
+the speed v grows: with L = log(v^2 c / (m g)), it falls like s / L, where s itself grows like
+log L. In the limit the ball lands at a right angle to its launch, as it does without drag. With
+linear drag the angle falls like log(u^2) / u instead (`jaxdyn.scenes.ballistics`).
 """
 
 from typing import Annotated
@@ -27,14 +27,14 @@ from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
 from orbits.targets.launch import Landings, angle_of, are_followed, check_throw, free_sine, landings
 
-#: Courses log tan(angle / 2) at which the range is sampled, forwards; the first is 1e-17 rad. For
-#: throws that drag slows more, the first eight are stretched.
+#: Courses log tan(angle / 2) at which the range is sampled forwards; the flattest angle is
+#: 1e-17 rad. For throws that drag slows more, the first eight courses are stretched.
 _STRETCHED = np.arange(40.0, 16.0, -3.0)
 _STEEPER = np.array([16, 13.5, 11.5, 9.5, 7.5, 6, 4.8, 4, 3.3, 2.7, 2.2, 1.7, 1.3, 0.9, 0.5])
-_FREE = 5.0  # courses flatter by this are free flights: their range grows with the angle
+_FREE = 5.0  # courses flatter by this are free flights, whose range grows with the angle
 LOOK = 1e-7  # tolerance of the samples
-WIDER = 1e-3  # by which a bracket found with it is widened, to remain valid with RTOL
-SAME = 1e-7  # angles closer than this, at the largest range, are one
+WIDER = 1e-3  # by how much a bracket found with `LOOK` is widened, to remain valid with `RTOL`
+SAME = 1e-7  # courses closer than this, at the largest range, are one
 
 
 class Aim(Code):
@@ -64,8 +64,8 @@ def courses(scene: Scene, speeds: np.ndarray) -> np.ndarray:
     """(n, m) courses to sample for each speed, ascending, down to those that drag does not alter.
 
     With linear drag the best angle falls like log(u^2) / u in the speed u, so that no fixed set of
-    courses has it. Drag has no time to act where the flight, v sin(angle) / g, is short against
-    v / a with the first acceleration a: flatter courses need no samples.
+    courses contains it. Drag has no time to act where the flight, v sin(angle) / g, is short
+    compared with v / a for the first acceleration a: flatter courses need no samples.
     """
     flattest = _FREE - np.log(free_sine(scene, speeds))
     stretch = np.maximum(flattest, _STRETCHED[0]) - _STEEPER[0]
@@ -77,7 +77,7 @@ def courses(scene: Scene, speeds: np.ndarray) -> np.ndarray:
 
 
 def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) course of the farthest throw for each speed, NaN if there is none, and `Aim` codes."""
+    """(n,) course of the farthest throw for each speed, NaN if there is none; and `Aim` codes."""
     w_look = courses(scene, speeds)
     n, m = w_look.shape
     look = landings(scene, w_look, speeds[:, None], LOOK)
@@ -110,10 +110,10 @@ def turns(
 
 
 def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) courses between low and high at which the range is extreme, and whether found."""
+    """(n,) courses between `low` and `high` at which the range is extreme, and whether found."""
 
     def slope(w):
-        # Its own slope would need second derivatives of the flight: three times the compile time.
+        # Its slope would need second derivatives of the flight, and three times the compile time.
         return landings(scene, w, speeds).dx[:, 0], np.full(len(w), np.nan)
 
     return root(slope, low - WIDER, high + WIDER)
@@ -122,7 +122,7 @@ def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.n
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
 _ROUNDING = 4 * np.finfo(float).eps
-_BEFORE = 3  # speeds before one that suffices, since the sampled angles miss the best ones
+_BEFORE = 3  # a bracket begins so many speeds earlier, since sampled angles miss the best ones
 
 
 class Hits(eqx.Module):
@@ -131,11 +131,11 @@ class Hits(eqx.Module):
     Attributes:
       x: () the target, from the launch along the first axis [m].
       speed: () launch speed [m/s].
-      angles: (n,) launch angles [rad], ascending; empty if it is out of reach.
+      angles: (n,) launch angles [rad], ascending; empty if the target is out of reach.
       times: (n,) times of flight [s].
-      short: () distance of the nearest throw from the target [m]; 0 if it is hit.
-      nearest: () launch angle of that throw [rad]; NaN if it is hit.
-      outcome: `Aim`.
+      short: () distance of the nearest throw from the target [m]; 0 if the target is hit.
+      nearest: () launch angle of that throw [rad]; NaN if the target is hit.
+      outcome: the `Aim` code.
     """
 
     x: float
@@ -187,12 +187,12 @@ class Throws(eqx.Module):
 
     @property
     def ok(self) -> bool:
-        """Whether all of them were found."""
+        """Whether all throws were found."""
         return bool((self.outcome == Aim.FOUND).all())
 
     @property
     def message(self) -> str:
-        """The outcome, of many throws the first failure, and the remedy."""
+        """The outcome, which for many throws is the first failure, and the remedy."""
         bad = np.ravel(self.outcome)[np.ravel(self.outcome) != Aim.FOUND]
         return Aim(int(bad[0]) if bad.size else 0).message
 
@@ -246,7 +246,7 @@ def hit(scene: Scene, x, speed) -> Hits:
         outcome = Aim.LOST
     elif not len(angles) and outcome == Aim.FOUND:
         short = np.abs(ranges - x)
-        # To rounding, all are equally near to a target that is very far.
+        # To rounding, all throws are equally near a target that is very far.
         near = short <= (1 + _ROUNDING) * np.nanmin(short)
         i = int(np.argmax(np.where(near, np.sign(x) * ranges, -np.inf)))
         return _miss(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
@@ -283,8 +283,8 @@ def farthest(scene: Scene, speed) -> Throws:
     Raises:
       ValueError: see `hit`.
     Limits: see `hit`. The angle of a maximum so flat that rounding hides it is accurate to 1e-8.
-      Speeds from 1e150 on, whose squares exceed all numbers, are `LOST`, and with quadratic drag
-      from 1e75 on.
+      Speeds from 1e150 on, whose squares overflow, are `LOST`; with quadratic drag, speeds from
+      1e75 on.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -311,7 +311,7 @@ def slowest(scene: Scene, x) -> Throws:
       x: () distance along the first axis [m], > 0; mirror the scene for throws to the left.
     Raises:
       ValueError: see `hit`.
-    Limits: speeds from 1e-3 to 1e15 sqrt(g x) are tried. See `hit`.
+    Limits: speeds from 1e-3 to 1e15 times sqrt(g x) are tried. See `hit`.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
@@ -336,7 +336,7 @@ def slowest(scene: Scene, x) -> Throws:
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 
     def over(log_speed):
-        # At the best angle the total derivative by the speed is the partial one (envelope).
+        # At the best angle the total derivative by the speed is the partial one (envelope theorem).
         w, _ = best_courses(scene, np.exp(log_speed))
         found = landings(scene, w, np.exp(log_speed))
         return found.x - x, found.dx[:, 1]
@@ -352,7 +352,7 @@ def _throws(scene: Scene, w, speeds: np.ndarray, outcome: np.ndarray) -> Throws:
     """The throws of these courses, NaN unless found."""
     found = outcome == Aim.FOUND
     one = np.where(found, 1.0, np.nan)
-    # Straight up as a placeholder where none was found.
+    # A throw straight up is a placeholder where none was found.
     end = landings(scene, np.where(found, w, 0.0), np.where(found, speeds, 1.0))
     down = np.arctan2(-end.vy, end.vx)
     return Throws(

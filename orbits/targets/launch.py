@@ -1,4 +1,4 @@
-"""One throw: where it lands, and the derivatives by its angle and speed."""
+"""One throw: where it lands, and the derivatives of that by its angle and speed."""
 
 import dataclasses
 import functools
@@ -20,17 +20,20 @@ from orbits.targets.thrown import Down, Thrown, Units, direction, rotate
 
 # ---- The end of a throw dominated by drag: a steady fall, in a straight line
 #
-# A solver's steps would be limited by the relaxation time, of which such a fall may last a billion.
-# If the force does not depend on place and time, the steady fall is uniform: it is not integrated.
+# A solver's steps would be limited by the relaxation time, and such a fall may last a billion of
+# these. If the force does not depend on place and time, the steady fall is uniform and is not
+# integrated.
 
-_NEWTONS = 400  # Newton steps to the steady velocity: each at least halves the distance
-_FORGOTTEN = 45.0  # relaxation times in which a steady velocity is reached: e^-45 of the launch
-_ROUNDED = 6.0  # beyond twice those to the steady speed: rounding of the launch speed is forgotten
-_STEADY = 1e-5  # of the speed: the squares of smaller deviations are rounding
-_SAME_FORCE = 1e-12  # of the acceleration, where forces are compared
+_NEWTONS = 400  # Newton steps to the steady velocity; each at least halves the distance
+_FORGOTTEN = 45.0  # relaxation times in which a steady velocity is reached, to e^-45 of the launch
+#: Relaxation times, beyond twice those to the steady speed, in which rounding of the launch speed
+#: is forgotten.
+_ROUNDED = 6.0
+_STEADY = 1e-5  # the squares of deviations below this share of the speed are rounding
+_SAME_FORCE = 1e-12  # largest relative difference of accelerations where forces are the same
 #: Parts of a steady fall at which its force is sampled.
 _ON_THE_WAY = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 12), np.arange(1, 16) / 16])
-#: Places in units of the throw's length, and times in units of the time it takes at full speed.
+#: Places in units of the throw's length, and times in units of that length over the launch speed.
 _ELSEWHERE = (((1.0, 0.3), 0.0), ((0.01, 0.7), 0.0), ((-0.4, -0.1), 0.0), ((0.0, 0.0), 1.3))
 
 
@@ -38,9 +41,9 @@ class Fall(NamedTuple):
     """Relaxation of a throw to a steady fall.
 
     Attributes:
-      memory: () relaxation time of its steady velocity [s]; infinite if it has none.
-      settled: () time after which it falls steadily, to rounding [s]; infinite if the force depends
-        on place or time.
+      memory: () relaxation time of the steady velocity [s]; infinite if there is none.
+      settled: () time after which the fall is steady, to rounding [s]; infinite if the force
+        depends on place or time.
     """
 
     memory: Array
@@ -48,7 +51,7 @@ class Fall(NamedTuple):
 
 
 def fall_of(scene: Scene, launch: Array, length: Array) -> Fall:
-    """How the throw with this launch velocity (2,) [m/s] and this size () [m] relaxes."""
+    """The relaxation of a throw with a launch velocity (2,) [m/s] and a length () [m]."""
     down, speed = acceleration(scene, jnp.zeros(2)), jnp.linalg.norm(launch)
     g = jnp.linalg.norm(down)
 
@@ -63,7 +66,7 @@ def fall_of(scene: Scene, launch: Array, length: Array) -> Fall:
     known = known & jnp.isfinite(slope).all()
     memory = jnp.where(known, 1 / jnp.where(known, slowest, 1.0), jnp.inf)
     excess = jnp.log1p(speed / (g * memory))
-    # Its rounding is kept in units that fade half as fast (`thrown.Units`).
+    # Rounding is kept in units that fade half as fast (`thrown.Units`).
     settled = memory * (excess + jnp.maximum(excess + _ROUNDED, _FORGOTTEN))
     return Fall(memory, jnp.where(_is_uniform(scene, launch, length), settled, jnp.inf))
 
@@ -72,7 +75,7 @@ class End(NamedTuple):
     """Where a steady fall ends, along the launch and across it.
 
     Attributes:
-      t: () time [s]; NaN, like all others, if it does not land.
+      t: () time [s]; NaN, like all other entries, if the throw does not land.
       r: (2,) displacement from the launch [m].
       v: (2,) velocity [m/s].
       lost: () whether the fall is not steady, so that its end is unknown.
@@ -85,7 +88,7 @@ class End(NamedTuple):
 
 
 def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
-    """The end of the steady fall reached by a throw of course w at r (2,) with v (2,)."""
+    """The end of the steady fall that a throw of course w reaches at r (2,) with v (2,)."""
     c, s = direction(w)
 
     def gain(v, r=r, t=t):
@@ -94,7 +97,8 @@ def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     slope = jax.jacfwd(gain)(v)
     off = _solve(slope, gain(v))
     steady = v - off
-    # The remaining deviation of velocity displaces it by its integral of exp(slope t).
+    # The remaining deviation of the velocity decays like exp(slope t), and displaces the point by
+    # its integral.
     r = r - _solve(slope, off)
     up = jnp.stack([s, c])
     sinking = -jnp.sum(up * steady)
@@ -136,25 +140,25 @@ def _is_uniform(scene: Scene, velocity: Array, length: Array) -> Array:
     return jnp.max(jnp.stack(gaps)) <= _SAME_FORCE * jnp.linalg.norm(here)
 
 
-# ---- One throw: where it lands, and the derivatives by its angle and speed
+# ---- One throw: where it lands, and the derivatives of that by its angle and speed
 
 RTOL = 1e-13
-_PATIENCE = 100.0  # times v / g: longer flights count as endless
-_STEPS = 20_000  # at most; a flight that needs more is stiff
+_PATIENCE = 100.0  # flights longer than so many times v / g count as endless
+_STEPS = 20_000  # most steps of a flight; one that needs more is stiff
 _TINY = np.finfo(float).tiny
-_GRAIN = 16 * np.finfo(float).eps  # of the speed: its rounding, in any direction
+_GRAIN = 16 * np.finfo(float).eps  # rounding of the speed, in any direction, as a share of it
 _CHUNK = 64  # throws per call of the compiled program; fewer are padded
 
 
 class Landings(eqx.Module):
-    """Where throws land; one entry per throw, NaN where it does not.
+    """Where throws land; one entry per throw, NaN for a throw that does not.
 
     Attributes:
       x: (n,) distance from the launch along the first axis, at launch height [m].
       t: (n,) time of flight [s].
       dx: (n, 2) derivatives of x in the course w = log tan(angle / 2) and in log(speed) [m].
-      vx: (n,) velocity on landing [m/s].
-      vy: (n,) velocity on landing [m/s].
+      vx: (n,) velocity along the first axis on landing [m/s].
+      vy: (n,) velocity along the second axis on landing [m/s].
       status: (n,) `jaxdyn.Status` codes of the integration.
     """
 
@@ -183,7 +187,7 @@ def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
 
 
 def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
-    """(n,) acceleration at rest over that at a launch along the first axis, with each speed.
+    """(n,) acceleration at rest over that at a launch along the first axis with each speed.
 
     Up to this sine of the launch angle, drag has no time to act.
     """
@@ -191,9 +195,10 @@ def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
 
 
 def _in_chunks(fn: Callable, *columns: np.ndarray):
-    """fn of which rows count and of columns (n,), some rows at a time.
+    """The results of fn(counts, *columns) for columns (n,), with some rows in each call.
 
-    One shape, and one compilation, for any number of rows.
+    `counts` says which rows are not padding: one shape, and so one compilation, serves any number
+    of rows.
     """
     n, parts = len(columns[0]), []
     for i in range(0, n, _CHUNK):
@@ -245,7 +250,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
     system = Thrown(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
-    # A span much longer than the flight would leave the flight no digits of time.
+    # With a span much longer than the flight, the time of the flight would have no digits left.
     soon, patience = jax.lax.stop_gradient(_patience(scene, speed))
     longest = jnp.where(jnp.isfinite(fall.settled), jnp.minimum(fall.settled, soon), patience)
     throw = dataclasses.replace(scene, system=system, y0=start)
@@ -270,7 +275,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
 
 
 def _patience(scene: Scene, speed: Array) -> tuple[Array, Array]:
-    """Times () [s] after which a throw has landed if the force is uniform, and for any force."""
+    """Times () [s] after which a throw has landed: if the force is uniform, and for any force."""
     pull = acceleration(scene, jnp.zeros(2))
     down = -pull[1]
     soon = jnp.where(down > 0, _PATIENCE * speed / jnp.where(down > 0, down, 1.0), jnp.inf)
@@ -281,7 +286,7 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
     """The fall at the end of a throw, and the units of its state when it lands."""
     g, (cosine, sine) = _pull(scene), direction(w)
     launch = speed * jnp.stack([cosine, sine])
-    # The path on which the first force would use up the speed, or that of a flat throw.
+    # The path on which the force at the launch would use up the speed, or that of a flat throw.
     slowing = jnp.linalg.norm(acceleration(scene, launch))
     length = speed * speed / jnp.maximum(slowing, g)
     fall = fall_of(scene, launch, length)
@@ -292,7 +297,7 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
         last=jnp.stack([last * sine, jnp.minimum(last, speed * sine)]),
         grain=_GRAIN / rtol * speed * sine,
         memory=fall.memory,
-        # Between the times in which the first force and gravity would use up the speed.
+        # Geometric mean of the times in which the force at the launch and gravity use up the speed.
         time=speed / g * jnp.sqrt(g / jnp.maximum(slowing, g)),
     )
     return fall, units
@@ -326,10 +331,10 @@ def _landings(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Arr
         counts, *throw = row
         return jax.lax.cond(counts, one, lambda _: blank, tuple(throw))
 
-    # Sequentially: each takes its own steps, in one fused loop.
+    # Throws run one after the other: each takes its own steps, in one fused loop.
     return jax.lax.map(counted, (counts, w, log_speed))
 
 
 def are_followed(found: Landings) -> np.ndarray:
-    """(n,) whether each throw was integrated, to the ground or without end."""
+    """(n,) whether each throw was integrated to the ground, or does not come down."""
     return found.status == Status.OK

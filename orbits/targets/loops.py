@@ -1,13 +1,14 @@
 """Closed orbits about a centre of force that are neither circles nor lines: course problem 11 b.
 
-A motion between two radii is a rosette: each loop, from the farthest point to the farthest point,
-is the previous one rotated by twice the apsidal angle. It closes after p turns with q loops where
-that angle is pi p / q. The shape of an orbit, the ratio of its radii, determines it: `closed`
-searches for the ratio that gives p / q, and refines the orbit by `find`. If that fails there is
-still a regular rosette that fills its ring. `fewest` gives the closed orbit with the fewest loops.
+A motion between two radii is a rosette: each loop, from one farthest point to the next, is the
+previous one rotated by twice the apsidal angle. The motion closes after p turns with q loops where
+that angle is pi p / q. The shape of an orbit, the ratio of its radii, determines the angle:
+`closed` searches for the ratio that gives p / q, and refines the orbit by `find`. If that fails,
+there is still a regular `rosette` that fills its ring. `fewest` gives the closed orbit with the
+fewest loops.
 
-The p / q of a power law r^n are known: those strictly between the limits of its apsidal angle
-(`jaxdyn.scenes.apsidal_limits`), once each. For other laws shapes are sampled.
+For a power law r^n the possible p / q are known: those strictly between the limits of its apsidal
+angle (`jaxdyn.scenes.apsidal_limits`), each for one shape. For other laws shapes are sampled.
 """
 
 import math
@@ -26,10 +27,11 @@ from jaxdyn.effects import CentralForce, PowerLaw
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 
-#: Shapes tried, from circles to lines: logarithms of r_max / r_min. The last is 1e-74.
+#: Shapes tried, from circles to lines: logarithms of r_max / r_min. The last ratio r_min / r_max is
+#: 1e-74.
 _DEPTHS = np.concatenate([[1e-7], np.geomspace(1e-3, 170.0, 60)])
-_SAME = 1e-9  # angles over pi that differ by less are equal: all shapes close
-_ANY = 0.8  # the depth used then
+_SAME = 1e-9  # if angles over pi differ by less, they are equal, and all shapes close
+_ANY = 0.8  # the depth that is used then
 _SIMPLE = 100  # largest number of loops tried where every shape closes
 
 
@@ -105,8 +107,8 @@ def _no_shape(law: CentralForce, depths: np.ndarray, found: np.ndarray) -> str:
 
 
 def over_pi(law: CentralForce, depths: np.ndarray, r: float) -> np.ndarray:
-    """(m,) apsidal angles over pi of orbits of these shapes, NaN if there is none."""
-    # Each number of shapes is compiled once.
+    """(m,) apsidal angles over pi of orbits with these shapes; NaN if there is none."""
+    # Padding to one number of shapes avoids a compilation for each number.
     padded = np.append(depths, np.full(len(_DEPTHS) - len(depths), depths[0]))
     return np.asarray(_angles(law, jnp.asarray(padded), r))[: len(depths)] / np.pi
 
@@ -126,8 +128,8 @@ class FewestLoops(eqx.Module):
     Attributes:
       n: (m,) exponents of the attraction k r^n.
       loops: (m,) smallest number of loops q; 0 where only circles close.
-      turns: (m,) turns p about the centre that it makes; the smallest of several.
-      circle: (m,) apsidal angle over pi near circles; NaN where no motion is between two radii.
+      turns: (m,) turns p about the centre that this orbit makes; the smallest of several.
+      circle: (m,) apsidal angle over pi near circles; NaN where no motion stays between two radii.
       line: (m,) apsidal angle over pi near lines.
     """
 
@@ -142,7 +144,7 @@ class FewestLoops(eqx.Module):
 
     @property
     def message(self) -> str:
-        """The exponents without one, and why."""
+        """The exponents without such an orbit, and why."""
         none = self.n[self.loops == 0]
         if not none.size:
             return "Every exponent has closed orbits with loops."
@@ -153,13 +155,13 @@ class FewestLoops(eqx.Module):
 
 
 def fewest(n) -> FewestLoops:
-    """The least number of loops of a closed orbit, except circles and lines, per exponent.
+    """The least number of loops of a closed orbit, circles and lines excepted, for each exponent.
 
     Args:
       n: () or (m,) exponents of the attraction k r^n.
     Raises:
       ValueError: `n` is not finite.
-    Limits: within 1e-7 of 1 or -2, where the number diverges, it takes long.
+    Limits: it takes long for exponents within 1e-7 of 1 or -2, where the number diverges.
     Example:
       >>> from orbits.targets import loops
       >>> found = loops.fewest([-3.5, -2.0, -1.0, 1.0, 3.0, 10.0])
@@ -187,18 +189,18 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
 
     Args:
       law: the force, e.g. ``PowerLaw(k, n)``, or a custom `CentralForce`.
-      turns: p, turns in a period.
-      loops: q, farthest points in a period; without a common factor with p.
+      turns: number p of turns in a period.
+      loops: number q of farthest points in a period, without a common factor with p.
       r: distance of the farthest point [m].
       m: mass [kg].
     Returns:
       The orbit, closed to 1e-12, or for very close passages to what rounding permits (`find`); of
-        several shapes the one closest to a circle.
+        several shapes, the one closest to a circle.
     Raises:
-      ValueError: `law` is not a CentralForce, `turns` or `loops` is less than 1 or they have a
+      ValueError: `law` is not a `CentralForce`, `turns` or `loops` is less than 1 or they have a
         common factor, or `r` or `m` is not positive.
-      SearchError: no orbit closes like this, and which do. For a `PowerLaw` that is certain; for
-        another law the message names the shapes tried.
+      SearchError: no orbit closes like this; the message says which do. For a `PowerLaw` that is
+        certain; for another law the message names the shapes tried.
     Example:
       >>> from jaxdyn.effects import PowerLaw
       >>> from orbits.targets import loops
@@ -221,20 +223,20 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
 
 
 def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> Scene:
-    """A motion between two radii over many loops: where none closes, it fills its ring.
+    """A motion between two radii over many loops, which fills its ring unless it closes.
 
-    Useful where `closed` finds no orbit.
+    It is useful where `closed` finds no orbit.
 
     Args:
       law: the force.
-      ratio: of the smallest to the largest distance, between 0 and 1.
+      ratio: ratio of the smallest to the largest distance, between 0 and 1.
       r: distance of the farthest point, where it starts [m].
       m: mass [kg].
       loops: number of loops in the scene's span.
     Raises:
-      ValueError: `law` is not a CentralForce, or `ratio` is not between 0 and 1, or `r`, `m` or
+      ValueError: `law` is not a `CentralForce`, or `ratio` is not between 0 and 1, or `r`, `m` or
         `loops` is not positive.
-      SearchError: no motion is between such radii under this law.
+      SearchError: no motion stays between such radii under this law.
     Example:
       >>> from jaxdyn.effects import PowerLaw
       >>> from orbits.targets import loops
@@ -262,8 +264,8 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
 def count(orbit: Orbit) -> tuple[int, int]:
     """Turns about the centre and farthest points of an orbit in a period, counted on its path.
 
-    The turns are the angle integrated with the motion (`jaxdyn.scenes.swept_angle`). A motion
-    between two radii moves outwards for half of its time, which no samples miss.
+    The turns come from the angle that is integrated with the motion (`jaxdyn.scenes.swept_angle`).
+    A motion between two radii moves outwards for half of its time, which samples cannot miss.
 
     Raises:
       SearchError: the turns differ from a whole number by more than errors.

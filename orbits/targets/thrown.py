@@ -1,8 +1,8 @@
 """A thrown point in axes along its launch, in units that preserve its digits.
 
 Each number is in units of its size when the throw lands, even if that is 1e-20 of its size at the
-launch: a fast ball stopped by drag and a throw along the ground keep their digits, in their
-derivatives too.
+launch. So a fast ball that drag stops and a throw along the ground keep their digits, also in their
+derivatives.
 """
 
 import equinox as eqx
@@ -17,9 +17,9 @@ from jaxdyn.integrate import events
 class Units(eqx.Module):
     """The units of a throw, along its launch and across.
 
-    A force given by its entries in x and y, and its derivatives, have rounding in every direction
-    that is a fraction of the speed; until drag has reduced the speed, smaller ones are not
-    significant.
+    A force that is given by its entries in x and y, and its derivatives, have rounding in every
+    direction that is a fraction of the speed; until drag has reduced the speed, smaller speeds are
+    not significant.
     """
 
     lengths: Array  # (2,) [m]
@@ -33,7 +33,7 @@ class Units(eqx.Module):
         return self.last + self._fading(t)
 
     def speeds_rate(self, t: Array) -> Array:
-        """() rate of those units [m/s^2]."""
+        """() rate of change of those units [m/s^2]."""
         return -self._fading(t) / (2 * self.memory)
 
     def _fading(self, t: Array) -> Array:
@@ -41,7 +41,7 @@ class Units(eqx.Module):
 
 
 class Thrown(System):
-    """A point in axes along its launch: state a, b, va, vb, forwards and left.
+    """A point in axes along its launch, with the state a, b, va, vb: forwards and to the left.
 
     State and time are in `Units`.
     """
@@ -65,7 +65,7 @@ class Thrown(System):
         return jnp.concatenate([rotate(r, c, s) + self.origin, rotate(v, c, s)])
 
     def position_and_velocity(self, t: Array, z: Array) -> tuple[Array, Array]:
-        """(2,) displacement and (2,) velocity, both along the launch and across."""
+        """(2,) displacement and (2,) velocity, both with entries along the launch and across."""
         r, v = z.reshape(2, 2)
         return r * self.units.lengths, v * self.units.speeds(t)
 
@@ -84,7 +84,7 @@ class Thrown(System):
 def direction(w: Array) -> tuple[Array, Array]:
     """Cosine and sine of the launch angle of a course.
 
-    Not by tanh or expm1, whose derivatives in JAX cancel for flat throws.
+    They are not computed by tanh or expm1, whose derivatives in JAX cancel for flat throws.
     """
     forwards = w < 0
     h = jnp.exp(jnp.where(forwards, w, -w))
@@ -98,7 +98,7 @@ def rotate(vector: Array, c: Array, s: Array) -> Array:
 
 
 class Down(events.Event):
-    """Height over the launch falls to zero."""
+    """The event that the height over the launch falls to zero."""
 
     course: Array
     lengths: Array
