@@ -1,12 +1,13 @@
 """The command line of `orbits`, one file per command.
 
 `find`, `responses` (frequency responses and backbones), `aim`, `loops`, `manifold`, `search`,
-`section`, `figure_eight`, `refine`, `prove`, `show` and `verify` are the commands, collected by
-`app`; those that change a parameter are in `bifurcations`. `shared` has their common parts,
+`section`, `figure_eight`, `refine`, `prove`, `show` and `verify` are the commands, which `app`
+collects; those that change a parameter are in `bifurcations`. `shared` has their common parts,
 `printed` the tables of claims and of families. Options that they share with the commands of
 `jaxdyn` are in `jaxdyn/cli/shared.py`.
 
 May import: `drawing`, `discovery`, `hybrid`. Nothing here loads JAX before a command needs it.
 
-One more command is a function in a file of its own, and a call of `add` with an example in `app`.
+To add a command, write a function in a file of its own, and a call of `add` with an example in
+`app`.
 """

@@ -33,7 +33,7 @@ def aim_command(
             scene = scene + jaxdyn.effects.QuadraticDrag(drag, (wind, 0.0))
         if linear:
             scene = scene + jaxdyn.effects.LinearDrag(linear, (wind, 0.0))
-        # Each line as soon as it is known: compiling takes a while.
+        # Print each line as soon as it is known: compiling takes a while.
         best = orbits.targets.aim.farthest(scene, speed)
         out.print(_line("farthest", best))
         hits = least = None

@@ -99,7 +99,7 @@ def _seconds(clock: "jaxdyn.accuracy.timing.Clock") -> dict[str, float]:
 def _print_seconds(
     clock: "jaxdyn.accuracy.timing.Clock", drawing: "jaxdyn.accuracy.timing.Clock", out: Screen
 ) -> None:
-    """What the whole command took, since it began to load."""
+    """Print the time that the whole command took since it began to load."""
     total, drawn = time.perf_counter() - BEGAN, drawing.seconds - drawing.compiling
     parts = {
         "loading": total - clock.seconds,
@@ -112,7 +112,7 @@ def _print_seconds(
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
-    """`count` numbers in A,B,...; None without text."""
+    """The `count` numbers in A,B,...; None without text."""
     if text is None:
         return None
     values = numbers(option, text)

@@ -27,7 +27,7 @@ from orbits.cli.shared import SaveOption, draw, not_found, printer
 _CLOSINGS = ("plain", "choreography", "relative", "reversal")
 
 _ELSEWHERE = "Start elsewhere with --set, or give another --period."
-#: What to do in terms of the options, by the name of the outcome, where there is more to say.
+#: Remedies in terms of the options, by the name of the outcome, where `_ELSEWHERE` is not enough.
 _REMEDIES = {
     "ITERATION_LIMIT": "Give a start with --set and a --period that are closer, or --rough.",
     "NO_DESCENT": "Give a start with --set and a --period that are closer, --rough, more "
@@ -93,7 +93,7 @@ def find_command(
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         if save_to:
-            jaxdyn.files.codec.encode(scene)  # or refuse before the search what no file holds
+            jaxdyn.files.codec.encode(scene)  # refuse what no file holds before the search
         orbit = orbits.discovery.nearby.search_near(
             scene,
             period,
@@ -126,7 +126,7 @@ def find_command(
 def _strategy(
     rough: bool, collocation: bool | None, unlike: "Sequence[Path]"
 ) -> "orbits.shooting.strategy.Strategy":
-    """What the flags say of how to look for the orbit."""
+    """The strategy that the flags ask for."""
     flags = {"--rough": rough, "--collocation": collocation, "--unlike": unlike}
     given = [flag for flag, there in flags.items() if there]
     if len(given) > 1:
@@ -146,7 +146,7 @@ def _remedy(orbit: "orbits.Orbit") -> str:
 def _closings(
     scene: "jaxdyn.Scene", name: str
 ) -> "orbits.closing.Closing | Sequence[orbits.closing.Closing]":
-    """What `--closing` says of a scene; a choreography has several, of which one is chosen."""
+    """The closing that `--closing` names; for a choreography several, of which one is chosen."""
     system = scene.system
     if name == "choreography":
         if not isinstance(system, jaxdyn.formulations.newton.FreePoints):

@@ -56,7 +56,7 @@ def manifold_command(
 
 
 def _section(scene: "jaxdyn.Scene", text: str | None):
-    """The event of NAME=LEVEL."""
+    """The event that NAME=LEVEL describes."""
     if text is None:
         return None
     name, equals, level = text.partition("=")

@@ -1,6 +1,6 @@
-"""The claims about orbits as a table, a column for each orbit; families, a row for each orbit.
+"""Tables of the claims about orbits, with a column for each, and of families, with a row for each.
 
-Claims and names may come from a file: nothing of them is taken for markup.
+Claims and names may come from a file, so nothing in them is taken for markup.
 """
 
 import math
@@ -45,7 +45,7 @@ def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
 
 _NONE = "-"
 _UNIT = sys.float_info.epsilon
-_DIGITS = 14  # of what the closing error leaves certain
+_DIGITS = 14  # digits that are shown of numbers whose error is the closing error
 
 
 def _choreography(claim: "orbits.analysis.Report") -> str:

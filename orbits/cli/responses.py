@@ -91,7 +91,7 @@ def backbone_command(
 ) -> None:
     """A nonlinear normal mode: free vibrations from a linear mode on, towards larger energies.
 
-    Drawn is the frequency over the energy; with --output the amplitude over the frequency.
+    The picture shows the frequency over the energy; with --output the amplitude over the frequency.
     """
     check_title(title, plot)
     frequencies = (-math.inf, math.inf) if within is None else bounds("--within", within)
@@ -136,7 +136,7 @@ def _reporter(out: Screen):
 
 
 def _print_response(found: "orbits.responses.FrequencyResponse", output, out: Screen) -> None:
-    """The special points of each curve, and how large it gets."""
+    """Print the special points of each curve, and its peak."""
     of = orbits.analysis.quantities.amplitude
     output = output or found.curves[0].members[0].orbit.scene.labels()[0][0]
     table = Table("level", "", "frequency", f"amplitude {escape(output)}")

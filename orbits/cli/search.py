@@ -12,7 +12,7 @@ from jaxdyn.cli.shared import JsonOption, number, output_option
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
-_WORD = 24  # letters shown of a word
+_WORD = 24  # letters of a word that are shown
 TableOption = Annotated[
     Path | None, output_option(writable, "Append to this .jsonl file.", "--table")
 ]

@@ -29,7 +29,7 @@ STOPPED = 1  # exit code: a start has fewer crossings than wanted
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 _MOST_CROSSINGS = 1_000_000
 _MOST_STARTS = 100_000
-_RTOL = 1e-10  # that of orbits.section, which help does not load
+_RTOL = 1e-10  # the default of orbits.section, which --help does not load
 
 
 def section_command(
@@ -84,7 +84,7 @@ def section_command(
 
 
 def _levels(energy: str | None, unknown: str | None, sign: int | None) -> list:
-    """The energies; None alone if they are those of the starts."""
+    """The energies; [None] if they are those of the starts."""
     if energy is not None:
         return numbers("--energy", energy)
     for option, given in (("--unknown", unknown), ("--sign", sign)):
@@ -159,7 +159,7 @@ def _grid(texts: list[str] | None) -> dict[str, list[float]]:
 
 
 def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
-    """The product of all values given; the other entries are those of the scene's start."""
+    """The starts with all combinations of the given values; other entries are the scene's own."""
     n = 1
     for values in given.values():
         n *= len(values)
@@ -182,7 +182,7 @@ def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
 
 
 def _done(table: "orbits.sections.SectionPoints") -> bool:
-    """Whether all starts that exist have all their crossings."""
+    """Whether all starts in the allowed region have all their crossings."""
     codes = (jaxdyn.Status.OK, jaxdyn.Status.FORBIDDEN)
     return bool(table.ok.any()) and all(code in codes for code in table.status)
 

@@ -53,9 +53,9 @@ def not_found(
     screen: Screen,
     stage: str = "",
 ) -> typer.Exit:
-    """Print why there is no orbit, optionally as JSON with further entries; returns the exit.
+    """Print why there is no orbit, optionally as JSON with further entries; return the exit.
 
-    The remedy takes the place of that of the outcome, which names arguments of Python.
+    The remedy replaces that of the outcome, which names arguments of Python functions.
     """
     message = f"{orbit.cause} {remedy}"
     if as_object:

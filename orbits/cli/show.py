@@ -22,7 +22,7 @@ def show_command(
     live: LiveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Print what a file of an orbit or of a family claims, as it stands there, and draw it.
+    """Print what a file of an orbit or of a family claims, without checking it, and draw it.
 
     Files of `orbits curve` and `orbits diagram` are shown as well, also while they are written.
     """
@@ -88,7 +88,7 @@ def _show_family(
 def _heading(
     orbit: "orbits.Orbit", file: Path, family: "orbits.files.family_files.Listing | None" = None
 ) -> str:
-    """What a file holds, and how that was found."""
+    """The heading that says what a file holds, and how that was found."""
     what = "Orbit" if family is None else "Family of orbits"
     ways = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
     ways += ["by an implicit method"] * orbit.stiff

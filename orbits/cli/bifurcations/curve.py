@@ -54,8 +54,8 @@ def curve_command(
     """The curves of a scene's folds, Hopf points or special orbits in two parameters.
 
     Equilibria are followed in the first parameter, and each fold and Hopf point on the way in both
-    parameters; with --from-orbit the special orbits of a file are. With --save an interrupted run
-    loses nothing, and the same command resumes it.
+    parameters; with --from-orbit the special orbits of a file are followed instead. With --save an
+    interrupted run loses nothing, and the same command resumes it.
     """
     check_title(title, plot)
     whole("--members", members)
@@ -91,7 +91,7 @@ def curve_command(
                 jaxdyn.drawing.bifurcation_curves(curves, plot, title=title)
 
 
-#: What `orbits.Kind` calls the orbits that curves consist of.
+#: The names in `orbits.Kind` of the orbits of which curves consist.
 _KINDS = ("fold", "branch point", "period doubling", "torus point")
 
 

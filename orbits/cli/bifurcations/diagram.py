@@ -67,7 +67,7 @@ def diagram_command(
 
 
 def as_json(found: "orbits.families.Diagram") -> dict[str, Any]:
-    """The special points, and what was not followed."""
+    """The special points, and what was not followed, as a JSON object."""
     rests = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}
         for family in found.rests

@@ -100,7 +100,7 @@ def family_command(
 
 
 def _maker(name: str, values: dict, parameter: str | None) -> tuple:
-    """The scene as a function of its parameter, and its value; None for both without one."""
+    """The scene as a function of its parameter, and that parameter's value; None without one."""
     if parameter is None:
         return None, None
     return orbits.families.parameters.maker(name, values, parameter)
@@ -164,4 +164,4 @@ def _write(
     if save_to and part:
         with out.writing(save_to, "saved to"):
             orbits.files.family_files.save(save_to, family)
-        jaxdyn.files.journal.remove(part)  # the family file has it all
+        jaxdyn.files.journal.remove(part)  # the family file has all of it

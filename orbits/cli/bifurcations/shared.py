@@ -19,7 +19,7 @@ KeepOption = Annotated[
 
 
 class Noted(NamedTuple):
-    """What the file of a command says of its scenes."""
+    """The note about the scenes of a command in its file."""
 
     scene: str
     settings: dict[str, str]
@@ -50,7 +50,7 @@ def bounds(option: str, text: str) -> tuple[float, float]:
 def open_file(
     path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
 ) -> "jaxdyn.continuation.checkpoint.Log | None":
-    """The file of a continuation, with a note of which scenes it is of."""
+    """The file of a continuation, with a note about its scenes."""
     if path is None:
         return None
     log = jaxdyn.continuation.checkpoint.Log(path)

@@ -1,4 +1,4 @@
-"""What a file that `orbits curve` or `orbits diagram` wrote holds, for `orbits show`."""
+"""The contents of files that `orbits curve` and `orbits diagram` wrote, for `orbits show`."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ _REMEDY = "A file of scenes of your own is read by orbits.curves.load or orbits.
 
 
 def is_continuation(file: Path) -> bool:
-    """Whether a file keeps families or curves."""
+    """Whether a file is one of a continuation, with families or curves."""
     with open(file, "rb") as opened:
         return jaxdyn.continuation.checkpoint.LAYOUT.format.encode() in opened.readline(200)
 
@@ -35,7 +35,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     settings = [f"{key}={value}" for key, value in note.settings.items()]
     own = _scene_files.is_in_file(note.scene)
     if own and not note.scene.endswith(_scene_files.TEXT):
-        # A file may not name code that is run.
+        # A file must not name code that would be run.
         remedy = (
             "Read it in Python, by orbits.families.load with the function that makes its scenes."
         )
