@@ -24,12 +24,12 @@ from jaxdyn.integrate.simulation import MAX_STEPS, solve
 from jaxdyn.solvers import DOPRI8, VERNER9, Method, Solver, default_solver
 from jaxdyn.solvers.choice import choose_method
 
-#: The smallest depth of the potential along a motion, as a share of the median, with which
-#: logarithmic time is used: it diverges where the potential vanishes.
+#: The smallest depth of the potential along a motion, as a share of the median, at which
+#: logarithmic time is used: that time diverges where the potential vanishes.
 _LEAST_DEPTH = 0.05
-_SAMPLES = 64  # of a motion, for the sizes of its entries
+_SAMPLES = 64  # samples of a motion, for the sizes of its entries
 _SAMPLE_RTOL = 1e-6  # a size needs no more digits
-_SAMPLE_STEPS = 20_000  # for a motion that is not known to be an orbit
+_SAMPLE_STEPS = 20_000  # step limit for a motion that is not known to be an orbit
 
 
 def advance(
@@ -50,7 +50,7 @@ def advance(
       s: () span of logarithmic time to integrate over first; None for plain time.
       t0: () start time.
       rtol: relative tolerance of the integration, between 0 and 1.
-      solver: integration method; default that of `jaxdyn.solve`.
+      solver: integration method; by default that of `jaxdyn.solve`.
       max_steps: largest number of steps, at least 1.
     """
     t1 = t0 + span
@@ -70,10 +70,10 @@ def quick_solve(
     solver: Solver | None = None,
     max_steps: int = MAX_STEPS,
 ) -> SolveResult:
-    """`jaxdyn.solve` in a smaller program, for motions that are computed a few times only.
+    """`jaxdyn.solve` in a smaller program, for motions that are computed only a few times.
 
-    With its stages in a loop a method compiles in a third of the time and runs in up to 1.5 of
-    it. The end alone counts as one sample, since other numbers of samples share that program.
+    With its stages in a loop a method compiles in a third of the time and runs in up to 1.5 times
+    as long. The end alone counts as one sample, since all numbers of samples share that program.
     """
     method = choose_method(scene, solver, several=True).in_loops(1)
     if not len(ts) and not is_traced((scene, t0, t1, rtol, max_steps)):
@@ -84,7 +84,7 @@ def quick_solve(
 def other_solver(scene: Scene, solver: Method | None = None, *, logarithmic: bool) -> Method:
     """A method that `advance` does not use for a scene, neither alone nor with tangents.
 
-    A given solver has no second one of its kind, as for stiff motions.
+    A given solver, such as that for stiff motions, has no alternative and is returned as it is.
     """
     if solver is not None:
         return solver
@@ -112,7 +112,7 @@ def gravitates(scene: Scene) -> bool:
 
 
 def logarithmic_period(scene: Scene) -> float | None:
-    """The span of logarithmic time of a scene's motion; None where that cannot be used."""
+    """The span of logarithmic time of a scene's motion; None where that time cannot be used."""
     s = float(logarithmic_span(scene, scene.t1)) if attracts(scene) else math.nan
     return s if math.isfinite(s) else None
 
@@ -125,7 +125,7 @@ def _depth(scene: Scene, ts: Array, ys: Array) -> Array:
 
 @jax.jit
 def at_s(scene: Scene, s: Array, rtol) -> tuple[Array, Array]:
-    """(n,) times and (n, k) states at logarithmic times s (n,), of which the last is the end."""
+    """(n,) times and (n, k) states at logarithmic times s (n,), the last of which is the end."""
     flow = solve(regularize(scene), s[-1], ts=s, rtol=rtol)
     return flow.ys[:, -1], flow.ys[:, :-2]
 
@@ -137,7 +137,7 @@ def at_even_s(scene: Scene, s, rtol, *, samples: int) -> tuple[Array, Array]:
 
 
 def sample(scene: Scene, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """(s,) times and (s, k) states of a scene's motion; its start alone if that ends early."""
+    """(s,) times and (s, k) states of a scene's motion; the start alone if it ends early."""
     ts = np.linspace(0.0, span, _SAMPLES + 1)
     flow = quick_solve(scene, span, ts=ts, rtol=_SAMPLE_RTOL, max_steps=_SAMPLE_STEPS)
     if int(flow.status) != Status.OK:

@@ -108,7 +108,7 @@ class Outcome(Code):
 
     @property
     def cause(self) -> str:
-        """The first sentence of its message; the others say what to do."""
+        """The first sentence of the message; the others say what to do."""
         return f"{self.message.partition('. ')[0].rstrip('.')}."
 
 
@@ -124,14 +124,14 @@ class Orbit(eqx.Module):
       closing: the closing condition.
       residual: () largest entry of the closing error, conditions included, in units of the sizes
         of the entries along the motion (`orbits.closing.sizes`).
-      outcome: `Outcome`; unless it is FOUND this is the best iterate, not an orbit.
+      outcome: how the search ended; unless it is FOUND, this is the best iterate, not an orbit.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
       angle: rotation of a relative orbit after one part of its period [rad], else 0.
       s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) if close
         encounters are integrated in it, else None.
-      mesh: lengths of the intervals of collocation, as shares of the time that closes the orbit,
-        if it was found by that, else None.
+      mesh: lengths of the intervals of collocation, as shares of the time that closes the orbit;
+        None if it was found by shooting.
       stiff: whether its motion is integrated by a stiff method.
       shift: largest change of an entry of the start from the guess that `find` was given.
 
@@ -172,14 +172,15 @@ class Orbit(eqx.Module):
         return _text.table(f"Orbit of {_text.title_of(self.scene)}", rows)
 
     def live(self, path=None):
-        """A page on which its motion runs beside one from a start a thousandth aside.
+        """A page that runs the orbit beside a motion whose start is a thousandth away.
 
-        See `jaxdyn.player.live`. The other motion stays beside a stable orbit, and leaves others.
+        See `jaxdyn.player.live`. The other motion stays near a stable orbit and leaves any other.
 
         Args:
-          path: a file to write the page to, .html; it needs no other file.
+          path: an .html file to write the page to; the page needs no other file.
         Raises:
-          ValueError: it is no orbit, its scene cannot run on a page, or `path` cannot be written.
+          ValueError: this is not an orbit, its scene cannot run on a page, or `path` cannot be
+            written.
         """
         from jaxdyn.player import live
 
@@ -206,12 +207,12 @@ class Orbit(eqx.Module):
 
     @property
     def solver(self) -> Method | None:
-        """What integrates its motion; None for the default."""
+        """The method that integrates the motion; None for the default."""
         return RADAU9 if self.stiff else None
 
     @property
     def ok(self) -> bool:
-        """Whether it is an orbit."""
+        """Whether this is an orbit."""
         return self.outcome == Outcome.FOUND
 
     @property
@@ -230,7 +231,7 @@ class Orbit(eqx.Module):
 
 
 def relocate(orbit: Orbit, scene: Scene) -> Orbit:
-    """The same orbit elsewhere: rotated, scaled, shifted in time, over fewer periods."""
+    """The same orbit in another scene: rotated, scaled, shifted in time, or over fewer periods."""
     s_period = None if orbit.s_period is None else logarithmic_period(scene)
     mesh = orbit.mesh if float(scene.t1) == orbit.period else None  # it spans one period
     return dataclasses.replace(orbit, scene=scene, s_period=s_period, mesh=mesh)
@@ -239,7 +240,11 @@ def relocate(orbit: Orbit, scene: Scene) -> Orbit:
 def gap(orbit: Orbit, end: Array, periods: int = 1, each: np.ndarray | None = None) -> float:
     """Largest entry, in sizes, by which a state misses the start after some whole periods.
 
-    The sizes (k,) are those along the orbit by default.
+    Args:
+      orbit: the orbit.
+      end: (k,) the state.
+      periods: number of periods.
+      each: (k,) the sizes; by default those along the orbit.
     """
     system, y0 = orbit.scene.system, jnp.asarray(orbit.y0)
     target = orbit.closing.after(system, y0, orbit.angle, periods)
