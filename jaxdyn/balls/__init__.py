@@ -1,16 +1,16 @@
 """The formulas of a rate in ball arithmetic: any number of digits, and enclosures.
 
 `derivative` differentiates formulas, `arithmetic` has the functions of balls, `program` evaluates
-formulas with them, `field` is a rate with both, `series` has the Taylor coefficients of its
-motions, `motion` follows one to a number of digits. `enclosure` has the a-priori bound of a step's
-motions and the remainder of its Taylor series, `tube` encloses motions with it; `identities` proves
-that formulas are equal, `zeros` encloses all zeros in a box, with `directions` of unit vectors
-where a length may be 0, `decimals` writes balls as decimal strings, `enclosed` is such a number as
-plain data. The formulas are those that `solvers.formulas` takes from the rate's program, with no
-constant rounded.
+formulas with them, `field` is a rate with its derivatives, `series` has the Taylor coefficients of
+its motions, `motion` follows a motion to a number of digits. `enclosure` has the a-priori bound of
+a step's motions and the remainder of its Taylor series, `tube` encloses motions with it;
+`identities` proves that formulas are equal; `zeros` encloses all zeros in a box, with `directions`
+of unit vectors where a length may be 0; `decimals` writes balls as decimal strings, and `enclosed`
+is such a number as plain data. The formulas are those that `solvers.formulas` takes from the rate's
+program, with no constant rounded.
 
 May import: `solvers`. It needs python-flint: ``pip install 'jaxdyn[proof]'``.
 
-One more elementary function is one for `solvers.formulas`, its derivative in `derivative`, and its
-value in `arithmetic` where python-flint has no method of its name.
+To add an elementary function, add it to `solvers.formulas`, its derivative to `derivative`, and its
+value to `arithmetic` where python-flint has no method of its name.
 """

@@ -2,7 +2,7 @@
 
 A ball [m +- r] of python-flint's `arb` contains the exact result of each operation whose operands
 contain the exact operands (Johansson 2017, IEEE Transactions on Computers 66, 1281). A number
-known to the program is the binary float that it is, exactly: 0.1 stands for 0.1000000000000000055,
+known to the program is exactly the binary float that it is: 0.1 stands for 0.1000000000000000055,
 and ``jnp.pi`` for the float nearest to pi.
 """
 
@@ -19,13 +19,13 @@ except ImportError as error:
     missing = "Install it: pip install 'jaxdyn[proof]'."
     raise fail("proof", "the package python-flint", "none", missing) from error
 
-#: Kinds of numbers, for the other files.
+#: The kinds of numbers, which other files import from here.
 __all__ = ["acb", "acb_poly", "arb", "arb_mat", "arb_series"]
 
 
 @contextlib.contextmanager
 def precision(bits: int, order: int = 1) -> Iterator[None]:
-    """Calculate with this many bits, and with series up to this order."""
+    """A context in which calculations have this many bits, and series go up to this order."""
     before = flint.ctx.prec, flint.ctx.cap
     flint.ctx.prec, flint.ctx.cap = bits, order + 1
     try:
@@ -50,11 +50,11 @@ class Functions:
     analytic: bool = False
 
     def sqrt(self, x):
-        """The root."""
+        """The square root."""
         return x.sqrt(analytic=True) if self.analytic and isinstance(x, acb) else x.sqrt()
 
     def rsqrt(self, x):
-        """One over the root."""
+        """One over the square root."""
         return x.rsqrt(analytic=True) if self.analytic and isinstance(x, acb) else x.rsqrt()
 
     def log(self, x):
@@ -62,7 +62,7 @@ class Functions:
         return x.log(analytic=True) if self.analytic and isinstance(x, acb) else x.log()
 
     def atan(self, x):
-        """The inverse tangent; of complex balls by logarithms, which know where they jump."""
+        """The inverse tangent; for complex balls by logarithms, whose branch cuts are known."""
         if self.analytic and isinstance(x, acb):
             turned = acb(0, 1) * x
             return acb(0, 0.5) * (self.log(1 - turned) - self.log(1 + turned))
@@ -73,7 +73,7 @@ class Functions:
         return 1 - 2 / ((2 * x).exp() + 1)
 
     def power(self, x, n):
-        """x to the power n; by roots where 2 n is whole."""
+        """The power x^n, by square roots where 2 n is whole."""
         if isinstance(n, float) and (2 * n).is_integer():
             half, odd = divmod(int(abs(2 * n)), 2)
             if not odd:

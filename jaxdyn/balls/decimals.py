@@ -3,7 +3,7 @@
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.enclosed import Enclosed
 
-_DIGITS = 30.0  # of exact numbers
+_DIGITS = 30.0  # digits of exact numbers
 
 
 def decimal(x: arb) -> Enclosed:
@@ -14,6 +14,6 @@ def decimal(x: arb) -> Enclosed:
     with precision(8 * int(digits) + 128):
         text = arb(x.mid()).str(int(digits) + 4, radius=False)
         bound = abs(x - arb(text)).upper()
-        # Three digits are short by a part in a hundred at most.
+        # A number of three digits is too small by a part in a hundred at most.
         rad = (bound * arb("1.03")).upper().str(3, radius=False) if bound > 0 else "0"
     return Enclosed(text, rad)

@@ -1,6 +1,6 @@
 """Derivatives of formulas as formulas, in the same graph.
 
-They are taken of the graph, not of the program by JAX: what is differentiated is exactly what is
+The graph is differentiated, not the program by JAX: so what is differentiated is exactly what is
 evaluated, with no constant rounded on the way, and both share their nodes.
 """
 
@@ -10,7 +10,7 @@ from jaxdyn.solvers.formulas.graph import STEADY, Graph, Node, NotElementary, Nu
 
 
 def gradients(graph: Graph, results: list[Number], by: list[Node]) -> list[list[Number]]:
-    """The derivatives (m, n) of m results by n inputs; 0.0 where there is none.
+    """The derivatives (m, n) of m results by n inputs; 0.0 where a result does not depend on one.
 
     Raises:
       NotElementary: an operation has no derivative here.

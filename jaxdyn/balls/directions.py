@@ -1,10 +1,10 @@
 """Unit vectors a / |a| in a rate, on boxes in which the length |a| may be 0.
 
-A quotient a_i / |a| has no bound there if both are enclosed apart from each other. It is the entry
-of a unit vector, so the rate is evaluated for each arc of directions instead, with any length from
-0 on: all points of the box with |a| > 0 are among these. Where |a| is 0 exactly, the rate has the
-value of its case for that (a spring without length), whose formulas are evaluated on the same box;
-or it has none, as it divides by 0, and is not 0 there either.
+A quotient a_i / |a| has no bound there if numerator and denominator are enclosed separately. It is
+an entry of a unit vector, so the rate is evaluated for each arc of directions instead, with any
+length from 0 on: all points of the box with |a| > 0 are among these. Where |a| is exactly 0, the
+rate has the value of its case for that (a spring without length), whose formulas are evaluated on
+the same box; or it has no value, since it divides by 0, and so is not 0 there either.
 """
 
 import math
@@ -15,7 +15,7 @@ from jaxdyn.balls.field import BallField
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, Graph, Node, Number
 
-_MOST_ARCS = 512  # that are tried for a box
+_MOST_ARCS = 512  # most arcs that are tried for a box
 
 
 class Length(NamedTuple):
@@ -25,8 +25,8 @@ class Length(NamedTuple):
       entries: the program of the entries a_i.
       length: the input that stands for |a|.
       unit: the inputs that stand for a_i / |a|.
-      moving: the rate of |a| > 0, of the inputs of the rate and these.
-      ending: the rate of |a| = 0; NaN of a number without a value.
+      moving: the rate for |a| > 0, as a function of the inputs of the rate and of these.
+      ending: the rate for |a| = 0; NaN for a number without a value.
     """
 
     entries: Program
@@ -37,7 +37,7 @@ class Length(NamedTuple):
 
 
 def lengths(field: BallField) -> list[Length]:
-    """The lengths of one to three entries in a rate."""
+    """The lengths of vectors with one to three entries in a rate."""
     found = []
     for square in [node for node in field.rates.nodes if node.op == "sum"]:
         entries = _entries(square)
@@ -47,7 +47,7 @@ def lengths(field: BallField) -> list[Length]:
 
 
 def _entries(square: Node) -> list[Node]:
-    """The a_i of a sum of squares a_i^2; [] of others."""
+    """The a_i of a sum of squares a_i^2; [] for another node."""
     pairs = list(zip(square.args[::2], square.args[1::2], strict=True))
     squares = all(
         factor == 1.0
@@ -60,7 +60,7 @@ def _entries(square: Node) -> list[Node]:
 
 
 def _is_root(node: Node, square: Node) -> bool:
-    """Whether a node is the root of a square, or of what stands for it where it is not 0."""
+    """Whether a node is the root of a square, or of a selection that contains the square."""
     if node.op != "sqrt":
         return False
     (inner,) = node.args
@@ -86,7 +86,7 @@ def _length(field: BallField, square: Node, entries: list[Node]) -> Length:
 
 
 class _Direction(NamedTuple):
-    """What stands for entries, their length, and their quotients."""
+    """The nodes for the entries, and the inputs for their length and quotients."""
 
     entries: list[Node]
     length: Node
@@ -94,7 +94,7 @@ class _Direction(NamedTuple):
 
 
 class _Rewriting:
-    """The formulas of a rate where a square is not 0, with a direction, or where it is 0."""
+    """The formulas of a rate where a square is 0, or with a direction where it is not."""
 
     def __init__(self, graph: Graph, rates: Program, square: Node, direction: _Direction | None):
         self.graph, self.rates, self.square, self.direction = graph, rates, square, direction
@@ -130,9 +130,9 @@ class _Rewriting:
         return self.graph.node(node.op, *args)
 
     def _at_zero(self, node: Node, args: list) -> float | None:
-        """What is known of a number where the square is 0; NaN if it has no value.
+        """The known value of a number where the square is 0; NaN if it has no value.
 
-        That is 0 / 0, and what depends on it. One over 0 may be infinite, and one over that 0.
+        Only 0 / 0 and what depends on it has no value: 1 / 0 may be infinite, and 1 over that 0.
         """
         if any(isinstance(a, float) and math.isnan(a) for a in args) and node.op != "select":
             return math.nan
@@ -149,7 +149,7 @@ class _Rewriting:
         return self.graph.node(op, *args)
 
     def _quotient(self, a: Number, direction: _Direction) -> Number:
-        """a / |a|, where an entry is a factor of the numerator."""
+        """The quotient of a number by the length, where an entry may be a factor of the number."""
         factors = list(a.args) if isinstance(a, Node) and a.op in ("product", "scale") else [a]
         for entry, one in zip(direction.entries, direction.unit, strict=True):
             if self._of(entry) in factors:
@@ -166,7 +166,7 @@ def _is_zero(a: Number) -> bool:
 
 
 def excludes_zero(field: BallField, found: list[Length], rows: list[int], t: arb, y: list) -> bool:
-    """Whether some rates of `rows` are proved to be not 0 at each point of a box.
+    """Whether at each point of a box some rate of `rows` is proved not to be 0.
 
     Args:
       field: the rate.
@@ -211,7 +211,7 @@ def _has_no_value(rate: Number) -> bool:
 
 
 def _all_directions(count: int) -> list:
-    """Angles of all unit vectors; of one entry its signs."""
+    """The angles of all unit vectors; for vectors of one entry, its signs."""
     if count == 1:
         return [1, -1]
     whole = (0.0, 6.3)
@@ -229,7 +229,7 @@ def _unit_vector(angles, count: int) -> list[arb]:
 
 
 def _halves(angles: list) -> list[list]:
-    """The widest interval cut in two."""
+    """The angles with the widest interval cut in two."""
     widths = [high - low for low, high in angles]
     at = widths.index(max(widths))
     low, high = angles[at]

@@ -1,4 +1,4 @@
-"""A number that is known to lie in an interval, as decimal strings; plain data."""
+"""A number that is known to lie in an interval, as decimal strings and so as plain data."""
 
 from typing import NamedTuple
 

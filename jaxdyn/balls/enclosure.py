@@ -1,4 +1,4 @@
-"""How far a motion can be followed, and what its Taylor series leave out: rigorous bounds.
+"""Rigorous bounds of how far a motion can be followed, and of what its Taylor series leaves out.
 
 Theorem. Let y' = f(y). Let P be the Taylor polynomial of order p of the motion from a point c at
 s = 0. Let 0 < R < R', f analytic about P(s) with |f_i(P(s))| <= M_i for |s| <= R', and
@@ -21,7 +21,7 @@ on |s| <= R. (2) For a complex start w with |w_j - y_j| <= eps_j let e = z - P. 
 the solution z does not leave the neighbourhood before |s| = R, and is analytic in s and in w. (3)
 Beyond order p the coefficients of z_i are those of e_i, at most E_i / R^n (Cauchy). (4) Those of
 e_i are analytic functions of w_j on a disc of radius eps_j, hence their derivatives at y are at
-most E_i / (eps_j R^n); those of P do not depend on w. (5) Sum both: geometric series.
+most E_i / (eps_j R^n); those of P do not depend on w. (5) Both sums are geometric series.
 
 The bounds M and A are those of `acb` on squares that cover the disc in s. Reference: Neumaier 1990,
 Interval Methods for Systems of Equations; Tucker 2011, Validated Numerics; Walter 1970,
@@ -36,22 +36,22 @@ from collections.abc import Sequence
 from jaxdyn.balls.arithmetic import COMPLEX, Undecided, acb, acb_poly, arb, arb_mat, precision
 from jaxdyn.balls.field import BallField
 
-#: Bits of the bounds: they are enclosures at any precision.
+#: Bits of the bounds, which are enclosures at any precision.
 _BITS = 64
-_ACROSS = 10
+_ACROSS = 10  # squares across the disc
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
 _DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
 _LEAST_Q = 0.5  # ... unless the order is low
-#: eps by the defect, in parts of the entry's size on the disc: nearby motions must not be far, and
-#: bounds of derivatives not be those of the defect.
+#: eps over the defect, in parts of the entry's size on the disc: nearby motions must not be far
+#: away, and the defect must not dominate the bounds of derivatives.
 _EPS_BY_DEFECT = 2.0**10
-_FIRST_GROWTH = 100.0  # trial of delta / (eta + R d)
-_GROWN = 1.5  # by which a further trial exceeds what the one before called for
-_MOST_GROWTH = 1e5  # of eps to E: beyond it bounds of derivatives are poor
+_FIRST_GROWTH = 100.0  # first trial of delta / (eta + R d)
+_GROWN = 1.5  # factor by which a further trial exceeds what the one before required
+_MOST_GROWTH = 1e5  # largest growth from eta + R d to E: beyond it bounds of derivatives are poor
 _TRIALS = 3
 _EXPANDED = 3  # order of the polynomials' expansions about the squares' middles
-_MARGIN = 1e-9  # of squares, which cover the disc for certain
-_SHORTER, _LONGER = 0.85, 1.04  # factors between trials of R', and from one step to the next
+_MARGIN = 1e-9  # margin of squares, so that they certainly cover the disc
+_SHORTER, _LONGER = 0.85, 1.04  # factors on R' between trials, and from one step to the next
 _MOST_TRIALS = 30
 
 
@@ -61,8 +61,8 @@ class Disc:
 
     Attributes:
       radius: R [time].
-      state: (k) E_i.
-      start: (k) eps_j.
+      state: (k) the bounds E_i.
+      start: (k) the radii eps_j.
     """
 
     radius: arb
@@ -70,11 +70,11 @@ class Disc:
     start: list
 
     def remainder(self, q: arb, order: int) -> list:
-        """(k) bounds of what the solution's series leaves out, of order p or more."""
+        """(k) bounds of what the solution's series, of order p or more, leaves out."""
         return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
-        """(k, k) the same of the derivative by the start."""
+        """(k, k) bounds of what the series of the derivative by the start leaves out."""
         tail = _tail(q, order)
         return [[e / eps * tail for eps in self.start] for e in self.state]
 
@@ -88,7 +88,7 @@ class About:
       t: () time of the start.
       series: (k) lists of the coefficients 0 to p of the motion from the centre.
       box: (k) a box of starts about it.
-      sizes: (k) of the entries of the state, by which they are compared.
+      sizes: (k) sizes of the entries of the state, by which these are compared.
     """
 
     field: BallField
@@ -103,7 +103,7 @@ def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, floa
 
     Args:
       about: the motion.
-      outer: that of the step before.
+      outer: this part at the step before.
       farthest: a radius [time] that is large enough.
     """
     if not all(x.is_finite() for row in about.series for x in row):
@@ -120,7 +120,7 @@ def disc(about: About, outer: float | None, farthest: float) -> tuple[Disc, floa
 
 
 def _convergence(about: About) -> float:
-    """The radius of convergence, about; infinite of polynomials."""
+    """An estimate of the radius of convergence; infinite for polynomials."""
     series = [[x / s for x in row] for row, s in zip(about.series, about.sizes, strict=True)]
     order = len(series[0]) - 1
     found = [math.inf]
@@ -139,7 +139,7 @@ def _log(x: arb) -> float:
 
 
 def _verify(about: About, outer: float) -> Disc | None:
-    """The disc inside one of radius R', if the bounds can be verified."""
+    """The disc inside one of radius R', if the bounds can be verified; else None."""
     order = len(about.series[0]) - 1
     ratio = max(2.0 ** (-_DEFECT_BITS / order), _LEAST_Q)
     inner, share = outer * ratio, _EPS_BY_DEFECT * ratio**order
@@ -173,7 +173,7 @@ def _verify(about: About, outer: float) -> Disc | None:
 
 
 def _exponential_times(slopes: list, r: arb, first: list, sizes: Sequence[float]) -> list:
-    """(k) exp(R A) times a vector, with A (k k); in sizes, in which A has no large entries."""
+    """(k) exp(R A) times a vector, with A (k k); in sizes, so that A has moderate entries."""
     k = len(first)
     rows = [
         [x * r * size / own for x, size in zip(slopes[i * k : (i + 1) * k], sizes, strict=True)]
@@ -186,7 +186,7 @@ def _exponential_times(slopes: list, r: arb, first: list, sizes: Sequence[float]
 def _cells(about: About, outer: float) -> list[tuple[acb, list, float]]:
     """Squares that cover the disc's upper half: offsets, the polynomials there, least |s|.
 
-    Rates are real for real arguments, so bounds of the lower half are the same.
+    Rates are real for real arguments, so bounds on the lower half are the same.
     """
     side = 2 * outer / _ACROSS
     half = arb(0, side / 2 * (1 + _MARGIN))
@@ -203,7 +203,7 @@ def _cells(about: About, outer: float) -> list[tuple[acb, list, float]]:
 
 
 def _derivatives(row: list) -> list[acb_poly]:
-    """p, p', p''/2, ... of the polynomial with these coefficients, to few bits."""
+    """p, p', p''/2, ... for the polynomial p with these coefficients, at the present precision."""
     found = [acb_poly([x * 1 for x in row])]
     for n in range(1, _EXPANDED + 1):
         found.append(found[-1].derivative() * (1 / arb(n)))
@@ -213,8 +213,8 @@ def _derivatives(row: list) -> list[acb_poly]:
 def _over(p: list[acb_poly], middle: acb, square: acb) -> acb:
     """An enclosure of a polynomial over a square, by its expansion about the middle.
 
-    The derivative of the last term is taken over the whole square (Lagrange's remainder, which
-    holds with balls of complex numbers in its integral form).
+    The derivative in the last term is taken over the whole square (Lagrange's remainder, which in
+    its integral form holds for balls of complex numbers).
     """
     total = p[-1](middle + square)
     for derivative in reversed(p[:-1]):
@@ -223,7 +223,7 @@ def _over(p: list[acb_poly], middle: acb, square: acb) -> acb:
 
 
 def _rates(about: About, s: acb, z: list) -> list | None:
-    """(k) the rates at the centre's motion; None if they are not analytic there."""
+    """(k) the rates on the motion from the centre; None if they are not analytic there."""
     try:
         return about.field.rate(about.t + s, z, COMPLEX)
     except Undecided:
@@ -231,7 +231,7 @@ def _rates(about: About, s: acb, z: list) -> list | None:
 
 
 def _slopes(about: About, s: acb, z: list, delta: list) -> list | None:
-    """(k k) derivatives of the rate at motions near it."""
+    """(k k) derivatives of the rate on motions near that; None if they are not analytic."""
     discs = [acb(arb(0, x.upper()), arb(0, x.upper())) for x in delta]
     near = [x + d for x, d in zip(z, discs, strict=True)]
     try:
@@ -242,7 +242,7 @@ def _slopes(about: About, s: acb, z: list, delta: list) -> list | None:
 
 
 def _largest(rows) -> list | None:
-    """Upper bounds of the absolute values over all rows; None if there is none."""
+    """Upper bounds of the absolute values over all rows; None if one row has no bounds."""
     found: list | None = None
     for row in rows:
         if row is None:
@@ -255,5 +255,5 @@ def _largest(rows) -> list | None:
 
 
 def _tail(q: arb, order: int) -> arb:
-    """The sum of the geometric series; infinite unless q < 1 is certain."""
+    """The tail of the geometric series beyond an order; infinite unless q < 1 is certain."""
     return q ** (order + 1) / (1 - q) if q < 1 else arb.pos_inf()

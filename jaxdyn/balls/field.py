@@ -26,9 +26,9 @@ class BallField:
     """The rate of a scene in ball arithmetic.
 
     Attributes:
-      graph: all formulas.
-      time: node of t.
-      states: (k) nodes of y.
+      graph: the graph of all formulas.
+      time: the node of t.
+      states: (k) the nodes of y.
       rates: program of the k rates.
       slopes: program of the k rates, then their derivatives (k, k), row by row.
     """
@@ -46,12 +46,12 @@ class BallField:
 
     @property
     def cases(self) -> list[Node]:
-        """Comparisons of moving numbers in the rate, which a disc must decide to be unequal."""
+        """Comparisons of moving numbers in the rate, which a disc must prove to be unequal."""
         nodes = (node for node in self.rates.nodes if node.op in ("eq", "ne"))
         return [n for n in nodes if any(isinstance(a, Node) and a.moving for a in n.args)]
 
     def inputs(self, t, y: list) -> dict:
-        """What the programs take."""
+        """The inputs of the programs."""
         return {self.time: t, **dict(zip(self.states, y, strict=True))}
 
     def rate(self, t, y: list, functions: Functions = REAL) -> list:
@@ -60,7 +60,7 @@ class BallField:
 
 
 def scene_formulas(scene: Scene, *others) -> tuple[Formulas, list[list[Number]]]:
-    """The exact formulas of a scene's rate, and of functions (scene, t, y) -> (m,) beside it.
+    """The exact formulas of a scene's rate, and of other functions (scene, t, y) -> (m,).
 
     Raises:
       ValueError: the rate, or another function, is not made of elementary functions.
@@ -87,14 +87,14 @@ def scene_formulas(scene: Scene, *others) -> tuple[Formulas, list[list[Number]]]
 
 
 def ball_field(formulas: Formulas) -> BallField:
-    """The field of formulas.
+    """The field that formulas define.
 
     Raises:
       ValueError: a rate has no derivative in formulas.
     """
     graph, states, rates = formulas.graph, formulas.states, list(formulas.rates)
     slopes = [s for row in gradients(graph, rates, states) for s in row]
-    # The second program first: both split the same products, and it has them all.
+    # This program comes first: both split the same products, and it has all of them.
     both = Program.of(graph, [*rates, *slopes])
     return BallField(
         graph=graph,

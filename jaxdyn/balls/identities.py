@@ -1,12 +1,13 @@
-"""Identities between formulas, proved: that an integral is conserved, that a symmetry is one.
+"""Proofs of identities between formulas: that an integral is conserved, that a symmetry is one.
 
 Formulas become polynomials with rational coefficients (a float is a rational number) in the inputs
 and in one generator for each function of them: a root, quotient or power of a polynomial a is a
-power of s with s^2 a = 1, a sine and a cosine satisfy S^2 + C^2 = 1. A polynomial that vanishes
-after these reductions is an identity; that one does not vanish proves nothing.
+power of s with s^2 a = 1; a sine and a cosine satisfy S^2 + C^2 = 1. A polynomial that vanishes
+after these reductions is an identity; one that does not vanish proves nothing.
 
-Formulas may have another case where a quantity is 0 exactly, as a distance. Identities are of the
-case that it is not, which `apart` names: an enclosure of the motion must have excluded the other.
+Formulas may have another case where a quantity, such as a distance, is exactly 0. Identities hold
+in the case that it is not, which `apart` names: an enclosure of the motion must have excluded the
+other case.
 """
 
 import dataclasses
@@ -19,15 +20,15 @@ from flint import fmpq, fmpq_mpoly_ctx
 from jaxdyn.balls.program import Program
 from jaxdyn.solvers.formulas.graph import LOGIC, Node, Number
 
-#: Generators for functions; beyond them nothing is proved.
+#: Number of generators for functions; with more functions nothing is proved.
 _MOST_FUNCTIONS = 120
 #: Terms of a polynomial beyond which nothing is proved.
 _MOST_TERMS = 20_000
-_MOST_HALVES = 8  # powers a^(n/2) of which a denominator is recognised
+_MOST_HALVES = 8  # denominators are recognised as powers a^(n/2) with n below this
 
 
 class NoPolynomial(ArithmeticError):
-    """Raised if a formula is no polynomial of inputs and known functions; names the operation."""
+    """Raised if a formula is not a polynomial in inputs and functions; names the operation."""
 
 
 @dataclasses.dataclass(eq=False)
@@ -74,7 +75,7 @@ class Polynomials:
             if node not in found:
                 try:
                     found[node] = self._value(node, found)
-                except NoPolynomial as error:  # which matters where the node is needed
+                except NoPolynomial as error:  # it is raised where the node is needed
                     found[node] = error
         return [self._at(r, found) for r in program.results]
 
@@ -137,7 +138,7 @@ class Polynomials:
         return value
 
     def _combine(self, node: Node, found: dict) -> bool:
-        """A logical operation, which may be decided by one operand alone."""
+        """The value of a logical operation, which one operand alone may decide."""
         decisive = node.op == "or"
         if node.op != "not" and any(found.get(a, a) is decisive for a in node.args):
             return decisive
@@ -190,7 +191,7 @@ class Polynomials:
         return s**-twice if twice < 0 else a ** ((twice + 1) // 2) * s
 
     def _as_power(self, p) -> tuple[int, int] | None:
-        """(s, m) where p = s^m for a known generator, as of r^2 sqrt(r^2)."""
+        """(s, m) where p = s^m for a known generator s, as for r^2 sqrt(r^2); else None."""
         for a, s in self._roots:
             for half in range(1, _MOST_HALVES):
                 power = a ** ((half + 1) // 2) * self.generators[s] ** (half % 2)

@@ -1,8 +1,8 @@
 """Motions to any number of digits: Taylor series with estimated, not proved, truncation errors.
 
 The order is proportional to the number of digits, and steps are those at which the last terms are
-below the wanted error. Radii of rounding errors are dropped after each step: by interval arithmetic
-they would grow as products of norms do, much faster than errors do.
+below the wanted error. Radii of rounding errors are dropped after each step: in interval arithmetic
+they would grow as products of norms, much faster than errors do.
 """
 
 import math
@@ -12,13 +12,13 @@ from jaxdyn.balls import series
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.field import BallField
 
-#: Terms a digit: a step then is a seventh of the radius of convergence, where a motion costs the
+#: Terms per digit. A step is then a seventh of the radius of convergence, at which a motion costs
 #: least if its cost is proportional to the square of the order (Jorba, Zou 2005).
 _ORDERS_PER_DIGIT = 1.15
 _LEAST_ORDER = 12
 _BITS_PER_DIGIT = math.log2(10)
 _GUARD_BITS = 24
-_SAFETY = 0.9  # of a step
+_SAFETY = 0.9  # safety factor of a step
 _MOST_STEPS = 100_000
 
 
@@ -26,7 +26,7 @@ class End(NamedTuple):
     """The end of a motion.
 
     Attributes:
-      y: (k) arb, the state.
+      y: (k) the state, as arb.
       slopes: (k, k) its derivative by the start; None if not wanted.
       steps: number of steps.
     """
@@ -56,7 +56,7 @@ def follow(
     slopes: bool = False,
     more_order: int = 0,
 ) -> End:
-    """The end of the motion from y at t over a span > 0, to about this many digits.
+    """The end of the motion from y at t over a span > 0, to about a number of digits.
 
     Args:
       field: the rate.
@@ -65,7 +65,7 @@ def follow(
       span: () the length in time.
       digits: the truncation error of each step is below 10^-digits of the largest entry.
       slopes: whether the derivative by the start is wanted.
-      more_order: added to the order, for a second opinion with other steps.
+      more_order: what is added to the order, for a second opinion with other steps.
     Raises:
       ArithmeticError: the motion runs into a singularity, or takes too many steps.
     """
@@ -100,7 +100,7 @@ def _step(coefficients: list[list], digits: float) -> float:
         last = max(_log(row[n]) for row in coefficients)
         if last > -math.inf:
             steps.append((size - digits * math.log(10) - last) / n)
-    # Of a polynomial, whose series ends, any step is right.
+    # For a polynomial, whose series ends, any step is right.
     return _SAFETY * math.exp(min(steps)) if steps else math.inf
 
 

@@ -1,8 +1,8 @@
 """Formulas as a list of operations on balls: numbers, power series, complex discs.
 
 Each operation is one function that reads its operands from numbered places: the formulas of a
-rate are evaluated ten thousand times in a proof, and looking up what to do takes longer than
-doing it.
+rate are evaluated ten thousand times in a proof, and looking up an operation would take longer than
+performing it.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ class Program:
     """Formulas in an order of computation.
 
     Attributes:
-      results: what is computed: nodes and known numbers.
+      results: the nodes and known numbers that are computed.
       nodes: all nodes that they depend on, operands first.
     """
 
@@ -46,7 +46,7 @@ class Program:
         """The results for values of the inputs: arb, acb or series of them.
 
         Raises:
-          Undecided: a condition holds for some of the numbers only.
+          Undecided: a condition holds only for some of the numbers.
         """
         if functions not in self._tapes:
             self._tapes[functions] = self._tape(functions)
@@ -59,7 +59,7 @@ class Program:
         return [values[self._place(r)] for r in self.results]
 
     def _place(self, a: Number | None) -> int:
-        """Where a number is; a known one gets a place when it is first asked for."""
+        """The place of a number; a new one is given a place."""
         key = a if isinstance(a, Node) else (type(a), a)
         if key not in self._places:
             self._places[key] = len(self._numbers)
@@ -68,7 +68,7 @@ class Program:
         return self._places[key]
 
     def _tape(self, functions: Functions) -> list[tuple[int, Operation]]:
-        """What is to be done once the constants are known, and where the result goes."""
+        """The operations that remain once the constants are known, with places of their results."""
         for result in self.results:
             self._place(result)
         steady = self._steady_nodes()
@@ -89,7 +89,7 @@ class Program:
         return found
 
     def _constants(self) -> list:
-        """Values at all places that depend on no input, at the present precision."""
+        """The values at all places; those that depend on no input, at the present precision."""
         bits = flint.ctx.prec
         if bits not in self._steady:
             steady = [
@@ -144,7 +144,7 @@ def _power(base: Number, exponent: Number, place: Callable, functions: Functions
 
 
 def _sum(args: tuple, place: Callable) -> Operation:
-    """The sum of factors times terms; factors of 1 and -1 take no product."""
+    """The operation of a sum of factors times terms; factors of 1 and -1 take no product."""
     plus, minus, scaled = [], [], []
     for factor, term in zip(args[::2], args[1::2], strict=True):
         if term is None:
@@ -170,10 +170,10 @@ def _sum(args: tuple, place: Callable) -> Operation:
 
 
 def _compare(op: str, a, b, *, at_one_point: bool) -> bool:
-    """A comparison that holds for all numbers of two balls, or for none.
+    """Whether a comparison holds for all numbers of two balls, or for none.
 
-    Of series it is that of their starts: a motion that leaves the case is noticed by the disc
-    about the whole step, on which numbers are never equal (`at_one_point` is false).
+    Series are compared by their first coefficients: that a motion leaves the case is noticed on the
+    disc about the whole step, on which numbers are never equal (`at_one_point` is false).
     """
     a, b = (x[0] if isinstance(x, arb_series) else x for x in (a, b))
     if op in ("eq", "ne"):

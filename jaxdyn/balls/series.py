@@ -4,10 +4,11 @@ Let p be the first n coefficients of a solution of y' = f(y). Then y = p + O(s^n
 evaluated on series as a whole, f(y) = f(p) + Df(p) (y - p) up to O(s^2n) gives up to n more
 coefficients from one evaluation of f and the first coefficients of Df alone: Newton's method on
 power series, whose corrections follow one after the other (Brent, Kung 1978, Journal of the ACM
-25, 581). All that takes long are then products of long series, inside FLINT; recurrences of
-single coefficients, as in `solvers.taylor`, would run in Python.
+25, 581). Then only products of long series take long, and these are computed inside FLINT;
+recurrences of single coefficients, as in `solvers.taylor`, would run in Python.
 
-A ball encloses: each operation encloses the exact one for each point of the balls it starts from.
+The results are enclosures: each operation encloses the exact result for each point of the balls
+that it is given.
 """
 
 import dataclasses
@@ -15,8 +16,9 @@ import dataclasses
 from jaxdyn.balls.arithmetic import arb, arb_mat, arb_series
 from jaxdyn.balls.field import BallField
 
-#: Part of the order for which coefficients of the derivative are computed to find a motion alone:
-#: more of them save evaluations of the rate, which cost less each [measured: flat from 1/6 to 1/3].
+#: To find a motion alone, coefficients of the derivative are computed up to this fraction of the
+#: order, 1 / 4: more of them save evaluations of the rate, each of which costs less [measured: flat
+#: from 1/6 to 1/3].
 _BLOCKS = 4
 
 
@@ -24,13 +26,13 @@ _BLOCKS = 4
 class Slopes:
     """Coefficients of the rate's derivative A along a motion.
 
-    Most entries are constant, as of positions by velocities: they are in the first alone.
+    Most entries are constant, such as those of positions by velocities, and are only in `first`.
 
     Attributes:
       first: (k, k) A at s = 0.
-      rows: of entries that vary.
-      columns: of the same.
-      rest: coefficients 1, 2, ... of those rows and columns.
+      rows: rows of entries that vary.
+      columns: columns of entries that vary.
+      rest: coefficients 1, 2, ... of A in those rows and columns.
     """
 
     first: arb_mat
@@ -48,7 +50,7 @@ class Slopes:
 
         Args:
           factors: (k, m) X_0 to X_j.
-          parts: those of their rows that are called `columns` here.
+          parts: the rows of these with the indices `columns`.
         """
         total = self.first * factors[-1]
         if not self.rest or len(factors) == 1 or not self.rows:
@@ -113,8 +115,8 @@ def transition_series(slopes: Slopes, order: int) -> list[arb_mat]:
     """Coefficients 0 to `order` of X (k, k), with X' = A X and X = 1 at first.
 
     Args:
-      slopes: `order` coefficients of A, at least.
-      order: that of the last coefficient.
+      slopes: at least `order` coefficients of A.
+      order: order of the last coefficient.
     """
     k = slopes.first.nrows()
     found = [arb_mat([[int(i == j) for j in range(k)] for i in range(k)])]

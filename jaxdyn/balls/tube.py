@@ -1,16 +1,19 @@
 """A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
 
-For a box X of starts with a centre c, each step takes enclosures on to the next time:
+For a box X of starts with a centre c, each step takes three enclosures to the next time:
 
-- of the motion from c: its Taylor series at a point nearby, plus what `enclosure` proves that the
-  series leaves out, plus the derivative times the distance from that point (mean value form);
-- of the derivative Phi by the start, for all motions from X: the product with that of the step;
-- of all motions from X: the motion from c plus Phi (X - c), by the mean value theorem.
+- that of the motion from c: its Taylor series at a point nearby, plus the bound that `enclosure`
+  proves of what the series leaves out, plus the derivative times the distance from that point (mean
+  value form);
+- that of the derivative Phi by the start, for all motions from X: the product with the derivative
+  of the step;
+- that of all motions from X: the motion from c plus Phi (X - c), by the mean value theorem.
 
 Distances from the point and Phi are kept as B e and B E, with balls in e and E and a matrix B of
-floats, the orthogonal factor Q of the step's derivative times the B before, whatever its rounding:
-e and E are multiplied by Q^-1 S B, which is nearly triangular. So they grow as motions nearby do,
-not as the product of the norms of all steps (Lohner 1987, in Computerarithmetic, 255).
+floats. The next B is the orthogonal factor Q of S B, where S is the derivative of the step,
+whatever its rounding; e and E are multiplied by Q^-1 S B, which is nearly triangular. So they grow
+as motions nearby do, not as the product of the norms of all steps (Lohner 1987, in
+Computerarithmetic, 255).
 """
 
 import math
@@ -24,31 +27,32 @@ from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 
-#: Largest step as a part of the disc's radius; less takes more steps, more takes higher orders.
+#: Largest step as a part of the disc's radius; a smaller one takes more steps, a larger one higher
+#: orders.
 _SHARE = 0.35
-#: Digits of the derivative that truncation spares; it only has to be regular.
+#: Digits to which the series of the derivative are truncated; it only has to be regular.
 SLOPE_DIGITS = 16.0
-#: Digits that bounds of small neighbourhoods of a motion spare its series.
+#: Digits that the series of a motion need not have, since bounds are of small neighbourhoods.
 _SPARED_DIGITS = 4.5
-_GROWTH_DIGITS = 2.0  # of derivatives over a disc
-_LEAST_ORDER = 24  # of the polynomial about which neighbours are enclosed
+_GROWTH_DIGITS = 2.0  # digits by which derivatives grow over a disc
+_LEAST_ORDER = 24  # least order of the polynomial about which neighbours are enclosed
 _MOST_STEPS = 20_000
 _STEP_BITS = 40
-#: Of the span: a step so short approaches a singularity, which many more would not reach.
+#: A step below this share of the span approaches a singularity, which many more would not reach.
 _SHORTEST = 1e-9
 
 
 class NotEnclosed(ArithmeticError):
-    """Raised if no enclosure is found; says why, and what to try."""
+    """Raised if no enclosure is found; the message says why, and what to try."""
 
 
 class Tube(NamedTuple):
     """Proved enclosures of the end.
 
     Attributes:
-      centre: (k) of the motion from the centre over the centre of the span.
-      box: (k) of all motions over all spans.
-      slopes: (k, k) of the derivatives of all of them.
+      centre: (k) the end of the motion from the centre over the centre of the span.
+      box: (k) the ends of all motions over all spans.
+      slopes: (k, k) the derivatives of all these ends.
       steps: number of steps.
     """
 
@@ -59,7 +63,7 @@ class Tube(NamedTuple):
 
 
 class _Now(NamedTuple):
-    """Where motions are: the one from the centre at ``point + frame off``, with derivatives."""
+    """Where motions are: that from the centre is at ``point + frame off``; with derivatives."""
 
     point: list
     frame: arb_mat
@@ -93,18 +97,18 @@ def tube(
       t: () the time of the start.
       centre: (k) a point of the box.
       box: (k) starts.
-      span: () the centre of the spans in time, and a ball of them that contains it; positive.
+      span: () the centre of the spans in time, and a ball of spans that contains it; positive.
       digits: what a step's series leaves out is below 10^-digits.
       bits: precision of the calculation.
-      slope_digits: the same as `digits` for the derivatives.
-      sizes: (k) of the entries along the motion, to which digits are relative; 1 by default. Powers
-        of 2 do not round.
+      slope_digits: these digits for the derivatives.
+      sizes: (k) sizes of the entries along the motion, to which digits are relative; 1 by default.
+        Powers of 2 do not round.
     Raises:
       NotEnclosed: the rate cannot be bounded, or the tube becomes too wide.
     """
     order = max(_LEAST_ORDER, _orders(digits - _SPARED_DIGITS))
     slope_order = _orders(slope_digits + _GROWTH_DIGITS)
-    # Series are cut off at the longest one's order.
+    # Series are cut off at the larger of both orders.
     with precision(bits, max(order, slope_order)):
         sizes = [1.0] * field.k if sizes is None else sizes
         offset = _column(box) - _column(centre)
@@ -122,7 +126,7 @@ def tube(
             left = span[1] - done
             farthest = float(abs(left).upper())  # some of the spans may be over already
             found = about and disc(about, outer, farthest / _SHARE)
-            # The last disc is as small as what is left.
+            # The last disc may be as small as what is left of the span.
             least = min(_SHORTEST * float(span[1].upper()), farthest)
             if found is None or float(found[0].radius) < least:
                 raise NotEnclosed(
@@ -143,7 +147,7 @@ def _narrow(box: list, sizes: Sequence[float]) -> bool:
 
 
 def _share(bounds: Disc, about: About, order: int, digits: float) -> float:
-    """The step as a part of the radius: less where motions of a large disc differ widely."""
+    """The step as a part of the radius; less where motions on a large disc differ widely."""
     size = max(abs(row[0]) / s for row, s in zip(about.series, about.sizes, strict=True))
     largest = max(x / s for x, s in zip(bounds.state, about.sizes, strict=True))
     if not (size > 0 and largest > 0):
@@ -159,22 +163,22 @@ def _orders(digits: float) -> int:
 def _about(
     field: BallField, t: arb, point: list, box: list, order: int, sizes: Sequence[float]
 ) -> About | None:
-    """The motion from a point in a box, if its rate has a series there."""
+    """The motion from a point in a box, if its rate has a series there; else None."""
     try:
         coefficients = series.motion_series(field, t, point, order)
-    except (ValueError, ZeroDivisionError, Undecided):  # python-flint's word for a singularity
+    except (ValueError, ZeroDivisionError, Undecided):  # what python-flint raises at a singularity
         return None
     return About(field, t, coefficients, box, sizes)
 
 
 def _short(x: float) -> arb:
-    """A number below, of few bits, so that sums of steps are exact."""
+    """A slightly smaller number of few bits, so that sums of steps are exact."""
     mantissa, exponent = math.frexp(x)
     return arb(math.ldexp(math.floor(math.ldexp(mantissa, _STEP_BITS)), exponent - _STEP_BITS))
 
 
 def _step(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) -> _Now:
-    """Where motions are a step later."""
+    """The places of motions a step later."""
     moved = _slopes(about, h, bounds, slope_order) * now.frame
     value = _ending(about, h, bounds)
     point = [x.mid() for x in value]
@@ -194,7 +198,7 @@ def _end(
     slope_order: int,
     steps: int,
 ) -> Tube:
-    """Enclosures a step later: of the centre over the first span, of all over the second."""
+    """Enclosures at the end: of the centre over the first span, of all over the second."""
     moved = _slopes(about, spans[1], bounds, slope_order) * now.frame
     off = moved * now.off
     centre, ends = (_column(_ending(about, span, bounds)) + off for span in spans)
@@ -213,7 +217,7 @@ def _ending(about: About, h: arb, bounds: Disc) -> list:
 
 
 def _orthogonal(matrix: arb_mat, sizes: np.ndarray) -> arb_mat:
-    """(k, k) floats, about the orthogonal factor of a matrix in sizes (k); exact as they stand."""
+    """(k, k) exact floats near the orthogonal factor of a matrix in sizes (k)."""
     table = np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
     if not np.isfinite(table).all():
         raise NotEnclosed("The derivatives become too large. Try a shorter part of the period.")

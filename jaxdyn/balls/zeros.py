@@ -1,14 +1,14 @@
-"""All zeros of a rate in a box, proved: bisection with Krawczyk's test in ball arithmetic.
+"""Proved enclosures of all zeros of a rate in a box, by bisection with Krawczyk's test.
 
 Theorem (Krawczyk 1969, Computing 4, 187; Neumaier 1990, Interval Methods for Systems of Equations,
 section 5.1). Let F be differentiable on a box X with centre c, D a matrix of balls that contains
 F'(z) for all z in X, Y any matrix, and K = c - Y F(c) + (1 - Y D)(X - c). Each zero of F in X lies
 in K. If K lies in the interior of X, F has exactly one zero in X.
 
-So each box is discarded, by bounds of F that exclude 0 or by K off the box; or has exactly one
-zero, which further steps X -> K enclose more narrowly; or is cut in two. The proof of the theorem
-stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny, or too many, are
-named.
+So each box is discarded, by bounds of F that exclude 0 or by a K that does not meet the box; or it
+has exactly one zero, which further steps X -> K enclose more narrowly; or it is cut in two. The
+proof of the theorem stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny,
+or too many, are reported.
 """
 
 import itertools
@@ -20,12 +20,12 @@ from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.directions import excludes_zero, lengths
 from jaxdyn.balls.field import BallField
 
-BITS = 160  # of the calculation
-_WIDENED = 0.1  # of a box, to each side: a zero on a common side is inside of both
-_LEAST_SIZE = 1e-8  # of the whole: smaller boxes are not cut
+BITS = 160  # precision of the calculation
+_WIDENED = 0.1  # share by which a box is widened to each side, so that it contains its boundary
+_LEAST_SIZE = 1e-8  # boxes smaller than this share of the whole are not cut
 _MOST_BOXES = 60_000
-_STEPS = 12  # that make the enclosure of a zero narrow
-_NARROW = 2.0**-140  # of the whole
+_STEPS = 12  # most steps that narrow the enclosure of a zero
+_NARROW = 2.0**-140  # radius, as a share of the whole, at which an enclosure is narrow enough
 
 
 class Zeros(NamedTuple):
@@ -33,9 +33,9 @@ class Zeros(NamedTuple):
 
     Attributes:
       found: (e) boxes (k) with exactly one zero each.
-      left: boxes (k) in which there may be others.
+      left: boxes (k) in which there may be other zeros.
       discarded: number of boxes without a zero.
-      corners: those of them in which a length may be 0, so that the rate jumps.
+      corners: the discarded boxes in which a length may be 0, so that the rate jumps.
     """
 
     found: list[list]
@@ -51,21 +51,21 @@ class _Equations:
         self.field, self.t, self.low, self.high = field, arb(t), low, high
         rates, states = field.rates.results, field.states
         known = (low <= 0) & (high >= 0) & np.array([node in rates for node in states])
-        #: Of each rate, whether it is one of those entries.
+        #: Indices of the rates that are not themselves one of those entries.
         self.rows = [i for i, x in enumerate(rates) if not any(x is states[j] for j in _on(known))]
         self.start = [arb(0) if one else arb(x) for one, x in zip(known, low, strict=True)]
         self.lengths = lengths(field)
         self.free = [i for i in range(len(states)) if not known[i] and high[i] > low[i]]
 
     def state(self, box: list) -> list:
-        """(k) the state whose unknown entries are these."""
+        """(k) the state with a box of its unknown entries."""
         y = list(self.start)
         for i, x in zip(self.free, box, strict=True):
             y[i] = x
         return y
 
     def rate(self, box: list) -> list | None:
-        """(m) the equations' left sides; None without bounds."""
+        """(m) the equations' left-hand sides; None if there are no bounds."""
         try:
             found = self.field.rate(self.t, self.state(box))
         except (Undecided, ZeroDivisionError):
@@ -73,11 +73,11 @@ class _Equations:
         return [found[i] for i in self.rows]
 
     def exclude(self, box: list) -> bool:
-        """Whether a box without bounds, as a unit vector has no direction in it, has no zero."""
+        """Whether a box has no zero, where a unit vector without a direction prevents bounds."""
         return excludes_zero(self.field, self.lengths, self.rows, self.t, self.state(box))
 
     def slopes(self, box: list) -> arb_mat | None:
-        """(m, n) derivatives; None without bounds."""
+        """(m, n) derivatives of the left-hand sides; None if there are no bounds."""
         try:
             found = self.field.slopes(self.field.inputs(self.t, self.state(box)))
         except (Undecided, ZeroDivisionError):
@@ -92,7 +92,7 @@ def _on(mask: np.ndarray) -> list[int]:
 
 
 def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zeros:
-    """All zeros of a rate at time t in a box (k,) (k,), as far as they can be told apart."""
+    """All zeros of a rate at time t in a box from `low` (k,) to `high` (k,), if separable."""
     with precision(BITS):
         equations = _Equations(field, t, low, high)
         free = equations.free
@@ -130,7 +130,7 @@ def _hull(low: float, high: float) -> arb:
 
 
 def _join(places: list[list], box: list) -> None:
-    """Add a box to a list of apart ones, united with those that it touches."""
+    """Add a box to a list of disjoint ones, united with those that it touches."""
     for other in [x for x in places if _same(x, box)]:
         places.remove(other)
         box = [x.union(y) for x, y in zip(box, other, strict=True)]
@@ -162,9 +162,9 @@ def _halves(cell: list, sizes: list[float]) -> list[list]:
 
 
 def _examine(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str, list, list]:
-    """Whether it has "none", "one" or nobody knows; an enclosure of one, and where it is alone.
+    """The number of zeros, "none", "one" or "" if unknown; an enclosure of one, and its box.
 
-    It is a "corner" if it has none as its rate excludes 0 in all directions of a unit vector.
+    It is a "corner" if it has none because the rate excludes 0 in all directions of a unit vector.
     """
     box = [_hull(*ends) for ends in cell]
     rates = equations.rate(box)
@@ -196,7 +196,7 @@ def _inside(inner: list, outer: list) -> bool:
 
 
 def _krawczyk(equations: _Equations, box: list) -> list | None:
-    """K of a box; None if there is none."""
+    """Krawczyk's K of a box; None if there is none."""
     centre = [x.mid() for x in box]
     slopes, rates = equations.slopes(box), equations.rate(centre)
     n = len(box)
