@@ -8,8 +8,9 @@ frames).
 
 May import: `jaxdyn`, that is the files at the top level.
 
-One more tool is a function in the file of its topic. It takes lists as well as arrays (`@arrays`),
-works under jit, vmap and grad, and says in its docstring what happens in degenerate cases.
+To add a tool, write a function in the file of its topic. It takes lists as well as arrays
+(`@arrays`), works under jit, vmap and grad, and says in its docstring what happens in degenerate
+cases.
 """
 
 from jaxdyn.geometry import balance, euler, frames, indices, inertia, kinematics, rotations, vectors

@@ -48,9 +48,9 @@ def bearing_forces(body: Body, r_a: Vector, r_b: Vector, spin: Scalar) -> Bearin
     is normal to the axis, so F_b = M x n / length, and F_a is the rest.
 
     Args:
-      body: in its current position.
-      r_a: (3,) [m] the bearing from which positions and moments count.
-      r_b: (3,) [m] the other; the axis n points from a to b.
+      body: the body in its current position.
+      r_a: (3,) [m] the bearing a, from which positions and moments count.
+      r_b: (3,) [m] the other bearing b; the axis n points from a to b.
       spin: () [rad/s] angular velocity about n.
     """
     along = r_b - r_a

@@ -79,8 +79,8 @@ def euler_from_matrix(R_wb: Matrix, sequence: str) -> EulerAngles:
     y, x = (R_wb[j, i], -sign * R_wb[k, i]) if again else (-sign * R_wb[j, k], R_wb[k, k])
     locked = safe_norm(jnp.stack([y, x])) < _MIN_SINE
     outer = jnp.arctan2(jnp.where(locked, 0.0, y), jnp.where(locked, 1.0, x))
-    # The rest from the matrix with that turn undone: unlike the textbook's formulas, which take
-    # each angle from R alone, no error of the outer angle is left in the product.
+    # The other angles come from the matrix with that turn undone: unlike the textbook's formulas,
+    # which take each angle from R alone, this leaves no error of the outer angle in the product.
     M = _turn(i, -outer) @ R_wb
     if again:
         middle = jnp.arctan2(-sign * M[k, i], M[i, i])
@@ -121,7 +121,7 @@ def euler_rates_from_body(angles: Angles, omega_b: Vector, sequence: str) -> Eul
 
 
 def _axes(sequence: str) -> tuple[int, int, int, bool]:
-    """Outer and middle axis, the remaining or third one, and whether the outer one recurs."""
+    """Outer and middle axis, the third axis of space, and whether the outer one recurs."""
     _checks.choice("sequence", sequence, SEQUENCES)
     order = ["XYZ".index(letter) for letter in sequence.upper()]
     i, j, k = order if sequence.isupper() else order[::-1]
@@ -145,14 +145,14 @@ def _turn(axis: int, angle: Array) -> Matrix:
 
 
 def _product(A: Matrix, B: Matrix) -> Matrix:
-    # As a sum: XLA on CPU gives a small matrix product a kernel of its own, which would keep a
-    # stepping loop from being folded (10 times slower for a body by Euler angles).
+    # Written as a sum: XLA on CPU gives a small matrix product a kernel of its own, which would
+    # keep a stepping loop from being folded (10 times slower for a body by Euler angles).
     return jnp.sum(A[:, :, None] * B[None, :, :], axis=1)
 
 
 def _solve(E: Matrix, omega: Vector) -> EulerRates:
-    # By cofactors: three unit columns, of which neighbours are orthogonal, so the determinant is
-    # the sine of the angle between the outer two.
+    # Solved by cofactors: neighbours among the three unit columns are orthogonal, so the
+    # determinant is the sine of the angle between the outer two.
     a, b, c = E.T
     normals = cross(b, c), cross(c, a), cross(a, b)
     det = dot(a, normals[0])

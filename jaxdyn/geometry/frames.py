@@ -1,4 +1,4 @@
-"""Rotation matrices as such: components in two bases, what makes a matrix a rotation.
+"""Rotation matrices in general: components in two bases, and what makes a matrix a rotation.
 
 A matrix ``R_wb`` takes components of a vector in the body's axes to its components in the world's;
 how one is made of an axis, an angle or a quaternion is in `jaxdyn.geometry.rotations`.
@@ -21,7 +21,7 @@ _MAX_ORTHOGONALITY_DEFECT = 1e-8
 
 @arrays
 def matrix_between(axes: Matrix, turned: Matrix) -> Matrix:
-    """R_ij = e_i . e'_j (3, 3), for two bases given by their unit vectors, one a row.
+    """R_ij = e_i . e'_j (3, 3), for two bases given by their unit vectors, one in each row.
 
     R takes components in the turned basis to components in the first; as an operator, in
     components of either basis, it takes each e_i to e'_i.
@@ -55,10 +55,11 @@ def tensor_in_body(R_wb: Matrix, A_w: Matrix) -> Matrix:
 def orthonormalise(A: Matrix, iterations: int = 10) -> Matrix:
     """The rotation (3, 3) nearest to a matrix, its polar factor; NaN unless det A > 0.
 
-    Newton's iteration X <- (s X + X^-T / s) / 2, the inverse by cofactors and s such that both
-    terms are of one size: 10 rounds do for any matrix that is not singular to rounding, 2 for
-    one that has drifted off by less than 1e-4. Preferred to orthonormalising row after row,
-    which depends on their order, and to singular values, which need LAPACK.
+    It is found by Newton's iteration X <- (s X + X^-T / s) / 2, with the inverse by cofactors and s
+    such that both terms have the same size: 10 rounds suffice for any matrix that is not singular
+    to rounding, 2 for one that has drifted off by less than 1e-4. This is preferred to
+    orthonormalising the rows one after the other, which depends on their order, and to singular
+    values, which need LAPACK.
 
     Reference: Higham (1986), Computing the polar decomposition.
     """

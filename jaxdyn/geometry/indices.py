@@ -1,6 +1,6 @@
 """Index notation under the summation convention: validity and value of an expression.
 
-An expression is written as on paper, one letter an index, for example ``c_i = A_ij b_j``,
+An expression is written as on paper, one letter for each index, for example ``c_i = A_ij b_j``,
 ``A_ii b_j + f_i g_i h_j = B_ii e_j`` or, without a left side, ``delta_ij delta_jk delta_ki``.
 An index that occurs twice in a product is summed (a dummy), one that occurs once is free. The
 rules: no index three times in a product, and the same free indices in every term on both sides.
@@ -9,7 +9,7 @@ rules: no index three times in a product, and the same free indices in every ter
 This is problem 41 of the course, whose text has two misprints: c_3 = A_3j b_3 should end in b_j,
 and in a x b = a_i e_i x b_i e_j the second vector is b_j e_j.
 
-Not here: powers, divisions and "no sum"; for sums inside a program use ``jnp.einsum``.
+Powers, divisions and "no sum" are not supported; for sums inside a program use ``jnp.einsum``.
 """
 
 import re
@@ -73,11 +73,12 @@ def evaluate_indices(expression: str, **arrays) -> Array:
     """Value of the right side of a valid index expression.
 
     Args:
-      expression: see above; what its left side names is the result and is not given.
-      arrays: every other array by its name, d long along each axis (d = 3, or 2 in the plane).
+      expression: see above; the array on its left side is the result and is not given.
+      arrays: every other array by its name, with length d along each axis (d = 3, or 2 in the
+        plane).
     Returns:
-      One axis for each free index, in the order in which the first term (the left side, where
-      there is one) names them.
+      An array with one axis for each free index, in the order in which the first term (the left
+      side, where there is one) names them.
     Raises:
       ValueError: `expression` is not valid, or an array is missing or has another number of axes
           than indices.

@@ -59,7 +59,7 @@ class Body(Record):
         return self.inertia + _steiner(self.mass, self.centre - p)
 
     def check(self) -> None:
-        """Raise ValueError unless the mass is positive and the inertia that of a real body.
+        """Raise ValueError unless the mass is positive and the inertia is that of a real body.
 
         Traced values are not checked.
         """
@@ -171,7 +171,7 @@ def cylinder_of_density(
 
 
 class Principal(NamedTuple):
-    """Principal moments (3,) [kg m^2], smallest first, and axes (3, 3), one a column."""
+    """Principal moments (3,) [kg m^2], smallest first, and axes (3, 3), one in each column."""
 
     moments: Vector
     axes: Matrix
@@ -183,7 +183,8 @@ def principal(body: Body) -> Principal:
 
     Rounding decides nothing: where equal moments (to 1e-12) leave the axes free, those that
     diagonalise diag(1, 2, 3) within their space are taken, so a body with three equal moments has
-    the axes x, y and z. Of the first and second axis the first component above 0.55 is positive.
+    the axes x, y and z. The first component above 0.55 of the first and of the second axis is
+    positive.
 
     Limits: not for stepping loops (LAPACK). The derivative of the axes is correct where the
       moments differ, and finite but meaningless where they do not.
@@ -194,8 +195,8 @@ def principal(body: Body) -> Principal:
     differ = jnp.diff(guess) > _EQUAL * size
     group = jnp.concatenate([jnp.zeros(1), jnp.cumsum(differ, dtype=float)])
     same = group[:, None] == group[None, :]
-    # Added to the inertia this leaves its eigenspaces, tells groups apart in their order, and
-    # splits each group; without it eigenvectors of equal moments have infinite derivatives.
+    # Added to the inertia, this keeps its eigenspaces, separates groups in their order, and splits
+    # each group; without it eigenvectors of equal moments have infinite derivatives.
     split = jnp.where(same, V.T @ jnp.diag(jnp.array([1.0, 2.0, 3.0])) @ V, 0.0)
     split = V @ (jnp.diag(10 * group) + split) @ V.T
     _, axes = jnp.linalg.eigh(body.inertia + jnp.where(jnp.all(differ), 0.0, size * split))
@@ -222,8 +223,8 @@ def is_flat(body: Body) -> Bool[Array, ""]:
 def equivalent_box(body: Body) -> Vector:
     """Sides (3,) [m], along the principal axes, of the uniform box with the same inertia.
 
-    From I_1 = m (b^2 + c^2) / 12 and so on; the last side is 0 for a flat body; an inertia that
-    no real body has gives NaN.
+    They follow from I_1 = m (b^2 + c^2) / 12 and so on. The last side is 0 for a flat body; an
+    inertia that no real body has gives NaN.
     """
     moments = jnp.linalg.eigvalsh(body.inertia)
     excess = jnp.sum(moments) - 2 * moments

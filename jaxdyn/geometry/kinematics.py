@@ -22,7 +22,7 @@ def by_derivatives(position: Callable[[Array], Array], q: Each, v: Each, a: Each
     """(d,) acceleration of a point by differentiating its position twice in time.
 
     Args:
-      position: q (n,) -> (d,) in fixed axes.
+      position: function q (n,) -> position (d,) in fixed axes.
       q: (n,) coordinates.
       v: (n,) their rates.
       a: (n,) their accelerations.
@@ -46,7 +46,7 @@ def five_terms(
       origin: (2,) acceleration of the frame's origin [m/s^2].
       omega: () angular velocity of the frame [rad/s].
       alpha: () its angular acceleration [rad/s^2].
-      r: (2,) from the frame's origin to the point, in fixed axes [m].
+      r: (2,) vector from the frame's origin to the point, in fixed axes [m].
       v_rel: (2,) velocity seen from the frame [m/s].
       a_rel: (2,) acceleration seen from the frame [m/s^2].
     """
@@ -81,7 +81,7 @@ def end_acceleration(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
 
 @arrays
 def end_acceleration_relative(l: Each, q: Each, v: Each, a: Each) -> Array:  # noqa: E741
-    """(2,) the same from theta_1 and phi = theta_2 - theta_1, by the five-term formula.
+    """(2,) that acceleration from theta_1 and phi = theta_2 - theta_1, by the five-term formula.
 
     In a frame glued to the first link the second one turns by phi alone.
 
@@ -100,7 +100,7 @@ def end_acceleration_relative(l: Each, q: Each, v: Each, a: Each) -> Array:  # n
 
 @arrays
 def slot_position(d: Scalar, q: Plane) -> Array:
-    """(2,) a mass in the slot of a turntable, from q = (theta, s) (problem 34 a i).
+    """(2,) position of a mass in the slot of a turntable, from q = (theta, s) (problem 34 a i).
 
     The slot is level and the distance d below the centre at theta = 0; s counts along it from
     the point nearest to the centre.
@@ -113,7 +113,7 @@ def slot_position(d: Scalar, q: Plane) -> Array:
 def slot_acceleration(d: Scalar, q: Plane, v: Plane, a: Plane) -> Array:
     """(2,) acceleration of that mass by the rates of the slot's axes i', j' (34 a ii).
 
-    From r = s i' - d j' with di'/dt = w j' and dj'/dt = -w i'.
+    It follows from r = s i' - d j' with di'/dt = w j' and dj'/dt = -w i'.
     """
     along, across = _slot_axes(q[0])
     in_slot = a[1] + a[0] * d - v[0] ** 2 * q[1]

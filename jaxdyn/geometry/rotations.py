@@ -6,7 +6,7 @@ and q and -q are one rotation. Angular velocity is ``omega_w`` in the world's ax
 in the body's. A rotation vector is the axis times the angle. One rotation follows another by the
 product ``R2 @ R1`` or ``multiply_wxyz(q2, q1)``. Angles are in rad.
 
-Every function is for one object and ``jax.vmap`` makes it one for many; all are free of LAPACK.
+Every function is for one object; ``jax.vmap`` makes it one for many. All are free of LAPACK.
 Derivatives are right to any order wherever the result is smooth (for `matrix_from_rotation_vector`
 everywhere) and finite elsewhere. Euler angles are in `jaxdyn.geometry.euler`, components of vectors
 and tensors in two bases in `jaxdyn.geometry.frames`.
@@ -28,7 +28,7 @@ Wxyz = Float[Array, "4"]
 
 
 class AxisAngle(NamedTuple):
-    """A unit axis (3,) and an angle () [rad] about it, 0 to pi where a function made it."""
+    """A unit axis (3,) and an angle () [rad] about it, from 0 to pi if a function returned it."""
 
     axis: Vector
     angle: Array
@@ -41,7 +41,7 @@ class AxisAngle(NamedTuple):
 def rotate(n: Vector, theta: Scalar, r: Vector) -> Vector:
     """The vector r (3,) turned about the axis n (3,), of any length > 0, by theta () [rad].
 
-    n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, with n of length 1. NaN for n = 0.
+    It is n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, with n of length 1; NaN for n = 0.
     """
     n = n / jnp.sqrt(square_norm(n))
     along = n * dot(n, r)
@@ -60,9 +60,9 @@ def matrix_from_axis_angle(n: Vector, theta: Scalar) -> Matrix:
 def axis_angle_from_matrix(R: Matrix) -> AxisAngle:
     """Axis and angle of a rotation matrix (3, 3), to rounding at every angle from 0 to pi.
 
-    Limits: at angle 0 every axis is right and z is given; at pi n and -n are, and one of them
-    is given. The derivative of the axis is 0 at 0, where it has none, and that of both is
-    one-sided at pi.
+    Limits: at angle 0 every axis is right, and z is returned; at pi both n and -n are right, and
+    one of them is returned. The derivative of the axis is 0 at angle 0, where it has none; those of
+    axis and angle are one-sided at pi.
 
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
@@ -153,8 +153,8 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     """Unit quaternion (4,) of a rotation matrix, w >= 0.
 
     The products of its components, 4 q q^T, are linear in R. Each row is q times a number, and
-    the row of the largest component is taken, so nothing cancels (Shepperd's choice); made a
-    unit vector after the choice, so no branch that is not taken has a root of zero in it.
+    the row of the largest component is taken, so nothing cancels (Shepperd's choice). It is
+    normalised after the choice, so that no branch which is not taken contains a root of zero.
 
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
@@ -185,7 +185,7 @@ def wxyz_from_axis_angle(n: Vector, theta: Scalar) -> Wxyz:
 
 @arrays
 def axis_angle_from_wxyz(q: Wxyz) -> AxisAngle:
-    """Axis and angle, 0 to pi, of a quaternion of any length > 0; `axis_angle_from_matrix`."""
+    """Axis and angle of a quaternion of any length > 0; see `axis_angle_from_matrix`."""
     q = _upper(q)
     s = safe_norm(q[1:])
     none = s == 0
@@ -242,7 +242,7 @@ def matrix_rate_from_world(R_wb: Matrix, omega_w: Vector) -> Matrix:
 
 
 def _upper(q: Wxyz) -> Wxyz:
-    """q or -q, the one whose scalar is not negative; NaN for q = 0, which is no rotation."""
+    """q or -q, whichever has a scalar that is not negative; NaN for q = 0, which is no rotation."""
     return jnp.where(square_norm(q) == 0, jnp.nan, jnp.where(q[0] < 0, -q, q))
 
 

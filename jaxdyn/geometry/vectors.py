@@ -1,8 +1,8 @@
 """Vectors in space: cross products, lines, tetrahedra, a joint held by three rods.
 
 Every function is for one object, with vectors of shape (3,); ``jax.vmap`` makes it one for many.
-All work under jit and have finite derivatives, also where an answer does not exist: that is
-said by a flag next to the numbers, which are then NaN.
+All work under jit and have finite derivatives, also where an answer does not exist: then a flag
+says so, and the numbers beside it are NaN.
 """
 
 from typing import NamedTuple
@@ -20,13 +20,13 @@ _ROUNDINGS = 8 * np.finfo(float).eps
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-# Components, of one vector or, along further axes, of many.
+# Components of one vector or, along further axes, of many.
 Components = Float[Array, "3 ..."]
 
 
 @arrays
 def dot(a: Components, b: Components) -> Array:
-    """Scalar product (), written out: a `dot` call costs more than three products."""
+    """Scalar product (), written out, since a call of `jnp.dot` costs more than three products."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -48,12 +48,13 @@ def cross_by_indices(a: Vector, b: Vector) -> Vector:
 def cross_by_geometry(a: Vector, b: Vector) -> Vector:
     """Cross product (3,) by its geometric meaning, without its components.
 
-    b is projected onto the plane orthogonal to a, stretched by |a| and turned by a quarter
-    turn about a. The turn needs a right-handed frame whose third axis is along a: a reflection
-    of the coordinate axes that takes the third one to a, with one axis reversed, since two
-    reflections make a rotation. `cross` is the one to use in programs.
+    b is projected onto the plane orthogonal to a, stretched by |a| and rotated by a quarter turn
+    about a. The rotation needs a right-handed frame whose third axis is along a: a reflection of
+    the coordinate axes that takes the third one to a, with one axis reversed, since two reflections
+    make a rotation. `cross` is the one to use in programs.
 
-    Limits: zero, with derivative zero instead of the right one, at a = 0, which has no plane.
+    Limits: at a = 0, which has no orthogonal plane, the result is zero, with derivative zero
+      instead of the right one.
     """
     length = safe_norm(a)
     n = a / jnp.where(length == 0, 1.0, length)
@@ -89,8 +90,9 @@ def plane_rotation(theta: Scalar) -> Float[Array, "2 2"]:
 class ClosestPoints(NamedTuple):
     """Shortest connection of two lines.
 
-    ``distance`` (), its end points ``on_ab`` (3,) and ``on_cd`` (3,), and ``parallel`` (): the
-    lines are parallel to within the rounding of their points; the connection is then one of many.
+    It has the ``distance`` (), the end points ``on_ab`` (3,) and ``on_cd`` (3,), and the flag
+    ``parallel`` (): the lines are parallel to within the rounding of their points, and the
+    connection is then one of many.
     """
 
     distance: Array
@@ -104,18 +106,18 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     """Distance and closest points of two infinite lines, one through a and b, one through c and d.
 
     With n = (b - a) x (d - c) the distance is |n . (c - a)| / |n|; parallel lines have n = 0,
-    and the one connection given for them ends at c.
+    and the connection that is returned for them ends at c.
 
     Args:
       r_a: (3,) a point of the first line.
-      r_b: (3,) another.
+      r_b: (3,) another point of the first line.
       r_c: (3,) a point of the second line.
-      r_d: (3,) another.
+      r_d: (3,) another point of the second line.
     Returns:
       Distance, closest points and whether the lines are parallel; NaN where a and b, or c and
       d, coincide and there is no line.
-    Limits: differentiable but at the change to parallel; derivative 0 of the distance of lines
-      that meet, where it has a kink.
+    Limits: differentiable except at the change to parallel; the derivative of the distance of lines
+      that meet, where it has a kink, is 0.
     Example:
       >>> import jax.numpy as jnp
       >>> x, y, z = jnp.eye(3)
@@ -132,7 +134,7 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     n = jnp.where(parallel, jnp.array([1.0, 0.0, 0.0]), n)  # any vector that can be divided by
     nn, uu = square_norm(n), square_norm(u)
     no_line = (uu == 0) | (square_norm(v) == 0)
-    foot = dot(w, u) / jnp.where(no_line, 1.0, uu)  # of c on the line through a and b
+    foot = dot(w, u) / jnp.where(no_line, 1.0, uu)  # foot of c on the line through a and b
     s = jnp.where(parallel, foot, dot(cross(w, v), n) / nn)
     t = jnp.where(parallel, 0.0, dot(cross(w, u), n) / nn)
     distance = jnp.where(parallel, safe_norm(w - foot * u), jnp.abs(dot(w, n)) / jnp.sqrt(nn))
@@ -146,7 +148,7 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
 def signed_volume(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Array:
     """Volume () of a tetrahedron, positive where a, b, c turn counterclockwise seen from d.
 
-    (b - a) x (c - a) . (d - a) / 6: a third of the base |(b - a) x (c - a)| / 2 times the
+    It is (b - a) x (c - a) . (d - a) / 6: a third of the base |(b - a) x (c - a)| / 2 times the
     height, the part of d - a along the normal of the base.
     """
     return dot(cross(r_b - r_a, r_c - r_a), r_d - r_a) / 6
@@ -174,13 +176,13 @@ def rod_tensions(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector, force: Vect
 
     Args:
       r_a: (3,) [m] the fixed end of the first rod.
-      r_b: (3,) [m] of the second.
-      r_c: (3,) [m] of the third.
+      r_b: (3,) [m] the fixed end of the second rod.
+      r_c: (3,) [m] the fixed end of the third rod.
       r_d: (3,) [m] the joint.
       force: (3,) [N] the load on the joint.
     Returns:
-      Tensions, negative in a rod that is pushed; NaN and a flag where the rods lie in one plane
-      (or one has no length) and cannot hold every load in one way.
+      The tensions, negative in a rod under compression; NaN and a flag where the rods lie in one
+      plane (or one has no length), so that they do not hold every load in exactly one way.
     """
     a, b, c = r_a - r_d, r_b - r_d, r_c - r_d
     lengths = jnp.stack([safe_norm(a), safe_norm(b), safe_norm(c)])
