@@ -1,17 +1,17 @@
-"""What is written and read: paths, scenes as JSON, motions as archives and as tables.
+"""Files that are written and read: paths, scenes as JSON, motions as archives and as tables.
 
-`input_files` reads, `output_files` and `image_files` check paths before the work. The `codec`
+`input_files` reads files; `output_files` and `image_files` check paths before the work. The `codec`
 turns values of every kind, arrays and scenes among them, into JSON and back; the `layout` says what
-a file is, and writes documents; a `journal` grows line by line, by one program or several in turn.
-`loading` reads a file of any kind by what it says it is, with readers that packages register.
-`motion_files` saves and loads motions as the `archives` of NumPy; `tables` writes them as CSV and
-JSON, `data_frames` for pandas; `astronomy` reads what astronomers have. All that is read again ends
-with one of the `digests`, by which any changed byte is noticed.
+a file is, and writes documents; a `journal` grows line by line, written by one program or by
+several in turn. `loading` reads a file of any kind by its format, with readers that packages
+register. `motion_files` saves and loads motions as `archives` of NumPy; `tables` writes them as CSV
+and JSON, `data_frames` for pandas; `astronomy` reads the formats of astronomers. All files that are
+read again end with one of the `digests`, by which any changed byte is noticed.
 
 May import: `accuracy`, `scenes`.
 
-One more format is one file, and its name below. The files are imported when they are first used,
-since command lines check paths before they load JAX.
+To add a format, write one file, and its name below. The files are imported when they are first
+used, since command lines check paths before they load JAX.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
 """Archives of NumPy (.npz) with arrays and one JSON text; nothing here loads JAX.
 
-They are written atomically and read without trust: entries are not compressed, so that what is
-claimed can be compared with the bytes that are there before an array is made, and no entry is
+They are written atomically and read without trust: entries are not compressed, so that a claimed
+size can be compared with the bytes that are there before an array is made, and no entry is
 unpickled. The comment at the end of an archive is a digest of all of its other bytes.
 """
 
@@ -19,11 +19,11 @@ from jaxdyn.files.digests import DIGITS, has_digest, plain_text, with_digest
 from jaxdyn.files.input_files import content, parse_json
 from jaxdyn.files.output_files import archive_path, replace, unwritable
 
-#: Bytes of an archive: all of it is in memory at once.
+#: Most bytes of an archive, all of which is in memory at once.
 MAX_BYTES = 2**30
 #: What entries may hold: floats, whole numbers, truth values.
 _TYPES = ("<f8", "<i8", "<i4", "|b1")
-_DATE = (1980, 1, 1, 0, 0, 0)  # the same motion gives the same file
+_DATE = (1980, 1, 1, 0, 0, 0)  # one date, so that the same motion gives the same file
 _ARRAY = ".npy"
 _COMMENT = b"digest: "
 
@@ -32,13 +32,13 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
     """Write a record and arrays, atomically: a killed process leaves the old file.
 
     Args:
-      path: of the .npz file.
-      name: of the entry with the record.
-      record: for JSON.
-      arrays: by name.
+      path: path of the .npz file.
+      name: name of the entry with the record.
+      record: the record, for JSON.
+      arrays: the arrays by name.
     Raises:
       ValueError: `path` cannot be written, the record has numbers that are not finite, an array
-        has another type, or the archive would be larger than `read` takes.
+        has another type, or the archive would be larger than `read` accepts.
     """
     path = archive_path(path)
     entries = {name: plain_text(record, indent=1)}
@@ -47,7 +47,7 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for key, data in entries.items():
             archive.writestr(zipfile.ZipInfo(key, _DATE), data)
-        archive.comment = _COMMENT + bytes(DIGITS)  # whose length is part of the archive
+        archive.comment = _COMMENT + bytes(DIGITS)  # its length is part of the archive
     text = file.getvalue()[:-DIGITS]
     text = with_digest(text, len(text))
     if len(text) > MAX_BYTES:
@@ -60,12 +60,12 @@ def write(path: str | Path, name: str, record: Any, arrays: Mapping[str, np.ndar
 
 
 class Read(NamedTuple):
-    """What an archive has.
+    """The contents of an archive.
 
     Attributes:
-      record: of JSON.
-      arrays: by name.
-      digested: whether it has a digest, as all have that `write` writes.
+      record: the record, from JSON.
+      arrays: the arrays by name.
+      digested: whether it has a digest, as all archives have that `write` writes.
     """
 
     record: Any
@@ -77,17 +77,17 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
     """The record and the arrays of an archive.
 
     Args:
-      path: of the file.
-      name: of the entry with the record.
-      remedy: what to do where it is no such archive, for the message.
+      path: path of the file.
+      name: name of the entry with the record.
+      remedy: what to do if it is not such an archive, for the message.
     Raises:
-      ValueError: it is no archive that `write` wrote, or a byte of it changed.
+      ValueError: it is not an archive that `write` wrote, or a byte of it changed.
     """
     data = content(path, MAX_BYTES, remedy, "path")
     digested = has_digest(data, "path", remedy)
     try:
         entries = _entries(data)
-    # Those of zipfile for what it does not take; those of NumPy for a header are ValueErrors.
+    # These are the errors of zipfile for what it does not accept.
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
         raise fail("path", "an archive (.npz)", f"{path} ({error})", remedy) from error
     if name not in entries:
@@ -98,7 +98,7 @@ def read(path: str | Path, name: str, remedy: str) -> Read:
 
 
 def _entries(data: bytes) -> dict[str, bytes]:
-    """The bytes of each entry, no more together than the archive has."""
+    """The bytes of each entry, which together are no more than the archive has."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         found = archive.infolist()
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in found):
@@ -119,7 +119,7 @@ def _pack(name: str, x: np.ndarray) -> bytes:
 
 
 def _unpack(name: str, data: bytes) -> np.ndarray:
-    """The array of an entry, if its bytes are as many as its header claims."""
+    """The array of an entry, if the number of its bytes is what its header claims."""
     file = io.BytesIO(data)
     try:
         if np.lib.format.read_magic(file) != (1, 0):

@@ -1,4 +1,4 @@
-"""Positions and velocities as astronomers have them: JPL Horizons and REBOUND.
+"""Positions and velocities in the formats of astronomers: JPL Horizons and REBOUND.
 
 A vector table of Horizons is the text that its web page, its e-mail service and its programming
 interface return for "Vector Table", with or without "CSV format": lines between $$SOE and $$EOE.
@@ -33,8 +33,8 @@ class Ephemeris(NamedTuple):
     """Positions and velocities of a body at some times.
 
     Attributes:
-      name: of the body, as the table says.
-      units: of the table: "AU-D", "KM-S" or "KM-D".
+      name: name of the body in the table.
+      units: units of the table: "AU-D", "KM-S" or "KM-D".
       ts: (s,) Julian dates, in barycentric dynamical time [day].
       r: (s, 3) positions.
       v: (s, 3) velocities.
@@ -51,9 +51,9 @@ def read_horizons(path: str | Path) -> Ephemeris:
     """The vector table of JPL Horizons in a text file.
 
     Args:
-      path: of the file.
+      path: path of the file.
     Raises:
-      ValueError: `path` cannot be read, or is no such table.
+      ValueError: `path` cannot be read, or is not such a table.
     """
     data = content(path, MAX_BYTES, _HORIZONS, "path")
     text = data.decode("utf-8", errors="replace")
@@ -78,7 +78,7 @@ def read_horizons(path: str | Path) -> Ephemeris:
 
 
 def _columns(body: str) -> tuple[list[float], list[list[float]]]:
-    """Of lines "date, calendar date, x, y, z, vx, vy, vz, ..."."""
+    """Times and states from lines "date, calendar date, x, y, z, vx, vy, vz, ..."."""
     ts, rows = [], []
     for line in filter(str.strip, body.splitlines()):
         cells = [cell.strip() for cell in line.split(",")]
@@ -90,7 +90,7 @@ def _columns(body: str) -> tuple[list[float], list[list[float]]]:
 
 
 def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
-    """Of blocks of lines that begin with a date and go on with X = ... and so on."""
+    """Times and states from blocks of lines that begin with a date and go on with X = ..."""
     ts: list[float] = []
     rows: list[dict[str, float]] = []
     for line in body.splitlines():
@@ -107,13 +107,13 @@ def _number(text: str) -> float:
 
 
 def from_rebound(sim: Any, t1=1.0) -> Scene:
-    """The scene of a simulation of REBOUND: its bodies, from where they are, under its gravity.
+    """The scene of a simulation of REBOUND: its bodies in their present state, under its gravity.
 
     Args:
       sim: a `rebound.Simulation`, with point masses and Newtonian gravity.
       t1: span, in the units of the simulation.
     Raises:
-      ValueError: it has no bodies, or is no simulation.
+      ValueError: `sim` has no bodies, or is not a simulation.
     """
     try:
         bodies, G = list(sim.particles), float(sim.G)
@@ -132,7 +132,7 @@ def to_rebound(scene: Scene) -> Any:
     """A simulation of REBOUND with the bodies of a scene, from its start, under its gravity.
 
     Args:
-      scene: of free points in space or in a plane and one `PairGravity`.
+      scene: a scene of free points in space or in a plane, with one `PairGravity`.
     Returns:
       A `rebound.Simulation` whose integrator is REBOUND's default.
     Raises:

@@ -4,9 +4,9 @@
 dataclass or a named tuple, and a scene or a part of one. `decode` reads each as an annotation says,
 which is the one place where the type of a result is written down. In JSON
 
-- NaN is null, and an infinity a text: JSON has no others;
-- an array is nested lists of its numbers; one that is complex or empty, which lists cannot tell, is
-  its shape and a list of its real and, if it has some, of its imaginary parts;
+- NaN is null, and an infinity is a text, since JSON has no such numbers;
+- an array is nested lists of its numbers; one that is complex or empty, which lists cannot
+  represent, is its shape and a list of its real and, if it has some, of its imaginary parts;
 - a scene, or a part of one, is ``{"type": the name of its class, field: value, ...}``, since only
   the file knows which class it is. All of its numbers are finite.
 
@@ -43,8 +43,8 @@ from jaxdyn.sketch import Looks
 
 T = TypeVar("T")
 
-MAX_NUMBERS = 10_000_000  # of one array
-MAX_DEPTH = 32  # of parts in parts
+MAX_NUMBERS = 10_000_000  # most numbers of one array
+MAX_DEPTH = 32  # deepest nesting of parts in parts
 #: Modules of the classes that a file may name, looked up among those that are loaded.
 LOADED = (effects, scenes)
 #: Base classes of the parts of a scene.
@@ -59,7 +59,7 @@ def encode(value: Any, without: tuple[str, ...] = ()) -> Any:
     """A value as JSON, for `decode`.
 
     Args:
-      value: of the kinds above.
+      value: a value of the kinds above.
       without: fields of a dataclass that are left out.
     Raises:
       ValueError: it is of another kind, or a scene with a function or a number that is not finite.
@@ -105,13 +105,13 @@ def _encode_array(x: np.ndarray) -> Any:
 
 
 def _encode_part(part: Any) -> dict[str, Any]:
-    """A scene or a part of one."""
+    """A scene or a part of one as JSON."""
     fields = {name: getattr(part, name) for name in _field_names(type(part))}
     return {"type": type(part).__name__} | {k: _encode_field(x) for k, x in fields.items()}
 
 
 def _encode_field(value: Any) -> Any:
-    """Of a part of a scene, so that it can be read without knowing more than its class."""
+    """A field of a part of a scene as JSON, which can be read if the part's class is known."""
     if isinstance(value, eqx.Module) or _is_named(value):
         return _encode_part(value)
     if isinstance(value, tuple | list):
@@ -146,17 +146,17 @@ def _field_names(cls: type) -> tuple[str, ...]:
 
 
 def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False) -> Any:
-    """A value of JSON as its annotation says.
+    """The value of an annotated type that a value of JSON stands for.
 
     Args:
-      value: from a file.
-      hint: a type of the kinds that `encode` takes, but for parts of scenes (`decode_part`); `Any`
+      value: the JSON value, from a file.
+      hint: a type of the kinds that `encode` takes, except parts of scenes (`decode_part`); `Any`
         or a bare ``dict`` for what is read later.
-      name: of the value, for the message.
-      remedy: what to do where it is of another type, for the message.
-      lines: whether texts may have several lines, and what else is not printed as it stands.
+      name: name of the value, for the message.
+      remedy: what to do if it is of another type, for the message.
+      lines: whether texts may have several lines and other characters that are not printable.
     Raises:
-      ValueError: it is of another type, or a text that is not printable in one line.
+      ValueError: it is of another type, or is a text that is not printable in one line.
     Example:
       >>> decode([1, None], list[float], "bars", "")
       [1.0, nan]
@@ -194,7 +194,7 @@ def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False
             if len(several) == len(value):
                 pairs = zip(value, several, strict=True)
                 return origin(inner(x, kind) for x, kind in pairs)
-    elif hint is tuple:  # of whatever is plain
+    elif hint is tuple:  # a tuple of any plain values
         if isinstance(value, list):
             nested = int | float | str
             return tuple(inner(x, tuple if isinstance(x, list) else nested) for x in value)
@@ -209,13 +209,13 @@ def decode_fields(
     """The values of the fields of a dataclass or a named tuple, from an object of JSON.
 
     Args:
-      value: from a file.
+      value: the object, from a file.
       cls: the class.
       name: see `decode`.
       remedy: see `decode`.
       without: fields that the object does not have.
     Raises:
-      ValueError: it is no object, has other entries, or one of another type.
+      ValueError: it is not an object, has other entries, or has one of another type.
     """
     hints = typing.get_type_hints(cls)
     wanted = [key for key in _field_names(cls) if key not in without]
@@ -276,13 +276,13 @@ def _check_array(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy:
 
 
 def decode_scene(value: Any, remedy: str) -> Scene:
-    """A scene, which runs.
+    """The scene that an object of JSON describes, checked to have a rate.
 
     Args:
-      value: from a file.
-      remedy: what to do if it is none, for the message.
+      value: the object, from a file.
+      remedy: what to do if it is not a scene, for the message.
     Raises:
-      ValueError: it is not of a scene, names an unknown class, or has invalid numbers.
+      ValueError: it does not describe a scene, names an unknown class, or has invalid numbers.
     """
     scene = decode_part(value, Scene, "scene", remedy=remedy)
     if not scene.name.isprintable():
@@ -299,13 +299,13 @@ def decode_scene(value: Any, remedy: str) -> Scene:
 def decode_part(
     value: Any, cls: type[T], name: str, parts: tuple[type, ...] = PARTS, remedy: str = _ANOTHER
 ) -> T:
-    """A scene or a part of one: an object of JSON that names its class.
+    """The scene, or the part of one, that an object of JSON describes and whose class it names.
 
     Args:
-      value: from a file.
-      cls: what it must be.
-      name: of the value, for the message.
-      parts: base classes of what may be in it.
+      value: the object, from a file.
+      cls: the class of which it must be an instance.
+      name: name of the value, for the message.
+      parts: base classes of the parts that it may contain.
       remedy: what to do if it is something else, for the message.
     Raises:
       ValueError: it names an unknown class, lacks a field or has an extra one, or holds something
@@ -320,7 +320,7 @@ def decode_part(
 
 
 def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
-    """All concrete classes that a file may name: the loaded ones of these kinds."""
+    """All concrete classes that a file may name: the loaded subclasses of these kinds."""
     found: dict[str, type] = {}
     waiting = list(kinds)
     while waiting:
@@ -345,7 +345,7 @@ def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) ->
         raise fail(name, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
     if issubclass(cls, tuple):
         return cls(**{key: _decode_field(value[key], f"{name}.{key}", classes) for key in names})
-    # Not by the constructor, whose arguments may differ from the fields.
+    # The constructor is not called, since its arguments may differ from the fields.
     part, hints = object.__new__(cls), typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         if field.init:
@@ -361,7 +361,7 @@ def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) ->
 
 
 def _defaults(cls: type) -> dict[str, Any]:
-    """Values of the fields that a class has gained since a file was written: their defaults."""
+    """The default values of fields, for those that a class has gained since a file was written."""
     if issubclass(cls, tuple):
         return {}
     fields = [f for f in dataclasses.fields(cls) if f.init and f.default is not dataclasses.MISSING]
@@ -369,7 +369,7 @@ def _defaults(cls: type) -> dict[str, Any]:
 
 
 def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:
-    """What a field of a part holds that is traced: numbers, parts, tuples of them, or nothing."""
+    """The value of a traced field of a part: numbers, parts, tuples of them, or None."""
     if isinstance(item, dict) and "shape" not in item:
         return _decode_named(item, name, classes)
     if item == [] or (isinstance(item, list) and any(isinstance(x, dict) for x in item)):
@@ -384,7 +384,7 @@ def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:
 
 
 def _decode_static(item: Any, hint: Any, name: str) -> Any:
-    """What a static field holds: it is plain, and programs are compiled for it."""
+    """The value of a static field, which is plain and for which programs are compiled."""
     if isinstance(item, dict) or hint is Any:
         raise fail(name, "numbers and texts", reprlib.repr(item))
     found = decode(item, hint, name, "", lines=True)  # such as the text of a model

@@ -1,4 +1,4 @@
-"""Motions as data frames of pandas and data sets of xarray, which are optional."""
+"""Motions as data frames of pandas and datasets of xarray; both packages are optional."""
 
 from typing import Any
 

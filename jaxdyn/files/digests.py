@@ -1,8 +1,8 @@
-"""Digests at the ends of files: every byte that changed, is missing or was added is noticed.
+"""Digests at the ends of files, by which every changed, missing or added byte is noticed.
 
-The digest is that of all other bytes of a file, or of a line of one, not of what they mean: of
-``1e-13`` and ``1E-13``, which are one number, one is damaged. It detects damage and edits that
-were not meant, not forgery: anyone can compute a new one. Nothing here loads JAX.
+The digest is that of all other bytes of a file, or of a line of one, not of their meaning: where
+``1e-13`` was written, ``1E-13`` is damage, though both are one number. It detects damage and
+inadvertent edits, not forgery: anyone can compute a new one. Nothing here loads JAX.
 """
 
 import hashlib
@@ -15,17 +15,17 @@ from jaxdyn.files.input_files import check_values
 
 DAMAGED = "The file was edited or damaged, or another version wrote it: make it again."
 DIGITS = 32
-#: At the end of an object of JSON, or of a comment.
+#: The digest at the end of an object of JSON, or of a comment.
 _AT_END = re.compile(rb'digest"?: "?([0-9a-f]{%d})"?\n?\}?\n?\Z' % DIGITS)
 _LONGEST = DIGITS + 20  # bytes that this matches
 
 
 def json_text(record: dict[str, Any], indent: int | None = None) -> bytes:
-    """An object of JSON as text, its digest as its last entry, with a line break at its end.
+    """An object of JSON as text, with its digest as the last entry, and a line break at the end.
 
     Args:
-      record: without an entry "digest".
-      indent: of each level; all is on one line by default.
+      record: the object, without an entry "digest".
+      indent: indentation of each level; by default all is on one line.
     Raises:
       ValueError: see `plain_text`.
     """
@@ -34,10 +34,10 @@ def json_text(record: dict[str, Any], indent: int | None = None) -> bytes:
 
 
 def plain_text(record: Any, indent: int | None = None) -> bytes:
-    """A value as text of JSON.
+    """A value as JSON text.
 
     Raises:
-      ValueError: it has numbers that are not finite, or more values than `parse_json` takes.
+      ValueError: it has numbers that are not finite, or more values than `parse_json` accepts.
     """
     try:
         text = json.dumps(record, indent=indent, allow_nan=False).encode()
@@ -48,7 +48,7 @@ def plain_text(record: Any, indent: int | None = None) -> bytes:
 
 
 def with_digest(data: bytes, at: int) -> bytes:
-    """Data with their digest inserted at a place; "digest: " stands before it."""
+    """Data with their digest inserted at a place before which "digest: " stands."""
     return data[:at] + _digest(data) + data[at:]
 
 
@@ -57,10 +57,10 @@ def has_digest(data: bytes, name: str = "file", remedy: str = DAMAGED) -> bool:
 
     Args:
       data: all bytes of a file, or of a line of one.
-      name: of the argument or option, for the message.
-      remedy: what to do where they are damaged, for the message.
+      name: name of the argument or option, for the message.
+      remedy: what to do if they are damaged, for the message.
     Raises:
-      ValueError: they have one, and it is that of other data.
+      ValueError: they have a digest, and it is that of other data.
     """
     found = _AT_END.search(data, max(len(data) - _LONGEST, 0))
     if found is None:
@@ -72,7 +72,7 @@ def has_digest(data: bytes, name: str = "file", remedy: str = DAMAGED) -> bool:
 
 
 def digest_of_values(record: dict[str, Any]) -> str:
-    """The digest that older files have: of the values of a record, without that entry."""
+    """The digest in older files: that of the values of a record, without this entry."""
     text = json.dumps(record, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -12,8 +12,8 @@ def picture_path(path, name: str = "path") -> Path | None:
     """The path of a picture, checked to be writable; None if there is none.
 
     Args:
-      path: of the file, or None.
-      name: of the argument or option, for the message.
+      path: path of the file, or None.
+      name: name of the argument or option, for the message.
     """
     return None if path is None else writable(path, name, _PICTURES)
 

@@ -1,4 +1,4 @@
-"""Files that are read: of a limited size, as JSON with finite numbers; nothing here loads JAX."""
+"""Reading of files of limited size, as JSON with finite numbers; nothing here loads JAX."""
 
 import json
 import math
@@ -8,7 +8,7 @@ from typing import Any
 from jaxdyn._text import fail
 
 MAX_BYTES = 64 * 2**20  # a larger file is not one of these records
-#: Of one text of JSON: Python takes up to 72 bytes for each, however short it is in the file.
+#: Most values of one JSON text: Python takes up to 72 bytes for each, however short it is there.
 MAX_VALUES = 4_000_000
 _DIGITS = 18
 
@@ -17,10 +17,10 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
     """The content of a file of at most `most` bytes.
 
     Args:
-      path: of the file.
-      most: bytes.
-      remedy: what to do where it cannot be read, for the message.
-      name: of the argument or option, for the message.
+      path: path of the file.
+      most: largest number of bytes.
+      remedy: what to do if it cannot be read, for the message.
+      name: name of the argument or option, for the message.
 
     Raises:
       ValueError: `path` is not a readable file, is larger, or is a device or a pipe, which may
@@ -40,10 +40,10 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
 
 
 def parse_json(data: bytes, what: str, remedy: str = "") -> Any:
-    """The value of JSON text with finite numbers only, and integers that floats can hold.
+    """The value of JSON text that has only finite numbers, and integers that floats can hold.
 
     Raises:
-      ValueError: the text is anything else, or has more than `MAX_VALUES` values, which is known
+      ValueError: the text is anything else, or has more than `MAX_VALUES` values, which are counted
         before it is parsed.
     """
     check_values(data, "file", remedy)
@@ -56,7 +56,7 @@ def parse_json(data: bytes, what: str, remedy: str = "") -> Any:
 
 def check_values(data: bytes, name: str, remedy: str) -> None:
     """Refuse JSON text of more than `MAX_VALUES` values, without parsing it."""
-    # Each value but the first stands after one of these.
+    # Each value except the first stands after one of these characters.
     count = sum(map(data.count, (b",", b"[", b"{", b":")))
     if count > MAX_VALUES:
         wanted = f"at most {MAX_VALUES} numbers, texts and lists"
@@ -68,7 +68,7 @@ def _no_constant(name: str):
 
 
 def _integer(text: str) -> int:
-    # Floats cannot hold larger ones, and Python takes quadratic time for very long ones.
+    # Floats cannot hold larger integers, and Python takes quadratic time for very long ones.
     if len(text) > _DIGITS:
         raise fail("file", f"integers of at most {_DIGITS} digits", f"one of {len(text)}")
     return int(text)

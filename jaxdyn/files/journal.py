@@ -1,9 +1,9 @@
-"""Files that grow by a line of JSON at a time, so that an interrupted run loses nothing.
+"""Files that grow by one line of JSON at a time, so that an interrupted run loses nothing.
 
 Each line is on the disk when `Journal.add` returns, and ends with a digest of the rest: a file that
 was edited is refused, and an incomplete last line is ignored. A lock beside the file is held while
-a line is added, so that several programs may add lines in turn, and by `Journal.alone`. The first
-line is the header of the file's `layout`.
+a line is added, so that several programs may add lines in turn, and within `Journal.alone`. The
+first line is the header of the file's `layout`.
 """
 
 import contextlib
@@ -22,14 +22,14 @@ from jaxdyn.files.layout import Layout
 from jaxdyn.files.output_files import append, replace, target_of, unwritable, writable
 
 MAX_BYTES = 2**30  # larger files are refused
-_BEGIN = b'{"'  # of each line
+_BEGIN = b'{"'  # beginning of each line
 
 
 class Journal:
     """A file of records, to which more are added.
 
     Attributes:
-      header: its first line.
+      header: the first line of the file.
       records: the other lines that the file had when it was opened.
     """
 
@@ -37,26 +37,26 @@ class Journal:
         """Begin a file, or open the one that is there.
 
         Args:
-          path: of the file.
-          layout: what it is.
-          about: what else its first line says.
+          path: path of the file.
+          layout: the layout of the file.
+          about: further entries of its first line.
           patience: how long to wait for other programs that write the file [s].
         Raises:
-          ValueError: it is another file, was edited, cannot be written, or another program writes
-            it.
+          ValueError: the file is of another kind, was edited, cannot be written, or another program
+            writes it.
         """
         self._path = writable(path)
-        # Held by all threads of this program, since reports may come from any.
+        # All threads of this program share the lock, since reports may come from any of them.
         lock = _lock_of(self._path)
         self._lock = filelock.FileLock(lock, timeout=patience, thread_local=False)
         with self._hold_lock():
             self.header, *self.records = self._open(json_text(layout.header | about), layout)
 
     def _open(self, first: bytes, layout: Layout) -> list[dict[str, Any]]:
-        """The lines of the file, which begins with this one if it is new."""
+        """The lines of the file; a new file begins with the line `first`."""
         data = _whole_lines(self._path, layout.format, layout.remedy) or first
         found = _records(data, self._path, layout.format, layout.remedy)
-        # Before anything of a file is lost that is another.
+        # Check the layout before anything is removed from a file of another kind.
         layout.check(found[0], "path")
         try:
             if data is not first:
@@ -82,10 +82,10 @@ class Journal:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Let no other program write the file; may be nested.
+        """A context in which no other program can write the file; it may be nested.
 
         Raises:
-          ValueError: another one writes it, or has written it since it was opened.
+          ValueError: another program writes the file, or has written it since it was opened.
         """
         with self._hold_lock():
             if not self._path.exists() or self._path.stat().st_size != self._size:
@@ -103,7 +103,7 @@ class Journal:
             raise fail("path", "a file that only this program writes", got, remedy) from error
         except OSError as error:
             raise unwritable(self._path, error) from error
-        except NotImplementedError as error:  # so does filelock where there are no locks
+        except NotImplementedError as error:  # raised by filelock where there are no locks
             raise unwritable(
                 self._path, OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
             ) from error
@@ -114,22 +114,22 @@ class Journal:
 
 
 def remove(path: Path) -> None:
-    """Remove a file that is needed no more, and its lock."""
+    """Remove a file that is no longer needed, and its lock."""
     path.unlink()
     _lock_of(path).unlink(missing_ok=True)
 
 
 def _lock_of(path: Path) -> Path:
-    """The lock of a file itself, whatever links lead to it."""
+    """The path of the lock of a file, beside the file itself, whatever links lead to it."""
     target = target_of(path)
     return target.with_name(f"{target.name}.lock")
 
 
 def read(path: str | Path, layout: Layout) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The first line of a file and the others; also while it is written.
+    """The first line of a file and the others; the file may still be being written.
 
     Raises:
-      ValueError: it is another file, or was edited.
+      ValueError: the file is of another kind, or was edited.
     """
     header, *rest = lines(path, layout.format, layout.remedy)
     layout.check(header, "path")
@@ -137,10 +137,10 @@ def read(path: str | Path, layout: Layout) -> tuple[dict[str, Any], list[dict[st
 
 
 def lines(path: str | Path, kind: str, remedy: str) -> list[dict[str, Any]]:
-    """The lines of a file of some kind, which is not checked.
+    """The lines of a file, whose kind is not checked.
 
     Raises:
-      ValueError: it does not grow by lines, or was edited.
+      ValueError: the file is not a journal, or was edited.
     """
     return _records(_whole_lines(Path(path), kind, remedy), path, kind, remedy)
 
@@ -149,7 +149,7 @@ def _whole_lines(path: Path, kind: str, remedy: str) -> bytes:
     """The content of a file up to its last line break; nothing where there is no file."""
     data = content(path, MAX_BYTES, remedy) if path.exists() else b""
     size = data.rfind(b"\n") + 1
-    # A file system may have made room for a line that a lost machine did not write.
+    # A file system may have allocated space for a line that was not written when a machine failed.
     rest = data[size:].rstrip(b"\0")
     if size and not (rest.startswith(_BEGIN) or _BEGIN.startswith(rest)):
         raise _damage_error(path, kind, remedy, "something after its last line")
@@ -159,7 +159,7 @@ def _whole_lines(path: Path, kind: str, remedy: str) -> bytes:
 
 
 def _is_whole(data: bytes) -> bool:
-    """Whether data are a line without its break."""
+    """Whether data are a whole line without its line break."""
     try:
         return has_digest(data + b"\n")
     except ValueError:

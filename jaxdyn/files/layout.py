@@ -1,10 +1,10 @@
-"""The layout of files: what each says of itself, and documents, which are written as a whole.
+"""The layout of files: the header of each, and documents, which are written as a whole.
 
-Every file of results has one object of JSON whose entries `format` and `version` say what it is: it
-is the whole of a document (.json: an orbit, a family), the first line of a `journal` (.jsonl: a
-search, a continuation), an entry of an archive (.npz: a motion, `archives`). The name of a format
-never changes, so that a file of any version, older or newer, is recognised. All files end with
-digests of their bytes (`digests`), and what is in them is written and read by the `codec`.
+Every file of results has one object of JSON whose entries `format` and `version` say what it is:
+this object is the whole of a document (.json: an orbit, a family), the first line of a `journal`
+(.jsonl: a search, a continuation), or an entry of an archive (.npz: a motion, `archives`). The name
+of a format never changes, so that a file of any version, older or newer, is recognised. All files
+end with digests of their bytes (`digests`), and the `codec` writes and reads what is in them.
 """
 
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ class Layout(NamedTuple):
     """A kind of files.
 
     Attributes:
-      format: its name in files.
+      format: name of the kind in files.
       version: the version that is written.
-      writer: what writes them, for messages.
-      older: versions that are read too, and whether their files have a digest of their values, as
-        some had before all had one of their bytes.
+      writer: the function or option that writes such files, for messages.
+      older: older versions that are read too, and whether their files have a digest of their
+        values, as some had before all files had one of their bytes.
     """
 
     format: str
@@ -40,7 +40,7 @@ class Layout(NamedTuple):
 
     @property
     def remedy(self) -> str:
-        """What to do where a file is none of these, for messages."""
+        """What to do if a file is not of this kind, for messages."""
         return f"Give the path of a file that {self.writer} wrote."
 
     def check(self, record: Any, name: str = "file") -> None:
@@ -97,10 +97,10 @@ def format_of(
     """The format that a document or a journal says it has; None if it says none.
 
     Args:
-      path: of the file.
-      remedy: what to do where it is no such file, for the message.
-      name: of the argument or option, for the message.
-      most: bytes of a journal; a document has at most `MAX_BYTES`.
+      path: path of the file.
+      remedy: what to do if it is not such a file, for the message.
+      name: name of the argument or option, for the message.
+      most: largest number of bytes of a journal; a document has at most `MAX_BYTES`.
     Raises:
       ValueError: it does not begin with JSON.
     """

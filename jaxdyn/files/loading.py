@@ -1,4 +1,4 @@
-"""One `load` for files of every kind: each says what it is, and its reader is looked up by that.
+"""One `load` for files of every kind: each states its format, by which its reader is looked up.
 
 Packages above this one register readers for their kinds when they are imported; the readers' own
 modules are imported when such a file is read. Nothing in a file is imported or executed.
@@ -18,7 +18,8 @@ _REMEDY = "Give the path of a file that this library wrote."
 _ARCHIVE = b"PK"  # the first bytes of an archive of NumPy
 _MOTION = "jaxdyn-motion"
 _CONTINUATION = "jaxdyn-continuation"
-#: "module:function" that reads files of a kind. Files of continuations have kinds of branches.
+#: The "module:function" that reads files of each kind. A file of continuations is of the kinds of
+#: its branches.
 _READERS = {
     _MOTION: "jaxdyn.files.motion_files:load",
     f"{_CONTINUATION} of equilibria": "jaxdyn.continuation:load",
@@ -32,21 +33,22 @@ def register(readers: Mapping[str, str]) -> None:
 
 
 def load(path: str | Path, *of: Any, **options: Any) -> Any:
-    """What is in a file that this library wrote, whatever its kind.
+    """The contents of a file that this library wrote, whatever its kind.
 
     Args:
-      path: of the file: a motion; an orbit, a family of orbits, a chain of legs, a search (after
-        ``import orbits``); or the file of a continuation (``path=``).
-      of: files of continuations have numbers only and need the function that makes the scenes, as
-        it was given to the continuation; files of chains need the legs.
-      options: of the reader; chains take `closes`.
+      path: path of the file: of a motion; of an orbit, a family of orbits, a chain of legs or a
+        search (after ``import orbits``); or of a continuation (its ``path=``).
+      of: what the file does not hold. Files of continuations hold only numbers and need the
+        function that makes the scenes, as it was given to the continuation; files of chains need
+        the legs.
+      options: options of the reader; that of chains takes `closes`.
     Returns:
-      A motion or a chain of phases; of a continuation, families of equilibria and curves, or a
-      diagram if it has orbits; of an orbit or a chain, with the file's claims, as `orbits.load`
-      says; of a family, its `Listing`; of a search, its description and its chunks.
+      A motion or a chain of phases; for a continuation, families of equilibria and curves, or a
+      diagram if it has orbits; an orbit or a chain, with the file's claims, as described in
+      `orbits.load`; for a family, its `Listing`; for a search, its description and its chunks.
     Raises:
-      ValueError: `path` is no such file or of a kind that no imported package reads, it is damaged
-        or edited, `of` does not fit its kind, or what it holds names a class that is not imported.
+      ValueError: `path` is not such a file or is of a kind that no imported package reads, it is
+        damaged or edited, `of` does not fit its kind, or it names a class that is not imported.
     Example:
       >>> import tempfile, jaxdyn
       >>> motion = jaxdyn.simulate(jaxdyn.scenes.pendulum(), 1.0, samples=5)
@@ -57,7 +59,7 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
       (True, 'pendulum')
     """
     kinds = _kinds(path)
-    # The last one reads most: that of diagrams takes families of equilibria, too.
+    # The last reader accepts most: that of diagrams also reads families of equilibria.
     known = [reader for kind, reader in _READERS.items() if kind in kinds]
     if not known:
         got = f"{path} of {kinds[0]!r:.40}" if kinds else f"{path} without a format"
@@ -69,10 +71,10 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
 
 
 def _kinds(path: str | Path) -> list[str]:
-    """What a file says that it is; several for the file of a continuation."""
+    """The kinds that a file says it is of; there may be several for the file of a continuation."""
     data = content(path, journal.MAX_BYTES, _REMEDY, "path")
     if data.startswith(_ARCHIVE):
-        return [_MOTION]  # whose reader says what is wrong with it
+        return [_MOTION]  # the reader of motions says what is wrong with it
     if not data.startswith(b"{"):
         wanted = "an archive (.npz) or a text of JSON that this library wrote"
         remedy = f"{_REMEDY} jaxdyn.read_csv reads tables, jaxdyn.ode makes scenes of equations."
@@ -82,5 +84,5 @@ def _kinds(path: str | Path) -> list[str]:
         return [] if kind is None else [kind]
     begun = [record["begin"] for record in journal.lines(path, kind, _REMEDY) if "begin" in record]
     return [f"{kind} of {begin.get('what')}" for begin in begun if isinstance(begin, dict)] or [
-        f"{kind} of equilibria"  # which has none yet
+        f"{kind} of equilibria"  # a file that has no branch yet
     ]

@@ -1,7 +1,8 @@
 """Motions as files: archives of NumPy with the samples and a record of the scene.
 
 ``numpy.load(path)["ys"]`` has the samples; names of the k-th phase of a chain begin with "k/". The
-entry "motion.json" has the scene, of a batch that of its first motion, and what else is no array.
+entry "motion.json" has the scene (for a batch, that of its first motion) and all else that is not
+an array.
 """
 
 from pathlib import Path
@@ -52,7 +53,7 @@ _ESTIMATE = {
 _KINDS = {"float": "f", "int": "i", "bool": "b", "float or int": "fi"}
 _ABSENT = {"dt", "error/wanted", "switched"}  # may be None, or missing in an old file
 _MAY_BE_NAN = {"ys", "error/ys", "error/error", "error/rounding"}
-_WORDS = ("kind", "solver", "other")  # of an estimate
+_WORDS = ("kind", "solver", "other")  # fields of an estimate that are texts
 
 
 @check_first
@@ -82,12 +83,12 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
     Classes of the scene are looked up among those that are imported; nothing in a file is executed.
 
     Args:
-      path: of the .npz file.
+      path: path of the .npz file.
     Returns:
       The motion, or the chain of phases, equal to the saved one to the bit.
     Raises:
-      ValueError: `path` is no such file of this version, it is damaged or edited, its scene names
-        a class that is not imported, or 64-bit floats are off.
+      ValueError: `path` is not such a file of this version, it is damaged or edited, its scene
+        names a class that is not imported, or 64-bit floats are off.
     """
     _checks.float64()
     record, arrays, digested = archives.read(path, RECORD, _REMEDY)
@@ -108,7 +109,7 @@ def _refusal(expected: str, got: Any) -> ValueError:
 
 
 def _decode(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory | HybridTrajectory:
-    """The motion of a record; takes its arrays out of `arrays`."""
+    """The motion of a record; its arrays are taken out of `arrays`."""
     pieces, chain = record["pieces"], record["chain"]
     if chain is None:
         if len(pieces) != 1:
@@ -119,7 +120,7 @@ def _decode(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory
         own = {name: arrays.pop(name) for name in [*arrays] if name.startswith(f"{i}/")}
         own = {name.removeprefix(f"{i}/"): x for name, x in own.items()}
         found.append(_piece(piece, own))
-        arrays |= {f"{i}/{name}": x for name, x in own.items()}  # which no motion has
+        arrays |= {f"{i}/{name}": x for name, x in own.items()}  # what no motion has
     return _chain(chain, tuple(found), arrays)
 
 
@@ -135,7 +136,7 @@ def _leaves(scene: Scene) -> dict[str, Any]:
 
 
 def _record(piece: Trajectory) -> dict[str, Any]:
-    """What of a motion is no array."""
+    """The parts of a motion that are not arrays."""
     if piece.method is not None and _METHODS.get(piece.method.name) is not piece.method:
         remedy = "Save dataclasses.replace(motion, method=None), which only loses a warning."
         raise fail("method", "one of jaxdyn.solvers", piece.method.name, remedy)
@@ -147,7 +148,7 @@ def _record(piece: Trajectory) -> dict[str, Any]:
 
 
 def _arrays(piece: Trajectory) -> dict[str, np.ndarray]:
-    """The arrays of a motion by name; of a batch those of the scene too."""
+    """The arrays of a motion by name; for a batch, also those of the scene."""
     found = {name: getattr(piece, name) for name in _ARRAYS}
     if piece.error is not None:
         found |= {f"error/{name}": getattr(piece.error, name) for name in _ESTIMATE}
@@ -159,7 +160,7 @@ def _arrays(piece: Trajectory) -> dict[str, np.ndarray]:
 def _shapes(
     scene: Scene, ts: np.ndarray, estimated: bool
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Type and shape of each array of a motion of a scene, or of a batch whose first one has it."""
+    """Type and shape of each array of a motion, or batch, whose scene, or first scene, is given."""
     *batch, s = ts.shape or (0,)
     sizes = {"s": s, "k": len(scene.y0), "2": 2}
     wanted = dict(_ARRAYS)
@@ -172,7 +173,7 @@ def _shapes(
 
 
 def _take(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict[str, np.ndarray]:
-    """The arrays of a motion of this scene, taken out of `arrays`, if they can be such ones."""
+    """The arrays of a motion of a scene, checked and taken out of `arrays`."""
     found = {}
     for name, (kind, shape) in _shapes(scene, arrays["ts"], estimated).items():
         if name in _ABSENT and name not in arrays:
@@ -194,7 +195,7 @@ def _take(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict[
 
 
 def _piece(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory:
-    """One motion, or a batch, of its record and its arrays, which are taken out."""
+    """One motion, or a batch, from its record and its arrays, which are taken out."""
     if record.keys() != {"scene", "method", "error"}:
         raise _refusal("scene, method and error of each motion", sorted(record))
     method, words = record["method"], record["error"]
@@ -223,7 +224,7 @@ def _piece(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory:
 def _chain(
     record: dict[str, Any], pieces: tuple[Trajectory, ...], arrays: dict[str, np.ndarray]
 ) -> HybridTrajectory:
-    """A chain of its record and its pieces."""
+    """A chain from its record and its pieces."""
     if record.keys() != {"names", "path", "ended", "status"}:
         raise _refusal("names, path, end and status of a chain", sorted(record))
     names, path, ended = record["names"], record["path"], record["ended"]

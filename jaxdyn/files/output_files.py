@@ -1,8 +1,8 @@
-"""Output files: checked before the work, replaced atomically.
+"""Output files, which are checked before the work and replaced atomically.
 
 Every function that writes a file calls `writable` before its work, so that a missing folder, a
 read-only one or a full disk is reported at once; `replace` writes text atomically, `append` adds
-text that is on the disk when it returns. A file has the mode that any program would give it, an
+text that is on the disk when it returns. A new file has the mode that any program would give it, an
 existing one keeps its own; a symbolic link stays, and its target is written.
 """
 
@@ -22,8 +22,8 @@ def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = (
     """The path of a file that can be written.
 
     Args:
-      path: of the file; an existing one is left unchanged.
-      name: of the argument or option, for the message.
+      path: path of the file; an existing one is left unchanged.
+      name: name of the argument or option, for the message.
       suffixes: allowed endings of its name; any if left out.
     Raises:
       ValueError: `path` has another suffix, its folder does not exist or cannot be written to, it
@@ -70,7 +70,7 @@ def unwritable(path: str | Path, error: OSError, name: str = "path") -> ValueErr
 
 
 def target_of(path: Path) -> Path:
-    """The file itself, where a path leads to it by symbolic links.
+    """The path of the file itself, where symbolic links lead to it.
 
     Raises:
       OSError: the links have no end.
@@ -106,7 +106,7 @@ def replace(path: Path, text: str | bytes) -> None:
 
 
 def append(path: Path, data: bytes) -> None:
-    """Write data at the end of a file, and have them on the disk before returning.
+    """Write data at the end of a file; they are on the disk when this returns.
 
     Raises:
       OSError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Results as plain data: samples, a record for JSON, CSV files; tables that are read."""
+"""Results as plain data: samples, a record for JSON, CSV files; and reading of tables."""
 
 import csv
 import io
@@ -23,7 +23,7 @@ from jaxdyn.status import Status
 
 @check_first
 def samples(motion: Trajectory | HybridTrajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s,) [s] and states (s, k) of all phases, and after the last exit of a chain."""
+    """Times (s,) [s] and states (s, k) of all phases, and the state after a chain's last exit."""
     pieces = pieces_of(motion)
     ts = [np.asarray(piece.ts) for piece in pieces]
     ys = [np.asarray(piece.ys) for piece in pieces]
@@ -88,7 +88,7 @@ def write_csv(path: str | Path, motion: Trajectory | HybridTrajectory) -> Path:
     Its first line has the columns with their units; samples that were not reached are empty.
 
     Args:
-      path: of the .csv file.
+      path: path of the .csv file.
       motion: one motion, or a chain of phases.
     Raises:
       ValueError: `path` cannot be written, or `motion` is a batch.
@@ -104,8 +104,8 @@ def write_columns(path: str | Path, names: Sequence[str], rows: Iterable[Sequenc
     """Write a CSV file of rows under the names of their columns; None is an empty cell.
 
     Args:
-      path: of the .csv file.
-      names: of the columns, with their units.
+      path: path of the .csv file.
+      names: names of the columns, with their units.
       rows: numbers or texts.
     Raises:
       ValueError: `path` cannot be written.
@@ -128,7 +128,7 @@ def write_labelled(path: str | Path, labelled: Labelled) -> Path:
 
 #: Names of the column of times, in small letters.
 _TIMES = ("t", "time")
-#: A name, and its unit in brackets if there is one.
+#: The head of a column: a name, and its unit in brackets if there is one.
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
 #: Units of columns that are converted to SI units and radians.
 _UNITS = {"deg": math.pi / 180, "degrees": math.pi / 180, "cm": 0.01, "mm": 0.001, "ms": 0.001}
@@ -136,20 +136,20 @@ _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    r"""The columns of a table in a text file, by name: what `write_csv` writes, and what others do.
+    r"""The columns of a table in a text file, by name; from `write_csv` or other programs.
 
     Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
     spaces. Lines that begin with # are skipped. A unit in brackets behind a name is taken off;
     degrees, cm, mm and ms become radians, m and s. "time" is called "t".
 
     Args:
-      path: of the file.
-      names: of the columns, for a file without a line of names.
+      path: path of the file.
+      names: names of the columns, for a file without a line of names.
     Returns:
       Arrays (s,) by name; NaN for empty places.
     Raises:
-      ValueError: `path` cannot be read, a line has another number of columns or what is no number,
-        or two columns have one name.
+      ValueError: `path` cannot be read, a line has another number of columns or something that is
+        not a number, or two columns have one name.
     Example:
       >>> import tempfile, jaxdyn
       >>> with tempfile.TemporaryDirectory() as folder:
@@ -188,7 +188,7 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
 
 def _cells(line: str, separator: str | None) -> list[str]:
     cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
-    # Where commas do not separate columns they stand before decimals.
+    # Where commas do not separate columns, they are decimal commas.
     return cells if separator == "," else [cell.replace(",", ".") for cell in cells]
 
 
