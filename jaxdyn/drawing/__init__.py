@@ -6,16 +6,17 @@ starts.
 
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
 chaos), `bifurcations`, `fits`, `responses` (Bode plots), `animation`, `free_body` (forces on each
-body). Their parts: `contents` (what is drawn of a motion), `figures` (the look of all pictures),
+body). Their parts: `contents` (what a picture of a motion shows), `figures` (the look of all
+pictures),
 `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`, `titles`. Only
 the command lines and `orbits.drawing` import this folder, since Matplotlib is slow to load;
 ``import jaxdyn`` does not load it.
 
 May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`.
 
-One more picture is one more file with a function ``name(found, path=None, *, title=None)`` that
-checks its file by `image_files.picture_path`, draws on `figures.blank` with `figures.style`, and
-ends in `figures.finish`; and one more line below.
+To add a picture, write a file with a function ``name(found, path=None, *, title=None)`` that checks
+its path by `image_files.picture_path`, draws on `figures.blank` with `figures.style` and ends with
+`figures.finish`, and add a line below.
 """
 
 from jaxdyn.drawing.accuracy import judgement, work_precision

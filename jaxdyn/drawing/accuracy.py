@@ -30,9 +30,9 @@ def work_precision(
     """A picture of error against time, and against right-hand sides, one curve per solver.
 
     Args:
-      found: what `work_precision.work_precision` returned.
+      found: result of `work_precision.work_precision`.
       path: file to write, .png, .pdf or .svg.
-      title: its title.
+      title: title of the picture.
       solvers: names of solvers in the order of their colours, for several pictures in which each
         solver has one colour; others follow, in the order of `found`.
     Raises:
@@ -65,12 +65,12 @@ def judgement(found: Mapping[str, WorkPrecision], path=None) -> Figure:
     """A picture of the error obtained against the tolerance requested.
 
     On the dashed line the two are equal. A solver whose curve is parallel to it follows the
-    tolerance: a tenth of it gives a tenth of the error. Where a curve is above the line, errors
-    of steps accumulated; a flat end is rounding. Solvers of fixed step have no tolerance and are
-    left out.
+    tolerance: a tenth of the tolerance gives a tenth of the error. Where a curve is above the line,
+    the errors of the steps accumulated; a flat end is due to rounding. Solvers with a fixed step
+    have no tolerance and are left out.
 
     Args:
-      found: what `work_precision.work_precision` returned, by the name of the scene.
+      found: results of `work_precision.work_precision`, by the names of the scenes.
       path: file to write, .png, .pdf or .svg.
     Raises:
       ValueError: `found` is empty, a scene has no solver with a tolerance, or `path` cannot be

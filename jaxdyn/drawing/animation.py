@@ -3,10 +3,10 @@
 A motion of a few seconds is shown in real time, a shorter or longer one slower or faster by a
 round factor, which is shown in the picture.
 
-A GIF needs nothing more, an MP4 needs the program ffmpeg. Frames show states of the fine curve
-that `paths` finds, never interpolated between: a straight line between two of them is not on the
-path. What does not move (axes, grid, labels) is drawn once and copied under every frame:
-Matplotlib's own way, redrawing the figure for each frame, takes several times as long.
+A GIF needs no other program, an MP4 needs ffmpeg. Frames show states of the fine curve that `paths`
+finds, without interpolation between them, since a straight line between two of them is not on the
+path. What does not move (axes, grid, labels) is drawn once and copied under every frame, since
+Matplotlib's own method, which redraws the figure for each frame, takes several times as long.
 """
 
 import itertools
@@ -34,12 +34,12 @@ from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 
 _DPI = 100
-_CORNER = 0.02  # of the figure: position of the clock
-_SHADES = 24  # of a trail
-_SHORT, _LONG = 1.0, 10.0  # [s] of a motion that is shown in real time
-_WATCHED = 4.0  # [s] shortest duration of the others
-_SAME = 0.02  # of a pace
-_SHORTEST = 0.02  # [s] per frame of a GIF: viewers slow down shorter ones
+_CORNER = 0.02  # distance of the clock from the edges, as a share of the figure
+_SHADES = 24  # number of shades of a trail
+_SHORT, _LONG = 1.0, 10.0  # [s] shortest and longest motion that is shown in real time
+_WATCHED = 4.0  # [s] shortest duration of the animation of a shorter motion
+_SAME = 0.02  # relative difference of two paces that is not visible
+_SHORTEST = 0.02  # [s] shortest frame of a GIF: viewers slow down shorter ones
 
 
 @check_first
@@ -54,10 +54,10 @@ def animate(
     """Write an animation of a motion, from its start to where its run ended; return the path.
 
     Args:
-      motion: what `simulate` or `simulate_phases` returned.
+      motion: result of `simulate` or `simulate_phases`.
       path: file to write, .gif or .mp4.
-      seconds: its duration [s]; by default that of the motion where it is 1 to 10 s, else a round
-        part or multiple of it, which is shown in the picture.
+      seconds: duration of the animation [s]; by default that of the motion if this is 1 to 10 s,
+        otherwise a round fraction or multiple of it, which is shown in the picture.
       fps: frames per second; in a GIF rounded to whole hundredths of a second per frame.
       trail: length of the trails as a share of the whole motion, 0 to 1.
     Raises:
@@ -91,10 +91,10 @@ def animate(
 
 
 class _Stage(Figure):
-    """A figure whose background is drawn once; saving it draws its actors on top."""
+    """A figure whose background is drawn once; saving it draws the moving artists on top."""
 
     def set_up(self, actors) -> None:
-        """Draw the background, after the writer was set up: it may change the size."""
+        """Draw the background, once the writer is set up, since that may change the size."""
         self.actors = actors
         for actor in actors:
             actor.set_animated(True)
@@ -103,7 +103,7 @@ class _Stage(Figure):
         self.ground = self.agg.copy_from_bbox(self.bbox)
 
     def savefig(self, fname, **kwargs) -> None:
-        """Write one frame as bytes; format and dpi are those of the stage."""
+        """Write one frame as bytes, in the format and with the dpi of this figure."""
         del kwargs
         self.agg.restore_region(self.ground)
         for actor in self.actors:
@@ -120,7 +120,7 @@ class _Actors:
         self.drawn, self.trail, self.note = drawn, trail * (drawn.ts[-1] - drawn.ts[0]), note
         own = colours(drawn)
         fade = np.linspace(0.0, 1.0, _SHADES + 1)[1:]
-        # Shades of white instead of transparency: overlapping ends would show as beads.
+        # Mixtures with white instead of transparency, whose overlapping ends would show as beads.
         pale = [1 - f * (1 - np.array(to_rgb(colour))) for f in fade for colour in own]
         widths = np.repeat(0.4 + 2.2 * fade, len(own))
         self.trails = draw_lines(ax, [], colors=pale, linewidths=widths)
@@ -131,7 +131,7 @@ class _Actors:
         ]
         # Enough decimal places to resolve a hundredth of the span.
         self.places = max(0, 2 - math.floor(math.log10(abs(drawn.ts[-1] - drawn.ts[0]))))
-        # In the corner of the figure: solid axes reach beyond it.
+        # It is in the corner of the figure, since solid axes reach beyond their own corner.
         self.clock = ax.figure.text(_CORNER, 1 - _CORNER, "", va="top")
 
     @property
@@ -161,7 +161,7 @@ class _Pace(NamedTuple):
 
 
 def _pace(span: float, seconds: float | None) -> _Pace:
-    """Real time if neither too short nor too long, else a round factor of it; or as given."""
+    """The given pace, or real time for a span of moderate length, or else a round factor of it."""
     if seconds is not None:
         return _Pace(float(seconds), _factor(span / seconds))
     if _SHORT <= span <= _LONG:
@@ -194,7 +194,7 @@ def _timing(path: Path, samples: int, seconds: float, fps: float):
             )
         writer = FFMpegWriter(fps=count / seconds)  # pyright: ignore[reportArgumentType]
     else:
-        # GIF frames last whole hundredths of a second; enough frames to fill the time.
+        # GIF frames last whole hundredths of a second; there are enough of them to fill the time.
         frame = max(_SHORTEST, round(seconds / count, 2))
         count = max(2, min(samples, round(seconds / frame)))
         # The writer cuts off 1000/fps [ms], so 29.999 would become 29 and then 20.

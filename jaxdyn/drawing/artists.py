@@ -1,6 +1,7 @@
 """The moving shapes of a motion as Matplotlib artists: rods, springs, wheels, pins.
 
-Created once and moved to a sample: the start for a picture, each frame for an animation.
+They are created once and then moved to a sample: the start for a picture, that of each frame for an
+animation.
 """
 
 import numpy as np
@@ -12,13 +13,13 @@ from jaxdyn.drawing.figures import INK
 from jaxdyn.drawing.panels import draw_lines
 from jaxdyn.drawing.strokes import grounds, strokes
 
-_SPRING = 0.022  # half width of a spring, to the widest side of the box
-_AREAS = 1.4  # depth at which filled areas are drawn
-ABOVE_AREAS = 1.5  # and of poses at other times, which one filled at the start must not hide
+_SPRING = 0.022  # half width of a spring over the widest side of the box
+_AREAS = 1.4  # drawing order (zorder) of filled areas
+ABOVE_AREAS = 1.5  # that of poses at other times, which an area filled at the start must not hide
 BODY = "#e6e9ee"
 GROUND = "#8c8c8c"
-_PIN = 22  # points
-#: A triangle with its tip at the pin's position, and the ground it is fixed to.
+_PIN = 22  # size of the marker of a pin [points]
+#: A triangle with its tip at the pin's position, and the ground to which it is fixed.
 HUNG = np.array([[0.0, 0.0], [-0.6, 0.9], [-1.0, 0.9], [1.0, 0.9], [0.6, 0.9], [0.0, 0.0]])
 
 
@@ -30,7 +31,7 @@ class Shapes:
         draw_lines(ax, grounds(drawn), colors=GROUND, linewidths=1.6, zorder=0.6)
         fills = (("areas", BODY, _AREAS), ("solids", INK, 2.6)) if ax.name != "3d" else ()
         self._filled = {kind: _add_polygons(ax, colour, order) for kind, colour, order in fills}
-        # In space edges at the back are drawn too, thinner to avoid clutter.
+        # In space the edges at the back are drawn too; lines are thinner to avoid clutter.
         width = 1.3 if ax.name == "3d" else 2.0
         self._lines = draw_lines(ax, [], colors=INK, linewidths=width, zorder=2.5)
         self._springs = draw_lines(ax, [], colors=INK, linewidths=1.1, zorder=2.4)
@@ -47,7 +48,7 @@ class Shapes:
         return [self._pins, *self._filled.values(), self._springs, self._lines]
 
     def show(self, sample: int) -> None:
-        """Move everything to its position at a sample."""
+        """Move all artists to their positions at a sample."""
         now = strokes(self.drawn, sample, self.width)
         for kind, artist in self._filled.items():
             artist.set_verts(getattr(now, kind))
@@ -70,6 +71,6 @@ def draw_pose(ax, drawn: Paths, sample: int, **style) -> None:
 
 
 def _add_polygons(ax, colour: str, order: float) -> PolyCollection:
-    """Closed polylines filled with a colour."""
+    """A collection, added to the axes, of closed polylines filled with a colour."""
     filled = PolyCollection([], facecolors=colour, edgecolors=INK, linewidths=1.3, zorder=order)
     return ax.add_collection(filled, autolim=False)

@@ -23,7 +23,7 @@ RESTS = {
     Kind.BRANCH: "D",
     Kind.HOPF: "o",
 }
-#: Of the points of codimension two, in the order of their first appearance.
+#: Markers of the kinds of points of codimension two, in the order of their first appearance.
 _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
 
@@ -39,15 +39,15 @@ def equilibria(
 ) -> Figure:
     """A picture of families of equilibria: one entry of the state over the parameter.
 
-    Stable stretches are solid, unstable ones dashed, those between two verdicts or without one
-    dotted; special points are marked.
+    Stable stretches are solid and unstable ones dashed; stretches without a verdict, or on which it
+    changes without a special point, are dotted. Special points are marked.
 
     Args:
-      families: from `continue_equilibria` and `switch_branch`, of one scene.
+      families: results of `continue_equilibria` and `switch_branch` for one scene.
       path: file to write, .png, .pdf or .svg.
       entry: name of the entry; by default the one that changes most.
       parameter: name of the parameter.
-      title: its title.
+      title: title of the picture.
     Raises:
       ValueError: `path` cannot be written, there is no family, or no such entry.
     """
@@ -79,10 +79,10 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     Curves of subcritical Hopf points are dashed; points of codimension two are marked.
 
     Args:
-      curves: from `jaxdyn.continue_curve` and `orbits.continue_curve`, of one scene and the same
-        parameters.
+      curves: results of `jaxdyn.continue_curve` and `orbits.continue_curve`, for one scene and the
+        same parameters.
       path: file to write, .png, .pdf or .svg.
-      title: its title.
+      title: title of the picture.
     Raises:
       ValueError: `path` cannot be written, or there is no curve.
     """
@@ -112,7 +112,7 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
 
 
 def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
-    """Consecutive points with what all their pairs of neighbours have in common."""
+    """Runs of consecutive points, each with the property that all its pairs of neighbours share."""
     found: list[tuple[str, list]] = []
     for one, two in itertools.pairwise(points):
         which = of_pair(one, two)
@@ -129,10 +129,11 @@ def stretches(
     verdict: Callable[[Any], str],
     place: Callable[[Any], np.ndarray],
 ) -> list[tuple[str, list, bool]]:
-    """Runs of points of one verdict, cut at special points; whether legends name them.
+    """Runs of points of one verdict, cut at special points, and whether legends name them.
 
     Where the verdict changes without a special point to cut at, the line is drawn like one without
-    a verdict, but no point of it is undecided: a legend would name a line that nobody sees.
+    a verdict. If no point of it is undecided, legends do not name it, since they would name a line
+    that nobody sees.
     """
     pieces: list[tuple[str, list]] = []
     for one, two in itertools.pairwise(points):
@@ -166,7 +167,10 @@ def _between(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
 
 
 def _criticality(one, two) -> str:
-    """Of Hopf points; special points between them have none, nor have those of orbits."""
+    """The criticality of two neighbouring Hopf points; "" if neither has one.
+
+    Special points between them have none, nor have points of curves of orbits.
+    """
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 
 

@@ -1,7 +1,7 @@
 """Pictures of functions of two numbers: stability charts and maps of chaos.
 
-Charts show where motions are stable and their growth rates elsewhere, maps where they are regular
-and how fast others diverge.
+Charts show where motions are stable, and the growth rates elsewhere; maps show where they are
+regular, and how fast the others diverge.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ from jaxdyn.files.image_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"
-_MOST = 8.0  # of the MEGNO that is told apart: above it a motion is chaotic beyond doubt
+_MOST = 8.0  # largest MEGNO with a colour of its own: above it a motion is chaotic beyond doubt
 _REGULAR = 2.0  # the MEGNO of quasi-periodic motions
 
 
@@ -28,10 +28,11 @@ _REGULAR = 2.0  # the MEGNO of quasi-periodic motions
 def stability_chart(
     chart: Chart, path=None, *, names=("first", "second"), title: str | None = None
 ) -> Figure:
-    """A picture of a chart: stable in blue, the rest darker with the growth rate.
+    """A picture of a chart: stable points in blue, unstable ones the darker, the faster they grow.
 
     Args:
-      chart: what `floquet.chart` or `upright.upright_chart` returned, at least 2 x 2.
+      chart: result of `floquet.chart` or of `jaxdyn.hard.cases.shaken.upright_chart`, at least
+        2 x 2.
       path: file to write, .png, .pdf or .svg.
       names: its two parameters, with their units; the first goes up, the second across.
       title: its title.
@@ -66,7 +67,7 @@ def chaos_map(
     """A picture of a map: regular motions in white to blue, chaotic ones in red.
 
     Args:
-      found: what `chaos.chaos_map` returned, at least 2 x 2.
+      found: result of `chaos.chaos_map`, at least 2 x 2.
       path: file to write, .png, .pdf or .svg.
       names: its two numbers, with their units; the first goes up, the second across.
       title: its title.
@@ -85,7 +86,7 @@ def chaos_map(
         shading="nearest",
         rasterized=True,
     )
-    # Where there is no motion.
+    # This colour shows where there is no motion.
     ax.set_facecolor("#d9d9d9")
     figure.colorbar(drawn, ax=ax, label="mean MEGNO (2: regular)", extend="max")
     ax.set(xlabel=names[1], ylabel=names[0], title=readable(title))

@@ -1,7 +1,7 @@
 """The contents of a picture of a motion: paths of points, and moving shapes.
 
-Plain arrays for any drawing library: pictures and animations here, a page in a browser. The look
-of a scene is defined by `System.sketch` and `Effect.sketch`.
+They are plain arrays for any drawing library, that of the pictures and animations here or that of a
+page in a browser. The look of a scene is defined by `System.sketch` and `Effect.sketch`.
 """
 
 import re
@@ -18,7 +18,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.sketch import Kind
 
-_LOOKS = 100  # samples at which the extent of shapes is evaluated
+_LOOKS = 100  # number of samples at which the extent of shapes is evaluated
 
 
 class Moving(NamedTuple):
@@ -32,15 +32,15 @@ class Paths(NamedTuple):
     """The data for a picture of a motion.
 
     Attributes:
-      ts: (s,) times up to which the run got.
-      xyz: (s, n, D) paths drawn, each in its own colour, D = 2 or 3; (time, x) for motion on
-        a line.
-      names: (n,) of the paths; empty for a single one.
-      labels: (D,) of the axes.
-      second: the unit of time after a number: " s", or nothing where G = 1.
+      ts: (s,) times of the samples that the run reached.
+      xyz: (s, n, D) paths that are drawn, each in its own colour, D = 2 or 3; (time, x) for motion
+        on a line.
+      names: (n,) names of the paths; empty for a single one.
+      labels: (D,) labels of the axes.
+      second: the unit of time after a number: " s", or "" where G = 1.
       equal: whether all axes have one scale.
       stopped: why the run stopped early; empty if it did not.
-      shapes: the moving shapes; only lines on axes of two scales.
+      shapes: the moving shapes; on axes of two scales only lines.
       corners: indices of the samples where a later phase of a chain begins.
     """
 
@@ -57,14 +57,14 @@ class Paths(NamedTuple):
 
 @check_first
 def paths(motion: Trajectory | HybridTrajectory) -> Paths:
-    """The contents of a picture of a motion, a chain of phases or part of a run that stopped.
+    """The contents of a picture of a motion, a chain of phases or the part of a run that stopped.
 
-    Points move in a plane, in space or on a line; a state of two or three entries without
-    points is drawn itself. The paths are those that the scene's sketch names (its traces), or
-    those of all points.
+    Points move in a plane, in space or on a line; a system without points is drawn in its state
+    space, of two or three dimensions. The paths are those that the scene's sketch names (its
+    traces), or those of all points.
 
     Args:
-      motion: what `simulate` or `simulate_phases` returned.
+      motion: result of `simulate` or `simulate_phases`.
     Raises:
       ValueError: `motion` is a batch, or has nothing to draw.
     """
@@ -132,7 +132,7 @@ def in_time(drawn: Paths, count: int) -> np.ndarray:
 
 
 def _common(parts: Sequence[Part]) -> list[tuple[Outline, np.ndarray]]:
-    """The outlines (s, m, k, d) common to all parts: phases may have different effects."""
+    """The outlines (s, m, k, d) common to all parts, since phases may have different effects."""
     kept = [
         outline for outline in parts[0].outlines if all(outline in part.outlines for part in parts)
     ]
@@ -146,7 +146,7 @@ def _against(ts: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def _is_phase_plane(piece: Trajectory) -> bool:
-    """Whether the drawing is of a state of two entries with different units."""
+    """Whether the drawing shows a state of two entries with different units."""
     units = [unit for _, unit in piece.scene.labels()]
     return not piece.scene.has_points and len(units) == 2 and units[0] != units[1]
 

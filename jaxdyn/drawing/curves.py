@@ -1,9 +1,8 @@
 """Smooth curves through the samples of a motion, even if they are few.
 
 Between two samples the state is the polynomial of degree 5 with the values, rates and second
-derivatives of both, and points follow from it. For uniform circular motion the error is 3e-5 of
-the radius with 6 samples per turn and 2e-3 with 3; with fewer, more samples are needed for a
-meaningful picture.
+derivatives of both, and the points follow from it. For uniform circular motion the error is 3e-5 of
+the radius with 6 samples per turn and 2e-3 with 3; fewer are not enough for a meaningful picture.
 """
 
 import math
@@ -19,11 +18,11 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.sketch import Kind
 
-CURVE_SAMPLES = 2000  # samples of a curve that looks smooth at any size of a picture
+CURVE_SAMPLES = 2000  # number of samples with which a curve looks smooth in a picture of any size
 
 
 class Outline(NamedTuple):
-    """The identity of a shape of a scene: kind, name, corners (m, k), which of those."""
+    """The identity of a shape of a scene: kind, name, corners (m, k), number among its equals."""
 
     kind: Kind
     name: str
@@ -48,7 +47,7 @@ def samples_reached(piece: Trajectory) -> int:
 def fine(piece: Trajectory, count: int, pieces: int) -> Part:
     """The curve through the first `count` samples of one of `pieces` pieces.
 
-    A system without points is drawn by its state.
+    For a system without points it is a curve in its state space.
     """
     scene = piece.scene
     ts, ys = states(piece, count, pieces)
@@ -57,7 +56,7 @@ def fine(piece: Trajectory, count: int, pieces: int) -> Part:
 
 
 def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s,) and states (s, k) on that curve."""
+    """Times (s,) and states (s, k) on the curve of `fine`."""
     ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
     parts = -(-CURVE_SAMPLES // (pieces * max(count - 1, 1)))
     if parts < 2 or count < 2:
@@ -73,7 +72,7 @@ def _between(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
     h = np.diff(ts)[:, None]
     start, bend, step = h * v[:-1], h**2 * a[:-1] / 2, np.diff(y, axis=0)
     miss = step - start - bend, h * v[1:] - start - 2 * bend, h**2 * a[1:] / 2 - bend
-    # The polynomial of degree 5: from the errors of degree 2 at the end, to second order.
+    # The polynomial of degree 5 from the errors, at the end, of the one of degree 2.
     cubic = 10 * miss[0] - 4 * miss[1] + miss[2]
     quartic = -15 * miss[0] + 7 * miss[1] - 2 * miss[2]
     quintic = 6 * miss[0] - 3 * miss[1] + miss[2]

@@ -1,6 +1,6 @@
 """Common parts of all pictures: an empty figure, the palette, the look of axes, output.
 
-Uses Matplotlib's objects, never pyplot: no window opens and no global state changes.
+It uses Matplotlib's objects, never pyplot, so that no window opens and no global state changes.
 """
 
 import io
@@ -19,17 +19,17 @@ from PIL import Image
 
 from jaxdyn._checks import fail
 
-#: Okabe and Ito (2008), Color Universal Design; without their yellow, too faint on white.
+#: Colours of Okabe and Ito (2008), Color Universal Design, except yellow, too faint on white.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 INK = "#404040"
 GRID = "#e4e4e4"
 DPI = 150
-#: Bytes of a small picture, 30 kB as text: a notebook keeps one for each cell that shows one.
+#: Most bytes of a small picture, 30 kB as text: a notebook keeps one for each cell that shows one.
 MOST_BYTES = 22_000
-_SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first that is small enough
+_SMALL_DPI, _SMALL_COLOURS = (72, 60, 45, 30), 64  # the first dpi that is small enough
 
-_LEGEND = 0.5  # [in] of height for which a figure has room
-_SHADED = (0.0, 0.9)  # part of a colour map: its end is too faint on white
+_LEGEND = 0.5  # [in] height of a legend for which a figure has room
+_SHADED = (0.0, 0.9)  # part of a colour map that is used: its end is too faint on white
 
 
 class Picture(Figure):
@@ -38,14 +38,14 @@ class Picture(Figure):
     def savefig(self, *args, **kwargs) -> None:
         """Write the picture, with its layout settled.
 
-        Axes whose sides have a ratio are placed by the first pass of the layout, their title by the
-        second: after one pass a title of two lines is cut off at its top.
+        Axes with a fixed ratio of their sides are placed by the first pass of the layout, their
+        titles by the second: after one pass a title of two lines is cut off at its top.
         """
         self.draw_without_rendering()
         super().savefig(*args, **kwargs)
 
     def _repr_png_(self) -> bytes:
-        """The picture as a PNG file: called by IPython."""
+        """The picture as a PNG file, for IPython, which calls this."""
         return self._png()
 
     def small(self) -> bytes:
@@ -82,9 +82,9 @@ def blank(width: float, height: float, *, dpi: int = DPI, kind: type[F] = Pictur
 def in_space(width: float, height: float) -> Any:
     """Axes in space on an empty figure of this size [in], which is their ``figure``.
 
-    Once everything is drawn, ``ax.set_aspect("equal")`` makes all directions have one scale.
+    Once everything is drawn, ``ax.set_aspect("equal")`` gives all directions one scale.
     """
-    # The grid of solid axes has no other setting.
+    # The look of the grid of solid axes has no other setting.
     with rc_context({"grid.color": GRID, "grid.linewidth": 0.6}):
         ax = blank(width, height).add_subplot(projection="3d")
     style(ax)
@@ -92,28 +92,28 @@ def in_space(width: float, height: float) -> Any:
 
 
 def finish(figure: Figure, path: Path | None) -> Figure:
-    """The figure, written if a path is given."""
+    """The figure, which is written to the path if there is one."""
     if path is not None:
         figure.savefig(path)
     return figure
 
 
 def mark(marker: str, label: str, **style) -> Line2D:
-    """An entry of the legend that explains a marker."""
+    """The entry of a legend that explains a marker."""
     return Line2D([], [], color=INK, ls="", marker=marker, ms=7, label=label, **style)
 
 
 def shades(count: int) -> list:
-    """`count` colours: the palette's, or ordered shades where there are too few."""
+    """`count` colours: those of the palette, or ordered shades if it has too few."""
     if count <= len(PALETTE):
         return list(PALETTE[:count])
     return [tuple(shade) for shade in colormaps["viridis"](np.linspace(*_SHADED, count))]
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
-    """A legend below the panels, in as many columns as the figure is wide enough for.
+    """Add a legend below the panels, in as many columns as fit into the width of the figure.
 
-    Where it is high, the figure grows, and not the panels shrink.
+    If the legend is high, the figure grows; the panels do not shrink.
     """
     for columns in range(len(handles), 0, -1):
         legend = figure.legend(
@@ -133,7 +133,7 @@ def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
 
 
 def path_entries(names: Sequence[str], colours: Sequence) -> list[Line2D]:
-    """Entries of the legend for paths by name; none where they are more than the palette."""
+    """The legend entries of named paths; none if there are more of them than colours."""
     named = zip(names, colours, strict=True) if 0 < len(names) <= len(PALETTE) else ()
     return [Line2D([], [], color=colour, lw=2.5, label=name) for name, colour in named]
 
@@ -148,7 +148,7 @@ def legend_entries(*panels) -> list[Artist]:
 
 def style(ax) -> None:
     """Give axes, flat or solid, the look of all pictures."""
-    ax.set_prop_cycle(color=PALETTE)  # of what is drawn from now on
+    ax.set_prop_cycle(color=PALETTE)  # for what is drawn from now on
     ax.grid(True, color=GRID, lw=0.6)
     ax.set_axisbelow(True)
     ax.tick_params(colors=INK, labelsize=9)

@@ -1,4 +1,4 @@
-"""A picture of a fit: what was measured, the fitted motion with its bands, the residuals."""
+"""A picture of a fit: the measurements, the fitted motion with its bands, and the residuals."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,19 +9,19 @@ from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.fitting.result import LEVEL, Fit, with_bar
 
-_HIGH, _LOW = 2.0, 1.0  # [in] of the two panels of a column
+_HIGH, _LOW = 2.0, 1.0  # [in] heights of the two panels for a column
 
 
 def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
-    """A picture of a fit, for each column the data with the motion, and the residuals below.
+    """A picture of a fit: for each column the data with the motion, and the residuals below them.
 
-    The band is where the motion without noise lies with 95 %; residuals are in standard deviations
-    of the noise.
+    The band is where the motion without noise lies with a probability of 95 %; residuals are in
+    standard deviations of the noise.
 
     Args:
-      found: what `jaxdyn.fit` returned.
+      found: result of `jaxdyn.fit`.
       path: file to write, .png, .pdf or .svg.
-      title: its title; the parameters with their bars by default, "" for none.
+      title: title of the picture; by default the parameters with their error bars, "" for none.
     Raises:
       ValueError: `path` cannot be written.
     """

@@ -1,8 +1,8 @@
 """Free-body diagrams: every body of a scene cut free, with the forces on it as arrows.
 
-One panel shows the bodies together with their pins and the ground, then one each body alone. All
-arrows of a picture have one scale; forces too small for it are named with their numbers. Space is
-seen from a fixed direction, with its axes drawn in the corner.
+The first panel shows the bodies together, with their pins and the ground; each of the others shows
+one body alone. All arrows of a picture have one scale; forces too small for it are named with their
+numbers. Space is seen from a fixed direction, with its axes drawn in the corner.
 """
 
 import itertools
@@ -32,17 +32,17 @@ from jaxdyn.scene import Scene
 from jaxdyn.sketch import Shape
 
 _MOST_BODIES = 8
-_PANEL = 3.3  # inches
+_PANEL = 3.3  # side of a panel [in]
 _LINE, _TITLE_LINE = 0.155, 0.185  # inches per line of text
 # A body alone is drawn in a square from -1.5 to 1.5.
 _EDGE = 1.5
 _BODY_SIZE = 0.5  # the largest distance of its corners from its mass centre
 _LONGEST = 0.85  # the arrow of the largest force
 _SHORTEST = 0.03  # a shorter one is a dot with a name
-_MOTION = ("#7a7a7a", "#8e6bbd")  # of velocity and acceleration
-#: Right and up of a view of space, from the side of -y and above.
+_MOTION = ("#7a7a7a", "#8e6bbd")  # colours of velocity and acceleration
+#: The directions right and up in a view of space from above, on the side of -y.
 _VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, 0.75**0.5]])
-_ALL_ROUND = 16  # directions and distances in which a label is tried
+_ALL_ROUND = 16  # number of directions, all round, in which a label is tried
 _FAR = (0.08, 0.2, 0.34, 0.5)
 
 
@@ -55,18 +55,18 @@ def free_body(
     motion: bool = False,
     title: str | None = None,
 ) -> Figure:
-    """The free-body diagrams of a scene at a state, or of a motion at a time.
+    """The free-body diagrams of a scene in a state, or of a motion at a time.
 
-    The numbers are those of `analysis.free_body`, which says how far sum F = m a is satisfied; so
-    does the picture.
+    The numbers are those of `analysis.free_body`, which finds by how much sum F = m a is violated;
+    the picture shows this, too.
 
     Args:
-      of: a scene, or what `simulate` or `simulate_phases` returned.
+      of: a scene, or the result of `simulate` or `simulate_phases`.
       t: () time [s].
-      y: (k,) state of a scene, its start by default; not of a motion, which has its own.
+      y: (k,) state of a scene, its start by default; not for a motion, which has its own.
       path: file to write, .png, .pdf or .svg.
       motion: whether velocity and acceleration of each mass centre are drawn, too.
-      title: the scene with its numbers by default, "" for none.
+      title: title of the picture; by default the scene with its numbers, "" for none.
     Returns:
       The figure: the scene, then each body with its forces.
     Raises:
@@ -163,7 +163,7 @@ def _verdict(found: FreeBodies) -> str:
 
 
 def _flat(x: Any, view: np.ndarray) -> np.ndarray:
-    """Places or vectors (..., d) in the plane of the picture; those on a line along x."""
+    """Positions or vectors (..., d) in the plane of the picture; those on a line are along x."""
     x = np.asarray(x, float)
     if x.shape[-1] == 1:
         return np.concatenate([x, np.zeros_like(x)], axis=-1)
@@ -171,7 +171,7 @@ def _flat(x: Any, view: np.ndarray) -> np.ndarray:
 
 
 def _shapes(shapes: tuple[Shape, ...], view: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """(kind, corners (k, 2)) of every line of the shapes."""
+    """The kind and the corners (k, 2) of every line of the shapes."""
     return [
         (shape.kind, line)
         for shape in shapes
@@ -181,7 +181,7 @@ def _shapes(shapes: tuple[Shape, ...], view: np.ndarray) -> list[tuple[str, np.n
 
 
 def _draw_shapes(ax, shapes: list[tuple[str, np.ndarray]], width: float) -> None:
-    """Lines, areas, springs, pins and the ground, with springs of this half width."""
+    """Draw lines, areas, springs of this half width, pins and the ground."""
     of = {kind: [line for k, line in shapes if k == kind] for kind, _ in shapes}
     get = lambda kind: of.get(kind, [])  # noqa: E731
     springs = [coil(ends, width) for ends in get("spring")]
@@ -203,7 +203,7 @@ def _draw_shapes(ax, shapes: list[tuple[str, np.ndarray]], width: float) -> None
 
 
 def _together(ax, shapes: list, found: FreeBodies, view: np.ndarray) -> None:
-    """The scene as it is, with the names of the bodies."""
+    """Draw the scene as it is, with the names of the bodies."""
     centres = np.stack([_flat(body.centre, view) for body in found.bodies])
     corners = np.concatenate([centres, *(line for _, line in shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -241,13 +241,13 @@ def _together(ax, shapes: list, found: FreeBodies, view: np.ndarray) -> None:
 
 
 def _round_length(x: float) -> float:
-    """The next smaller of 1, 2 and 5 times a power of ten."""
+    """The largest of 1, 2 and 5 times powers of ten that is not above a number."""
     power = 10.0 ** np.floor(np.log10(x))
     return float(max(k for k in (1, 2, 5) if k * power <= x * (1 + 1e-9)) * power)
 
 
 def _axes(ax, corner: np.ndarray, length: float, view: np.ndarray) -> None:
-    """The directions of x, y and z in a corner."""
+    """Draw the directions of x, y and z in a corner."""
     for name, way in zip("xyz", view.T, strict=True):
         _arrow(ax, corner, corner + length * way, INK, width=0.9)
         ax.text(
@@ -264,7 +264,7 @@ def _alone(
     view: np.ndarray,
     motion: bool,
 ) -> None:
-    """One body with its arrows."""
+    """Draw one body with its arrows."""
     ax.set(xlim=(-_EDGE, _EDGE), ylim=(-_EDGE, _EDGE))
     ax.set_aspect("equal")
     ax.axis("off")
@@ -308,9 +308,9 @@ def _alone(
 def _draw_force(
     ax, at: np.ndarray, vector: np.ndarray, largest: float, colour: str, drawn: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw one arrow beside those drawn already; where its label belongs, and in which direction.
+    """Draw one arrow beside those drawn already; return where its label belongs, and the direction.
 
-    A force that pushes on a body ends at its point of attack, any other begins there.
+    The arrow of a force that pushes on a body ends at its point of attack, any other begins there.
     """
     arrow = _LONGEST * vector / (largest or 1.0)
     size = float(np.linalg.norm(arrow))
@@ -359,7 +359,7 @@ def _distance(points: np.ndarray, segment: np.ndarray) -> np.ndarray:
 def _draw_motion(
     ax, body: FreeBody, found: FreeBodies, view: np.ndarray, labels: "_Labels"
 ) -> list:
-    """Velocity and acceleration of the mass centre beside the body, each to its own scale."""
+    """Draw velocity and acceleration of the mass centre beside the body, each to its own scale."""
     wanted = []
     corner = labels.emptiest(np.array([[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)]))
     rounding = 1e-12 * found.largest / body.m if body.m else np.inf
@@ -410,7 +410,7 @@ def _arrow(ax, tail, tip, colour, *, width: float = 2.0, style: str = "-") -> No
 
 
 def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str) -> np.ndarray:
-    """An arc around a place in the sense of a moment: seen along its axis in space; its end."""
+    """Draw an arc round a point in the sense of a moment, seen along its axis; return its top."""
     sense = float(couple) if couple.ndim == 0 else float(couple[np.abs(couple).argmax()])
     angle = np.radians(
         np.linspace(200.0, -20.0, 40) if sense < 0 else np.linspace(-20.0, 200.0, 40)
@@ -422,26 +422,26 @@ def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str) -> np.ndarray:
 
 
 class _Labels:
-    """Labels on axes that keep off each other, off arrows and off the edge."""
+    """Labels on axes that do not overlap each other, arrows or the edge."""
 
     def __init__(self, ax):
         self.ax, self.taken, self.lines = ax, [], []
 
     def keep_off(self, lines: list[np.ndarray]) -> None:
-        """Lines (k, 2) that no label should cover."""
+        """Add lines (k, 2) that no label should cover."""
         for line in lines:
             for a, b in itertools.pairwise(line):
                 self.lines.append(a + np.linspace(0, 1, 100)[:, None] * (b - a))
             self.lines += [line] if len(line) == 1 else []
 
     def emptiest(self, places: np.ndarray) -> np.ndarray:
-        """The one of some places (p, 2) that is farthest from all lines."""
+        """The position, of several (p, 2), that is farthest from all lines."""
         points = np.concatenate([np.zeros((1, 2)), *self.lines])
         apart = np.linalg.norm(places[:, None] - points[None], axis=-1).min(axis=1)
         return places[int(apart.argmax())]
 
     def put(self, at: np.ndarray, way: np.ndarray, text: str, colour) -> None:
-        """A text near a place, preferably in this direction from it."""
+        """Put a text near a point, preferably in this direction from it."""
         ax = self.ax
         drawn = ax.text(
             *at,
@@ -470,7 +470,7 @@ class _Labels:
             over = sum(_overlap(mine, other) for other in self.taken) / (4 * half.prod())
             inside = (np.abs(points - middle) < half * 1.06).all(axis=1).sum()
             out = max(0.0, *(middle + half - [x1, y1]), *([x0, y0] - (middle - half))) / unit
-            # Off other labels and the edge first, then off lines, then near and straight ahead.
+            # First clear of other labels and the edge, then of lines, then near and straight ahead.
             cost = 40 * over + 60 * out + 0.6 * inside + 0.5 * abs(turn) + 3 * far
             tried.append((cost, tuple(middle), mine))
         _, middle, mine = min(tried, key=lambda found: found[0])

@@ -1,4 +1,4 @@
-"""Axes in which a motion is drawn to one scale, and their paths.
+"""Axes in which a motion is drawn to one scale, and the paths drawn in them.
 
 Pictures and animations of motions, alone or in a row, are made of these parts.
 """
@@ -15,11 +15,11 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from jaxdyn.drawing.contents import Paths
 from jaxdyn.drawing.figures import GRID, shades, style
 
-WIDTH = 6.4  # inches
-_PIECES = 120  # of a path; see `draw_paths`
-_LEAST_SHARE = {2: 0.25, 3: 0.5}  # of the widest direction: least width of a narrow one
-_JUMP = 1e-6  # of the extent of a motion: less is the rounding of an event
-_MARGIN = 1.12  # of the box drawn to the box of the motion
+WIDTH = 6.4  # width of a figure [in]
+_PIECES = 120  # pieces into which a path is divided; see `draw_paths`
+_LEAST_SHARE = {2: 0.25, 3: 0.5}  # least width of a direction, as a share of the widest
+_JUMP = 1e-6  # smallest jump over the extent of a motion: less is the rounding of an event
+_MARGIN = 1.12  # size of the box that is drawn over that of the motion
 
 
 def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
@@ -31,7 +31,7 @@ def limits(xyz: np.ndarray, equal: bool) -> np.ndarray:
     middle, half = (low + high) / 2, (high - low) / 2
     if equal:
         half = np.maximum(half, _LEAST_SHARE[flat.shape[1]] * half.max())
-    # A body at rest has no extent; axes cannot resolve a millionth of its position.
+    # A body at rest has no extent, and axes cannot resolve a millionth of its position.
     half = np.where(half > 1e-6 * np.abs(middle), half, np.maximum(np.abs(middle), 1.0) / 2)
     return middle[:, None] + _MARGIN * half[:, None] * np.array([-1.0, 1.0])
 
@@ -43,7 +43,7 @@ def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
     if not equal:
         return WIDTH, 0.6 * WIDTH
     across, up = np.diff(box)[:, 0]
-    room = WIDTH - 1.0  # without the labels of the axis
+    room = WIDTH - 1.0  # width without the labels of the axis
     if up > across:
         return max(1.0 + room * across / up, 3.4), room + 1.0
     return WIDTH, 1.4 + room * up / across
@@ -52,7 +52,7 @@ def size(box: np.ndarray, equal: bool) -> tuple[float, float]:
 def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
     """New axes with fixed limits (D, 2) at a position (rows, columns, index) of the figure."""
     solid = len(box) == 3
-    # The grid of solid axes has no other setting.
+    # The look of the grid of solid axes has no other setting.
     with rc_context({"grid.color": GRID, "grid.linewidth": 0.6}):
         ax: Any = figure.add_subplot(*position, projection="3d" if solid else None)
     for axis, ends, label in zip("xyz", box, drawn.labels, strict=False):
@@ -69,10 +69,9 @@ def panel(figure: Figure, drawn: Paths, box: np.ndarray, position=(1, 1, 1)):
 def draw_paths(ax, drawn: Paths, own: list) -> None:
     """Draw the paths in their own colours, early parts above late ones.
 
-    Bodies that follow each other on one curve would hide each other if they were drawn one
-    after the other: only the last colour would be visible. Ordered by time, every part of the
-    curve has the colour of the body that was there first. Where a phase ends in a jump, that is
-    dashed.
+    If bodies follow each other on one curve and their paths were drawn one after the other, only
+    the colour of the last would be visible. Ordered by time, every part of the curve has the colour
+    of the body that was there first. A jump at the end of a phase is dashed.
     """
     xyz, over = drawn.xyz, jumps(drawn)
     ends = np.linspace(0, max(len(xyz) - 1, 0), _PIECES + 1).astype(int)
@@ -86,7 +85,7 @@ def draw_paths(ax, drawn: Paths, own: list) -> None:
 
 
 def jumps(drawn: Paths) -> list[int]:
-    """The samples of a chain at which a phase begins elsewhere than the one before has ended."""
+    """The samples of a chain at which a phase begins elsewhere than the previous one ended."""
     return [i for i in drawn.corners if apart(drawn, i - 1, i)]
 
 
@@ -97,7 +96,7 @@ def apart(drawn: Paths, one: int, other: int) -> bool:
 
 
 def draw_jumps(ax, over, own: list) -> None:
-    """Draw jumps of all paths, from places (n, D) to places (n, D), dashed in their colours."""
+    """Draw a jump of all paths, from points (n, D) to points (n, D), dashed in their colours."""
     lines = [np.stack(ends) for two in over for ends in zip(*two, strict=True)]
     if lines:
         draw_lines(ax, lines, colors=own * len(over), linewidths=1.0, linestyles="dashed")

@@ -17,7 +17,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 
 #: Positions of the views, as in engineering drawings: from the front, the side and above.
 _VIEWS = {(0, 0): (0, 2), (0, 1): (1, 2), (1, 0): (0, 1)}
-_ROOM = 1.6  # inches for labels, title and legend
+_ROOM = 1.6  # [in] space for labels, title and legend
 
 
 @check_first
@@ -27,9 +27,9 @@ def projections(
     """The paths of a motion in space, projected on the x-z, y-z and x-y planes to one scale.
 
     Args:
-      motion: what `simulate` or `simulate_phases` returned.
+      motion: result of `simulate` or `simulate_phases`.
       path: file to write, .png, .pdf or .svg.
-      title: its title; the scene with its numbers by default, "" for none.
+      title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
       ValueError: `motion` is not in space or is a batch, or `path` cannot be written.
     Example:

@@ -26,12 +26,12 @@ def bode(
 
     Args:
       omega: (s,) angular frequencies, > 0 [rad/s].
-      values: (s,) or (s, n) complex responses at them, as of `vibration.receptance`.
+      values: (s,) or (s, n) complex responses at them, such as those of `vibration.receptance`.
       path: file to write, .png, .pdf or .svg.
-      names: of the n responses.
-      magnitude: what the magnitude is called, with its unit.
-      frequency: what the frequency is called, with its unit.
-      title: its title.
+      names: names of the n responses.
+      magnitude: name of the magnitude, with its unit.
+      frequency: name of the frequency, with its unit.
+      title: title of the picture.
     Raises:
       ValueError: `path` cannot be written, a frequency is not positive, or shapes do not fit.
     """

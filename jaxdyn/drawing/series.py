@@ -29,18 +29,18 @@ def time_series(
     """A picture of entries of the state against time, one panel per unit.
 
     Args:
-      motion: what `simulate` or `simulate_phases` returned. Its curves are smooth, see `curves`;
-        phases are separated by lines.
+      motion: result of `simulate` or `simulate_phases`. Curves are smooth, see `curves`; phases are
+        separated by lines.
       path: file to write, .png, .pdf or .svg.
       names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them by default.
-      title: its title; the scene with its numbers by default, "" for none.
+      title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
       ValueError: `names` has an unknown label, `motion` is a batch, or `path` cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
-    # Without units positions and velocities still get separate panels.
+    # Positions and velocities get separate panels, even without units.
     units = dict(scene.system.labels())
     shared = {units[name]: unit for name, unit in scene.labels()}
     plain = all(unit == "1" for unit in shared.values())

@@ -1,8 +1,8 @@
 """Solid axes as large as their figure allows; Matplotlib leaves room for every orientation.
 
-The extent of a box with its ticks and labels is measured, scaled up to the width of its column,
-and the figure gets the required height. Labels do not scale; their positions converge within a few
-rounds.
+The extent of a box with its ticks and labels is measured, the box is scaled up to the width of its
+column, and the figure gets the required height. Labels do not scale, so this is repeated; their
+positions converge within a few rounds.
 """
 
 import itertools
@@ -13,8 +13,8 @@ from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d import proj3d
 
 _ROUNDS = 3
-_PAD = 0.1  # inches
-_HIGHEST = 1.2  # height of a panel over its width
+_PAD = 0.1  # [in] space around the axes
+_HIGHEST = 1.2  # largest height of a panel over its width
 
 
 def fill(figure: Figure) -> None:
@@ -27,7 +27,7 @@ def fill(figure: Figure) -> None:
     pad = _PAD * figure.dpi
     below = 2 * pad + sum(legend.get_window_extent().height for legend in figure.legends)
     above = 2 * pad + max(ax.title.get_window_extent().height for ax in solid)
-    # A title above all panels, if there is one.
+    # The title above all panels, if there is one.
     above += sum(text.get_window_extent().height + pad for text in figure.texts)
     column = figure.bbox.width / len(solid)
     for _ in range(_ROUNDS):
@@ -45,19 +45,19 @@ def fill(figure: Figure) -> None:
             side = grow * square.width
             corner = middle - grow * (_middle(box) - _middle(square)) - side / 2
             ax.set_position([*corner / size, *side / size])
-            # Solid axes ignore the position of a title; that of its text is respected.
+            # Solid axes ignore the position of a title, but respect that of its text.
             ax.set_title(ax.get_title(), fontsize=ax.title.get_fontsize(), y=1.0)
             ax.title.set_y((below + grow * high + pad - corner[1]) / side)
         figure.draw_without_rendering()
 
 
 def _middle(box: Bbox) -> np.ndarray:
-    """(2,) centre of a box."""
+    """(2,) the centre of a box."""
     return np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2
 
 
 def _extent(ax) -> Bbox:
-    """Extent of the box and its labels [pixels]."""
+    """The extent of the box of the axes and its labels [pixels]."""
     renderer = ax.figure.canvas.get_renderer()
     xs, ys, zs = np.array(list(itertools.product(ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))).T
     x, y, _ = proj3d.proj_transform(xs, ys, zs, ax.get_proj())

@@ -36,10 +36,10 @@ from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
-_POSES = {2: 5, 3: 2}  # of the bodies at later times; in space more would overlap
-_MOST_LINES = 16  # of a body in space: with more, only one pose is drawn
-_ABOVE = 12  # points, room for a pin
-_LINE = 0.17  # [inches] per line of the heading
+_POSES = {2: 5, 3: 2}  # number of poses at later times; in space more would overlap
+_MOST_LINES = 16  # lines in space beyond which only one pose is drawn
+_ABOVE = 12  # space for a pin above the axes [points]
+_LINE = 0.17  # height of a line of the heading [in]
 
 
 @check_first
@@ -50,17 +50,17 @@ def trajectory(
     title: str | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """A picture of the paths of a motion or of several, with the moving bodies.
+    """A picture of the paths of one or several motions, with the moving bodies.
 
     Curves are smooth even with few samples; see `curves`.
 
     Args:
-      motion: what `simulate` or `simulate_phases` returned; with ``throw=False`` also one that
-        stopped early, which is marked by crosses and a line in the title. Several are drawn on
-        the same axes, each in its own colour.
+      motion: result of `simulate` or `simulate_phases`; with ``throw=False`` also one that stopped
+        early, which is marked by crosses and a line in the title. Several are drawn on the same
+        axes, each in its own colour.
       path: file to write, .png, .pdf or .svg.
-      title: its title; the scene with its numbers by default, "" for none.
-      names: of several motions, for the legend.
+      title: title of the picture; by default the scene with its numbers, "" for none.
+      names: names of several motions, for the legend.
     Returns:
       The figure: a plane, a box (3-D) or x against t (1-D). A notebook shows it.
     Raises:
@@ -98,10 +98,10 @@ def trajectory(
 
 
 def overview(motion: Trajectory | HybridTrajectory) -> Figure:
-    """The picture of a motion in a notebook: its paths, or what there is of it, untitled.
+    """The picture of a motion in a notebook, without a title: its paths, as far as they go.
 
-    Of a batch its first motions, as many as there are colours; entries of the state against time
-    where nothing moves in space.
+    For a batch it shows the first motions, as many as there are colours; where nothing moves in
+    space, it shows entries of the state against time.
     """
     if isinstance(motion, Trajectory) and motion.batch_shape:
         some = [*itertools.islice(np.ndindex(motion.batch_shape), len(PALETTE))]
@@ -114,14 +114,14 @@ def overview(motion: Trajectory | HybridTrajectory) -> Figure:
 
 
 def pose(scene: Scene) -> Figure:
-    """The picture of a scene in a notebook: where it starts, without a motion."""
+    """The picture of a scene in a notebook: its start, without a motion."""
     now, zero = jnp.zeros(1), jnp.asarray(0)
     still = Trajectory(scene, ts=now, ys=scene.y0[None], steps=zero, rejected=zero, status=zero)
     return trajectory(still, title="")
 
 
 def _draw(ax, drawn: Paths, own: list, box: np.ndarray, *, poses: bool) -> None:
-    """One motion in these colours."""
+    """Draw one motion in these colours."""
     draw_paths(ax, drawn, own)
     shapes = Shapes(ax, drawn, box)
     if not len(drawn.xyz):
@@ -149,7 +149,7 @@ def _draw_poses(ax, drawn: Paths) -> None:
     if size == 3 and sum(at.shape[1] for _, at in drawn.shapes) > _MOST_LINES:
         return
     poses = _POSES[size]
-    # A motion that returns to its start is shown at times in between instead.
+    # For a motion that returns to its start, the poses are at times in between instead.
     closed = all(np.allclose(at[-1], at[0]) for _, at in drawn.shapes)
     later = in_time(drawn, poses + 2)[1:-1] if closed else in_time(drawn, poses + 1)[1:]
     for k, sample in enumerate(later):
@@ -158,7 +158,7 @@ def _draw_poses(ax, drawn: Paths) -> None:
 
 
 def _marks(drawn: list[Paths]) -> list:
-    """Entries of the legend for the marks on the paths."""
+    """The legend entries of the marks on the paths."""
     marks = [mark("o", "start")]
     if any(one.corners for one in drawn):
         marks.append(mark("D", "next phase", markersize=5))

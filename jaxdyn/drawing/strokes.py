@@ -1,7 +1,7 @@
 """The strokes of a drawing at one sample of a motion: polylines, by style.
 
-Plain arrays without a drawing library, for pictures and animations; `jaxdyn/player/canvas.js` makes
-its own, of the same proportions.
+They are plain arrays, independent of a drawing library, for pictures and animations;
+`jaxdyn/player/canvas.js` makes its own strokes, of the same proportions.
 Springs get their coils here, dashpots their cylinder; straight ground lines extend as far as the
 motion above them.
 """
@@ -13,8 +13,8 @@ import numpy as np
 from jaxdyn.drawing.contents import Paths
 
 _COILS = 9
-_LEAD = 0.12  # of a spring, straight at each end
-_ROUND = 12  # corners of a coil in space
+_LEAD = 0.12  # straight part at each end of a spring, as a share of its length
+_ROUND = 12  # number of corners of a coil in space
 _BESIDE = 2.5  # offset of a dashpot from its spring, in widths
 
 
@@ -57,7 +57,7 @@ def grounds(drawn: Paths) -> list[np.ndarray]:
 
 
 def coil(ends: np.ndarray, width: float) -> np.ndarray:
-    """(k, D) a spring between ends (2, D): a zigzag in the plane, a helix in space.
+    """(k, D) the stroke of a spring between ends (2, D): a zigzag in the plane, a helix in space.
 
     The number of coils does not depend on its length, so that stretching is visible.
     """

@@ -18,11 +18,11 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
-_CHARACTER = 0.078  # inches of a title in 10 points
-_SPACE = "\0"  # at which lines are not broken
+_CHARACTER = 0.078  # width of a character of a title in 10 points [in]
+_SPACE = "\0"  # stands for a space at which lines are not broken
 _ONE = re.compile(r"\w+ = \([^()]*\)|\w+ = ")
-_MOST = 4  # entries of an array that is written in full
-_AT_ORIGIN = 1e-12  # of the size of a body: a centre this close is at the origin
+_MOST = 4  # largest number of entries of an array that is written in full
+_AT_ORIGIN = 1e-12  # distance over the size of a body below which a centre is at the origin
 
 
 @check_first
@@ -32,7 +32,7 @@ def caption(*motions: Trajectory | HybridTrajectory) -> str:
 
 
 def scenes_of(motions: Sequence[Trajectory | HybridTrajectory]) -> list[Scene]:
-    """The scene of each motion; of a chain that of its first phase."""
+    """The scene of each motion; for a chain that of its first phase."""
     return [pieces_of(motion)[0].scene for motion in motions]
 
 
@@ -40,20 +40,20 @@ def heading(title: str | None, scenes: Sequence[Scene], width: float, *lines: st
     """The heading of a picture: its title and further lines, wrapped to a width [in].
 
     Args:
-      title: the scenes are described if it is None; "" for nothing.
+      title: the title; None for a description of the scenes, "" for none.
       scenes: the scenes in the picture.
-      width: of the figure [in].
+      width: width of the figure [in].
       lines: those that are not empty follow the title.
     """
     first = describe(*scenes) if title is None else readable(title)
-    # No break between a number and its name or within an array.
+    # Lines are not broken between a number and its name or within an array.
     kept = (_ONE.sub(_without_breaks, line) for line in (first, *lines) if line)
     folded = "\n".join(textwrap.fill(line, int(width / _CHARACTER)) for line in kept)
     return folded.replace(_SPACE, " ")
 
 
 def readable(title: str | None) -> str:
-    """A title for Matplotlib: dollar signs stay as they are where they enclose no formula."""
+    """A title for Matplotlib, in which dollar signs that enclose no formula are shown as such."""
     title = title or ""
     try:
         MathTextParser("path").parse(title)
@@ -130,7 +130,7 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
 
 
 def _inertia(matter: MaterialPoints) -> dict[str, str]:
-    """Mass, principal moments about the centre of mass, and that centre where it is not at 0."""
+    """Mass, principal moments about the centre of mass, and that centre if it is not at 0."""
     centred = about_centre(matter)
     centre = np.asarray(matter.r - centred.r)[0]
     found = {
@@ -142,6 +142,6 @@ def _inertia(matter: MaterialPoints) -> dict[str, str]:
 
 
 def _text_of(x) -> str:
-    """One or a few numbers in four digits."""
+    """The text of one or a few numbers, with four digits."""
     values = ", ".join(f"{value:.4g}" for value in np.ravel(x))
     return f"({values})" if np.size(x) > 1 else values
