@@ -1,12 +1,13 @@
 """Bars in the plane, hinged in a row: by their angles, or as bodies or points with ties.
 
-Angles are measured counterclockwise from hanging straight down; x points right, y up, the
-first hinge is the origin. The bars are uniform, or massless with points at their ends. A uniform
-bar is equivalent to three points: a sixth of its mass at each
-end and the rest at its middle (Simpson's rule, exact for the moment of inertia). The points
-are therefore the hinges and the middles, and a drawing that joins the hinges shows the bars.
+Angles are measured counterclockwise from hanging straight down; x points right, y up, and the first
+hinge is the origin. The bars are uniform, or massless with point masses at their ends. A uniform
+bar is equivalent to three points: a sixth of its mass at each end and the rest at its middle
+(Simpson's rule, exact for the moment of inertia). The points are therefore the hinges and the
+middles, and a drawing that joins the hinges shows the bars.
 
-Here are geometry and masses; the equations of motion follow from them in `formulations`.
+This file has the geometry and the masses; the equations of motion follow from them in
+`formulations`.
 """
 
 import itertools
@@ -24,12 +25,12 @@ from jaxdyn.joints import Joint, Part, along, particles, pinned, rod
 from jaxdyn.sketch import Shape, frame, line, pin, rectangle, traces
 
 _END, _MIDDLE = 1 / 6, 4 / 6  # shares of a uniform bar's mass
-#: Bars closer than this to being stretched out count as stretched. [relative]
+#: Relative slack below which bars count as stretched out.
 _MIN_SLACK = 1e-12
 
 
 class Chain(Mechanism):
-    """Bars hinged in a row, by one angle each.
+    """Bars hinged in a row, described by one angle each.
 
     Attributes:
       m: (n,) masses [kg].
@@ -68,18 +69,18 @@ class Chain(Mechanism):
         return self._points(q)[: len(q) + 1]
 
     def bobs(self, t: Array, q: Array) -> Array:
-        """(2 n,) coordinates of the same point masses as `Bobs`."""
+        """(2 n,) the coordinates of these point masses as `Bobs`."""
         del t
         return self.joints(q)[1:].ravel()
 
     def bodies(self, t: Array, q: Array) -> Array:
-        """(3 n,) coordinates of the same bars as `Bodies`."""
+        """(3 n,) the coordinates of these bars as `Bodies`."""
         del t
         middles = self._points(q)[len(q) + 1 :]
         return jnp.concatenate([middles, self.angles(q)[:, None]], axis=1).ravel()
 
     def angles(self, q: Array) -> Array:
-        """(n,) angles of the bars from hanging straight down."""
+        """(n,) the angles of the bars from hanging straight down."""
         return _combine(np.tri(len(q)), q[:, None])[:, 0] if self.relative else q
 
     def tied(self, t, q):
@@ -124,9 +125,9 @@ class Chain(Mechanism):
 
 
 class Bodies(Mechanism):
-    """The same bars as free bodies, x y theta of each middle, tied together by hinges.
+    """The same bars as free bodies, described by x, y of each middle and theta, tied by hinges.
 
-    The multipliers of the ties are the forces in the hinges [N], x and y of each in turn.
+    The multipliers of the ties are the forces in the hinges [N], x and y for each hinge in turn.
 
     Attributes:
       m: (n,) masses [kg].
@@ -181,7 +182,7 @@ class Bodies(Mechanism):
         found = hinges(near, multipliers=True)
         if self.end is None:
             return found
-        # The last tie is the place of the far end: its multiplier is the force on it.
+        # The last tie is the position of the far end; its multiplier is the force on that end.
         return *found, pinned(f"hinge {n + 1}", n - 1, None, far[-1], 2 * n)
 
     def sketch(self, t, q):
@@ -193,7 +194,7 @@ class Bodies(Mechanism):
         check_bars(self.m, self.l, self.end)
 
     def _bars(self, q: Array) -> tuple[Array, Array, Array]:
-        """(n, 2) near ends, middles and far ends."""
+        """The near ends, middles and far ends of the bars, (n, 2) each."""
         x, y, angle = q.reshape(-1, 3).T
         middle = jnp.stack([x, y], axis=1)
         half = 0.5 * self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1)
@@ -201,7 +202,7 @@ class Bodies(Mechanism):
 
 
 class Bobs(Mechanism):
-    """Point masses in a row on massless rods from the origin, by x and y of each, with the rods.
+    """Point masses in a row on massless rods from the origin, described by x and y; rods are ties.
 
     The multipliers are the forces along the rods [N], positive where a rod pushes.
 
@@ -255,14 +256,14 @@ def row_points(bars: Array) -> Array:
 
 
 def row_masses(m: Array) -> Array:
-    """(2 n + 1,) the masses of those points, for bars of masses m (n,)."""
+    """(2 n + 1,) the masses of the points of `row_points`, for bars of masses m (n,)."""
     none = jnp.zeros(1)
     ends = _END * (jnp.concatenate([none, m]) + jnp.concatenate([m, none]))
     return jnp.concatenate([ends, _MIDDLE * m])
 
 
 def bar_parts(m: Array, joints: Array) -> tuple[Part, ...]:
-    """The bars of masses m (n,) through joints (n + 1, 2), by the points of `row_points`."""
+    """The bars of masses m (n,) through joints (n + 1, 2), as parts with points of `row_points`."""
     n = m.shape[0]
     shares = jnp.array([_END, _END, _MIDDLE])
     return tuple(
@@ -278,12 +279,12 @@ def bar_parts(m: Array, joints: Array) -> tuple[Part, ...]:
 
 
 def bob_parts(m: Array) -> tuple[Part, ...]:
-    """Point masses (n,) at the ends of massless rods, each a body."""
+    """The point masses (n,) at the ends of massless rods, each a body of its own."""
     return particles(m, tuple(f"mass {i + 1}" for i in range(m.shape[0])))
 
 
 def hinges(near: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
-    """The hinges at the near ends (n, 2) of bars, by which each is held by the one before."""
+    """The hinges at the near ends (n, 2) of bars, at which the previous bar holds each of them."""
     return tuple(
         pinned(f"hinge {i + 1}", i, i - 1 if i else None, place, 2 * i if multipliers else None)
         for i, place in enumerate(near)
@@ -291,7 +292,7 @@ def hinges(near: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
 
 
 def rods_of_bobs(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
-    """The massless rods through joints (n + 1, 2), of which the first is fixed."""
+    """The massless rods through joints (n + 1, 2), the first of which is fixed."""
     return tuple(
         rod(f"rod {i + 1}", i, i - 1 if i else None, ends, i if multipliers else None)
         for i, ends in enumerate(itertools.pairwise(joints))
@@ -299,7 +300,7 @@ def rods_of_bobs(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ..
 
 
 def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tuple[Shape, ...]:
-    """Bars through joints (n + 1, 2), pinned at the first and, unless it is free, at the last."""
+    """Shapes of bars through joints (n + 1, 2), pinned at the first and, with `end`, at the last."""
     inner = [f"hinge {i}" for i in range(1, len(joints) - 1)]
     bars, first = line(*joints), pin(joints[0])
     if end is not None:
@@ -321,7 +322,7 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
       m: (n,) masses [kg].
       l: (n,) lengths [m].
       end: (2,) where the far end is pinned [m]; None where it is free.
-      span: name of its distance in messages.
+      span: name of the distance of the far end in messages.
     """
     _checks.array("l", l, m.shape, "One length for each mass.")
     _checks.positive("l", l, "Lengths are in m.")

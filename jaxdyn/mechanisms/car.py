@@ -8,12 +8,13 @@ from jaxdyn.sketch import Shape, frame, rectangle, traces
 
 
 class Car(Skated):
-    """A planar body with two axles: its skate is the one that rolls.
+    """A planar body with two axles, whose skate is the axle that rolls.
 
     The two wheels of an axle act as one on the centre line.
 
     Attributes:
-      axles: (2,) positions of the front and rear axle along its x axis [m], for drawings only.
+      axles: (2,) positions of the front and rear axle along the body's x axis [m], for drawings
+        only.
     """
 
     axles: Array
@@ -31,7 +32,7 @@ class Car(Skated):
 
 
 def _from_above(axles: Array) -> tuple[Shape, ...]:
-    """A car in its own axes, with its axles at two positions (2,) along x."""
+    """The shapes of a car in its own axes, with its axles at positions (2,) along x."""
     base = axles[0] - axles[1]
     track, across = 0.55 * base, jnp.zeros(())
     middles = jnp.stack([axles, jnp.stack([across, across])], axis=1)

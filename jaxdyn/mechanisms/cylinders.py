@@ -1,13 +1,14 @@
 """A cylinder that rolls, slips or flies, on a fixed cylinder or on a ramp: problems 37 and 38.
 
-A cylinder of radius r with its centre of mass G at a distance d from its centre C. In contact
-with a surface, C stays at the distance r from it: with n the normal and t the tangent of the
+A cylinder of radius r has its centre of mass G at a distance d from its centre C. In contact
+with a surface, C stays at the distance r from it. With n the normal and t the tangent of the
 surface (in the direction of clockwise rolling), N the normal force and F the friction along t,
 
     m a_G = W + N n + F t,    I alpha = moment of both about G,
 
-with accelerations that satisfy the conditions of `_Contact`. Rolling determines F and N, slipping N
-with F = -mu N sign(slip). All phases have the same state [x, y, phi, velocities] of G;
+with accelerations that satisfy the conditions of `_Contact`. In rolling these determine F and N; in
+slipping they determine N, and F = -mu N sign(slip). All phases have the same state
+[x, y, phi, velocities] of G;
 `jaxdyn.scenes.phases_of` joins them.
 """
 
@@ -28,18 +29,18 @@ from jaxdyn.sketch import Shape, circle, line, traces
 
 #: Kinds of contact; a slip is named by the direction of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")
-#: The sign of the slip in each.
+#: The sign of the slip in each kind of contact that slips.
 SLIPS = {"slip_on": 1.0, "slip_back": -1.0}
 
 
-_MAX_OVERLAP = 1e-9  # of the lengths involved: a start with a deeper overlap is refused
+_MAX_OVERLAP = 1e-9  # largest overlap at a start that is not refused, over the lengths involved
 
 
 class _Contact(NamedTuple):
     """The conditions of contact, on velocities v (3,) and accelerations a (3,) of G.
 
-    rows (2, 3): rows @ v = (speed of C off the surface, slip of the contact point); contact
-      keeps the first at 0, rolling both, hence rows @ a = bends (2,).
+    rows (2, 3): rows @ v = (speed of C away from the surface, slip of the contact point). Contact
+      keeps the first at 0 and rolling keeps both at 0, hence rows @ a = bends (2,).
     """
 
     rows: Array
@@ -49,11 +50,11 @@ class _Contact(NamedTuple):
 class Cylinder(System):
     """A cylinder of radius r near a fixed convex surface: state [x, y, phi, vx, vy, omega] of G.
 
-    phi is measured clockwise from the vertical, upwards, to the arm from C to G.
+    phi is measured clockwise from the upward vertical to the arm from C to G.
 
     Attributes:
       m: () mass [kg].
-      inertia: () about G [kg m^2].
+      inertia: () moment of inertia about G [kg m^2].
       r: () radius [m].
       d: () distance of G from C [m].
       fixed: () radius of the fixed cylinder about the origin [m]; unused on a ramp.
@@ -92,7 +93,7 @@ class Cylinder(System):
         )
 
     def sketch(self, t, y):
-        """The rim, a line from its centre through G to a mark on the rim, and the surface."""
+        """The rim, a line from the centre through G to a mark on the rim, and the surface."""
         del t
         c = y[:2] - self.d * _axes(y[2])[0]
         mark = c + self.r * _axes(y[2])[0]
@@ -223,7 +224,7 @@ class Cylinder(System):
         return _Contact(rows, bends)
 
     def _load(self, t, y, effects) -> Array:
-        """(3,) force and clockwise moment about G of the effects."""
+        """(3,) the force of the effects and their clockwise moment about G."""
         r, v, m = self.points(t, y)
         f = total_force(effects, t, r, v, m)
         lever = r - y[None, :2]
@@ -231,11 +232,11 @@ class Cylinder(System):
         return jnp.concatenate([jnp.sum(f, axis=0), moment[None]])
 
     def _gram(self, rows: Array) -> Array:
-        """(2, 2) velocities of the two conditions for unit impulses along them."""
+        """(2, 2) the velocities in the two conditions that unit impulses along them cause."""
         return jnp.sum(rows[:, None, :] * (rows / self._weights()[None, :])[None, :, :], axis=-1)
 
     def _velocity_change(self, rows: Array, impulse: Array) -> Array:
-        """(3,) change of the velocities by impulses along n and t."""
+        """(3,) the change of the velocities by impulses along n and t."""
         return jnp.sum(impulse[:, None] * rows, axis=0) / self._weights()
 
     def _reaction(self, y: Array, load: Array) -> Array:
@@ -255,11 +256,11 @@ def _dot(rows: Array, v: Array) -> Array:
 
 
 def _both(a: Array, b: Array) -> Array:
-    """(2,) the x with a x = b for a symmetric a (2, 2)."""
+    """(2,) the solution x of a x = b for a symmetric a (2, 2)."""
     det = a[0, 0] * a[1, 1] - a[0, 1] ** 2
     return jnp.stack([a[1, 1] * b[0] - a[0, 1] * b[1], a[0, 0] * b[1] - a[0, 1] * b[0]]) / det
 
 
 def _axes(phi: Array) -> tuple[Array, Array]:
-    """(2,) the arm's direction, clockwise from the vertical, and its derivative by phi."""
+    """(2,) the arm's direction, clockwise from the vertical, and its derivative in phi."""
     return jnp.stack([jnp.sin(phi), jnp.cos(phi)]), jnp.stack([jnp.cos(phi), -jnp.sin(phi)])

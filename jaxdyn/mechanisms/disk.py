@@ -1,4 +1,4 @@
-"""A disk that touches the ground at its lowest point, by Euler angles: course problem 60."""
+"""A disk that touches the ground at its lowest point, in Euler angles: course problem 60."""
 
 from typing import ClassVar
 
@@ -20,16 +20,17 @@ _SEQUENCE = "ZXZ"
 _SPOKES = ((0, 1), (2, 3))
 _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 
-#: Sine of the angle between the axis and the vertical below which a disk lies flat. The rates of
-#: phi and psi cancel there: their rounding, 1e-16 over its square, calls for ever smaller steps.
+#: Sine of the angle between the axis and the vertical below which a disk lies flat. There the rates
+#: of phi and psi cancel; their rounding error, 1e-16 over the square of the sine, calls for ever
+#: smaller steps.
 FLAT = 1e-4
 
 
-@smooth  # where it is not 1 there is no motion
+@smooth  # its value differs from 1 only where there is no motion
 def _one_above_flat(height: Array) -> Array:
-    """1, or NaN beyond flat, where the disk would go on below the ground.
+    """1, or NaN beyond flat, where the disk would continue below the ground.
 
-    A factor, not a choice: the derivatives of a choice of NaN are 0.
+    It is used as a factor; if it chose between two values, the derivatives of NaN would be 0.
     """
     return jnp.where(height > FLAT, 1.0, jnp.nan)
 
@@ -37,13 +38,13 @@ def _one_above_flat(height: Array) -> Array:
 class Disk(Mechanism):
     """A flat disk with moments I_1, I_1, 2 I_1, held on the plane z = 0 by its lowest point.
 
-    The contact is bilateral, so a motion that would lift the disk has a negative normal force. That
-    is the first of `Constrained.constraint_forces`; on a rough plane the x and y components of
-    the friction follow.
+    The contact is bilateral, so a motion that would lift the disk has a negative normal force. This
+    force is the first of `Constrained.constraint_forces`; on a rough plane the x and y components
+    of the friction follow.
 
     Attributes:
       m: () mass [kg].
-      radius: () [m].
+      radius: () radius [m].
       I1: () moment about a diameter [kg m^2]: m r^2 / 4 for a uniform disk, m r^2 / 2 for a hoop.
       rough: whether it rolls without slip; otherwise there is no friction.
     """
@@ -77,10 +78,11 @@ class Disk(Mechanism):
         return (q[2] - self.radius * height * _one_above_flat(height))[None]
 
     def rolling(self, t, q):
-        """(2, 6) rows of the velocity of the disk's contact point, along x and y.
+        """(2, 6) the rows of the velocity of the disk's contact point along x and y.
 
-        It is v + omega x c with c = -r e_y', horizontally (omega_p cos(theta) + omega_s) r e_x'
-        plus (d theta/dt) r sin(theta) along the horizontal k x e_x'.
+        That velocity is v + omega x c with c = -r e_y'; the horizontal part of omega x c is
+        (omega_p cos(theta) + omega_s) r e_x' plus (d theta/dt) r sin(theta) along the horizontal
+        k x e_x'.
         """
         del t
         if not self.rough:
@@ -113,7 +115,7 @@ class Disk(Mechanism):
         return (normal, Joint("friction", 0, None, place, axes[:2], 1)) if self.rough else (normal,)
 
     def pose(self, q: Array, v: Array) -> Pose:
-        """Position, attitude and angular velocity at coordinates and velocities (6,)."""
+        """The position, attitude and angular velocity for coordinates and velocities (6,)."""
         omega_b = omega_b_from_euler(q[3:], _SEQUENCE) @ v[3:]
         return Pose(r=q[:3], R_wb=matrix_from_euler(q[3:], _SEQUENCE), v=v[:3], omega_b=omega_b)
 

@@ -1,6 +1,6 @@
-"""A rigid body by Euler angles: a mechanism for `NewtonEuler` or `Lagrange`.
+"""A rigid body in Euler angles: a mechanism for `NewtonEuler` or `Lagrange`.
 
-It does not use Euler's equations, so it is a second route to the motions of `rigid.RigidBody`. Its
+It does not use Euler's equations, so it is a second route to the motions of `rigid.RigidBody`. The
 angles lock in some poses.
 """
 
@@ -34,10 +34,10 @@ from jaxdyn.sketch import Looks
 
 
 class EulerBody(Mechanism):
-    """A rigid body by Euler angles: q = [r, angles], or the angles alone about a pivot.
+    """A rigid body in Euler angles: q = [r, angles], or the angles alone about a pivot.
 
     Attributes:
-      matter: its points in its own axes, from the pivot if it has one.
+      matter: its material points in its own axes, whose origin is the pivot if it has one.
       sequence: one of `euler.SEQUENCES`, e.g. "ZXZ"; choose one that does not lock.
       pivoted: whether the origin of its axes is fixed at the world's origin.
       drawn: function from the positions (p, 3) of its points, in its own axes, to what a drawing
@@ -95,14 +95,14 @@ class EulerBody(Mechanism):
         return at_pivot(self.pivoted)
 
     def pose(self, q: Array, v: Array) -> Pose:
-        """Position, attitude and angular velocity at coordinates and velocities (n,)."""
+        """The position, attitude and angular velocity for coordinates and velocities (n,)."""
         r, angles = self._parts(q)
         velocity, rates = self._parts(v)
         omega_b = rotate(omega_b_from_euler(angles, self.sequence), rates)
         return Pose(r=r, R_wb=matrix_from_euler(angles, self.sequence), v=velocity, omega_b=omega_b)
 
     def state(self, pose: Pose) -> Array:
-        """(2 n,) coordinates and velocities in a given pose.
+        """(2 n,) the coordinates and velocities in a given pose.
 
         Raises:
           ValueError: the angles lock in this pose; if it is traced, the rates are NaN.

@@ -1,4 +1,4 @@
-"""The four-bar linkage by its crank angle; `bars` has it as a chain and as bodies."""
+"""The four-bar linkage in its crank angle; `bars` has it as a chain and as bodies."""
 
 from typing import ClassVar
 
@@ -19,23 +19,23 @@ from jaxdyn.mechanisms.bars import (
     row_points,
 )
 
-#: Squared height of a triangle over one of its sides below which it counts as flat.
+#: Squared height of a triangle, over the square of its base, below which it counts as flat.
 IN_LINE = 1e-14
 
 
 class FourBar(Mechanism):
-    """Crank, coupler and rocker between hinges at the origin and at `end`, by the crank angle.
+    """Crank, coupler and rocker between hinges at the origin and at `end`, in the crank angle.
 
-    Coupler and rocker close the triangle on the line from the crank pin to the far hinge. It
-    can lie on either side of that line; a motion stays on its side. Where the triangle cannot
-    close (a crank that does not turn fully) the positions are NaN.
+    Coupler and rocker close the triangle on the line from the crank pin to the far hinge. The
+    triangle can lie on either side of that line; a motion stays on its side. Where it cannot close
+    (for a crank that does not turn fully) the positions are NaN.
 
     Attributes:
       m: (3,) masses of the uniform bars [kg].
       l: (3,) their lengths [m].
       end: (2,) far hinge [m].
-      crossed: on which side of the line from pin to far hinge the coupler lies: False for its
-        left.
+      crossed: whether the coupler lies to the right of the line from the crank pin to the far
+        hinge; otherwise it lies to the left.
     """
 
     m: Array
@@ -83,17 +83,17 @@ class FourBar(Mechanism):
         check_bars(self.m, self.l, self.end)
 
     def reach(self, angle: Array) -> Array:
-        """() squared deviation of coupler and rocker from one line, at an angle of the crank [1].
+        """() squared deviation of coupler and rocker from one line at an angle of the crank [1].
 
-        Negative where they do not reach the far hinge.
+        It is negative where they do not reach the far hinge.
         """
         return self._triangle(self.end - self._crank(angle))[1]
 
     def loses(self, t0, q0, t1, q1):
-        """A step with the crank past a change point, where the mirror images of the triangle meet.
+        """Whether a step takes the crank past a change point, where the triangle may change sides.
 
-        The distance from crank pin to far hinge is largest and smallest with the crank along the
-        ground; where the triangle is flat there, it can open to either side.
+        The distance from the crank pin to the far hinge is largest and smallest with the crank
+        along the ground; if the triangle is flat there, it can open to either side.
         """
         del t0, t1
         ahead = jnp.arctan2(self.end[0], -self.end[1])
@@ -105,7 +105,7 @@ class FourBar(Mechanism):
         return self.l[0] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)])
 
     def _bars(self, q: Array) -> Array:
-        """(3, 2) each bar as a vector."""
+        """(3, 2) the bars as vectors."""
         crank = self._crank(q[0])
         line = self.end - crank
         along, squared = self._triangle(line)
@@ -114,9 +114,9 @@ class FourBar(Mechanism):
         return jnp.stack([crank, coupler, line - coupler])
 
     def _triangle(self, line: Array) -> tuple[Array, Array]:
-        """End of the coupler along the line from the crank pin, and its squared distance across.
+        """End of the coupler along the line from the crank pin, and its squared height above it.
 
-        As fractions of the line and of its square, by the law of cosines.
+        They are fractions of the line's length and of its square, by the law of cosines.
         """
         r2 = square_norm(line)
         along = 0.5 * (1 + (self.l[1] ** 2 - self.l[2] ** 2) / r2)

@@ -10,15 +10,15 @@ from jaxdyn.formulations.mechanism import Mechanism, planar_body
 from jaxdyn.joints import Part, along, particles, pinned
 from jaxdyn.sketch import Shape, circle, line, lines, pin, traces
 
-#: The radius of a table, to its radius of gyration.
+#: Ratio of the radius of a table to its radius of gyration.
 _RIM_RATIO = 1.5
-#: The masses of a plate, and which of them it joins.
+#: The masses of a plate, and the pairs of them that the plate joins.
 _DRIVEN = ("driven 1", "driven 2", "fixed 1", "fixed 2")
 _PLATE = ((0, 1), (2, 3))
 
 
 class Parabola(Mechanism):
-    """A bead on the wire y = c x^2, by its x; m () [kg], c () [1/m]."""
+    """A bead on the wire y = c x^2, described by its x; mass m () [kg], c () [1/m]."""
 
     m: Array
     c: Array
@@ -48,7 +48,7 @@ class Parabola(Mechanism):
 
 
 class TiedParabola(Mechanism):
-    """The same bead by x and y, tied to the wire; the multiplier pushes along (-2 c x, 1)."""
+    """The same bead in x and y, tied to the wire; the multiplier pushes along (-2 c x, 1)."""
 
     m: Array
     c: Array
@@ -79,7 +79,7 @@ class TiedParabola(Mechanism):
 
 
 class Cycloid(Mechanism):
-    """A bead on the wire y = c s^2, by the length s along it; m () [kg], c () [1/m]."""
+    """A bead on the wire y = c s^2, by the arc length s along it; mass m () [kg], c () [1/m]."""
 
     m: Array
     c: Array
@@ -117,7 +117,7 @@ class Turntable(Mechanism):
     Attributes:
       m: () sliding mass [kg].
       m_table: () mass of the table [kg].
-      inertia: () of the table about its centre [kg m^2].
+      inertia: () moment of inertia of the table about its centre [kg m^2].
       d: () distance of the slot from the centre [m].
     """
 
@@ -158,7 +158,7 @@ class Turntable(Mechanism):
         c, n = jnp.cos(q[0]), jnp.sin(q[0])
         along, middle = jnp.stack([c, n]), self.d * jnp.stack([n, -c])
         rim = _RIM_RATIO * radius
-        # From rim to rim, or as far as the mass has come.
+        # The slot is drawn from rim to rim, or as far as the mass has come.
         half = jnp.sqrt(jnp.maximum(rim**2 - self.d**2, 0.0))
         low, high = jnp.minimum(-half, q[1]), jnp.maximum(half, q[1])
         slot = line(middle + low * along, middle + high * along)
@@ -170,13 +170,13 @@ class Turntable(Mechanism):
 
 
 class Plate(Mechanism):
-    """Two masses fixed to a massless plate and two driven on circles on it; by the plate's angle.
+    """A massless plate with two masses fixed to it and two driven on circles, by the plate's angle.
 
     Attributes:
-      m: () each mass [kg].
+      m: () mass of each [kg].
       weld: () distance of the fixed ones from the middle [m].
       centre: () distance of the circles' centres from the middle [m].
-      radius: () of the circles [m].
+      radius: () radius of the circles [m].
     """
 
     m: Array

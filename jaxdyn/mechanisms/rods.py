@@ -1,4 +1,4 @@
-"""Point masses joined by massless rigid rods, in any dimension: one tie a rod."""
+"""Point masses joined by massless rigid rods, in any dimension, with one tie for each rod."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,13 +15,13 @@ _AXES = "xyz"
 
 
 class Rods(Mechanism):
-    """Points by their cartesian coordinates, with the lengths of the rods as ties.
+    """Points in cartesian coordinates, with the lengths of the rods as ties.
 
     A multiplier is the force along its rod, positive where the rod pushes [N].
 
     Attributes:
       m: (n,) masses [kg].
-      length: (c,) of the rods [m].
+      length: (c,) lengths of the rods [m].
       pairs: which points each rod joins.
       d: dimension of space.
       squared: whether the ties are on squared lengths; see `mechanism.stretch`.
@@ -71,7 +71,7 @@ class Rods(Mechanism):
 
 
 class TwoOnARod(Mechanism):
-    """Two points on a rod, whatever the coordinates."""
+    """Two points on a rod, in any coordinates."""
 
     m: Array
     length: Array
@@ -95,7 +95,7 @@ class TwoOnARod(Mechanism):
 
 
 class Dumbbell(TwoOnARod):
-    """Two points on a rod in the plane, by the centre's x and y and the rod's angle."""
+    """Two points on a rod in the plane, described by x and y of the centre and the rod's angle."""
 
     def coordinates(self):
         return (("x", "m"), ("y", "m"), ("theta", "rad"))
@@ -112,7 +112,7 @@ class Dumbbell(TwoOnARod):
 
 
 class Coupled(TwoOnARod):
-    """Two points on a rod along a line, by the position of the first."""
+    """Two points on a rod along a line, described by the position of the first."""
 
     def coordinates(self):
         return (("x1", "m"),)
@@ -121,6 +121,6 @@ class Coupled(TwoOnARod):
         return self.place(t, q)[:, None]
 
     def place(self, t: Array, q: Array) -> Array:
-        """(2,) positions of both: the coordinates of `Rods`."""
+        """(2,) the positions of both points: the coordinates of `Rods`."""
         del t
         return jnp.stack([q[0], q[0] + self.length])

@@ -1,4 +1,4 @@
-"""A planar body on skates, and its equations of motion by hand: course problem 39."""
+"""A planar body on skates, and its equations of motion derived by hand: course problem 39."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,7 @@ from jaxdyn.formulations.mechanism import Mechanism, MechanismSystem, planar_bod
 from jaxdyn.joints import along, body
 from jaxdyn.sketch import frame, line, rectangle, traces
 
-#: Beyond this the skates count as having a common normal: a repeated condition [condition number].
+#: Condition number above which the skates count as having a common normal, a repeated condition.
 _WORST_CONDITION = 1e6
 
 
@@ -19,7 +19,7 @@ class Skated(Mechanism):
 
     Attributes:
       m: () mass [kg].
-      inertia: () about the centre of mass [kg m^2].
+      inertia: () moment of inertia about the centre of mass [kg m^2].
       at: (s, 2) positions of the skates from the centre of mass, in body axes [m].
       headings: (s,) directions of their blades in body axes [rad].
     """
@@ -62,7 +62,7 @@ class Skated(Mechanism):
     def sketch(self, t, q):
         place, turn = q[:2], frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
         size = jnp.sqrt(self.inertia / self.m)
-        # The centre of mass; a circle would look like the mark of an end.
+        # This marks the centre of mass; a circle would look like the mark of an end.
         shapes = [rectangle("area", (0.25 * size, 0.25 * size))]
         for at, heading in zip(self.at, self.headings, strict=True):
             blade = rectangle("solid", (0.6 * size, 0.08 * size))
@@ -95,9 +95,9 @@ class Skated(Mechanism):
 
 
 class LagrangeSkates(MechanismSystem):
-    """Lagrange's equations of a body on skates, with multipliers, by hand: state [q, v].
+    """Lagrange's equations of a body on skates, with multipliers, derived by hand: state [q, v].
 
-    L = m (x'^2 + y'^2) / 2 + I theta'^2 / 2 has no slope in q, so m x'' = Q_x, m y'' = Q_y,
+    L = m (x'^2 + y'^2) / 2 + I theta'^2 / 2 does not depend on q, so m x'' = Q_x, m y'' = Q_y,
     I theta'' = Q_theta. A skate's force lambda across its blade does the virtual work
     lambda (-sin a dx + cos a dy + arm dtheta), a = theta + heading, which gives the Q. Its
     condition -sin a x' + cos a y' + arm theta' = 0, differentiated once, closes the system:
@@ -109,7 +109,7 @@ class LagrangeSkates(MechanismSystem):
 
     @property
     def accepts(self):
-        return frozenset()  # the equations of problem 39 have no other forces in them
+        return frozenset()  # the equations of problem 39 contain no other forces
 
     def rate(self, t, y, effects):
         del effects

@@ -1,7 +1,7 @@
-"""One stick in the plane, on a fixed or shaking hinge or on a cart: by its angle, or with a tie.
+"""One stick in the plane, on a fixed or shaking hinge or on a cart, by its angle or with a tie.
 
-x points right, y up. Each mechanism has two descriptions: free coordinates, and cartesian ones with
-the length of the stick as a tie, whose multiplier is the force along it.
+x points right, y up. Each mechanism has two descriptions: in free coordinates, and in cartesian
+ones with the length of the stick as a tie, whose multiplier is the force along the stick.
 """
 
 import abc
@@ -26,9 +26,9 @@ class _OnHinge(Mechanism):
     Attributes:
       m: () mass [kg].
       l: () length [m].
-      amplitude: () of the hinge [m]; None if it is fixed.
-      frequency: () of the hinge [rad/s]; None if it is fixed.
-      phase: () of the hinge [rad], whose height is -amplitude cos(frequency t + phase).
+      amplitude: () amplitude of the hinge [m]; None if it is fixed.
+      frequency: () frequency of the hinge [rad/s]; None if it is fixed.
+      phase: () phase of the hinge [rad], whose height is -amplitude cos(frequency t + phase).
       uniform: whether the stick is uniform; otherwise its mass is a point at its end.
     """
 
@@ -41,17 +41,17 @@ class _OnHinge(Mechanism):
 
     @abc.abstractmethod
     def end(self, t: Array, q: Array) -> Array:
-        """(2,) where the far end is: its coordinates as a `TiedStick`."""
+        """(2,) the position of the far end: the coordinates of a `TiedStick`."""
 
     def base(self, t: Array) -> Array:
-        """(2,) where the hinge is."""
+        """(2,) the position of the hinge."""
         if self.amplitude is None or self.frequency is None:
             return jnp.zeros(2)
         y = -self.amplitude * jnp.cos(self.frequency * t + self.phase)
         return jnp.stack([jnp.zeros_like(y), y])
 
     def masses(self):
-        # A point at the end, or Simpson's three points of a uniform stick; see `bars`.
+        # The mass is a point at the end, or Simpson's three points of a uniform stick; see `bars`.
         return self.m * jnp.array([1 / 6, 4 / 6, 1 / 6]) if self.uniform else self.m[None]
 
     def positions(self, t, q):
@@ -85,7 +85,7 @@ class _OnHinge(Mechanism):
 
 
 class Stick(_OnHinge):
-    """A stick on a hinge, by its angle, counterclockwise from hanging.
+    """A stick on a hinge, described by its angle, counterclockwise from hanging.
 
     Attributes:
       inverted: whether the angle is measured clockwise from straight up.
@@ -102,7 +102,7 @@ class Stick(_OnHinge):
 
 
 class TiedStick(_OnHinge):
-    """The same stick by x and y of its far end, with its length as the tie.
+    """The same stick described by x and y of its far end, with its length as the tie.
 
     Attributes:
       squared: whether the tie is on the squared length; see `mechanism.stretch`.
@@ -129,12 +129,12 @@ class TiedStick(_OnHinge):
 
 
 class Sideways(Mechanism):
-    """A point mass on a rod, by one of its cartesian coordinates, such as x while it hangs.
+    """A point mass on a rod, described by one cartesian coordinate, such as x near hanging.
 
     Attributes:
       m: () mass [kg].
       l: () length [m].
-      axis: of the coordinate, 0 for x and 1 for y.
+      axis: axis of the coordinate, 0 for x and 1 for y.
       side: () sign of the other coordinate, which is not determined by this one.
     """
 
@@ -174,14 +174,14 @@ class Sideways(Mechanism):
 
 
 class _OnCart(Mechanism):
-    """A cart and a point mass on a stick of length l () [m], in any coordinates; m (2,) [kg]."""
+    """A cart and a point on a stick, in any coordinates: length l () [m], masses m (2,) [kg]."""
 
     m: Array
     l: Array  # noqa: E741 the course's name
 
     @abc.abstractmethod
     def loose(self, t: Array, q: Array) -> Array:
-        """(3,) the cart's x and the point's x and y: the coordinates of a `TiedCart`."""
+        """(3,) x of the cart and x and y of the point: the coordinates of a `TiedCart`."""
 
     def masses(self):
         return self.m
@@ -219,7 +219,7 @@ class _OnCart(Mechanism):
 
 
 class Cart(_OnCart):
-    """A cart and a point mass on a stick, by the cart's x and the stick's angle."""
+    """A cart and a point mass on a stick, described by the cart's x and the stick's angle."""
 
     def coordinates(self):
         return (("x", "m"), ("theta", "rad"))
@@ -231,7 +231,7 @@ class Cart(_OnCart):
 
 
 class TiedCart(_OnCart):
-    """The same by the cart's x and the point's x and y, with the stick's length as the tie."""
+    """The same bodies by x of the cart and x and y of the point, with the stick's length as tie."""
 
     def coordinates(self):
         return (("x", "m"), ("x2", "m"), ("y2", "m"))
