@@ -300,7 +300,7 @@ def rods_of_bobs(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ..
 
 
 def bar_shapes(joints: Array, end: Array | None, *, skate: bool = False) -> tuple[Shape, ...]:
-    """Shapes of bars through joints (n + 1, 2), pinned at the first and, with `end`, at the last."""
+    """Shapes of bars through joints (n + 1, 2), pinned at the first and, with `end`, the last."""
     inner = [f"hinge {i}" for i in range(1, len(joints) - 1)]
     bars, first = line(*joints), pin(joints[0])
     if end is not None:

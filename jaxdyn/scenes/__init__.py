@@ -1,18 +1,18 @@
 """Ready-made scenes, one file a family; `jaxdyn list` shows them with their parameters.
 
 `disks` has a disk that rolls, `cylinders` the scenes, events and phases of cylinders that roll,
-slip and fly, `walkers` what walks down a slope, `impacts` driven bodies that hit something,
-`corners` the phases of all scenes whose motions have corners, `sections` two systems known for
-their surfaces of section, `restricted` bodies of no mass in turning axes. `catalogue` is the list
-of them, `ready_made` what their functions share, `switching` exchanges coordinates that fail on the
-way.
+slip and fly, `walkers` mechanisms that walk down a slope, `impacts` driven bodies that hit
+something, `corners` the phases of all scenes whose motions have corners, `sections` two systems
+known for their surfaces of section, `restricted` bodies of no mass in turning axes. `catalogue`
+lists all scenes, `ready_made` has what their functions share, and `switching` exchanges coordinates
+that become singular during a motion.
 
 May import: `mechanisms`, `effects`, `integrate`.
 
-One more scene is a function ``name(mass=1.0, ...)`` in the file of its family that returns a
-`Scene` and is decorated with `ready_made()`, with the unit of each parameter in its docstring,
-where `jaxdyn/cli/docstrings.py` reads it; one line below; and a page of `jaxdyn/course` that uses
-it, if it answers a problem of the course.
+To add a scene, write a function ``name(mass=1.0, ...)`` in the file of its family that returns a
+`Scene` and is decorated with `ready_made()`; give the unit of each parameter in its docstring,
+where `jaxdyn/cli/docstrings.py` reads it; add a line below; and, if the scene answers a problem of
+the course, use it on a page of `jaxdyn/course`.
 """
 
 from jaxdyn.scenes import ballistics, catalogue, satellites, switching

@@ -1,4 +1,4 @@
-"""From the nearest to the farthest point about a centre of force: angle and time.
+"""Angle and time from the nearest to the farthest point of an orbit about a centre of force.
 
 With the depth x = log(r / r_max), w = 1 / r^2 and energy and angular momentum L the same at both
 ends, the path of a point of mass m under the attraction f(r) is
@@ -26,7 +26,7 @@ from jaxdyn import _checks
 from jaxdyn._checks import floats
 from jaxdyn.effects import CentralForce
 
-_ROUNDING = 1e-14  # of 3 + n, below which it is 0
+_ROUNDING = 1e-14  # size of 3 + n below which it counts as 0
 _PANELS = 128
 _ORDER = 16
 _NODES, _WEIGHTS = legendre.leggauss(_ORDER)
@@ -54,8 +54,8 @@ class Apsides(NamedTuple):
     """A motion between two radii, from the nearest to the farthest point.
 
     Attributes:
-      angle: () about the centre [rad].
-      time: () [s].
+      angle: () angle about the centre [rad].
+      time: () duration [s].
       momentum: () angular momentum [kg m^2/s].
     """
 
@@ -65,12 +65,12 @@ class Apsides(NamedTuple):
 
 
 def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
-    """Angle and time between the nearest and the farthest point of an orbit, by its shape.
+    """The angle and time between the nearest and the farthest point of an orbit of a given shape.
 
     Args:
-      law: the force; its attraction and the derivative of that are used.
-      depth: () log(r_max / r_min), > 0: the shape. Near circles it retains digits that a ratio of
-        radii has lost.
+      law: the force; its attraction and the derivative of the attraction are used.
+      depth: () shape of the orbit, log(r_max / r_min), > 0. Near circles it retains digits that
+        the ratio of the radii has lost.
       r_max: largest distance [m].
       m: mass [kg].
     Returns:
@@ -93,8 +93,8 @@ def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
     far, near = -jnp.expm1(-2 * above), jnp.expm1(2 * below)  # (w - w1) / w, (w2 - w) / w
     parts = near * _up_to_end(steepness * far) + far * _from_start(steepness * near)
     gain = 2 * _HALF * jnp.sum(r * f * dx @ _WEIGHTS)
-    # With a repulsion two signs change, which would give the angle of the attraction; for r^-3
-    # the slope of r^3 f vanishes.
+    # With a repulsion two signs change, which would give the angle for the attraction; for r^-3 the
+    # slope of r^3 f vanishes.
     root = jnp.sqrt(jnp.where((gain > 0) & (parts > 0), parts / gain, jnp.nan))
     momentum = r_max * jnp.sqrt(m * gain / jnp.expm1(2 * depth))
     angle = _HALF * jnp.sum(dx / root @ _WEIGHTS)
@@ -103,14 +103,14 @@ def apsides(law: CentralForce, depth, r_max=1.0, m=1.0) -> Apsides:
 
 
 def _from_start(values: Array) -> Array:
-    """(p, k) integrals over phi from 0 to each node of a function with these values."""
+    """(p, k) integrals, over phi from 0 to each node, of a function with these values."""
     whole = jnp.cumsum(values @ _WEIGHTS)
     before = jnp.concatenate([jnp.zeros(1), whole[:-1]])
     return _HALF * (before[:, None] + values @ _TO_NODES.T)
 
 
 def _up_to_end(values: Array) -> Array:
-    """(p, k) integrals over phi from each node to pi."""
+    """(p, k) integrals, over phi from each node to pi, of a function with these values."""
     whole = jnp.cumsum((values @ _WEIGHTS)[::-1])[::-1]
     after = jnp.concatenate([whole[1:], jnp.zeros(1)])
     return _HALF * (after[:, None] + values @ _FROM_NODES.T)
@@ -143,12 +143,12 @@ def apsidal_angle(law: CentralForce, r_min, r_max) -> Array:
 
 
 def apsidal_limits(n) -> tuple[np.ndarray | np.floating, np.ndarray]:
-    """Apsidal angles over pi under power laws r^n: near circles, and near lines.
+    """The apsidal angles over pi, under power laws r^n, of orbits near circles and near lines.
 
-    They are 1 / sqrt(3 + n), and 1/2 or, for n < -1, 1 / (3 + n). Between them the
-    angle is a monotonic function of the shape, from circle to line, so each number strictly
-    between the two belongs to exactly one shape, and no other number to any. For n = 1 and n = -2
-    they are equal: all orbits close (Bertrand).
+    The limits are 1 / sqrt(3 + n) near circles, and near lines 1/2 or, for n < -1, 1 / (3 + n).
+    Between them the angle is a monotonic function of the shape, from circle to line, so each number
+    strictly between the two belongs to exactly one shape, and any other number to none. For n = 1
+    and n = -2 the limits are equal: all orbits close (Bertrand).
 
     Args:
       n: () or (m,) exponents.

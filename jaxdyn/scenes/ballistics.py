@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 
-_NEWTON_STEPS = 7  # from the starts below five reach rounding; derivatives need one more
+_NEWTON_STEPS = 7  # from the starts below five steps reach rounding; derivatives need one more
 
 
 def cannonball_linear_exact(
@@ -23,8 +23,8 @@ def cannonball_linear_exact(
 
         x = tau vx0 (1 - e^(-t/tau)),   y = tau (vy0 + g tau) (1 - e^(-t/tau)) - g tau t.
 
-    As the speed grows the path tends to a triangle (9 d): straight up at the launch angle to
-    the distance tau v0, and a fall that is vertical on that scale.
+    As the speed grows, the path tends to a triangle (9 d): a straight line at the launch angle, of
+    length tau v0, and a fall that is vertical on that scale.
 
     Args:
       t: times [s].
@@ -39,16 +39,16 @@ def cannonball_linear_exact(
     vx, vy = speed * jnp.cos(angle), speed * jnp.sin(angle)
     gone = -jnp.expm1(-t / tau)
     left = jnp.exp(-t / tau)
-    # y = tau vy0 (1 - e^-s) - g tau^2 (s - 1 + e^-s): the second term without cancellation.
+    # y = tau vy0 (1 - e^-s) - g tau^2 (s - 1 + e^-s), with the second term free of cancellation.
     fall = g * tau * tau * _exp_remainder(t / tau)
     x, y = tau * vx * gone, tau * vy * gone - fall
     return jnp.stack([x, y, vx * left, vy * left - g * tau * gone], axis=-1)
 
 
 def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> Array:
-    """() [s] until the ball with linear drag is back at the height of its launch (problem 9 d).
+    """() time [s] until the ball with linear drag is back at its launch height (problem 9 d).
 
-    With s = t / tau and p = u sin(angle) it is the positive root of s / (1 - e^-s) = 1 + p. The
+    With p = u sin(angle), s = t / tau is the positive root of s / (1 - e^-s) = 1 + p. The
     left side is convex and increasing, so Newton's method from an upper bound of the root
     converges monotonically for any speed. For other drags use `events.until`.
 
@@ -79,12 +79,13 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
 
 
 def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:
-    """() [rad] launch angle of the longest range with linear drag (problem 9 e).
+    """() launch angle [rad] of the longest range with linear drag (problem 9 e).
 
     The range tau v0 cos(angle) (1 - e^-s) is stationary where sin(angle) = u / (e^s - 1), and with
     the equation of `flight_time` that leaves u^2 = e^s (s - 1 + e^-s) for the time of flight
-    s tau. Its logarithm is convex and increasing in log(s): Newton's method again. The angle is
-    45 degrees at u = 0; it decreases with u and tends to 0 like log(u^2) / u.
+    s tau. The logarithm of the right side is convex and increasing in log(s), so Newton's method
+    works here, too. The angle is 45 degrees at u = 0; it decreases with u and tends to 0 like
+    log(u^2) / u.
 
     Args:
       speed: launch speed [m/s].

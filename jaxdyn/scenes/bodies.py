@@ -1,10 +1,10 @@
 """Rigid bodies that move freely or about a pivot: course problems 51 to 53, 55 to 59 and 61.
 
 Each scene can represent the attitude by a quaternion, a matrix or Euler angles, so that the three
-can be compared. Steady motions and their stability are in `jaxdyn.analysis.precession` and
+can be compared. Steady motions and their stability are in `jaxdyn.analysis.precession`, for example
 `jaxdyn.analysis.precession.critical_spin`.
 
-Where the course is ambiguous or misprinted:
+The course is ambiguous or misprinted in these places:
 
 - 51: moments 1, 2 and 3 are those of a flat plate, since 1 + 2 = 3; no box with a thickness has
   them.
@@ -30,16 +30,17 @@ from jaxdyn.sketch import Looks, Shape, arc, line, lines, traces
 
 REPRESENTATIONS = ("quaternion", "matrix", "euler")
 
-#: Pairs of points that a drawing joins, of `jack` and `equimomental`.
+#: Pairs of the points of `jack` and `equimomental` that a drawing joins.
 JACK_ARMS = ((0, 1), (2, 3), (4, 5))
 
 
 def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
     """Six material points on the axes through a centre, with given principal moments (3,).
 
-    All are at the same distance from the centre, with masses linear in the moments. They are
-    therefore smooth functions of the moments, also for a flat body, two of whose points have no
-    mass. The points of `equimomental` have equal masses, at distances without a derivative there.
+    All are at the same distance from the centre, and their masses are linear in the moments. They
+    are therefore smooth functions of the moments, also for a flat body, two of whose points have no
+    mass. The points of `equimomental` have equal masses, at distances that have no derivative for a
+    flat body.
 
     Raises:
       ValueError: `moments` are not those of a body.
@@ -55,8 +56,8 @@ def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
 def box_points(m, sides) -> MaterialPoints:
     """Nine material points of a uniform box with sides (3,) [m]: its corners and its centre.
 
-    With a 24th of the mass in each corner and the rest, two thirds, in the middle they have the
-    inertia of the box, and are the points that a drawing should show.
+    With a 24th of the mass in each corner and the remaining two thirds at the centre they have the
+    inertia of the box, and they are the points that a drawing should show.
     """
     corner = jnp.array(CUBE, float) - 0.5
     corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
@@ -65,21 +66,21 @@ def box_points(m, sides) -> MaterialPoints:
 
 
 class BoxSketch(Looks):
-    """The edges of a box and the path of a corner, of its points r (8 or more, 3)."""
+    """Sketch of a box from its points r (8 or more, 3): its edges and the path of a corner."""
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         return lines(r, BOX_EDGES), *traces(r[:1], ["a corner"])
 
 
 class JackSketch(Looks):
-    """The three axes of a `jack` or of `equimomental` points r (6, 3), and the path of an end."""
+    """Sketch of `jack` or `equimomental` points r (6, 3): the three axes and the path of an end."""
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         return lines(r, JACK_ARMS), *traces(r[2:3], ["end of axis 2"])
 
 
 class TopSketch(Looks):
-    """A top by the points r (6, 3) of its `jack`: its axis from the pivot, its rim, a cone."""
+    """Sketch of a top from the points r (6, 3) of its `jack`: axis from the pivot, rim and cone."""
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
         pivot, middle = jnp.zeros(3), jnp.mean(r[4:], axis=0)
@@ -135,7 +136,7 @@ def box(
 
     Args:
       omega0: (3,) angular velocity at the start [rad/s].
-      sides: (3,) along x, y and z [m]; a zero makes it a plate.
+      sides: (3,) sides along x, y and z [m]; a zero makes it a plate.
       m: mass [kg].
       representation: "quaternion", "matrix" or "euler".
       sequence: Euler angles, for "euler".
@@ -153,13 +154,13 @@ def feynman_plate(
 
     Its normal keeps the angle `tilt` to the vertical, the direction of its angular momentum, and
     completes a turn about it while the plate makes half a turn: two wobbles for one spin, in the
-    limit of small tilts. Feynman's book (Surely You're Joking, 1985) has the ratio inverted.
+    limit of small tilts. Feynman's book (Surely You're Joking, 1985) has the ratio inverted;
     `precession.wobble_and_spin` measures it.
 
     Args:
       tilt: angle of the normal to the angular momentum [rad].
       spin: component of the angular velocity along the normal [rad/s].
-      side: of the square [m].
+      side: side of the square [m].
       m: mass [kg].
       representation: "quaternion", "matrix" or "euler" (ZXZ).
       t1: span [s].
@@ -179,13 +180,13 @@ def satellite(
 ) -> Scene:
     """Satellite A, B or C of problems 55, 57 and 58, its centre at rest at the origin.
 
-    Results of simulation for the claims of 57 and 58 on motions:
+    Simulation gives these results for the claims of 57 and 58 on motions:
 
-    - A iii: all the named motions exist, but there are others. Between wobbles about axis 1 and
-      about axis 3 are motions that approach a spin about axis 2 and flip over just once.
-    - B iii and 58: true, every motion of an axisymmetric body is a steady precession about its
+    - A iii: all the motions named exist, but there are others. Between wobbles about axis 1 and
+      wobbles about axis 3 are motions that approach a spin about axis 2 and flip over just once.
+    - B iii and 58 are true: every motion of an axisymmetric body is a steady precession about its
       angular momentum (`precession.free_attitude`), and there is no wobble about another axis.
-    - C ii: true, omega is constant.
+    - C ii is true: omega is constant.
 
     `scenes.satellites.antenna_trace` is the path of the tip of an antenna.
 
@@ -228,14 +229,14 @@ def top(
       theta: angle of the axis e_3' to the vertical k [rad].
       precession: rate of e_3' about the vertical [rad/s].
       nutation: rate of theta [rad/s].
-      spin: about e_3', relative to the frame that precesses [rad/s].
+      spin: spin about e_3', relative to the frame that precesses [rad/s].
       m: mass [kg].
       d: distance of the centre of mass from the pivot [m].
       I1: moment across the axis, about the centre of mass [kg m^2].
       I3: moment about the axis [kg m^2].
       g: gravity [m/s^2].
       representation: "quaternion", "matrix" or "euler".
-      sequence: Euler angles; ZXZ are phi, theta, psi and lock upright; XYZ do not.
+      sequence: Euler angles; ZXZ are phi, theta, psi and lock when the top is upright; XYZ do not.
       t1: span [s].
     """
     I1 = _checks.positive("I1", I1, "The moment across the axis, in kg m^2.")

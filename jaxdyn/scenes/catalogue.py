@@ -1,10 +1,10 @@
 """All scenes by name, with their parameters, and how to make one from text.
 
-A scene is a function of keyword parameters in one of the families; its docstring begins with a
+A scene is a function of keyword parameters in one of the families. Its docstring begins with a
 summary and the course problems that it answers, and documents each parameter with its unit;
 `jaxdyn list` shows that text. Nothing else needs to be registered, except the phases of a scene
-whose motion has corners (`corners`). A scene of the user's has the name of its file and function,
-as in "mine.py:roessler".
+whose motion has corners (`corners`). A scene of the user is named by its file and function, as in
+"mine.py:roessler".
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ from jaxdyn.solvers import Solver
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """A scene: its function, and the defaults of its parameters by name."""
+    """An entry of the catalogue: the function of a scene and the defaults of its parameters."""
 
     name: str
     make: Callable[..., Scene]
@@ -54,7 +54,7 @@ class Entry:
           samples: number of samples of each phase.
           rtol: see `simulate`.
           solver: see `simulate`; in a chain, the default is that of each phase.
-          dt: see `simulate`; not for a chain.
+          dt: see `simulate`; not available for a chain.
         Raises:
           ValueError: see `simulate` and `simulate_phases`.
         """
@@ -71,10 +71,10 @@ class Entry:
 
 
 def entry(name: str) -> Entry:
-    """The ready-made scene of a name, or that of a function in a file of the user's, which is run.
+    """The entry of a ready-made scene, or of a function in a file of the user, which is run.
 
     Raises:
-      ValueError: there is no such scene (the nearest is suggested), file or function.
+      ValueError: there is no such scene (the nearest name is suggested), file or function.
     """
     if (text := _scene_files.text_of(name)) is not None:
         make = xpp.Maker(text, Path(name).stem)
@@ -87,7 +87,7 @@ def entry(name: str) -> Entry:
 
 
 def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
-    """A function of the user's that must return a scene."""
+    """A function of the user, with a check that it returns a scene."""
 
     @functools.wraps(make)
     def made(*args, **kwargs) -> Scene:
@@ -101,14 +101,14 @@ def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
 
 
 def entries() -> dict[str, Entry]:
-    """Every ready-made scene whose parameters are numbers, by name."""
+    """The entries of all ready-made scenes whose parameters are numbers, by name."""
     made = {name: make for family in _families() for name, make in vars(family).items()}
     return {name: _entry(name, made[name]) for name in sorted(made) if _is_scene(made[name])}
 
 
 @functools.cache
 def _families() -> tuple[ModuleType, ...]:
-    """The files beside this one, each a family of scenes or what they share."""
+    """The modules beside this one, each a family of scenes or what they share."""
     package = __name__.rpartition(".")[0]
     names = sorted(info.name for info in pkgutil.iter_modules([str(Path(__file__).parent)]))
     return tuple(importlib.import_module(f"{package}.{name}") for name in names)
@@ -127,8 +127,8 @@ def build(name: str, settings: Mapping[str, str]) -> Scene:
     """The scene of this name with some of its parameters set from text, e.g. {"mass": "2"}.
 
     Raises:
-      ValueError: there is no such scene or parameter (the nearest is suggested), or a text is not
-        a number.
+      ValueError: there is no such scene or parameter (the nearest name is suggested), or a text is
+        not a number.
     """
     values = numbers(name, settings)
     return entry(name).make(**values)
@@ -140,11 +140,12 @@ def function_of_numbers(
     """A function from numbers to the scene that has them, and their names with units.
 
     Args:
-      name: of the scene.
-      settings: of its other parameters, see `build`.
-      names: one for each number: a parameter that is one number, or an entry of the start.
+      name: name of the scene.
+      settings: settings of its other parameters, see `build`.
+      names: one name for each number, of a parameter that is one number or of an entry of the
+        start.
     Raises:
-      ValueError: see `build`, or a name of neither (the nearest is suggested).
+      ValueError: see `build`; or a name is that of neither (the nearest is suggested).
     """
     fixed, known = numbers(name, settings), entry(name)
     units = dict(known.make(**fixed).labels())

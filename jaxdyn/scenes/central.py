@@ -2,10 +2,10 @@
 
 11 a: v^2 / r = f(r) / m, so circular orbits of all radii have the same speed if f = k / r
 (`PowerLaw` with n = -1). 11 b: a motion between two radii is always a regular rosette, never
-chaotic: it repeats after each loop, rotated by twice the apsidal angle
-(`jaxdyn.scenes.apsidal`). It closes if that angle is a rational multiple of pi. For nearly circular
-orbits under a power law it is pi / sqrt(3 + n), for n > -3; only n = 1 and n = -2 close at every
-radius (Bertrand). The number of loops of the simplest closed orbit depends on n (11 b ii):
+chaotic: it repeats after each loop, rotated by twice the apsidal angle (`jaxdyn.scenes.apsidal`).
+It closes if that angle is a rational multiple of pi. For nearly circular orbits under a power law
+the angle is pi / sqrt(3 + n), for n > -3; only for n = 1 and n = -2 do orbits of every shape close
+(Bertrand). The number of loops of the simplest closed orbit depends on n (11 b ii); it is
 `fewest_loops`.
 """
 
@@ -32,8 +32,8 @@ def central_orbit(law: CentralForce, *, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Sce
 
     Args:
       law: the force.
-      r: start on the x axis [m].
-      speed: start along y [m/s].
+      r: initial distance, on the x axis [m].
+      speed: initial speed, along y [m/s].
       m: mass [kg].
       t1: span [s].
     """
@@ -48,8 +48,8 @@ def power_law(*, k=1.0, n=-1.0, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
     Args:
       k: strength [N/m^n].
       n: exponent [1]; -2 is gravity, 1 a spring, -1 the law of 11 a.
-      r: start on the x axis [m].
-      speed: start along y [m/s].
+      r: initial distance, on the x axis [m].
+      speed: initial speed, along y [m/s].
       m: mass [kg].
       t1: span [s].
     """
@@ -57,17 +57,17 @@ def power_law(*, k=1.0, n=-1.0, r=1.0, speed=0.6, m=1.0, t1=20.0) -> Scene:
 
 
 def circular_speed(law: CentralForce, r, m=1.0) -> Array:
-    """() [m/s] speed of the circular orbit of radius r: sqrt(r f(r) / m); NaN if repelled."""
+    """() speed [m/s] of the circular orbit of radius r: sqrt(r f(r) / m); NaN for a repulsion."""
     r = jnp.asarray(r, dtype=float)
     return jnp.sqrt(r * law.attraction(r) / m)
 
 
 @check_first
 def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
-    """() [rad] angle by which a point in the plane has turned about the origin, with full turns.
+    """() angle [rad] by which a point in the plane turns about the origin, full turns included.
 
-    The angle is integrated with the motion, as a further entry of the state: samples of the motion
-    can miss a turn close to the centre, steps cannot.
+    The angle is integrated with the motion, as a further entry of the state, since samples of the
+    motion can miss a turn close to the centre, while steps cannot.
 
     Args:
       scene: one point in the plane with its effects.
@@ -85,7 +85,7 @@ def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
 
 
 class _Swept(Extended):
-    """A point in the plane with the angle that it has turned about the origin."""
+    """A point in the plane with the angle by which it has turned about the origin."""
 
     def further(self):
         return (("angle", "rad"),)
@@ -97,7 +97,7 @@ class _Swept(Extended):
 
 
 def fewest_loops(n: float) -> int:
-    """Least number of loops of a closed orbit other than a circle under the attraction k r^n.
+    """The least number of loops of a closed orbit other than a circle, for the attraction k r^n.
 
     From circles to straight lines the apsidal angle over pi goes from 1 / sqrt(3 + n) to 1 / 2, or
     to 1 / (3 + n) for n < -1, and takes every value between. An orbit with the value p / q, in
@@ -105,7 +105,7 @@ def fewest_loops(n: float) -> int:
     spring, 3 for n = -1, and ever more as n approaches 1 or -2, but not at these.
 
     Args:
-      n: exponent, > -3; below no orbit exists between two radii.
+      n: exponent, > -3; below that no orbit exists between two radii.
     Raises:
       ValueError: `n` is not above -3.
     Limits: see `apsidal_limits`.
@@ -113,7 +113,7 @@ def fewest_loops(n: float) -> int:
     if not n > -3:
         raise _checks.fail("n", "above -3", n, "Steeper laws have no orbits between two radii.")
     circle, line = map(float, apsidal_limits(n))
-    if circle == line:  # the same for all orbits: exactly 1/2 for a spring, 1 for gravity
+    if circle == line:  # it is the same for all orbits: exactly 1/2 for a spring, 1 for gravity
         return round(1 / circle)
     low, high = sorted((circle, line))
     loops = 1

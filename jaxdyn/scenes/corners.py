@@ -1,6 +1,6 @@
 """The phases of the ready-made scenes whose motions have corners, by the kind of their system.
 
-One more is a function of the scene in the file of its family, and one line here.
+To add phases, write a function of the scene in the file of its family, and add a line here.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ _PHASES: dict[type, Callable[[Scene], dict[str, Phase]]] = {
 
 
 def has_corners(scene: Scene) -> bool:
-    """Whether `phases_of` has the phases of a scene: a car without friction never stops."""
+    """Whether `phases_of` has the phases of a scene; a car without friction has none."""
     kind = _kind(scene)
     return kind in _PHASES and (kind is not Car or bool(scene.effects))
 
@@ -33,14 +33,14 @@ def has_corners(scene: Scene) -> bool:
 def phases_of(scene: Scene) -> dict[str, Phase]:
     """The phases of a ready-made scene whose motion has corners, for `simulate_phases`.
 
-    ``simulate_phases(phases_of(scene), None, scene.y0, t1)`` starts with the first of them that the
-    start fits. `orbits.find_hybrid` finds motions through them that repeat.
+    ``simulate_phases(phases_of(scene), None, scene.y0, t1)`` begins with the first phase that the
+    start fits. `orbits.find_hybrid` finds periodic motions through the phases.
 
     Args:
       scene: a cylinder (roll, slip, fly), a `car` with friction (slide), a `rimless_wheel`, a
         `simplest_walker`, a `ball_on_table` or an `impact_oscillator`.
     Raises:
-      ValueError: it is another, or a car without friction.
+      ValueError: `scene` is another one, or a car without friction.
     Example:
       >>> from jaxdyn import scenes
       >>> from jaxdyn.integrate import phases

@@ -18,10 +18,10 @@ The answers, and corrections to the course:
   flight started there would enter the ground. With G before the top it is upwards. With a finite
   coefficient of friction slipping comes first, and lift-off, if any, follows from the slip.
 
-`contact_lost` finds the ideal event, `contact_phases` gives the real phases for `simulate_phases`:
-roll, slip (in either direction), fly, land, roll on. The first phase and each next one is the first
-that the state fits: friction within its cone, a normal force that pushes, a slip in its direction.
-Landings are inelastic.
+`contact_lost` finds the ideal event; `contact_phases` gives the real phases for `simulate_phases`:
+roll, slip (in either direction), fly, land, roll on. The initial phase, and the next one after each
+event, is the first that the state fits: with friction within its cone, a normal force that pushes,
+or a slip in the right direction. Landings are inelastic.
 """
 
 import dataclasses
@@ -55,7 +55,7 @@ class NormalForce(Event):
 
 
 class Grip(Event):
-    """The friction of rolling reaches mu N, against a slip along t (way 1) or back (-1)."""
+    """The friction of rolling reaches mu N, against a slip along t (way 1) or against t (-1)."""
 
     scene: Scene
     way: int = eqx.field(static=True)
@@ -70,7 +70,7 @@ class Grip(Event):
 
 
 class Caught(Event):
-    """A slip along t (way 1) or back (-1) ends."""
+    """A slip along t (way 1) or against t (-1) ends."""
 
     cylinder: Cylinder
     way: int = eqx.field(static=True)
@@ -99,7 +99,7 @@ class Touches(Event):
 
 
 class Landed(eqx.Module):
-    """The state after a landing, as `Cylinder.after_landing`."""
+    """The state after a landing, by `Cylinder.after_landing`."""
 
     cylinder: Cylinder
 
@@ -118,7 +118,8 @@ def cylinder_on_cylinder(
     Args:
       m: mass [kg].
       r: radius of the rolling cylinder [m].
-      inertia_ratio: its inertia about its axis over m r^2 [1]; 0.5 if solid, 1 if a thin tube.
+      inertia_ratio: moment of inertia about its axis over m r^2 [1]; 0.5 for a solid cylinder, 1
+        for a thin tube.
       fixed: radius of the fixed cylinder, about the origin [m].
       mu: coefficient of friction [1], for `phases_of`; rolling itself does not depend on it.
       g: gravity [m/s^2].
@@ -151,7 +152,7 @@ def cylinder_on_ramp(
       m: mass [kg].
       r: radius [m].
       d: distance of the centre of mass from the centre [m].
-      inertia: about the centre of mass [kg m^2].
+      inertia: moment of inertia about the centre of mass [kg m^2].
       slope: angle of the ramp below the horizontal, falling towards +x [rad].
       mu: coefficient of friction [1], for `phases_of`; rolling itself does not depend on it.
       g: gravity [m/s^2].
@@ -185,14 +186,14 @@ def contact_lost(scene: Scene, t1=None) -> Stop:
 
     Args:
       scene: a rolling cylinder.
-      t1: () end of the span [s]; the scene's own if left out.
+      t1: () end of the span [s]; that of the scene by default.
     """
     return until(scene, NormalForce(scene), t1)
 
 
 @check_first
 def friction_needed(scene: Scene, y: Array) -> Array:
-    """() ratio of friction to normal force [1] of rolling in a state (problem 38 b)."""
+    """() ratio [1] of friction to normal force in rolling, in a state (problem 38 b)."""
     normal, friction = scene.system.with_contact("roll").reaction(jnp.zeros(()), y, scene.effects)
     return jnp.abs(friction) / normal
 
@@ -201,8 +202,8 @@ def friction_needed(scene: Scene, y: Array) -> Array:
 def contact_phases(scene: Scene) -> dict[str, Phase]:
     """The phases roll, slip (in either direction) and fly of a cylinder in contact.
 
-    A motion starts with the first of them that the state fits: it rolls if it does not slip and
-    friction suffices, otherwise it slips; it flies where the surface would have to pull.
+    A motion starts with the first phase that the state fits: the cylinder rolls if it does not slip
+    and friction suffices, otherwise it slips; it flies where the surface would have to pull.
     """
 
     def as_(contact):

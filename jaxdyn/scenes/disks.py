@@ -4,7 +4,7 @@ The lean theta is the angle between the disk's axis e_3' and the vertical, pi/2 
 the course calls it theta in the picture and phi in the question. The precession
 omega_p is about the vertical, the spin omega_s (the course's "pitch rate") about e_3', so
 omega = omega_p k + (d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k x e_3'.
-Its steady motions are `precession.rolling_disk_circle` and its neighbours.
+Its steady motions are given by `precession.rolling_disk_circle` and the functions beside it.
 """
 
 import math
@@ -42,10 +42,11 @@ def rolling_disk(
       theta: angle of the axis to the vertical, pi/2 upright [rad]; not 0, flat on the plane.
       precession: rate about the vertical [rad/s].
       lean_rate: rate of theta [rad/s].
-      spin: about the axis, relative to the frame that precesses [rad/s].
+      spin: spin about the axis, relative to the frame that precesses [rad/s].
       m: mass [kg].
-      radius: [m].
-      I1: moment about a diameter, half of that about the axis [kg m^2]; uniform if left out.
+      radius: radius [m].
+      I1: moment about a diameter, half of that about the axis [kg m^2]; by default that of a
+        uniform disk.
       g: gravity [m/s^2].
       rough: whether it rolls; otherwise it slides, and its centre starts with a vertical velocity.
       t1: span [s].

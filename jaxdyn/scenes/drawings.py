@@ -26,13 +26,13 @@ from jaxdyn.scenes.bodies import BoxSketch, box_points
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.sketch import line, lines, traces
 
-#: A house of unit width about its middle: walls and roof, then the door; and its lines.
+#: A house of unit width about its middle: corners of walls and roof, then of the door; its lines.
 HOUSE = ((-0.5, -0.6), (0.5, -0.6), (0.5, 0.2), (0.0, 0.7), (-0.5, 0.2))
 HOUSE += ((-0.1, -0.6), (-0.1, -0.2), (0.1, -0.2), (0.1, -0.6))
 HOUSE_LINES = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (2, 4), (5, 6), (6, 7), (7, 8))
 
 _ANGLES = (("angle1", "rad"), ("angle2", "rad"), ("angle3", "rad"))
-_OVERSHOOT = 1.3  # length of the drawn axis of a box over the distance of its corners
+_OVERSHOOT = 1.3  # length of the drawn axis of a box over the diagonal of the box
 
 
 class MovedShape(Path):
@@ -112,7 +112,7 @@ class Swings(Angles):
 
 
 class Given(Angles):
-    """Three angles by a function of time; as a module, since a scene is made of arrays."""
+    """Three angles given by a function of time; a module, since a scene is made of arrays."""
 
     function: Callable[[Array], Any] = eqx.field(static=True)
 
@@ -122,7 +122,7 @@ class Given(Angles):
 
 
 class MovedBox(Path):
-    """A drawing (p, 3) [m] turned by three Euler angles of time; see `moved_box`."""
+    """A drawing (p, 3) [m] turned by three Euler angles that depend on time; see `moved_box`."""
 
     outline: Array
     angles: Angles
@@ -151,14 +151,14 @@ def moved_shape(
 ) -> Scene:
     """A drawn house that moves along a figure of eight and turns (problem 7).
 
-    Its middle is at (a sin w t, b sin 2 w t), its angle is spin t.
+    Its middle is at (a sin w t, b sin 2 w t), and its angle is spin t.
 
     Args:
-      reach: (2,) a across and b up [m].
-      frequency: w, of the path [rad/s].
-      spin: of the house [rad/s].
+      reach: (2,) amplitudes a across and b up [m].
+      frequency: w of the path [rad/s].
+      spin: spin of the house [rad/s].
       t1: span [s].
-      corners: (p, 2) of another drawing, about its middle [m]; the house by default.
+      corners: (p, 2) corners of another drawing, about its middle [m]; the house by default.
       joined: pairs of corners joined by lines; a closed outline by default.
     Example:
       >>> triangle = moved_shape(corners=[[0, 1], [1, -1], [-1, -1]])
@@ -182,12 +182,12 @@ def turned_box(
 ) -> Scene:
     """A box that turns at a constant rate about a drawn axis through its middle (problem 47).
 
-    By default by 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x.
+    By default it turns by 120 degrees about (1, 1, 1), which takes x to y, y to z and z to x.
 
     Args:
       axis: (3,) direction of the axis, of any length.
-      sides: (3,) along x, y and z at the start [m].
-      rate: of turning [rad/s].
+      sides: (3,) sides along x, y and z at the start [m].
+      rate: rate of turning [rad/s].
       t1: span [s].
     """
     axis = _checks.array("axis", axis, (3,), "A direction.")
@@ -210,17 +210,17 @@ def moved_box(
 ) -> Scene:
     """A box turned by three Euler angles that are given functions of time (problem 49).
 
-    Each angle is swing sin(frequency t), or given by `angles`. With two swings of 0 the box only
+    Each angle is swing sin(frequency t), or is given by `angles`. If two swings are 0 the box only
     rolls, pitches or yaws.
 
     Args:
-      swings: (3,) of the angles [rad].
-      frequencies: (3,) of the angles [rad/s].
-      sides: (3,) along x, y and z at the start [m].
+      swings: (3,) amplitudes of the angles [rad].
+      frequencies: (3,) frequencies of the angles [rad/s].
+      sides: (3,) sides along x, y and z at the start [m].
       sequence: Euler angles; "xyz" are those of problem 48, about fixed x, then y, then z.
       t1: span [s].
-      angles: t -> (3,) any other angles [rad] in place of the swings, by functions of
-        jax.numpy; a named function, since each lambda compiles again.
+      angles: t -> (3,) any other angles [rad] in place of the swings, computed with jax.numpy;
+        a named function, since each lambda is compiled again.
     Example:
       >>> import jax.numpy as jnp
       >>> def faster_and_faster(t):

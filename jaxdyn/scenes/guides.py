@@ -18,8 +18,8 @@ from jaxdyn.mechanisms.guided import Cycloid, Parabola, Plate, TiedParabola, Tur
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
-_NODES = 4096  # of the trapezoidal rule, which converges geometrically in log(s)
-_TAIL = 40.0  # truncation at either end: e^-40 of the whole
+_NODES = 4096  # nodes of the trapezoidal rule, which converges geometrically in log(s)
+_TAIL = 40.0  # range beyond either end, in log(s): it truncates e^-40 of the whole
 
 
 @ready_made()
@@ -37,10 +37,10 @@ def bead_on_parabola(
     """A bead that slides on the curve y = c x^2 (problems 30, 33).
 
     Args:
-      c: of the curve [1/m].
+      c: coefficient of the curve [1/m].
       m: mass [kg].
       g: gravity [m/s^2].
-      x: at the start [m].
+      x: initial x [m].
       speed: rate of x at the start [m/s].
       formulation: "newton_euler" and "lagrange" in x, "constrained" in x and y on the wire.
       drift: for "constrained": "projection", "baumgarte" or "raw".
@@ -64,10 +64,10 @@ def bead_on_cycloid(
     there; the motion of a faster bead ends with a status.
 
     Args:
-      c: of the curve [1/m].
+      c: coefficient of the curve [1/m].
       m: mass [kg].
       g: gravity [m/s^2].
-      s: at the start [m].
+      s: initial s [m].
       speed: rate of s at the start [m/s].
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
@@ -96,8 +96,9 @@ def turntable(
 
     The mass starts at the point of the slot nearest to the centre, with the slot below it.
     With any speed along the slot the table turns by a finite angle in infinite time, see
-    `turntable_limit`. Without, the mass stays there and the table keeps turning: an unstable
-    steady state, from which any displacement grows like exp(w t), w = rate sqrt(1 + m d^2 / I).
+    `turntable_limit`. Without speed the mass stays there and the table keeps turning. This is an
+    unstable steady state, from which any displacement grows like exp(w t), w = rate
+    sqrt(1 + m d^2 / I).
 
     Limits: for speed = 0 rounding is such a displacement. A simulation leaves the steady state
       after about 35 / w (16 s for the default parameters), in an arbitrary direction.
@@ -106,9 +107,9 @@ def turntable(
       d: distance of the slot from the centre [m].
       m: sliding mass [kg].
       m_table: mass of the table, without influence [kg].
-      inertia: of the table about its centre [kg m^2].
-      speed: of the mass along the slot at the start [m/s].
-      rate: of turning at the start [rad/s].
+      inertia: moment of inertia of the table about its centre [kg m^2].
+      speed: speed of the mass along the slot at the start [m/s].
+      rate: rate of turning at the start [rad/s].
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
@@ -119,7 +120,7 @@ def turntable(
 
 
 def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
-    """() angle [rad] that the turntable of problem 34 approaches as time goes on.
+    """() angle [rad] that the turntable of problem 34 approaches as time goes to infinity.
 
     With A = I + m d^2, angular momentum H and energy E = (H^2 + m I v^2) / (2 A), v being the
     speed at the start, the two conservation laws give
@@ -136,9 +137,9 @@ def turntable_limit(*, d=0.5, m=1.0, inertia=1.0, speed=1.0, rate=1.0) -> Array:
     Args:
       d: distance of the slot from the centre [m].
       m: sliding mass [kg].
-      inertia: of the table about its centre, > 0 [kg m^2].
-      speed: of the mass along the slot at the start [m/s].
-      rate: of turning at the start [rad/s].
+      inertia: moment of inertia of the table about its centre, > 0 [kg m^2].
+      speed: speed of the mass along the slot at the start [m/s].
+      rate: rate of turning at the start [rad/s].
     Returns:
       The angle, accurate to 1e-14 of its largest part; infinite at speed 0, with the sign of the
       rate, and 0 where nothing moves.
@@ -176,10 +177,10 @@ def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
     opposite to each other, by the angle (1 - cos t) pi: one revolution until t = pi, then back.
 
     Args:
-      m: each of the four masses [kg].
-      weld: distance of the welded ones from the middle [m].
+      m: mass of each of the four [kg].
+      weld: distance of the welded masses from the middle [m].
       centre: distance of the circles' centres from the middle [m].
-      radius: of the circles [m].
+      radius: radius of the circles [m].
       t1: span [s].
     """
     m, weld, centre, radius = floats(m, weld, centre, radius)
@@ -189,7 +190,7 @@ def plate(*, m=1.0, weld=2.0, centre=2.0, radius=1.0, t1=math.pi) -> Scene:
 
 
 def plate_turn(*, weld=2.0, centre=2.0, radius=1.0) -> Array:
-    """() angle [rad] by which that plate has turned after one revolution, at any speed.
+    """() angle [rad] by which the `plate` has turned after one revolution, at any speed.
 
     Without angular momentum, (|a|^2 + |r|^2) dphi + (x dy - y dx) = 0 for a welded mass at a and a
     driven one at r = (x, y) on the plate, so phi is an integral over the path. With weld w,

@@ -1,7 +1,7 @@
 """Impacts of a driven body: a ball on a table that goes up and down, an oscillator with a stop.
 
-The phase of the drive is an entry of the state, an angle: so the scenes do not depend on time, and
-a motion that repeats itself in step with the drive closes.
+The phase of the drive is an entry of the state, an angle. The scenes are therefore autonomous, and
+a motion that repeats itself in step with the drive is a closed orbit.
 
 References: Holmes (1982), J. Sound Vib. 84, 173; Shaw and Holmes (1983), J. Sound Vib. 90, 129;
 Nordmark (1991), J. Sound Vib. 145, 279.
@@ -37,8 +37,8 @@ class BallOnTable(System):
 
     Attributes:
       restitution: speed relative to the table after an impact over that before [1].
-      amplitude: A of the table [m].
-      frequency: of the table [rad/s].
+      amplitude: amplitude A of the table [m].
+      frequency: frequency of the table [rad/s].
       g: gravity [m/s^2].
     """
 
@@ -123,19 +123,19 @@ def ball_on_table(
     velocity=3.0,
     t1=3.0,
 ) -> Scene:
-    """A ball that bounces on a table which goes up and down, from the table on.
+    """A ball that bounces on a table which goes up and down, starting on the table.
 
     `phases_of` has its flights. A ball that bounces once in n periods T of the table meets it at a
-    phase where the table rises with g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound Vib. 84,
-    173.
+    phase at which the table rises at the speed g n T / 2 (1 - e) / (1 + e). Holmes (1982), J. Sound
+    Vib. 84, 173.
 
     Args:
-      restitution: e, speed relative to the table after an impact over that before [1].
-      amplitude: of the table [m].
-      frequency: of the table [rad/s].
+      restitution: e, the speed relative to the table after an impact over that before [1].
+      amplitude: amplitude of the table [m].
+      frequency: frequency of the table [rad/s].
       g: gravity [m/s^2].
-      phase: of the table at the start, its height being amplitude sin(phase) [rad].
-      velocity: of the ball at the start, upwards [m/s].
+      phase: phase of the table at the start, its height being amplitude sin(phase) [rad].
+      velocity: velocity of the ball at the start, upwards [m/s].
       t1: span [s].
     """
     ball = BallOnTable(restitution, amplitude, frequency, g)
@@ -154,14 +154,14 @@ def flight_phases(scene: Scene) -> dict[str, Phase]:
 
 
 class ImpactOscillator(System):
-    """A mass on a spring with a damper and a force F cos(phase), at x below that of a stop.
+    """A mass on a spring with a damper and a force F cos(phase), to the left of a stop.
 
     Attributes:
       m: mass [kg].
-      c: of the damper [kg/s].
-      k: of the spring [N/m].
-      force: F [N].
-      frequency: of the force [rad/s].
+      c: coefficient of the damper [kg/s].
+      k: stiffness of the spring [N/m].
+      force: amplitude F of the force [N].
+      frequency: frequency of the force [rad/s].
       stop: x of the stop [m]; the spring is relaxed at 0.
       restitution: speed after an impact over that before [1].
     """
@@ -239,21 +239,21 @@ def impact_oscillator(
 ) -> Scene:
     """A driven mass on a spring that hits a stop on its right.
 
-    `phases_of` has its motion between impacts. Without impacts it oscillates by the amplitude
-    F / sqrt((k - m w^2)^2 + (c w)^2); a stop at this distance is grazed. Shaw and Holmes (1983), J.
-    Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
+    `phases_of` has its motion between impacts. Without impacts it oscillates with the amplitude
+    F / sqrt((k - m w^2)^2 + (c w)^2), and it grazes a stop at this distance. Shaw and Holmes
+    (1983), J. Sound Vib. 90, 129; Nordmark (1991), J. Sound Vib. 145, 279.
 
     Args:
       m: mass [kg].
-      c: of the damper [kg/s].
-      k: of the spring [N/m].
+      c: coefficient of the damper [kg/s].
+      k: stiffness of the spring [N/m].
       force: amplitude F of the force F cos(phase) [N].
-      frequency: w, of the force [rad/s].
+      frequency: w of the force [rad/s].
       stop: x of the stop [m]; the spring is relaxed at x = 0.
       restitution: speed after an impact over that before [1].
-      x: at the start, at most `stop` [m].
-      velocity: at the start [m/s].
-      phase: of the force at the start [rad].
+      x: initial x, at most `stop` [m].
+      velocity: velocity at the start [m/s].
+      phase: phase of the force at the start [rad].
       t1: span [s].
     """
     oscillator = ImpactOscillator(m, c, k, force, frequency, stop, restitution)

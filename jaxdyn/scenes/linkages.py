@@ -1,7 +1,7 @@
 """Rods, linkages and closed loops: course problems 21, 25 and 43.
 
-x points right and y up. Constraints need differential-algebraic equations; where free coordinates
-exist they are offered as well, for comparison.
+x points right and y up. Constraints lead to differential-algebraic equations; where free
+coordinates exist they are offered as well, for comparison.
 """
 
 import jax.numpy as jnp
@@ -37,16 +37,16 @@ def rod_on_line(
     """Two masses on a line, joined by a rod, with an oscillating force on the second (problem 21).
 
     The force is force sin(frequency t). Unequal speeds are incompatible with a rod: such a start
-    is refused, and the nearest valid one suggested. With drift="raw" it is simulated: the
+    is refused, and the nearest valid one is suggested. With drift="raw" it is simulated: the
     equations only require equal accelerations, so the masses separate at constant speed.
 
     Args:
       m: masses [kg].
-      length: of the rod [m].
+      length: length of the rod [m].
       force: amplitude of the force on the second mass [N].
-      frequency: of the force [rad/s].
-      speed: of both at the start [m/s]; for "constrained" also one for each.
-      formulation: "constrained" in both places, "newton_euler" and "lagrange" in the first.
+      frequency: frequency of the force [rad/s].
+      speed: speed of both at the start [m/s]; for "constrained" also one speed for each.
+      formulation: "constrained" in both positions, "newton_euler" and "lagrange" in the first.
       drift: for "constrained": "projection", "baumgarte" or "raw", which shows the drift.
       t1: span [s].
     """
@@ -79,8 +79,8 @@ def dumbbell(
 
     Args:
       m: masses [kg].
-      length: of the rod [m].
-      speed: half of that of the second mass relative to the first, across the rod [m/s].
+      length: length of the rod [m].
+      speed: half of the speed of the second mass relative to the first, across the rod [m/s].
       formulation: "constrained" in x and y of both masses (five equations with the rod's
         force), "newton_euler" and "lagrange" in centre and angle.
       drift: for "constrained": "projection", "baumgarte" or "raw".
@@ -119,8 +119,8 @@ def four_bar(
       l: their lengths [m].
       ground: distance of the far hinge, to the right of the first [m].
       g: gravity [m/s^2].
-      angle: of the crank at the start, from hanging down [rad].
-      rate: of that angle at the start [rad/s].
+      angle: angle of the crank at the start, from hanging down [rad].
+      rate: rate of that angle at the start [rad/s].
       crossed: whether the coupler lies on the other side of the line from its pin to the far
         hinge.
       formulation: "constrained" in x, y and angle of each bar with all hinges as ties; "loop"
@@ -162,8 +162,8 @@ def pinned_chain(
       l: lengths [m].
       span: distance of the far hinge, to the right of the first [m].
       g: gravity [m/s^2].
-      angles: approximate ones, from hanging down [rad]; the nearest pose that closes is taken.
-      rates: of the angles [rad/s]; the nearest rates that keep it closed are taken.
+      angles: approximate angles, from hanging down [rad]; the nearest pose that closes is taken.
+      rates: rates of the angles [rad/s]; the nearest rates that keep it closed are taken.
       formulation: "loop" in the angles with the far hinge as a tie, "constrained" in x, y and
         angle of each bar with all hinges as ties.
       drift: "projection", "baumgarte" or "raw".
@@ -175,7 +175,7 @@ def pinned_chain(
     chain = Chain(m, l, end)
     check_bars(m, l, end, "span")
     q, v = jnp.split(_close(chain, angles, rates), 2)
-    # With both ends pinned the chain has no free coordinates; it is embedded in its own.
+    # With both ends pinned the chain has no free coordinates; it is embedded in its own angles.
     embeddings = {
         "loop": Embedding(chain, _as_given),
         "constrained": Embedding(Bodies(m, l, end), chain.bodies),
@@ -195,14 +195,14 @@ def skate_chain(
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Uniform bars in a row on a hinge, the far end on a skate along its bar (problem 43).
+    """Uniform bars in a row on a hinge, the far end on a skate along the last bar (problem 43).
 
     Args:
       m: masses [kg].
       l: lengths [m].
       g: gravity along -y [m/s^2]; 0 for bars on ice leaves the effect out.
-      angles: at the start, from hanging down [rad].
-      rates: of the angles [rad/s]; the nearest rates that the skate allows are taken.
+      angles: angles at the start, from hanging down [rad].
+      rates: rates of the angles [rad/s]; the nearest rates that the skate allows are taken.
       drift: "projection", "baumgarte" or "raw".
       t1: span [s].
     """

@@ -10,27 +10,27 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
-#: Problem 28: a rough guess of a figure-eight, order x1 y1 x2 y2 x3 y3 vx1 vy1 ... [G = m = 1]
+#: A rough guess of a figure-eight (problem 28), in the order x1 y1 x2 y2 x3 y3 vx1 ... [G = m = 1].
 EIGHT_GUESS = (-0.755, 0.355, 1.155, -0.0755, -0.4055, -0.3055)
 EIGHT_GUESS += (0.9955, 0.07855, 0.1055, 0.4755, -1.1055, -0.5355)
-#: Problem 28: the period that goes with it.
+#: The period that goes with this guess (problem 28).
 EIGHT_GUESS_PERIOD = 8.0
-#: Problem 17: Montgomery's eight as printed there, 8 digits.
+#: Montgomery's eight as printed in problem 17, with 8 digits.
 EIGHT = (-0.97000436, 0.24308753, 0.97000436, -0.24308753, 0.0, 0.0)
 EIGHT += (-0.93240737 / 2, -0.86473146 / 2, -0.93240737 / 2, -0.86473146 / 2)
 EIGHT += (0.93240737, 0.86473146)
-#: Its period, to the digits the printed start has.
+#: The period of the eight, to as many digits as the printed start has.
 EIGHT_PERIOD = 6.3259140
 #: Two bodies of mass 1 and one of mass 0.3 in space: a stable periodic orbit [G = 1].
 TRIO = ((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -7.85343346337253e-02))
-#: Their velocities, the third's from a momentum of zero.
+#: The velocities of the first two, and of the third by a total momentum of zero.
 _TRIO_SPEEDS = (1.96265689129450e-01, 4.53772124061596e-03, -1.54272585548068e-02)
 TRIO_VELOCITIES = (
     _TRIO_SPEEDS,
     (_TRIO_SPEEDS[0], _TRIO_SPEEDS[1], -_TRIO_SPEEDS[2]),
     (-2 * _TRIO_SPEEDS[0] / 0.3, -2 * _TRIO_SPEEDS[1] / 0.3, 0.0),
 )
-#: The period.
+#: The period of this orbit.
 TRIO_PERIOD = 7.19372451258599
 
 
@@ -39,7 +39,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
     """Three bodies in a plane under Newtonian gravity (problems 17, 28).
 
     Args:
-      y0: (12,) x1 y1 x2 y2 x3 y3 vx1 vy1 vx2 vy2 vx3 vy3; the figure-eight by default.
+      y0: (12,) start x1 y1 x2 y2 x3 y3 vx1 vy1 vx2 vy2 vx3 vy3; the figure-eight by default.
       m: (3,) masses; a body of mass 0 is a test particle.
       G: gravitational constant.
       t1: span; one period of the figure-eight by default.
@@ -51,17 +51,17 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
 def n_body(
     r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=1.0, names=(), t1=TRIO_PERIOD
 ) -> Scene:
-    """Bodies in space under Newtonian gravity, any number of them.
+    """Any number of bodies in space under Newtonian gravity.
 
-    By default a periodic orbit of three that is stable: the two heavy ones on one curve, the light
-    one on another.
+    By default it is a stable periodic orbit of three bodies, with the two heavy ones on one curve
+    and the light one on another.
 
     Args:
       r: (n, 3) positions [m], one row for each body.
       v: (n, 3) velocities [m/s].
       m: (n,) masses [kg]; a body of mass 0 is a test particle.
       G: gravitational constant [m^3/(kg s^2)].
-      names: (n,) of the bodies: the first position is then x_Earth, not x1.
+      names: (n,) names of the bodies; with "Earth" the label of its x is x_Earth, not x1.
       t1: span [s].
     Reference: Li, Liao (2025), arXiv:2508.08568, O_1(0.3).
     Example:
@@ -80,9 +80,9 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
     """Two unequal bodies on circles about their centre of mass at the origin (problem 16 a, b).
 
     Args:
-      m1: mass of the first, which starts at x < 0; one of the two may be 0 [kg].
+      m1: mass of the first, which starts at x < 0; one of the two masses may be 0 [kg].
       m2: mass of the second [kg].
-      d: their distance [m].
+      d: distance between them [m].
       G: gravitational constant [m^3/(kg s^2)].
       t1: span [s]; one `two_body_period` by default.
     """
@@ -97,7 +97,7 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
 
 
 def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
-    """() [s] period of the circular motion: 2 pi sqrt(d^3 / (G (m1 + m2))) (problem 16 a)."""
+    """() period [s] of the circular motion: 2 pi sqrt(d^3 / (G (m1 + m2))) (problem 16 a)."""
     m1, m2 = (
         _checks.at_least_zero(name, x, "Masses are in kg; 0 is a test particle.")
         for name, x in (("m1", m1), ("m2", m2))
@@ -115,13 +115,13 @@ def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
 
     The d = 3 of the problem is the diameter of the circle, not a distance between bodies.
 
-    Limits: this motion is unstable: a disturbance grows like e^(0.7 w t), 85 times in a turn, so
-      rounding breaks it up after seven or eight turns, with any solver.
+    Limits: this motion is unstable. A disturbance grows like e^(0.7 w t), by a factor of 85 in a
+      turn, so rounding breaks the motion up after seven or eight turns, with any solver.
 
     Args:
       m: mass of each [kg].
       G: gravitational constant [m^3/(kg s^2)].
-      diameter: of the circle [m].
+      diameter: diameter of the circle [m].
       t1: span [s]; three turns by default.
     """
     w = three_body_rate(m=m, G=G, diameter=diameter)
@@ -134,7 +134,7 @@ def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
 
 
 def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
-    """() [rad/s] angular speed of the circular motion, sqrt(G m / (sqrt(3) R^3)) (problem 16 c).
+    """() angular speed [rad/s] of the circular motion, sqrt(G m / (sqrt(3) R^3)) (problem 16 c).
 
     The side of the triangle is R sqrt(3), and the forces G m^2 / (3 R^2) of the two others add
     up to sqrt(3) times one of them, towards the centre.

@@ -1,4 +1,4 @@
-"""One particle, in cartesian and polar coordinates: course problems 1, 8, 9, 12, 27."""
+"""One particle, in cartesian and polar coordinates: course problems 1, 8, 9, 12 and 27."""
 
 import math
 
@@ -20,9 +20,9 @@ def particle(*effects: Effect, position=(0.0, 0.0), velocity=(1.0, 1.0), m=1.0, 
     """One particle with any forces in the plane or in space (problem 1).
 
     Args:
-      effects: what acts on it, nothing if left out.
-      position: (d,) start [m]; its length sets the dimension.
-      velocity: (d,) start [m/s].
+      effects: effects that act on it; none by default.
+      position: (d,) initial position [m]; its length sets the dimension.
+      velocity: (d,) initial velocity [m/s].
       m: mass [kg].
       t1: span [s].
     """
@@ -38,8 +38,8 @@ def cannonball(
     """A ball thrown from the origin, x to the right and y up (problems 9, 12, 27).
 
     Problem 12 gives no drag coefficient: take 1 kg/m, and look at others. Problem 27 calls
-    itself a continuation of problem 10; it continues 12, with c = 0.5 kg/m. What is known in
-    closed form with linear drag is in `jaxdyn.scenes.ballistics`.
+    itself a continuation of problem 10, but it continues 12, with c = 0.5 kg/m. The solution in
+    closed form for linear drag is in `jaxdyn.scenes.ballistics`.
 
     Args:
       speed: launch speed [m/s].
@@ -63,9 +63,9 @@ def polar_particle(
     """A free particle whose straight path is found in polar coordinates (problem 8).
 
     Args:
-      effects: what acts on it; nothing in the problem.
-      position: (2,) start x, y [m]; not the origin.
-      velocity: (2,) start [m/s]; the default passes the origin at 0.5 m.
+      effects: effects that act on it; none in the problem.
+      position: (2,) initial x, y [m]; not the origin.
+      velocity: (2,) initial velocity [m/s]; by default the path passes the origin at 0.5 m.
       m: mass [kg].
       t1: span [s].
     """
@@ -76,10 +76,11 @@ def polar_particle(
 @check_first
 @each_motion
 def straightness(motion: Trajectory) -> Array:
-    """() [1] how far the path of the first point is from straight; 0 for a straight line.
+    """() deviation [1] of the path of the first point from a straight line; 0 for a straight one.
 
-    The largest distance of its samples from the straight line that fits them best, over the
-    largest distance of two of them along it (problem 8 d). It says nothing about speed.
+    It is the largest distance of the samples from the straight line that fits them best, over the
+    largest distance between two of them along that line (problem 8 d). It says nothing about the
+    speed.
 
     Limits: planar motions; not differentiable for an exactly straight path.
     """

@@ -1,8 +1,8 @@
 """Pendulums: course problems 22, 23, 29, 31, 35, 36 and the chains of 43; 24 is in `sideways`.
 
-Pictures have x to the right and y up, unlike the course, whose x points down in problems 22 to
-24: its (x, y) is our (-y, x). Angles are counted counterclockwise from hanging straight down,
-but from straight up where the base shakes.
+x points right and y up, unlike in the course, whose x points down in problems 22 to 24: its (x, y)
+is our (-y, x). Angles are measured counterclockwise from hanging straight down; those of a pendulum
+whose base shakes are measured clockwise from straight up.
 """
 
 import math
@@ -34,20 +34,20 @@ def pendulum(
     tie="length",
     t1=10.0,
 ) -> Scene:
-    """A point mass on a massless rod, by its angle or by x and y with the rod (problems 22, 23).
+    """A point mass on a massless rod, in its angle or in x and y with a tie (problems 22, 23).
 
     Args:
-      length: of the rod [m].
+      length: length of the rod [m].
       m: mass [kg].
       g: gravity [m/s^2].
-      angle: at the start, from hanging down [rad].
-      rate: of the angle at the start [rad/s].
-      damping: of the hinge [N m s]; exactly 0 leaves it out. Not for "constrained".
+      angle: angle at the start, from hanging down [rad].
+      rate: rate of the angle at the start [rad/s].
+      damping: damping of the hinge [N m s]; exactly 0 leaves it out. Not for "constrained".
       formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y; the
         multiplier is then the force along the rod, positive where the rod pushes [N].
       drift: for "constrained": "projection", "baumgarte" or "raw".
       tie: for "constrained": "length" differentiates the distance from the hinge, "square" its
-        square, as textbooks do; without a cure ("raw") the two drift differently.
+        square, as textbooks do; without correction ("raw") the two drift differently.
       t1: span [s].
     """
     m, length = floats(m, length)
@@ -82,19 +82,20 @@ def shaken_pendulum(
 
     The base is at y = -amplitude cos(frequency t + phase). Fast shaking, with (amplitude
     frequency)^2 above 2 g L, holds the pendulum upright; L is the length of the point-mass
-    pendulum with the same motion, 2/3 of the length of a uniform stick. `upright.upright_chart`
-    maps where it does, `upright.stability_edges` has the exact limits.
+    pendulum with the same motion, 2/3 of the length of a uniform stick. In
+    `jaxdyn.hard.cases.shaken`, `upright_chart` maps where it does and `stability_edges` finds the
+    exact limits.
 
     Args:
-      length: of the stick [m].
+      length: length of the stick [m].
       m: mass [kg].
       g: gravity [m/s^2].
-      amplitude: of the base [m].
-      frequency: of the base [rad/s].
-      phase: of the base at t = 0 [rad].
-      angle: at the start, from straight up, clockwise [rad].
-      rate: of the angle at the start [rad/s].
-      uniform: a uniform stick; False for a point mass at the end of a massless one.
+      amplitude: amplitude of the base [m].
+      frequency: frequency of the base [rad/s].
+      phase: phase of the base at t = 0 [rad].
+      angle: angle at the start, from straight up, clockwise [rad].
+      rate: rate of the angle at the start [rad/s].
+      uniform: whether the stick is uniform; False for a point mass at the end of a massless one.
       formulation: "newton_euler" and "lagrange" in the angle, "constrained" in x and y of the
         upper end with the stick's length as the tie.
       drift: for "constrained": "projection", "baumgarte" or "raw".
@@ -127,12 +128,13 @@ def double_pendulum(
       m: masses [kg].
       l: lengths [m].
       g: gravity [m/s^2].
-      angles: at the start, each from hanging down [rad].
-      rates: of the angles at the start [rad/s].
-      relative: the second coordinate is the angle from bar to bar.
-      uniform: uniform bars; False for massless rods with a point mass at the end of each.
+      angles: angles at the start, each from hanging down [rad].
+      rates: rates of the angles at the start [rad/s].
+      relative: whether the second coordinate is the angle from bar to bar.
+      uniform: whether the bars are uniform; False for massless rods with a point mass at the end of
+        each.
       formulation: "newton_euler" and "lagrange" in the angles, "constrained" in x, y and angle
-        of each bar with the hinges as ties, or in x and y of each point mass with the rods.
+        of each bar with the hinges as ties, or in x and y of each point mass with the rods as ties.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
@@ -162,11 +164,11 @@ def triple_pendulum(
       m: masses [kg].
       l: lengths [m].
       g: gravity [m/s^2].
-      angles: at the start, each from hanging down [rad].
-      rates: of the angles at the start [rad/s].
-      relative: coordinates are the angles from bar to bar.
+      angles: angles at the start, each from hanging down [rad].
+      rates: rates of the angles at the start [rad/s].
+      relative: whether the coordinates are the angles from bar to bar.
       uniform: see `double_pendulum`.
-      formulation: as for `double_pendulum`.
+      formulation: see `double_pendulum`.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
@@ -190,17 +192,17 @@ def n_pendulum(
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Uniform bars, or point masses, hinged in a row, as many as masses (problems 31, 43).
+    """Uniform bars or point masses hinged in a row, as many as there are masses (problems 31, 43).
 
     Args:
       m: masses [kg].
       l: lengths [m].
       g: gravity [m/s^2].
-      angles: at the start, each from hanging down [rad].
-      rates: of the angles at the start [rad/s].
-      relative: coordinates are the angles from bar to bar.
+      angles: angles at the start, each from hanging down [rad].
+      rates: rates of the angles at the start [rad/s].
+      relative: whether the coordinates are the angles from bar to bar.
       uniform: see `double_pendulum`.
-      formulation: as for `double_pendulum`.
+      formulation: see `double_pendulum`.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
@@ -230,15 +232,15 @@ def cart_pendulum(
     """A cart on a level track with a point mass on a massless stick (problem 35).
 
     Args:
-      m: masses of the cart and of the point [kg].
-      length: of the stick [m].
+      m: masses of the cart and of the point mass [kg].
+      length: length of the stick [m].
       g: gravity [m/s^2].
-      x: place of the cart at the start [m].
-      angle: of the stick at the start, from hanging down [rad].
-      speed: of the cart at the start [m/s].
-      rate: of the angle at the start [rad/s].
-      formulation: "newton_euler" and "lagrange" in place and angle, "constrained" in the
-        cart's x and the point's x and y with the stick as the tie.
+      x: position of the cart at the start [m].
+      angle: angle of the stick at the start, from hanging down [rad].
+      speed: speed of the cart at the start [m/s].
+      rate: rate of the angle at the start [rad/s].
+      formulation: "newton_euler" and "lagrange" in position and angle, "constrained" in the cart's
+        x and the point's x and y with the stick as the tie.
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """

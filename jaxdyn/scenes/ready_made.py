@@ -1,4 +1,4 @@
-"""What all functions of ready-made scenes share: checked parameters and a name."""
+"""The decorator of all functions of ready-made scenes: it checks parameters and gives a name."""
 
 import functools
 from collections.abc import Callable
@@ -15,7 +15,7 @@ def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
     Args:
       rows: see `jaxdyn._arguments.like_defaults`, which checks the shapes of the numbers.
-      but: see there.
+      but: see `jaxdyn._arguments.like_defaults`.
     Example:
       >>> from jaxdyn import scenes
       >>> scenes.cannonball(speed=20.0).name
@@ -29,7 +29,7 @@ def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
         def named(*args, **kwargs) -> Scene:
             made = checked(*args, **kwargs)
             scene = object.__new__(type(made))
-            # Without checking all parts again, as `dataclasses.replace` does.
+            # Unlike `dataclasses.replace`, this does not check all parts again.
             scene.__dict__.update(made.__dict__, name=make.__name__)
             return scene
 

@@ -1,7 +1,7 @@
-"""Bodies of no mass in axes that turn: the restricted three bodies in space, and Hill's problem.
+"""Bodies of no mass in turning axes: the restricted three-body problem in space, Hill's problem.
 
-The restricted three bodies in the plane are in `sections`. `SYSTEMS` has those of pairs that people
-fly to, in kilometres and days.
+The restricted three-body problem in the plane is in `sections`. `SYSTEMS` has the numbers of pairs
+of bodies to which spacecraft fly, in kilometres and seconds.
 """
 
 from typing import ClassVar, NamedTuple
@@ -23,9 +23,9 @@ from jaxdyn.system import Points
 class RestrictedThreeBodyInSpace(System):
     """A third body of no mass near two on circles, in axes that turn with them; z is their axis.
 
-    Masses 1 - mu at (-mu, 0, 0) and mu at (1 - mu, 0, 0); distances and times in units in which
-    theirs and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without
-    the term mu (1 - mu) that some authors add).
+    The masses are 1 - mu at (-mu, 0, 0) and mu at (1 - mu, 0, 0); units are such that the distance
+    of the two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C
+    (without the term mu (1 - mu) that some authors add).
     """
 
     mu: Array = eqx.field(converter=as_float, default=0.01215)
@@ -66,8 +66,8 @@ class Pair(NamedTuple):
     """Two bodies on circles.
 
     Attributes:
-      mu: mass of the second body as a share of both [1].
-      distance: between them [km].
+      mu: mass of the second body as a share of the mass of both [1].
+      distance: distance between them [km].
       time: 1 over their angular velocity [s].
     """
 
@@ -76,7 +76,7 @@ class Pair(NamedTuple):
     time: float
 
 
-#: As in JPL's catalogue of periodic orbits of three bodies, ssd.jpl.nasa.gov.
+#: Pairs as in JPL's catalogue of periodic orbits of three bodies, ssd.jpl.nasa.gov.
 SYSTEMS = {
     "earth-moon": Pair(1.215058560962404e-2, 389703.264829278, 382981.289129055),
     "sun-earth": Pair(3.0542e-6, 149597871.0, 5022635.0),
@@ -85,14 +85,14 @@ SYSTEMS = {
     "jupiter-europa": Pair(2.52801752854e-5, 668519.0, 48562.0),
     "saturn-enceladus": Pair(1.901109735892602e-7, 238529.0, 18913.0),
 }
-_DAY = 86400.0  # seconds
+_DAY = 86400.0  # [s]
 
 
 class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
-    """The same in kilometres and days: the two bodies are a distance [km] apart.
+    """The restricted three-body problem in space, in kilometres and days.
 
     Attributes:
-      distance: between the two bodies [km].
+      distance: distance between the two bodies [km].
       time: 1 over their angular velocity [day].
     """
 
@@ -105,7 +105,7 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
 
     @property
     def units(self) -> Array:
-        """(6,) the distance, and the speed with which they turn."""
+        """(6,) the units of the state: the distance, and its product with the angular velocity."""
         speed = self.distance / self.time
         return jnp.stack([*[self.distance] * 3, *[speed] * 3])
 
@@ -128,20 +128,21 @@ def restricted_three_body_in_space(
 ) -> Scene:
     """A body of no mass near two that circle each other, in and out of their plane.
 
-    The axes turn with the two, and z is the axis of their circles. Its equilibria are the
+    The axes turn with the two bodies, and z is the axis of their circles. The equilibria are the
     `libration_points`, at z = 0; halo orbits lie about them.
 
     Args:
-      mu: mass of the second body as a share of both [1]; 0.01215 for the Moon.
-      x: at the start [1], the masses being at -mu and 1 - mu.
-      y: at the start [1].
-      z: at the start [1].
-      vx: at the start, in the turning axes [1].
-      vy: at the start, in the turning axes [1].
-      vz: at the start [1].
+      mu: mass of the second body as a share of the mass of both [1]; 0.01215 for the Moon.
+      x: initial x [1], the masses being at -mu and 1 - mu.
+      y: initial y [1].
+      z: initial z [1].
+      vx: initial vx, in the turning axes [1].
+      vy: initial vy, in the turning axes [1].
+      vz: initial vz [1].
       t1: span [1]; the two masses turn once in 2 pi.
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
-        "jupiter-europa" or "saturn-enceladus" for the same scene in km and days, with that mu.
+        "jupiter-europa" or "saturn-enceladus" for the same scene in km and days, with the mu of
+        that pair.
     """
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:
@@ -154,14 +155,14 @@ def restricted_three_body_in_space(
 
 @check_first
 def libration_point(scene: Scene, name: str) -> Array:
-    """(k,) the state of a restricted three-body scene at rest in a libration point, in its units.
+    """(k,) the state at rest in a libration point of a restricted three-body scene, in its units.
 
     Args:
       scene: `restricted_three_body` or `restricted_three_body_in_space`.
       name: "L1" between the masses, "L2" beyond the second, "L3" beyond the first, "L4" ahead of
         the second, "L5" behind it.
     Raises:
-      ValueError: another scene, or no such point.
+      ValueError: `scene` is another one, or there is no such point.
     Example:
       >>> from jaxdyn import scenes
       >>> scene = scenes.restricted_three_body_in_space(system="earth-moon")
@@ -177,7 +178,7 @@ def libration_point(scene: Scene, name: str) -> Array:
 
 @check_first
 def jacobi_constant(scene: Scene, y=None) -> Array:
-    """() Jacobi's constant of a restricted three-body scene, without units: -2 times the energy.
+    """() Jacobi's constant of a restricted three-body scene, -2 times the energy, without units.
 
     It lacks the term mu (1 - mu) that some authors add.
 
@@ -185,7 +186,7 @@ def jacobi_constant(scene: Scene, y=None) -> Array:
       scene: see `libration_point`.
       y: (k,) state; the scene's start by default.
     Raises:
-      ValueError: another scene.
+      ValueError: `scene` is another one.
     Example:
       >>> from jaxdyn import scenes
       >>> scene = scenes.restricted_three_body_in_space(system="earth-moon")
@@ -202,7 +203,7 @@ def restricted(scene: Scene) -> RestrictedThreeBody | RestrictedThreeBodyInSpace
     """The system of a restricted three-body scene.
 
     Raises:
-      ValueError: another scene.
+      ValueError: `scene` is another one.
     """
     if not isinstance(scene.system, RestrictedThreeBody | RestrictedThreeBodyInSpace):
         wanted = "a restricted three-body scene"
@@ -217,9 +218,9 @@ _NAMES = ("L1", "L2", "L3", "L4", "L5")
 class Hill(System):
     """A body of no mass near a planet that circles the Sun, in axes that turn with the planet.
 
-    Hill's limit of the restricted three bodies for a small mu, with lengths in units of mu^(1/3):
-    the planet is the origin, the Sun far away on the negative x axis. The energy is -C / 2 with
-    Jacobi's constant C of Hill's problem.
+    This is the limit of the restricted three-body problem for a small mu, with lengths in units of
+    mu^(1/3): the planet is at the origin, the Sun far away on the negative x axis. The energy is
+    -C / 2 with Jacobi's constant C of Hill's problem.
     """
 
     singular: ClassVar[str] = "The attraction is infinite at the planet."
@@ -255,11 +256,11 @@ def hill(*, x=0.3, y=0.0, vx=0.0, vy=1.5, t1=10.0) -> Scene:
     (1878), American Journal of Mathematics 1, 5; Henon (1969), Astronomy and Astrophysics 1, 223.
 
     Args:
-      x: at the start, away from the Sun [1]; lengths are in units of the distance of the Sun times
+      x: initial x, away from the Sun [1]; lengths are in units of the distance of the Sun times
         the cube root of the planet's share of the mass.
-      y: at the start, along the planet's motion [1].
-      vx: at the start, in the turning axes [1].
-      vy: at the start, in the turning axes [1].
+      y: initial y, along the planet's motion [1].
+      vx: initial vx, in the turning axes [1].
+      vy: initial vy, in the turning axes [1].
       t1: span [1]; the planet circles the Sun once in 2 pi.
     """
     return Scene(Hill(), y0=jnp.stack([x, y, vx, vy]), t1=t1)

@@ -1,13 +1,13 @@
 """The three satellites of problems 55 and 57: a unit cube with balls of radius 1/2 on its faces.
 
-All parts have density 1 and the cube has its corners at 0 and 1. Results for the claims of
-the course:
+All parts have density 1 and the cube has its corners at 0 and 1. These are the results for the
+claims of the course:
 
 - 55 iii says that two principal moments of A are equal, and 57 A.i that all three differ. They
   differ: 0.527, 0.795 and 1.051.
-- 57 A.ii is false: the axis along the line through the centres of the two balls, (1, -1, 0),
-  is that of the smallest moment. The intermediate axis is (1, 1, 0), the largest moment is
-  about z.
+- 57 A.ii is false: the axis along the line through the centres of the two balls, (1, -1, 0), is
+  that of the smallest moment. The intermediate axis is (1, 1, 0), and the largest moment is about
+  z.
 - 57 B.i and ii hold: two moments of B are equal and the axis of symmetry is (1, 1, 1); its
   moment is the largest.
 - 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
@@ -25,34 +25,34 @@ from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import each_motion
 from jaxdyn.sketch import Looks, Shape, arc, lines, traces
 
-#: Tips of the two massless antennas, from (0, 0, 0) and from (0, 0, 0.5).
+#: Tips of the two massless antennas, whose roots are at (0, 0, 0) and (0, 0, 0.5).
 ANTENNAS = ((3.0, 3.0, 3.0), (2.0, 2.0, 0.5))
 
 
-#: The faces of the cube with a ball, by their outward normals.
+#: The faces of the cube that have a ball, by their outward normals.
 FACES = {
     "A": ((1, 0, 0), (0, 1, 0)),
     "B": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "C": ((1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)),
 }
-#: Corners of a cube or box, x counting fastest, and its edges as pairs of them.
+#: Corners of a cube or box, with x changing fastest, and its edges as pairs of corners.
 CUBE = tuple((i & 1, i >> 1 & 1, i >> 2 & 1) for i in range(8))
 BOX_EDGES = tuple((i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit)
-_ROOTS = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))  # of the antennas
+_ROOTS = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))  # roots of the antennas
 
 
 def satellite_a(density=1.0) -> Body:
-    """Balls on the faces towards +x and +y."""
+    """The satellite with balls on the faces towards +x and +y."""
     return _satellite(density, FACES["A"])
 
 
 def satellite_b(density=1.0) -> Body:
-    """Balls on the faces towards +x, +y and +z."""
+    """The satellite with balls on the faces towards +x, +y and +z."""
     return _satellite(density, FACES["B"])
 
 
 def satellite_c(density=1.0) -> Body:
-    """Balls on all six faces."""
+    """The satellite with balls on all six faces."""
     return _satellite(density, FACES["C"])
 
 
@@ -66,9 +66,11 @@ def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
     """(s, 3) path in space of the tip of an antenna on a satellite (problems 55, 58) [m].
 
     Args:
-      motion: of `scenes.satellite` with the same name; its samples are the points of the path.
+      motion: a motion of `scenes.satellite` with the same name; its samples give the points of the
+        path.
       name: "A", "B" or "C".
-      tip: (3,) in the axes of problem 55, from a corner of the cube [m]; one of `ANTENNAS`.
+      tip: (3,) position in the axes of problem 55, from a corner of the cube [m]; one of
+        `ANTENNAS`.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> motion = simulate(scenes.satellite("B"), 1.0, samples=5)
@@ -93,7 +95,7 @@ class SatelliteSketch(Looks):
     name: str = eqx.field(static=True)
 
     def __call__(self, r: Array) -> tuple[Shape, ...]:
-        """Shapes in the axes of the points r (6, 3), whose origin is the centre of mass."""
+        """The shapes in the axes of the points r (6, 3), whose origin is the centre of mass."""
         del r
         centre = SATELLITES[_checks.choice("name", self.name, SATELLITES)]().centre
         x, y, z = jnp.eye(3) / 2

@@ -1,7 +1,7 @@
-"""Two systems known for their surfaces of section: Henon and Heiles's, the restricted three bodies.
+"""Two systems known for their surfaces of section: Henon-Heiles and restricted three bodies.
 
-Both have two degrees of freedom and an energy: motions on it cross a plane in points of the plane,
-on curves where they are regular, all over an area where they are chaotic.
+Both have two degrees of freedom and conserve an energy. Motions of one energy cross a plane in
+points that lie on curves where they are regular, and all over an area where they are chaotic.
 """
 
 from typing import ClassVar
@@ -24,7 +24,7 @@ DRAWN = 0.02
 
 
 class TriangularWell(Effect):
-    """The potential (x^2 + y^2) / 2 + x^2 y - y^3 / 3 of each point of the plane."""
+    """The potential (x^2 + y^2) / 2 + x^2 y - y^3 / 3 for each point of a planar system."""
 
     velocity_dependent: ClassVar[bool] = False
     without_units: ClassVar[bool] = True
@@ -43,16 +43,16 @@ class TriangularWell(Effect):
 
 @ready_made()
 def henon_heiles(*, x=0.0, y=0.1, vx=0.49057788, vy=0.0, t1=30.0) -> Scene:
-    """Henon and Heiles's model of a star in a galaxy, chaotic from an energy of about 1/9.
+    """The Henon-Heiles model of a star in a galaxy, chaotic from an energy of about 1/9 on.
 
-    Motions with an energy below 1/6, the height of three saddles, stay in the triangle between
-    them. Henon and Heiles (1964), Astronomical Journal 69, 73.
+    Motions in the triangle between the three saddles with an energy below 1/6, the height of the
+    saddles, stay there. Henon and Heiles (1964), Astronomical Journal 69, 73.
 
     Args:
-      x: at the start [1].
-      y: at the start [1].
-      vx: at the start [1].
-      vy: at the start [1].
+      x: initial x [1].
+      y: initial y [1].
+      vx: initial vx [1].
+      vy: initial vy [1].
       t1: span [1].
     """
     return Scene(FreePoints([1.0]), (TriangularWell(),), y0=jnp.stack([x, y, vx, vy]), t1=t1)
@@ -61,8 +61,8 @@ def henon_heiles(*, x=0.0, y=0.1, vx=0.49057788, vy=0.0, t1=30.0) -> Scene:
 class RestrictedThreeBody(System):
     """A third body of no mass in the plane of two on circles, in axes that turn with them.
 
-    Masses 1 - mu at (-mu, 0) and mu at (1 - mu, 0); distances and times in units in which theirs
-    and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
+    The masses are 1 - mu at (-mu, 0) and mu at (1 - mu, 0); units are such that the distance of the
+    two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
     term mu (1 - mu) that some authors add).
     """
 
@@ -107,33 +107,34 @@ class RestrictedThreeBody(System):
 def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
     """A body of no mass near two that circle each other, in axes that turn with them.
 
-    Its equilibria are the `libration_points`.
+    The equilibria are the `libration_points`.
 
     Args:
-      mu: mass of the second body as a share of both [1]; 0.01215 for the Moon.
-      x: at the start [1], the masses being at -mu and 1 - mu.
-      y: at the start [1].
-      vx: at the start, in the turning axes [1].
-      vy: at the start, in the turning axes [1].
+      mu: mass of the second body as a share of the mass of both [1]; 0.01215 for the Moon.
+      x: initial x [1], the masses being at -mu and 1 - mu.
+      y: initial y [1].
+      vx: initial vx, in the turning axes [1].
+      vy: initial vy, in the turning axes [1].
       t1: span [1]; the two masses turn once in 2 pi.
     """
     return Scene(RestrictedThreeBody(mu), y0=jnp.stack([x, y, vx, vy]), t1=t1)
 
 
-_HALVINGS = 60  # of intervals shorter than 2: to the last bit
-_POLISHING_STEPS = 2  # of Newton's method: they carry derivatives up to the third
+_HALVINGS = 60  # bisections of intervals shorter than 2, to the last bit
+_POLISHING_STEPS = 2  # steps of Newton's method: they carry derivatives up to the third
 
 
 def libration_points(mu) -> Array:
     """(5, 2) positions of the equilibria L1 to L5 of the restricted three-body problem.
 
-    On the axis through the masses L1 is between them, L2 beyond the one at 1 - mu, L3 beyond the
+    On the axis through the masses L1 is between them, L2 beyond the one at 1 - mu and L3 beyond the
     other; L4 and L5 form equilateral triangles with them, L4 with y > 0.
 
     Args:
-      mu: mass of the second body as a share of both, between 0 and 1 [1].
+      mu: mass of the second body as a share of the mass of both, between 0 and 1 [1].
     Returns:
-      x and y of each [1]; the velocities there are 0. Differentiable in mu, also under jit.
+      x and y of each [1]; the velocities there are 0. They are differentiable in mu, also under
+      jit.
     Raises:
       ValueError: `mu` is not between 0 and 1.
     Reference: Szebehely (1967), Theory of Orbits, section 4.4.
@@ -158,7 +159,7 @@ def libration_points(mu) -> Array:
         above = pull(middle) > 0
         return jnp.where(above, low, middle), jnp.where(above, middle, high)
 
-    # The pull along the axis increases from mass to mass, and beyond them to infinity.
+    # The force along the axis increases from mass to mass, and beyond them to infinity.
     bounds = jnp.stack([-mu, far, zero - 2]), jnp.stack([far, zero + 2, -mu])
     x = jax.lax.fori_loop(0, _HALVINGS, halved, jax.lax.stop_gradient(bounds))[0]
     for _ in range(_POLISHING_STEPS):

@@ -1,4 +1,4 @@
-"""A pendulum by an unsuitable coordinate, and where that becomes singular: course problem 24."""
+"""A pendulum in an unsuitable coordinate, and where this becomes singular: course problem 24."""
 
 import math
 
@@ -18,7 +18,7 @@ from jaxdyn.scenes.ready_made import ready_made
 
 
 class Edge(Event):
-    """The mass of a sideways pendulum rises to a depth below the hinge, over the length [1]."""
+    """The mass of a sideways pendulum rises to a depth (over the length [1]) below the hinge."""
 
     length: Array
     margin: Array
@@ -43,19 +43,19 @@ def sideways_pendulum(
     formulation="newton_euler",
     t1=10.0,
 ) -> Scene:
-    """A pendulum by its horizontal position, an unsuitable coordinate (problem 24).
+    """A pendulum in its horizontal position, an unsuitable coordinate (problem 24).
 
-    The position, y in the course, is x here. It determines the position of the mass only below the
+    This position, y in the course, is x here. It determines the position of the mass only below the
     hinge. A motion that swings up to the level of the hinge reaches abs(x) = length with zero rate,
-    where the acceleration is 0 / 0 and the continuation is not determined: it ends there with a
-    status and NaN. `sideways_edge` finds the time.
+    where the acceleration is 0 / 0 and the continuation is not determined; the motion ends there
+    with a status and NaN. `sideways_edge` finds the time.
 
     Args:
-      length: of the rod [m].
+      length: length of the rod [m].
       m: mass [kg].
       g: gravity [m/s^2].
-      angle: at the start, from hanging down, less than a quarter turn [rad].
-      rate: of the angle at the start [rad/s].
+      angle: angle at the start, from hanging down, less than a quarter turn [rad].
+      rate: rate of the angle at the start [rad/s].
       formulation: "newton_euler" or "lagrange".
       t1: span [s].
     """
@@ -72,19 +72,20 @@ def sideways_edge(scene: Scene, t1=None, *, margin=1e-3, rtol: float = RTOL) -> 
     """Time and state where a `sideways_pendulum` reaches the edge of its coordinate.
 
     The edge itself, abs(x) = length, is only touched, with an acceleration of 0 / 0. The event is
-    therefore a small depth below the hinge, margin times length. Compared with the angle, its time
-    is accurate to 1e-14 at a margin of 1e-3 and to 1e-13 at 1e-4 (rtol 1e-13, length 0.8 m).
+    therefore at a small depth below the hinge, margin times length. By comparison with a simulation
+    of the angle, its time is accurate to 1e-14 at a margin of 1e-3 and to 1e-13 at 1e-4 (rtol
+    1e-13, length 0.8 m).
 
     Args:
       scene: a `sideways_pendulum`.
-      t1: () end of the span [s]; the scene's own if left out.
+      t1: () end of the span [s]; that of the scene by default.
       margin: ratio of the depth below the hinge to the length [1], between 0 and 1.
       rtol: see `simulate`.
     Returns:
       The stop: ``stop.event`` is -1 for a swing that stays below; the sign of x at the event
       gives the side.
     Raises:
-      ValueError: `scene` is not a `sideways_pendulum`, or `margin` not between 0 and 1.
+      ValueError: `scene` is not a `sideways_pendulum`, or `margin` is not between 0 and 1.
     Example:
       >>> from jaxdyn.scenes import sideways_edge, sideways_pendulum
       >>> [sideways_edge(sideways_pendulum(rate=r)).happened for r in (1.0, 6.0)]

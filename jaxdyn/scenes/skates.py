@@ -1,9 +1,9 @@
 """A body on skates, sliding freely on a plane: course problem 39.
 
-Each skate allows its point of the body to move along its blade but not across: one rolling
-condition, and one force across the blade. Two routes to the same motion: `Constrained` (the DAE of
-Newton-Euler) and `by_lagrange` (Lagrange's equations with the conditions derived by hand), both of
-the `mechanisms.skates`.
+Each skate allows its point of the body to move along its blade but not across it: one rolling
+condition, and one force across the blade. There are two routes to the same motion: `Constrained`
+(the DAE of Newton-Euler) and `by_lagrange` (Lagrange's equations, derived by hand, with the
+conditions), both for the mechanisms of `mechanisms.skates`.
 
 The result has a simple reason (39 d). The blades are fixed in the body, so the velocities that two
 skates allow, in body axes, are the multiples of one twist, whose size the energy determines. A body
@@ -22,7 +22,7 @@ from jaxdyn.mechanisms.skates import LagrangeSkates, Skated
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made
 
-#: Relative speed below which a skate counts as at rest beside the other [1].
+#: Ratio of the speeds of two skates along their blades below which the slower counts as at rest.
 _MIN_SPEED = 1e-12
 
 
@@ -37,10 +37,10 @@ def one_skate(
 
     Args:
       m: mass [kg].
-      inertia: about the centre of mass [kg m^2].
-      at: (2,) position of the skate from the centre of mass, which is at the origin [m].
+      inertia: moment of inertia about the centre of mass [kg m^2].
+      at: (2,) position of the skate from the centre of mass, which starts at the origin [m].
       heading: direction of the blade [rad].
-      speed: of the skate along its blade [m/s].
+      speed: speed of the skate along its blade [m/s].
       spin: angular velocity [rad/s].
       t1: span [s].
     """
@@ -64,8 +64,8 @@ def two_skates(
 
     Args:
       m: mass [kg].
-      inertia: about the centre of mass [kg m^2].
-      at: (2, 2) positions of the skates from the centre of mass, which is at the origin [m].
+      inertia: moment of inertia about the centre of mass [kg m^2].
+      at: (2, 2) positions of the skates from the centre of mass, which starts at the origin [m].
       headings: (2,) directions of their blades [rad].
       speed: root mean square speed of the body's mass [m/s]; for a positive one the first skate
         moves forwards along its blade (the second, if the body turns about the first).
@@ -82,12 +82,12 @@ def two_skates(
 def allowed_twist(body: Skated) -> Array:
     """(3,) the twist (vx, vy, omega) in body axes that two skates allow, of mean square speed 1.
 
-    The first skate moves forwards or, if it is at rest, the second.
+    The first skate moves forwards or, if it is at rest, the second one does.
     """
     first, second = body.twists()
     twist = jnp.cross(first, second)
     size = jnp.sum(twist * twist * jnp.stack([1.0 + 0 * body.m, 1.0, body.inertia / body.m]))
-    # Skates on a common normal have no such twist; `check` reports them, not a NaN.
+    # Skates on a common normal have no such twist; `check` reports them, so no NaN is needed.
     twist = twist / jnp.sqrt(jnp.where(size == 0, 1.0, size))
     ahead = _blade_speeds(body, twist)
     still = jnp.abs(ahead[0]) <= _MIN_SPEED * jnp.abs(ahead[1])
@@ -102,14 +102,14 @@ def _blade_speeds(body: Skated, twist: Array) -> Array:
 
 
 def by_lagrange(scene: Scene) -> Scene:
-    """The same body and start by Lagrange's equations with multipliers (problem 39 c)."""
+    """The same body and start with Lagrange's equations and multipliers (problem 39 c)."""
     return dataclasses.replace(scene, system=LagrangeSkates(scene.system.mechanism))
 
 
 def meeting_point(scene: Scene) -> Array:
-    """(2,) the point where the normals of two skates meet, at the start.
+    """(2,) the point where the normals of two skates meet at the start.
 
-    Limits: for parallel normals not finite, or as far away as rounding puts it.
+    Limits: for parallel normals it is not finite, or as far away as rounding puts it.
     """
     x, y, theta, vx, vy, omega = scene.y0
     del theta
@@ -117,11 +117,11 @@ def meeting_point(scene: Scene) -> Array:
 
 
 def elementary_motion(scene: Scene, ts: Array) -> Array:
-    """(s, 6) states of a body on two skates without solving any equation (problem 39 d).
+    """(s, 6) states of a body on two skates, found without solving an equation (problem 39 d).
 
-    Its twist is constant: with c = (1 - cos omega t) / omega and s = sin(omega t) / omega the
-    centre moves by (s vx - c vy, c vx + s vy). Both ratios have limits at omega = 0, so a
-    straight line needs no special treatment.
+    The twist of the body is constant: with c = (1 - cos omega t) / omega and s = sin(omega t) /
+    omega, the centre moves by (s vx - c vy, c vx + s vy). Both ratios have limits at omega = 0, so
+    a straight line needs no special treatment.
     """
     x, y, theta, vx, vy, omega = scene.y0
     ts = jnp.asarray(ts)

@@ -13,8 +13,8 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.particles import particle
 from jaxdyn.scenes.ready_made import ready_made
 
-_MIN_SAMPLES = 5  # samples: fewer always lie on an ellipse
-_MAX_UNEVENNESS = 1e-9  # of a sample interval
+_MIN_SAMPLES = 5  # fewer samples always lie on an ellipse
+_MAX_UNEVENNESS = 1e-9  # largest deviation of a sample interval from the mean, over the mean
 
 
 @ready_made()
@@ -25,8 +25,8 @@ def oscillator(*, k=1.0, m=1.0, c=0.0, x=1.0, v=0.0, t1=10.0) -> Scene:
       k: stiffness [N/m].
       m: mass [kg].
       c: damping [kg/s]; exactly 0 leaves the effect out.
-      x: start [m].
-      v: start [m/s].
+      x: initial position [m].
+      v: initial velocity [m/s].
       t1: span [s].
     """
     effects = (Spring(k), *unless_zero(c, LinearDrag(c)))
@@ -47,10 +47,10 @@ def spring_mass(
     """A mass on a spring pinned at the origin, in the plane or in space (problem 6).
 
     Args:
-      position: (d,) start [m], d = 2 or 3; the last axis points up.
-      velocity: (d,) start [m/s].
+      position: (d,) initial position [m], d = 2 or 3; the last axis points up.
+      velocity: (d,) initial velocity [m/s].
       k: stiffness [N/m]; exactly 0 leaves the spring out.
-      length: rest length [m]; 0 allowed.
+      length: rest length [m], which may be 0.
       m: mass [kg].
       g: gravity [m/s^2]; exactly 0 leaves it out.
       t1: span [s].
@@ -67,13 +67,13 @@ def hanging_spring(
 
     In space z is up. The problem asks for the wildest motion. There is none: gravity only shifts
     the centre, and all directions have the same frequency, so from any start the motion is an
-    ellipse about the point m g / k below the pin, with period 2 pi sqrt(m / k):
-    `hanging_spring_exact`. `wildness` measures the deviation from that: 0 here, but not for a
-    `spring_mass` with a rest length.
+    ellipse about the point m g / k below the pin, with period 2 pi sqrt(m / k)
+    (`hanging_spring_exact`). `wildness` measures the deviation from an ellipse, which is 0 here but
+    not for a `spring_mass` with a rest length.
 
     Args:
-      position: (d,) start [m].
-      velocity: (d,) start [m/s].
+      position: (d,) initial position [m].
+      velocity: (d,) initial velocity [m/s].
       k: stiffness [N/m].
       m: mass [kg].
       g: gravity [m/s^2]; exactly 0 leaves it out.
@@ -104,7 +104,7 @@ def hanging_spring_exact(scene: Scene, t) -> Array:
 
 
 def wildness(motion: Trajectory) -> Array:
-    """() [1] deviation of the path of the first point from an ellipse; 0 for every ellipse.
+    """() deviation [1] of the path of the first point from an ellipse; 0 for every ellipse.
 
     For harmonic motion on an ellipse, r = c + a cos(w t) + b sin(w t), the second differences of
     equally spaced samples are proportional to r - c. The result is the root mean square of the
@@ -112,8 +112,8 @@ def wildness(motion: Trajectory) -> Array:
     mean (problem 10).
 
     Args:
-      motion: equally spaced samples over at least a period, at least about ten per period.
-        Numerical errors contribute too, but vanish as the tolerance is tightened.
+      motion: equally spaced samples over at least a period, about ten or more per period. Numerical
+        errors contribute too, but vanish as the tolerance is tightened.
     Raises:
       ValueError: `motion` has fewer than 5 samples, unequally spaced ones, or is a batch.
     Limits: NaN for a point with constant velocity. Rounding contributes 1e-16 over the squared
@@ -153,32 +153,32 @@ def two_springs(
 ) -> Scene:
     """A mass on two springs with parallel dashpots, and air drag, y up (problem 13).
 
-    `equilibria.equilibria` finds its equilibria, with a proof that these are all (13 c). Their
-    number:
+    `equilibria.equilibria` finds the equilibria, with a proof that these are all (13 c). They are:
 
-    - Without springs: none with weight; without weight every point.
-    - With a spring: at least one, since the energy grows in all directions, and its minimum is a
-      equilibrium, never an anchor from which a spring pushes away. Exactly one for a heavy mass.
-    - A single spring without weight: a circle about its anchor, if it has a rest length.
-    - Two springs at different anchors without weight: at most five. Off the line of the anchors
-      both must be at rest length, which gives two; on each of its three parts the force, which
-      increases with x, vanishes at most once.
-    - Two springs and weight: one to five are known, five at (k_b, length_a, length_b, g) =
-      (8, 2, 0.8, 1) with k_a = 1 and anchors at (0, 0) and (0.8, 0.6). That there are never more
-      is not proved.
+    - Without springs: none with weight, every point without.
+    - With a spring: at least one, since the energy grows in all directions and its minimum is an
+      equilibrium, never an anchor from which a spring pushes away; exactly one for a heavy mass.
+    - With a single spring and no weight: a circle about its anchor, if it has a rest length.
+    - With two springs at different anchors and no weight: at most five. Off the line of the anchors
+      both springs must be at rest length, which gives two; on each of the three parts of the line
+      the force, which increases with x, vanishes at most once.
+    - With two springs and weight: one to five are known, five at (k_b, length_a, length_b, g) =
+      (8, 2, 0.8, 1) with k_a = 1 and anchors at (0, 0) and (0.8, 0.6). It is not proved that there
+      are never more.
 
     Args:
-      position: (2,) start [m].
-      velocity: (2,) start [m/s].
-      anchor_a: (2,) one anchor [m].
-      anchor_b: (2,) the other [m].
-      k_a: stiffness to A [N/m]; exactly 0 leaves the spring out, as for all coefficients below.
-      k_b: stiffness to B [N/m].
-      length_a: rest length to A [m].
-      length_b: rest length to B [m].
-      c_a: dashpot to A [kg/s].
-      c_b: dashpot to B [kg/s].
-      c_d: air drag c v [kg/s].
+      position: (2,) initial position [m].
+      velocity: (2,) initial velocity [m/s].
+      anchor_a: (2,) anchor A [m].
+      anchor_b: (2,) anchor B [m].
+      k_a: stiffness of the spring to A [N/m]; for this and all coefficients below, exactly 0 leaves
+        the effect out.
+      k_b: stiffness of the spring to B [N/m].
+      length_a: rest length of the spring to A [m].
+      length_b: rest length of the spring to B [m].
+      c_a: coefficient of the dashpot to A [kg/s].
+      c_b: coefficient of the dashpot to B [kg/s].
+      c_d: coefficient c of the air drag c v [kg/s].
       m: mass [kg].
       g: gravity [m/s^2].
       t1: span [s].
@@ -198,17 +198,17 @@ def two_springs(
 def two_masses(*, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0, t1=5.0) -> Scene:
     """Two masses and a spring on a line, pushed by a step force on the second (problem 20).
 
-    They start at rest at 0 and at the rest length. For any k, F = (m1 + m2) a_G: the two forces
-    of the spring cancel in the sum (20 b). They oscillate relative to G with the
-    frequency sqrt(k (m1 + m2) / (m1 m2)) and an amplitude proportional to 1/k, so for large k
-    both move like G (20 c); see `two_masses_exact`.
+    They start at rest, at 0 and at the rest length. For any k, F = (m1 + m2) a_G, since the two
+    forces of the spring cancel in the sum (20 b). The masses oscillate relative to G with the
+    angular frequency sqrt(k (m1 + m2) / (m1 m2)) and an amplitude proportional to 1/k, so for large
+    k both move like G (20 c); see `two_masses_exact`.
 
     Args:
-      m1: mass at 0 [kg].
-      m2: mass at the rest length, which is pushed [kg].
+      m1: mass of the one at 0 [kg].
+      m2: mass of the one at the rest length, which is pushed [kg].
       k: stiffness [N/m].
       length: rest length [m].
-      force: the step F0, from t = 0 on [N]; exactly 0 leaves it out.
+      force: step F0 of the force, from t = 0 on [N]; exactly 0 leaves it out.
       t1: span [s].
     """
     effects = (Spring(k, length, i=0, j=1), *unless_zero(force, StepForce([force], on=(1,))))
@@ -225,7 +225,7 @@ def two_masses_exact(t, *, m1=1.0, m2=2.0, k=100.0, length=1.0, force=1.0) -> Ar
     t = jnp.asarray(t, dtype=float)
     total = m1 + m2
     w = jnp.sqrt(k * total / (m1 * m2))
-    mean = force * m1 / (k * total)  # the stretch about which it oscillates
+    mean = force * m1 / (k * total)  # the mean stretch of the spring
     stretch = mean * 2 * jnp.sin(0.5 * w * t) ** 2
     rate = mean * w * jnp.sin(w * t)
     centre, speed = 0.5 * force / total * t * t, force / total * t

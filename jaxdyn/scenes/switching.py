@@ -2,13 +2,13 @@
 
 - Euler angles lock where the second turn makes the first and third axes parallel. Two sequences
   that differ only in their third turn never lock together: where ZXZ locks, ZXY is best.
-- The x of a pendulum is singular at the level of its hinge, its y below and above the hinge. Four
-  quarters, each with the coordinate that is regular there, cover the whole circle.
+- The x of a pendulum is singular at the level of its hinge, its y directly below and above the
+  hinge. Four quarters, each with the coordinate that is regular there, cover the whole circle.
 - Polar coordinates have no angle at the origin. Near it the particle is described by x and y.
 
-Each is a chain of phases (`jaxdyn.integrate.phases`) whose events are margins of the coordinates,
-so the time of every exchange is reported. New coordinates remain good for a fraction of a turn, so
-there is no switching back and forth.
+Each such motion is a chain of phases (`jaxdyn.integrate.phases`) whose events are margins of the
+coordinates, so the time of every exchange is reported. New coordinates remain good for a fraction
+of a turn, so there is no switching back and forth.
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ from jaxdyn.mechanisms.sticks import Sideways
 from jaxdyn.scene import Scene, System, check_scene
 
 MARGIN = 0.5
-_RETURN_RATIO = 1.2  # times the distance of the change to x and y at which polar coordinates return
+_RETURN_RATIO = 1.2  # distance at which polar coordinates return over that at which x and y begin
 _QUARTERS = {(0, -1): "below", (0, 1): "above", (1, -1): "left", (1, 1): "right"}
 
 
@@ -49,18 +49,20 @@ def simulate_switching(
     """The motion of a scene whose coordinates may become singular, in pieces with regular ones.
 
     Args:
-      scene: a body by Euler angles (`EulerBody`), a `sideways_pendulum`, or a `polar_particle`.
-      t1: () end time [s], after t0; the scene's own span if left out.
+      scene: a body in Euler angles (`EulerBody`), a `sideways_pendulum`, or a `polar_particle`.
+      t1: () end time [s], after t0; that of the scene by default.
       t0: () start time [s].
       samples: number of samples of each piece.
       rtol: see `simulate`.
       margin: see `coordinate_phases`.
       max_phases: largest number of pieces.
     Returns:
-      The pieces, each in its own coordinates; ``rigid.pose`` and ``piece.r`` do not depend on
-      them. `HybridTrajectory.times` are those of the exchanges; the last piece has the last state.
+      The pieces, each in its own coordinates; ``rigid.pose`` and ``piece.r`` do not depend on the
+      coordinates. `HybridTrajectory.times` are the times of the exchanges; the last piece has the
+      last state.
     Raises:
-      ValueError: `scene` is of another kind, `margin` is not between 0 and 0.7, or see `run`.
+      ValueError: `scene` is of another kind, or `margin` is not between 0 and 0.7; see
+        `simulate_phases` for the others.
     Example:
       >>> from jaxdyn import scenes
       >>> past = simulate_switching(scenes.polar_particle(position=(1.0, 0.0)), 2.0)
@@ -77,14 +79,14 @@ def simulate_switching(
 
 @check_first
 def coordinate_phases(scene: Scene, margin: float = MARGIN) -> dict[str, Phase]:
-    """The coordinates for a motion as phases for `simulate_phases`, those of the scene first.
+    """The phases, one for each choice of coordinates, for `simulate_phases`; the scene's own first.
 
     Args:
       scene: see `simulate_switching`.
-      margin: of the coordinates at an exchange, between 0 and 0.7 [1]: the sine of the angle
+      margin: margin of the coordinates at an exchange, between 0 and 0.7 [1]: the sine of the angle
         between the first and third axes of Euler angles; the depth below (or height above, or
-        distance beside) the hinge over the length; the distance from the origin over that at
-        the start.
+        distance beside) the hinge over the length; or the distance from the origin over that at the
+        start.
     Raises:
       ValueError: `scene` is of another kind, or `margin` is not between 0 and 0.7.
     """
@@ -130,7 +132,7 @@ class Locks(Event):
 
 
 class Retold(eqx.Module):
-    """The same pose in the angles of another sequence."""
+    """The state with the same pose in the angles of another sequence."""
 
     old: EulerBody
     new: EulerBody
@@ -145,9 +147,10 @@ class Retold(eqx.Module):
 def complement(sequence: str) -> str:
     """The sequence that is best where this one locks.
 
-    It differs in the third turn (about the body; about the world, in the first). The axis of the
-    first turn, fixed in space, has the cosines c and c' to the body's axes of the two last turns.
-    One locks at c^2 = 1, the other at c'^2 = 1, and c^2 + c'^2 <= 1.
+    It differs in the third turn (for turns about the body's axes; in the first, for turns about
+    those of the world). The axis of the first turn, fixed in space, has the cosines c and c' to the
+    body's axes of the two last turns. One sequence locks at c^2 = 1, the other at c'^2 = 1, and
+    c^2 + c'^2 <= 1.
 
     Example:
       >>> complement("ZXZ"), complement("XYZ"), complement("xyz")
@@ -176,7 +179,7 @@ def _by(scene: Scene, mechanism) -> Scene:
 
 
 class Along(eqx.Module):
-    """The same point in another of its cartesian coordinates."""
+    """The state of the same point in its other cartesian coordinate."""
 
     system: System
     axis: int = eqx.field(static=True)
@@ -191,7 +194,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
     level = stick.l * (1 - margin**2) ** 0.5
 
     def phase(axis: int, side: int) -> Phase:
-        # The side is a parameter, so that both sides share one compiled search.
+        # The side is an array, so that both sides share one compiled search.
         by = _by(scene, Sideways(m=stick.m, l=stick.l, axis=axis, side=jnp.asarray(float(side))))
         across = Along(by.system, 1 - axis)
         ways = [
@@ -208,7 +211,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
 
 
 class Leaves(Event):
-    """A particle reaches a distance [m] from the origin, outwards."""
+    """A particle reaches a distance [m] from the origin on its way outwards."""
 
     far: Array
 
@@ -222,7 +225,7 @@ class Leaves(Event):
 
 
 class ToCartesian(eqx.Module):
-    """A polar state in x and y."""
+    """The state in x and y of a polar state."""
 
     particle: PolarParticle
 

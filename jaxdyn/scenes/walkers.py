@@ -1,16 +1,16 @@
 """Walking down a slope without motors: the rimless wheel, and the simplest walker.
 
-Between two steps each is a pendulum upside down about the foot on the ground. A step is an impact
+Between two steps each is an inverted pendulum about the foot on the ground. A step is an impact
 without slip or rebound in which the other foot comes to the ground as the first one leaves it: the
-angular momentum about the new foot is kept, some of the energy is not. The state has no position:
-each step starts at its own foot.
+angular momentum about the new foot is conserved, the energy is not. The state has no position: each
+step is described relative to its own foot.
 
-- The rimless wheel of n spokes, 2 a = 2 pi / n apart, keeps the part cos 2a of its angular velocity
-  in a step. Its gait has the angular velocity 2 cot 2a sqrt(g/l sin a sin slope) after a step, and
-  the multiplier cos^2 2a.
+- The rimless wheel of n spokes, 2 a = 2 pi / n apart, keeps the fraction cos 2a of its angular
+  velocity in a step. Its gait has the angular velocity 2 cot 2a sqrt(g/l sin a sin slope) after a
+  step, and the multiplier cos^2 2a.
 - The simplest walker has two legs, a mass at the hip and far smaller ones at the feet, so that the
-  swing leg does not act on the stance leg. Its knees are stiff: the swing foot passes through the
-  ground when the legs are parallel, which is ignored.
+  swing leg does not act on the stance leg. Its knees are stiff, so the swing foot passes through
+  the ground when the legs are parallel; this is ignored.
 
 References: McGeer (1990), Int. J. Robotics Research 9(2), 62; Garcia, Chatterjee, Ruina and Coleman
 (1998), J. Biomech. Eng. 120, 281.
@@ -45,7 +45,7 @@ def _ground(slope: Array, l: Array) -> Shape:  # noqa: E741
 
 
 def _weight(points: Points, g: Array) -> tuple[Load, ...]:
-    """The weight of the only point."""
+    """The weight of the only point, as a load."""
     force = jnp.stack([jnp.zeros_like(g), -g * points.m[0]])
     return (Load("weight", 0, force, points.r[0]),)
 
@@ -54,7 +54,7 @@ def _weight(points: Points, g: Array) -> tuple[Load, ...]:
 
 
 class RimlessWheel(System):
-    """A wheel of equal spokes without a rim, its mass at the hub, on one of its spokes.
+    """A wheel of equal spokes without a rim, with its mass at the hub, standing on one spoke.
 
     Attributes:
       spokes: number of spokes.
@@ -149,7 +149,7 @@ class NextSpoke(eqx.Module):
 def rimless_wheel(*, spokes=8, slope=0.08, l=1.0, g=1.0, omega=0.4, t1=5.0) -> Scene:  # noqa: E741
     """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
 
-    It starts on a spoke that has just landed. `phases_of` has its steps. With the default numbers
+    It starts on a spoke that has just landed; `phases_of` has its steps. With the default numbers
     the gait has the angular velocity 0.3497543674325097 after a step, and the multiplier 1/2.
     McGeer (1990), Int. J. Robotics Research 9(2), 62.
 
@@ -180,8 +180,8 @@ def roll_phases(scene: Scene) -> dict[str, Phase]:
 class SimplestWalker(System):
     """Two legs with a mass at the hip and feet of no mass, one foot on the ground.
 
-    Angles are counterclockwise: the stance leg's from the normal of the ground, the swing leg's
-    from the stance leg, so that both decrease in a step towards +x.
+    Angles are counterclockwise, that of the stance leg from the normal of the ground and that of
+    the swing leg from the stance leg, so that both decrease in a step towards +x.
 
     Attributes:
       slope: angle of the ground below the horizontal, falling towards +x [rad].
@@ -242,7 +242,7 @@ class SimplestWalker(System):
 
 
 class HeelStrikes(Event):
-    """The swing foot comes down to the ground: not where it leaves, nor where it scuffs."""
+    """The swing foot comes down to the ground, as opposed to leaving it or scuffing it."""
 
     def value(self, t, y):
         del t
@@ -273,9 +273,10 @@ def simplest_walker(
 ) -> Scene:
     """Two legs that walk down a slope without a motor, on one foot after the other.
 
-    It starts just after a step. `phases_of` has its steps. Its gait of slope 0.009 has the angle
-    0.20031090054424716 and the rate -0.19983247300495 after a step; it is stable up to a slope of
-    0.0150884379, where its period doubles. Garcia et al. (1998), J. Biomech. Eng. 120, 281.
+    It starts just after a step; `phases_of` has its steps. The gait on the slope 0.009 has the
+    angle 0.20031090054424716 and the rate -0.19983247300495 after a step; the gait is stable up to
+    a slope of 0.0150884379, where its period doubles. Garcia et al. (1998), J. Biomech. Eng. 120,
+    281.
 
     Args:
       slope: angle of the ground below the horizontal, falling towards +x [rad].
@@ -283,7 +284,7 @@ def simplest_walker(
       g: gravity [m/s^2].
       stance: angle of the leg that has come to the ground, counterclockwise from the normal of the
         ground [rad].
-      rate: of that angle [rad/s].
+      rate: rate of that angle [rad/s].
       t1: span [s].
     """
     stance, rate = floats(stance, rate)
@@ -295,6 +296,7 @@ def simplest_walker(
 @check_first
 def walk_phases(scene: Scene) -> dict[str, Phase]:
     """The motion of a `simplest_walker` as a phase, which the strike of the other foot ends."""
-    # The foot is below the ground where the knee of another walker would bend: no bound.
+    # The foot is below the ground where the knee of another walker would bend, so the ground is no
+    # bound.
     strikes = Exit(HeelStrikes(), "swing", changes_feet, one_sided=False)
     return {"swing": Phase(scene, (strikes,))}

@@ -1,24 +1,24 @@
 """A car that brakes with locked front or rear wheels, seen from above: course problem 32.
 
 The two wheels of an axle act as one on the centre line. The free axle rolls: its velocity has no
-lateral component, one rolling condition with one side force. The locked axle slides: friction mu N
-against its velocity, N its share of the weight (the centre of mass is at ground height, so braking
-does not shift the load). Without friction both cars are the ideal one of the lecture, a body on one
-skate.
+lateral component, which is one rolling condition with one side force. The locked axle slides, with
+friction mu N against its velocity, where N is its share of the weight (the centre of mass is at
+ground height, so braking does not shift the load). Without friction both cars are the ideal one of
+the lecture, a body on one skate.
 
 Is it stable (32 d)? Let V be the speed of the free axle, at s ahead of the centre of mass, and
 omega the yaw rate; L is the wheelbase and J = I + m s^2. For small omega
 
     J omega' = (m s V - mu N L^2 / V) omega,    m V' = -mu N,
 
-the first term from the free axle, which leads if s > 0 and trails if s < 0, the second from the
-friction, which always damps. With locked front wheels the rear rolls, s < 0: omega decays, and the
-car is stable at any speed. With locked rear wheels s > 0, and omega grows while V^2 > mu g L. From
-V0 to V it becomes
+where the first term is due to the free axle, which leads if s > 0 and trails if s < 0, and the
+second to friction, which always damps. With locked front wheels the rear wheels roll and s < 0:
+omega decays, and the car is stable at any speed. With locked rear wheels s > 0, and omega grows
+while V^2 > mu g L. When the speed has fallen from V0 to V, the yaw rate is
 
     omega = omega0 (V / V0)^(m L^2 / J) exp(m^2 s (V0^2 - V^2) / (2 mu N J)),
 
-for the rear wheels by a factor of up to about exp(m L V0^2 / (2 mu g J)).
+with locked rear wheels a growth by a factor of up to about exp(m L V0^2 / (2 mu g J)).
 
 How does it come to rest? With u = (V, w) the velocity of the locked wheels along and across the
 car, w = L omega, everything but friction is of second order in a small u:
@@ -60,10 +60,11 @@ _WEIGHTS = _Z * (1 + np.exp(-_STEPS)) / 16
 class LockedAxle(Effect):
     """Friction mu N against the velocity of the point `ahead` () [m] of a car's centre of mass.
 
-    mu [1], load N () [N]. Acts on the coordinates (x, y, theta) of a planar body.
+    It acts on the coordinates (x, y, theta) of a planar body, with the coefficient mu () [1] and
+    the load N () [N].
 
-    Limits: 0 at rest, where the true force keeps the car there; end the motion by an event
-      before.
+    Limits: it is 0 at rest, where the true force keeps the car at rest; end the motion by an event
+      before that.
     """
 
     mu: Array
@@ -109,8 +110,8 @@ class _Rest(NamedTuple):
     """How a slowly sliding car comes to rest."""
 
     time: Array  # () duration [s]
-    way: Array  # (2,) of its centre of mass [m]
-    turn: Array  # () of the car [rad]
+    way: Array  # (2,) displacement of its centre of mass [m]
+    turn: Array  # () rotation of the car [rad]
 
 
 class Halt(eqx.Module):
@@ -131,7 +132,7 @@ class Halt(eqx.Module):
 
     def _rest(self, y: Array) -> _Rest:
         numbers, friction = _numbers(self.scene), _friction(self.scene)
-        assert friction is not None  # `braking` has refused a car without
+        assert friction is not None  # `braking` has refused a car without friction
         e = jnp.stack([jnp.cos(y[2]), jnp.sin(y[2])])
         n = jnp.stack([-e[1], e[0]])
         along, across = jnp.sum(y[3:5] * e), numbers.base * y[5]
@@ -172,10 +173,10 @@ def car(
       to_front: distance from the centre of mass to the front axle [m].
       to_rear: distance from the centre of mass to the rear axle [m].
       m: mass [kg].
-      inertia: about the centre of mass [kg m^2].
+      inertia: moment of inertia about the centre of mass [kg m^2].
       mu: coefficient of friction of the locked wheels; exactly 0 leaves the friction out.
       g: gravity, which presses the wheels onto the ground [m/s^2].
-      speed: of the free axle [m/s].
+      speed: speed of the free axle [m/s].
       spin: initial yaw rate, a disturbance [rad/s].
       t1: span [s]; it must end before the car is at rest, see `braking`.
     """
@@ -187,7 +188,7 @@ def car(
     m, inertia = floats(m, inertia)
     at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
     body = Car(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), axles=axles)
-    # Balance of moments about the other axle.
+    # The load follows from the balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
     friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)
     v = as_float([speed, -rolls * spin, spin])
@@ -201,7 +202,7 @@ def braking(scene: Scene) -> dict[str, Phase]:
 
     ``simulate_phases(braking(scene), "slide", scene.y0, 60.0)`` ends with the car at rest. The
     locked wheels slide until the car stands: their speed is 0 only if it does not turn any more.
-    The last part of the stop is in closed form, from a speed where what that neglects is below
+    The last part of the stop is in closed form, from a speed at which the neglected terms are below
     rounding.
 
     Args:
@@ -213,7 +214,7 @@ def braking(scene: Scene) -> dict[str, Phase]:
     if friction is None:
         raise _checks.fail("scene", "a car with a locked axle", "none", "Give it mu > 0.")
     start = safe_norm(sliding_velocity(friction.ahead, scene.y0[:3], scene.y0[3:]))
-    # What is neglected is (u / whole)^2 of the last part, which is u / start of the stop.
+    # The neglected share of the last part is (u / whole)^2; the part is the share u / start of all.
     whole = jnp.sqrt(friction.mu * friction.load / numbers.m * jnp.abs(numbers.base))
     eps = jnp.finfo(start.dtype).eps
     slow = Slow(friction.ahead, eps * whole + jnp.cbrt(eps * start * whole**2))
@@ -223,9 +224,9 @@ def braking(scene: Scene) -> dict[str, Phase]:
 
 @check_first
 def turning_rate(scene: Scene, speed) -> Array:
-    """Growth rate omega' / omega () [1/s] of a small yaw rate at a speed [m/s] (problem 32 d).
+    """() growth rate omega' / omega [1/s] of a small yaw rate at a speed [m/s] (problem 32 d).
 
-    Unstable if positive. Without friction nothing damps it.
+    The car is unstable if it is positive. Without friction nothing damps the yaw rate.
     """
     friction, numbers = _friction(scene), _numbers(scene)
     push = numbers.m * numbers.s * speed
@@ -235,7 +236,7 @@ def turning_rate(scene: Scene, speed) -> Array:
 
 
 def turning_left(scene: Scene, speed) -> Array:
-    """Remaining fraction () [1] of a small yaw rate when a car has slowed down to a speed [m/s].
+    """() fraction [1] of a small yaw rate that is left when a car has slowed down to a speed [m/s].
 
     Raises:
       ValueError: the car has no friction, and does not slow down.
@@ -251,12 +252,12 @@ def turning_left(scene: Scene, speed) -> Array:
 
 
 class _Numbers(NamedTuple):
-    """A car: mass, inertia about the free axle, position of that and distance to the locked one."""
+    """The mass of a car, its inertia about the free axle, and the positions of its axles."""
 
     m: Array
     j: Array
-    s: Array  # of the free axle ahead of the centre of mass
-    base: Array  # of the locked axle ahead of the free one
+    s: Array  # distance of the free axle ahead of the centre of mass
+    base: Array  # distance of the locked axle ahead of the free one
 
 
 def _friction(scene: Scene) -> LockedAxle | None:

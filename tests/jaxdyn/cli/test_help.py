@@ -108,7 +108,7 @@ def test_zsh_shows_a_line_with_its_units():
         _TYPER_COMPLETE_ARGS="jaxdyn run pendulum --set len",
         _JAXDYN_COMPLETE="complete_zsh",
     )
-    assert done.output.strip() == """_arguments '*: :(("length=":"of the rod [m]."))'"""
+    assert done.output.strip() == """_arguments '*: :(("length=":"length of the rod [m]."))'"""
 
 
 @pytest.mark.parametrize("package", APPS)
