@@ -1,7 +1,7 @@
 """A hard case: a scene that breaks naive codes, figures of merit, and their bounds.
 
 A case runs its scenes and compares them with an independent result, a closed form or numbers of
-high precision. It holds if every figure is within its bound; NaN never is.
+high precision. The case holds if every figure is within its bound; NaN never is.
 """
 
 import math
@@ -16,7 +16,7 @@ class Figure(NamedTuple):
     """A number that the verdict depends on.
 
     Attributes:
-      what: its meaning, with the unit in brackets; errors without a unit are relative.
+      what: meaning of the number, with the unit in brackets; errors without a unit are relative.
       value: the number.
       bound: its largest allowed value; None for a number that is only reported.
     """
@@ -27,7 +27,7 @@ class Figure(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether it is within its bound."""
+        """Whether the number is within its bound."""
         return self.bound is None or bool(self.value <= self.bound)
 
 
@@ -35,9 +35,9 @@ class Case(NamedTuple):
     """A hard case.
 
     Attributes:
-      name: as in `jaxdyn hard NAME`.
+      name: name of the case, as in `jaxdyn hard NAME`.
       holds: what must hold, in one sentence.
-      measure: function that runs it and returns its figures.
+      measure: function that runs the case and returns its figures.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Verdict(NamedTuple):
     Attributes:
       case: the case.
       figures: its figures.
-      seconds: time with compilation [s].
+      seconds: time that the case took, with compilation [s].
     """
 
     case: Case
@@ -65,7 +65,7 @@ class Verdict(NamedTuple):
 
 
 def judge(case: Case) -> Verdict:
-    """Run a case.
+    """Run a case and return its verdict.
 
     Example:
       >>> judge(Case("sum", "0.1 + 0.2 = 0.3", lambda: (Figure("error", 5e-17, 1e-16),))).passed
@@ -77,12 +77,12 @@ def judge(case: Case) -> Verdict:
 
 
 def absolute_error(found, wanted) -> float:
-    """Largest difference of two arrays; NaN where their shapes differ."""
+    """The largest difference between two arrays; NaN if their shapes differ."""
     found, wanted = np.asarray(found), np.asarray(wanted)
     return float(np.max(np.abs(found - wanted))) if found.shape == wanted.shape else math.nan
 
 
 def relative_error(found, wanted) -> float:
-    """Largest relative difference of two arrays; NaN where their shapes differ."""
+    """The largest relative difference between two arrays; NaN if their shapes differ."""
     found, wanted = np.asarray(found), np.asarray(wanted)
     return float(np.max(np.abs(found / wanted - 1))) if found.shape == wanted.shape else math.nan

@@ -1,4 +1,4 @@
-"""All hard cases by name; a new one is one entry in the `CASES` of the file of its topic."""
+"""All hard cases by name; a new one is an entry in `CASES` of the file of its topic."""
 
 from collections.abc import Iterable
 

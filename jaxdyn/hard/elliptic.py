@@ -2,11 +2,11 @@
 
 import math
 
-_MEANS = 12  # the iteration doubles the correct digits each time once it is close
+_MEANS = 12  # iterations: once close, each doubles the number of correct digits
 
 
 def complete(other: float) -> float:
-    """K by its complementary modulus k' = sqrt(1 - k^2), from an arithmetic-geometric mean.
+    """K for a complementary modulus k' = sqrt(1 - k^2), from an arithmetic-geometric mean.
 
     Example:
       >>> complete(1.0) == math.pi / 2

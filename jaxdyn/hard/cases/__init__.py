@@ -1,1 +1,1 @@
-"""The hard cases, a file for each topic; each offers its own as ``CASES``."""
+"""The hard cases, in one file for each topic; each file has its cases as ``CASES``."""

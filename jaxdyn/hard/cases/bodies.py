@@ -29,12 +29,12 @@ _MOMENTS = (1, 2, 3)
 
 
 def flipping(wobble: float, representation: str = "quaternion") -> Scene:
-    """A body of moments 1, 2, 3 spinning at 1 rad/s about its middle axis, and slightly about 1."""
+    """A body of moments 1, 2, 3 that spins at 1 rad/s about axis 2 and slightly about axis 1."""
     return free_body((wobble, 1.0, 0.0), representation=representation)
 
 
 def flip_period(wobble: float) -> float:
-    """[s] of `flipping`: 4 K(k) / n, from one pass of omega_3 through 0 to the next but one.
+    """The period [s] of `flipping`, 4 K(k) / n, in which omega_3 passes 0 twice.
 
     1 - k^2, on which K depends like a logarithm near the separatrix, is computed exactly.
     """
@@ -50,7 +50,7 @@ def _flips(wobble: float) -> tuple[Figure, ...]:
     period = flip_period(wobble)
     motion = _motion(flipping(wobble), _PERIODS * period)
     y = motion.ys[-1]
-    # omega_3 is 0 after whole periods; this is by how much the motion is past that.
+    # omega_3 is 0 after whole periods; this is the time by which the motion is past that zero.
     late = float(y[-1] / motion.scene.rate(motion.ts[-1], y)[-1])
     momentum = np.asarray(energy.along(energy.angular_momentum, motion))
     size = np.linalg.norm(momentum[0])

@@ -2,7 +2,7 @@
 
 Angles and times between the nearest and the farthest point are compared with quadrature to 20
 digits (the integral of dtheta/dr between the radii, by Gauss-Legendre rules of mpmath in the square
-root of the distance from either end), and the turns counted on a motion with those angles.
+root of the distance from either end). The turns counted on a motion are compared with those angles.
 """
 
 import math
@@ -16,7 +16,7 @@ from jaxdyn.hard.case import Case, Figure, absolute_error, relative_error
 from jaxdyn.scenes.apsidal import apsidal_limits, apsides
 from jaxdyn.scenes.central import power_law, swept_angle
 
-#: Exponent, ratio of radii, angle over pi, time for r_max = k = m = 1.
+#: Rows of exponent, ratio of radii, angle over pi, and time for r_max = k = m = 1.
 _KNOWN = np.array(
     [
         (-2.9, 1e-8, 7.4968263682028551456, 1.1085650452083655171),
@@ -59,7 +59,7 @@ def _angles() -> tuple[Figure, ...]:
 
 
 def _turns() -> tuple[Figure, ...]:
-    """Three loops with radii in the ratio 1e-4, where a turn takes a very short time."""
+    """The figures of three loops with radii in the ratio 1e-4, where a turn is very short."""
     errors = []
     for n in (-2.6, -2.25, -1.0):
         way = apsides(PowerLaw(1.0, n), math.log(1e4))

@@ -1,6 +1,6 @@
 """Chaos: the time until which digits can be trusted, against motions in high precision.
 
-These were computed with 80 digits by tests/references/chaos_reference.py.
+The motions in high precision were computed with 80 digits by tests/references/chaos_reference.py.
 """
 
 import functools
@@ -32,14 +32,14 @@ def perturbed_eight() -> Scene:
 
 
 def reference(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s,) and states (s, k) of a motion in high precision, rounded to doubles."""
+    """The times (s,) and states (s, k) of a motion in high precision, rounded to doubles."""
     found = json.loads(_FILE.read_text())[name]
     states = np.array(found["states"], float)
     return np.linspace(0.0, found["t1"], len(states)), states
 
 
 def true_time(scene: Scene, ys: np.ndarray, name: str, digits: float) -> float:
-    """[s] up to which states (s, k) at the reference times have the given number of digits."""
+    """The time [s] up to which states (s, k) at the reference times have that many digits."""
     ts, exact = reference(name)
     off = np.abs(gaps(scene, ys, exact)) / scales(scene, exact)
     wrong = off.max(axis=1) > 10.0**-digits

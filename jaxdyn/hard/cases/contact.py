@@ -1,12 +1,13 @@
 """Motions with corners: starts in contact, infinitely many bounces, a corner of a box, a stop.
 
-Compared with closed forms: the times of the bounces are a geometric series, and a car that brakes
-in a straight line decelerates uniformly. For a cylinder that slides down a fixed one, too slow in
-spin to roll, the squared angular velocity u about the fixed axis at an angle theta satisfies
+They are compared with closed forms: the times of the bounces are a geometric series, and a car that
+brakes in a straight line decelerates uniformly. For a cylinder that slides down a fixed one, too
+slow in spin to roll, the squared angular velocity u about the fixed axis at an angle theta
+satisfies the linear equation
 
     du / dtheta = 2 mu u + 2 (g / L) (sin theta - mu cos theta),    N = m (g cos theta - L u),
 
-with L the distance of the axes: a linear equation. Time and spin are integrals over theta.
+with L the distance of the axes. Time and spin are integrals over theta.
 """
 
 import equinox as eqx
@@ -25,12 +26,12 @@ from jaxdyn.scenes.wheels import braking, car
 from jaxdyn.status import Status
 
 _G = 10.0
-_UP = 5.0  # [m/s]
-_SLOW = 1e-8  # [m/s] below which a ball no longer bounces
+_UP = 5.0  # initial vertical velocity [m/s]
+_SLOW = 1e-8  # speed below which a ball no longer bounces [m/s]
 
 
 class Bounce(eqx.Module):
-    """The vertical velocity is reversed and reduced."""
+    """The state with the vertical velocity reversed and reduced."""
 
     keeps: Array
 
@@ -41,7 +42,7 @@ class Bounce(eqx.Module):
 
 
 class Tired(eqx.Module):
-    """Whether a ball stays on the floor: 1 for END."""
+    """The choice whether a ball stays on the floor: 1 for END, 0 to bounce."""
 
     speed: Array
 
@@ -77,7 +78,7 @@ def _brake() -> tuple[Figure, ...]:
     speed, mu, g = 20.0, 0.7, 9.81
     scene = car(locked="rear", spin=0.0, mu=mu, g=g, speed=speed)
     chain = simulate_phases(braking(scene), "slide", scene.y0, 60.0, samples=2)
-    slows = mu * g * 1.2 / 2.6  # fraction of the weight on the rear axle
+    slows = mu * g * 1.2 / 2.6  # 1.2 / 2.6 of the weight is on the rear axle
     return (
         Figure("time of the stop", relative_error(chain.t, speed / slows), 1e-14),
         Figure("way of the stop", relative_error(chain.y[0], speed**2 / (2 * slows)), 1e-13),
@@ -87,7 +88,7 @@ def _brake() -> tuple[Figure, ...]:
 
 
 class Reflected(eqx.Module):
-    """One of the velocities (2,) is reversed."""
+    """The state with one of the two velocities reversed."""
 
     entry: int = eqx.field(static=True)
 
@@ -108,7 +109,7 @@ def box(one_sided: bool) -> dict[str, Phase]:
 
 
 def _corner() -> tuple[Figure, ...]:
-    """Along the diagonals of the square: each corner sends the ball back along its path."""
+    """The figures of a ball on a diagonal of the square: each corner sends it back on its path."""
     figures = []
     for one_sided, walls in ((True, "bounds"), (False, "walls of two sides")):
         chain = simulate_phases(box(one_sided), "box", [0.5, 0.5, 1.0, 1.0], 40.0, samples=2)
@@ -137,7 +138,7 @@ def _endless() -> tuple[Figure, ...]:
     )
 
 
-#: Friction and angle at the start of cylinders that cannot roll there.
+#: Coefficients of friction and initial angles of cylinders that cannot roll at the start.
 _SLIDES = ((0.0, 0.1), (0.02, 0.1), (0.4, 1.2))
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 
@@ -161,7 +162,7 @@ def _slides() -> tuple[Figure, ...]:
 
 
 def _leaving(mu: float, start: float, far: float, r: float) -> tuple[float, float, float]:
-    """Angle, time and spin where a solid cylinder, sliding from rest, leaves a fixed one."""
+    """The angle, time and spin at which a solid cylinder, sliding from rest, leaves a fixed one."""
     scale = _G / far / (1 + 4 * mu * mu)
 
     def even(theta):

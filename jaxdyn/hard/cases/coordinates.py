@@ -1,8 +1,8 @@
 """Coordinates that fail: Euler angles at a pole, x of a pendulum, polar ones at the origin.
 
-Motions that switch coordinates in time (`jaxdyn.scenes.switching`) are compared with others that
-never need to: quaternions, the angle of the pendulum, a straight line. The result without switching
-is reported as well.
+Motions that switch coordinates in time (`jaxdyn.scenes.switching`) are compared with descriptions
+that never need to: quaternions, the angle of the pendulum, a straight line. The result without
+switching is reported as well.
 """
 
 import jax.numpy as jnp
@@ -25,13 +25,13 @@ from jaxdyn.status import Status
 _RTOL = 1e-13
 _BOUND = 1e-9
 _FEW = 20_000  # step limit of a motion in failing coordinates
-_SLOW = 0.5  # times the critical spin: upright is unstable, and the top passes it
+_SLOW = 0.5  # spin over the critical spin: upright is unstable, and the top passes it
 
 
 def upright_passing(representation: str = "quaternion") -> Scene:
     """A top that repeatedly passes exactly upright: its momenta about z and its axis are equal.
 
-    I sin^2(theta) phi' + I3 w3 cos(theta) = I3 w3; ZXZ angles lock there.
+    That is, I sin^2(theta) phi' + I3 w3 cos(theta) = I3 w3. ZXZ angles lock upright.
     """
     numbers = {"m": 0.1, "d": 0.05, "I1": 1e-4, "I3": 5e-5, "g": 9.81}
     across = numbers["I1"] + numbers["m"] * numbers["d"] ** 2

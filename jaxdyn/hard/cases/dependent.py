@@ -1,7 +1,7 @@
 """Constraints that are nearly dependent, redundant, or dependent in a single pose.
 
-Two skates with slightly different headings turn the body about the point where their normals meet;
-redundant rods change nothing; at a dead centre a linkage may continue in two ways, and is refused.
+Two skates with slightly different headings turn the body about the point where their normals meet.
+Redundant rods change nothing. At a dead centre a linkage may continue in two ways, and is refused.
 """
 
 import math
@@ -25,7 +25,7 @@ _RTOL, _LOOSER = 1e-13, 1e-11
 _SKATES = np.array([[0.2, 0.0], [0.2, 1.5]])
 _TURNING = 0.8  # [rad/s]
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))  # as many as four points require
+_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))  # as many rods as make four points rigid
 
 
 def skating(between: float) -> Scene:
@@ -49,7 +49,8 @@ def _skates() -> tuple[Figure, ...]:
         end = solve(scene, t1, rtol=_LOOSER, max_steps=100_000)
         gap = absolute_error(end.y1[:3], wanted)
         report = constraints.conditioning(scene, 0.0, scene.y0)
-        # Forces lose twice the digits of the condition: at 1e6 a status, or correct nevertheless.
+        # Forces lose twice the digits of the condition number; at 1e6 the run must be refused or
+        # the result be correct nevertheless.
         refused = int(end.status) != Status.OK and math.isnan(gap)
         place = 0.0 if refused and not followed else gap
         figures += [
@@ -84,7 +85,7 @@ def _rods() -> tuple[Figure, ...]:
 def folding(short_of: float, rate: float = 0.0) -> Scene:
     """Bars of lengths 1, 2, 1 on hinges 2 apart, short of the flat pose by an angle [rad].
 
-    They turn towards it as a parallelogram at a rate [rad/s].
+    As a parallelogram they turn towards the flat pose at a rate [rad/s].
     """
     chain = Chain(jnp.ones(3), jnp.array([1.0, 2.0, 1.0]), jnp.array([2.0, 0.0]))
     angle = math.pi / 2 - short_of
@@ -95,7 +96,7 @@ def folding(short_of: float, rate: float = 0.0) -> Scene:
 def _dead() -> tuple[Figure, ...]:
     flat = folding(0.0)
     end = solve(flat, 1.0)
-    # Rough steps could jump over the flat pose, fine ones lose all digits beside it.
+    # Rough steps could jump over the flat pose; fine ones lose all digits beside it.
     through = [solve(folding(0.3, 2.0), 1.0, rtol=rtol) for rtol in (1e-5, 1e-10)]
     passed = sum(int(end.status) != Status.SINGULAR for end in through)
     near = np.array([1e-1, 1e-3, 1e-5])

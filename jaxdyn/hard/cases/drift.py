@@ -1,7 +1,7 @@
 """Constraints over an hour: with projection, with Baumgarte's method, without correction.
 
-The energy may change by the tolerance of a step in each step: projection must not add to that. The
-same motion in coordinates without constraints is reported for comparison.
+The energy may change by the tolerance in each step, and projection must not add to that. The same
+motion in coordinates without constraints is reported for comparison.
 """
 
 import functools

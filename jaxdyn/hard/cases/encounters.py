@@ -1,9 +1,9 @@
 """Bodies that nearly collide: the Pythagorean problem, and orbits of high eccentricity.
 
-The reference of the first was computed with 48 digits by
+The reference for the Pythagorean problem was computed with 48 digits by
 tests/references/pythagorean_reference.py; a test compares it with that file. The orbits follow
-Kepler's laws. Both run in logarithmic time (`jaxdyn.analysis.regularised`) and, for comparison, in
-plain time.
+Kepler's laws. Both are run in logarithmic time (`jaxdyn.analysis.regularised`) and, for comparison,
+in plain time.
 """
 
 import functools
@@ -22,15 +22,15 @@ from jaxdyn.scene import Scene
 from jaxdyn.scenes.central import power_law
 from jaxdyn.scenes.nbody import three_body
 
-#: Of the Pythagorean problem at t = 70: semi-major axis and eccentricity of the binary of the
-#: bodies 2 and 3, speed at infinity and direction of body 1 as seen from it.
+#: Outcome of the Pythagorean problem at t = 70: semi-major axis and eccentricity of the binary of
+#: bodies 2 and 3, speed at infinity and direction of body 1 as seen from the binary.
 PYTHAGOREAN_OUTCOME = (
     0.55249643916368876617,
     0.98869907600057511605,
     2.1670147736686492826,
     1.2460068987939137738,
 )
-#: Time and distance of its two closest approaches, both of the bodies 2 and 3.
+#: Times and distances of the two closest approaches in it, both of bodies 2 and 3.
 PYTHAGOREAN_APPROACHES = (
     (15.829920271580902646, 0.00041382483625870108346),
     (29.801522340863979954, 0.0027937193036127406317),
@@ -51,7 +51,7 @@ def pythagorean() -> Scene:
 
 
 def pythagorean_outcome(y: Array) -> np.ndarray:
-    """(4,) the elements of `PYTHAGOREAN_OUTCOME` of a state (12,) of the scene."""
+    """(4,) the elements listed in `PYTHAGOREAN_OUTCOME`, for a state (12,) of the scene."""
     r, v = np.asarray(y).reshape(2, 3, 2)
     weight = np.array([4.0, 5.0]) / 9
     inner, axis_energy = (r[2] - r[1], v[2] - v[1]), 9.0
@@ -85,7 +85,7 @@ def _error(y: Array) -> float:
 
 
 def eccentric(gap: float) -> Scene:
-    """An orbit of eccentricity 1 - gap from its far point, about a sun of k = 1, semi-axis 1."""
+    """An orbit of eccentricity 1 - gap and semi-axis 1 from its far point, about a sun of k = 1."""
     return power_law(k=1.0, n=-2.0, r=2.0 - gap, speed=math.sqrt(gap / (2.0 - gap)))
 
 
@@ -110,7 +110,7 @@ def _eccentric(gap: float) -> tuple[Figure, ...]:
 
 
 def _off(y: Array, size: float) -> tuple[float, float]:
-    """Time [s] by which a state near the far point is past it, and rotation of its apse [rad]."""
+    """The time [s] by which a state near the far point is past it, and the apse's turn [rad]."""
     r, v = np.asarray(y[:2]), np.asarray(y[2:])
     distance = np.hypot(*r)
     # At the far point r . v = 0; from there it changes at the rate v^2 - 1 / r.

@@ -1,7 +1,7 @@
 """Contacts that stick and slip: dry friction, skids, hops, and a level that is only touched.
 
-Compared with closed forms. All forces are sines or constants, so the motions between events are
-known, and the time of each event is a root of one function of time.
+They are compared with closed forms. All forces are sines or constants, so the motions between
+events are known, and the time of each event is a root of one function of time.
 """
 
 import math
@@ -33,9 +33,9 @@ _CYCLES = 10
 
 
 class Held(eqx.Module):
-    """Whether dry friction holds a spring: 1 for END, 0 to slide back."""
+    """The choice whether dry friction holds a spring: 1 for END, 0 to slide back."""
 
-    far: Array  # from the anchor that friction can hold [m]
+    far: Array  # largest distance from the anchor at which friction can hold [m]
 
     def __call__(self, t: Array, y: Array) -> Array:
         """The number of the next phase."""
@@ -44,7 +44,7 @@ class Held(eqx.Module):
 
 
 def rubbing(k: float, friction: float) -> dict[str, Phase]:
-    """A mass of 1 kg on a spring that slides on a dry floor, to the right and to the left."""
+    """The phases of a mass of 1 kg on a spring that slides right and left on a dry floor."""
     held = Held(jnp.asarray(friction / k))
     phases = {}
     for way, name, other in ((1, "right", "left"), (-1, "left", "right")):
@@ -78,12 +78,12 @@ def _cylinder(t1: float, spin: float, **push) -> Scene:
 
 
 def _skids() -> tuple[Figure, ...]:
-    """A cylinder pushed by F sin(w t) rolls until F sin(w t) = 3 mu m g.
+    """The figures of a cylinder pushed by F sin(w t), which rolls until this equals 3 mu m g.
 
     Then its slip grows at the rate F sin(w t) / m - 3 mu g, and later ends.
     """
     push, grip = 4 * _MU * _G, 3 * _MU * _G
-    scene = _cylinder(_CYCLES * _HALF, 0.0, F=(push / 2, 0.0))  # on each of two points
+    scene = _cylinder(_CYCLES * _HALF, 0.0, F=(push / 2, 0.0))  # half on each of two points
     chain = simulate_phases(
         phases_of(scene), "roll", scene.y0, float(scene.t1), samples=2, rtol=_RTOL
     )
@@ -108,7 +108,7 @@ def _skids() -> tuple[Figure, ...]:
 
 
 def _hops() -> tuple[Figure, ...]:
-    """A rolling cylinder pulled up by F sin(w t) lifts off where it equals m g, and falls back."""
+    """The figures of a rolling cylinder that F sin(w t) lifts off where it equals m g."""
     lift, t1 = 2 * _G, _CYCLES * _HALF
     scene = _cylinder(t1, 1.0, F=(0.0, lift / 2))
     chain = simulate_phases(phases_of(scene), "roll", scene.y0, t1, samples=2, rtol=_RTOL)
@@ -135,9 +135,9 @@ def _wrong(chain, cycle: tuple[str, ...]) -> int:
 
 
 def _grazing() -> tuple[Figure, ...]:
-    """A ball with its highest point at 1.25 m, and a pendulum with an amplitude of 1 rad.
+    """The figures of a ball that rises to 1.25 m, and of a pendulum with an amplitude of 1 rad.
 
-    A height d below the highest point is passed sqrt(2 d / g) before it.
+    The ball passes a height d below its highest point sqrt(2 d / g) before it is there.
     """
     ball = particle(UniformGravity(_G), velocity=(1.0, 5.0))
     below, above = 1.25 - 1e-9, 1.25 + 1e-9
@@ -162,7 +162,7 @@ def _reaches(scene: Scene, height: float) -> bool:
 
 
 def _root(fn: Callable[[float], float], low: float, high: float) -> float:
-    """The root between two points of a function that decreases through 0."""
+    """The root, between two points, of a function that decreases through 0."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if fn(middle) > 0 else (low, middle)

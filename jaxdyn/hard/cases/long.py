@@ -1,6 +1,6 @@
-"""A million periods: the error of the energy.
+"""The error of the energy over a million periods.
 
-For symplectic methods of fixed step it is bounded: no larger in the second half of the run than in
+With symplectic methods of fixed step it is bounded: no larger in the second half of the run than in
 the first. With adaptive methods it grows; if their steps are accurate to rounding and the rounding
 errors are random, it grows like the square root of time (Brouwer, 1937, Astron. J. 46, 149).
 """
@@ -41,7 +41,7 @@ def swinging() -> Scene:
 
 
 def energy_errors(motion: Trajectory) -> np.ndarray:
-    """(s,) of the energy at the samples, relative to that at the start."""
+    """(s,) the errors of the energy at the samples, relative to its value at the start."""
     found = np.asarray(energy.along(energy.energy, motion))
     return np.abs(found / found[0] - 1)
 
@@ -50,7 +50,8 @@ def _figures(
     make: Callable[[], Scene], period: float, solver: Method, steps: float
 ) -> tuple[Figure, ...]:
     span, dt = _PERIODS * period, period / steps
-    # Spread over all phases: at whole periods the error of a symplectic method nearly vanishes.
+    # The samples are spread over all phases, since at whole periods the error of a symplectic
+    # method nearly vanishes.
     ts = span * (np.arange(_SAMPLES) + 0.5) / _SAMPLES + period * (
         np.arange(_SAMPLES) * _GOLDEN % 1
     )

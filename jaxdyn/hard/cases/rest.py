@@ -1,7 +1,8 @@
 """Equilibria that a search may miss, and false ones.
 
-A mass on two springs under weight. The references are independent: SciPy's `root` from 121 x 121
-starts, and mpmath with 40 digits for the weight at which two equilibria merge.
+The cases are those of a mass on two springs under weight. The references are independent: SciPy's
+`root` from 121 x 121 starts, and mpmath with 40 digits for the weight at which two equilibria
+merge.
 """
 
 import math
@@ -16,7 +17,7 @@ from jaxdyn.scenes.springs import spring_mass, two_springs
 
 _BOX = [-10.0, -10.0], [10.0, 10.0]
 _BOUND = 1e-12  # [m]
-#: (k_b, length_a, length_b, g), and its equilibria [m].
+#: Numbers (k_b, length_a, length_b, g) of scenes, and their equilibria [m].
 OBLIQUE = (
     (
         (8.0, 2.0, 0.8, 1.0),
@@ -46,9 +47,9 @@ OBLIQUE = (
         ),
     ),
 )
-#: Weights [N] of the last of these at which two equilibria merge: F = 0 and det dF/dr = 0.
+#: Weights [N] in the last of these scenes at which two equilibria merge: F = 0 and det dF/dr = 0.
 FOLDS = (1.83115044893896329429, 2.67069709685040944988)
-_BESIDE = 1e-7  # [N] from that weight; the two are then about 1e-3 m apart
+_BESIDE = 1e-7  # [N] distance from that weight; the two are then about 1e-3 m apart
 
 
 def oblique(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
@@ -91,7 +92,7 @@ def _folds() -> tuple[Figure, ...]:
 
 
 def _none_and_many() -> tuple[Figure, ...]:
-    """A scene without equilibria, and one with a circle of them."""
+    """The figures of a scene without equilibria, and of one with a circle of them."""
     falling = equilibria(cannonball(), [-3.0, -3.0], [3.0, 3.0])
     circle = equilibria(spring_mass(g=0.0, length=0.5), [-1.0, -1.0], [1.0, 1.0], starts=64)
     radii = np.hypot(*circle.states[:, :2].T)

@@ -1,8 +1,8 @@
 """Starts on a separatrix, between swinging and rotating, where errors grow like exp(w t).
 
-Compared with closed forms: a pendulum that approaches upright, sin(theta / 2) = tanh(w t); a body
-whose spin approaches its middle axis, with angular velocities that are sech and tanh (Landau,
-Lifshitz, Mechanics, section 37); and the time in which a pendulum falls from almost upright, a
+The closed forms are those of a pendulum that approaches upright, sin(theta / 2) = tanh(w t); of a
+body whose spin approaches its middle axis, with angular velocities that are sech and tanh (Landau,
+Lifshitz, Mechanics, section 37); and of the time in which a pendulum falls from almost upright, a
 complete elliptic integral.
 """
 
@@ -20,8 +20,8 @@ from jaxdyn.scenes.pendula import pendulum
 
 _RTOL = 1e-15
 _GROWN = 12.0  # exponent of the growth of errors until the end
-_BESIDE = 1e-8  # [rad]
-_PI_LESS_DOUBLE = 1.2246467991473532e-16  # difference of pi and the nearest double
+_BESIDE = 1e-8  # angle from upright [rad]
+_PI_LESS_DOUBLE = 1.2246467991473532e-16  # pi minus the nearest double
 _CONSERVED = 1e-12
 
 
@@ -51,9 +51,10 @@ def _falls() -> tuple[Figure, ...]:
 
 
 def _middle_axis() -> tuple[Figure, ...]:
-    """Moments 3, 4, 6 put the start (2, 0, 1) on the separatrix exactly: 3 * 2^2 = 12 * 1^2.
+    """The figures of a body that approaches the spin about its middle axis.
 
-    Then omega = (2 sech, 3 n tanh, sech) of n t, n^2 = 1/2.
+    Moments 3, 4, 6 put the start (2, 0, 1) on the separatrix exactly: 3 * 2^2 = 12 * 1^2. Then
+    omega = (2 sech, 3 n tanh, sech) of n t, n^2 = 1/2.
     """
     n = math.sqrt(0.5)
     scene = free_body((2.0, 0.0, 1.0), moments=(3.0, 4.0, 6.0))

@@ -24,8 +24,8 @@ from jaxdyn.scenes.pendula import shaken_pendulum
 
 _RTOL = 1e-12
 _G, _LENGTH, _FAST = 9.81, 1.0, 1e4
-_ABOVE = 1.5  # times the smallest stabilising amplitude
-_SLOW = math.sqrt(_G / _LENGTH * (_ABOVE**2 - 1))  # of small swings [rad/s]
+_ABOVE = 1.5  # amplitude over the smallest stabilising amplitude
+_SLOW = math.sqrt(_G / _LENGTH * (_ABOVE**2 - 1))  # angular frequency of small swings [rad/s]
 _SAMPLES = 201
 _NODES = 64
 
@@ -42,13 +42,13 @@ class Uprighting(Effect):
 
 
 def shaken(amplitude: float, frequency: float, angle: float = 0.0) -> Scene:
-    """The pendulum, of a point mass on a massless stick, from an angle off upright."""
+    """Kapitza's pendulum as a point mass on a massless stick, from an angle off upright."""
     numbers = {"length": _LENGTH, "g": _G, "uniform": False}
     return shaken_pendulum(amplitude=amplitude, frequency=frequency, angle=angle, **numbers)
 
 
 def swing_period(speed: float, angle: float) -> float:
-    """Period [s] of slow swings up to an angle, for a base with the largest speed A w = speed.
+    """The period [s] of slow swings up to an angle, for a base with the largest speed A w = speed.
 
     With sin(theta) = sin(angle) sin(u) the energy gives a smooth function of u, whose mean over a
     quarter period the midpoint rule computes to rounding.
@@ -60,7 +60,7 @@ def swing_period(speed: float, angle: float) -> float:
 
 
 class Upright(eqx.Module):
-    """A stick upright on a shaking base: (amplitude, frequency) -> scene and period."""
+    """A stick upright on a shaking base, as a function (amplitude, frequency) -> scene, period."""
 
     length: Array
     g: Array
@@ -79,9 +79,9 @@ def upright_chart(
     """Stability of an inverted pendulum on a shaking base, by Floquet multipliers.
 
     Args:
-      amplitudes: (a,) of the base [m].
-      frequencies: (b,) of the base, > 0 [rad/s].
-      length: of the stick [m].
+      amplitudes: (a,) amplitudes of the base [m].
+      frequencies: (b,) frequencies of the base, > 0 [rad/s].
+      length: length of the stick [m].
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
       rtol: relative tolerance of a step.
@@ -103,9 +103,9 @@ def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) 
     it destabilises it again (b_1).
 
     Args:
-      frequency: of the base [rad/s].
+      frequency: frequency of the base [rad/s].
       up_to: largest amplitude considered [m]; the length of the stick by default.
-      length: of the stick [m].
+      length: length of the stick [m].
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
     Raises:
@@ -121,12 +121,12 @@ def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) 
 def mathieu_numbers(
     amplitude, frequency, *, length=1.0, g=9.81, uniform=True
 ) -> tuple[Array, Array]:
-    """a and q () of Mathieu's equation for a stick upright on a shaking base.
+    """The numbers a and q () of Mathieu's equation for a stick upright on a shaking base.
 
     Args:
-      amplitude: of the base [m].
-      frequency: of the base [rad/s].
-      length: of the stick [m].
+      amplitude: amplitude of the base [m].
+      frequency: frequency of the base [rad/s].
+      length: length of the stick [m].
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
@@ -138,11 +138,11 @@ def mathieu_numbers(
 def averaged_limit(frequency, *, length=1.0, g=9.81, uniform=True) -> Array:
     """() smallest stabilising amplitude [m], in the limit of fast shaking of small amplitude.
 
-    sqrt(2 g L) / w. The true one is larger by a relative order of (A / L)^2.
+    It is sqrt(2 g L) / w. The true amplitude is larger by a relative order of (A / L)^2.
 
     Args:
-      frequency: of the base [rad/s].
-      length: of the stick [m].
+      frequency: frequency of the base [rad/s].
+      length: length of the stick [m].
       g: gravity [m/s^2].
       uniform: whether the stick is uniform; otherwise a point mass at its end.
     """
@@ -150,7 +150,7 @@ def averaged_limit(frequency, *, length=1.0, g=9.81, uniform=True) -> Array:
 
 
 def reduced_length(length, uniform: bool) -> Array:
-    """() length of the point pendulum [m] that swings as the stick does."""
+    """() length [m] of the point-mass pendulum that swings as the stick does."""
     return jnp.asarray(length, dtype=float) * (2 / 3 if uniform else 1.0)
 
 
@@ -180,7 +180,7 @@ def _swings() -> tuple[Figure, ...]:
 
 
 def _threshold() -> tuple[Figure, ...]:
-    """Upright is stable where the trace of the monodromy matrix is below 2."""
+    """The figures of the threshold: upright is stable if the trace of the monodromy is below 2."""
     frequency = _FAST * _SLOW
     limit = float(averaged_limit(frequency, length=_LENGTH, g=_G, uniform=False))
 

@@ -1,6 +1,6 @@
 """Where formulas divide by zero: rest, anchors, zero rotations, huge speeds; and failing lanes.
 
-Compared with closed forms in this file.
+The results are compared with closed forms in this file.
 """
 
 import jax
@@ -46,7 +46,7 @@ def _lanes() -> tuple[Figure, ...]:
 
 
 def _fast() -> tuple[Figure, ...]:
-    """Huge speeds: without gravity x = log(1 + v t), for c = m = 1."""
+    """The figures of huge speeds: without gravity x = log(1 + v t), for c = m = 1."""
 
     def end(speed):
         return solve(cannonball(speed=speed, angle=0.0, g=0.0, drag=1.0), 1.0, rtol=_RTOL).y1
@@ -65,7 +65,10 @@ def _fast() -> tuple[Figure, ...]:
 
 
 def _rest() -> tuple[Figure, ...]:
-    """From rest y = -log(cosh(s t)) m / c with s^2 = g c / m; the drag at v = 0 has slope 0."""
+    """The figures of starts from rest: y = -log(cosh(s t)) m / c with s^2 = g c / m.
+
+    The drag at v = 0 has the slope 0.
+    """
 
     def end(c, speed):
         return solve(cannonball(speed=speed, angle=0.5, g=9.0, drag=c), 1.0, rtol=_RTOL).y1
@@ -76,11 +79,11 @@ def _rest() -> tuple[Figure, ...]:
     y, slope = end(0.7, 0.0), jax.jacrev(end)(0.7, 0.0)
     wanted = fall(0.7), jax.grad(fall)(0.7)
     push = jax.jacfwd(QuadraticDrag(0.7).force, argnums=2)(0.0, *jnp.zeros((2, 1, 2)), jnp.ones(1))
-    # A dry contact at rest gives no force of its own, which is left to a phase; never NaN.
+    # A dry contact at rest gives no force of its own, never NaN; sticking is left to a phase.
     dry = DryFriction(0.5, 9.81).force(0.0, jnp.zeros((1, 2)), jnp.zeros((1, 2)), jnp.ones(1))
     h = 1e-4
     thrown = jax.jacfwd(end, argnums=1)(0.7, 0.0)
-    differences = (end(0.7, h) - end(0.7, 0.0)) / h  # |v| has a kink: from the right
+    differences = (end(0.7, h) - end(0.7, 0.0)) / h  # one-sided, since |v| has a kink
     return (
         Figure("fall from rest", relative_error(y[1:2], wanted[:1]), 1e-11),
         Figure("its gradient in the drag", relative_error(slope[1:2], wanted[1:]), 1e-8),
@@ -91,7 +94,10 @@ def _rest() -> tuple[Figure, ...]:
 
 
 def _anchor() -> tuple[Figure, ...]:
-    """A spring of rest length 0 pulls a mass through its anchor: x = cos(w t)."""
+    """The figures of a mass that a spring of rest length 0 pulls through its anchor.
+
+    The motion is x = cos(w t).
+    """
 
     def end(k):
         scene = particle(Spring(k), position=(1.0, 0.0), velocity=(0.0, 0.0))
@@ -108,7 +114,7 @@ def _anchor() -> tuple[Figure, ...]:
 
 
 def _zeros() -> tuple[Figure, ...]:
-    """Lengths, roots and angles at 0, and their gradients: 0 by convention, or the limit."""
+    """The figures of lengths, roots and angles at 0; gradients are 0 by convention or the limit."""
     zero = jnp.zeros(3)
     norm = jax.value_and_grad(safe_norm)(zero)
     root = jax.value_and_grad(safe_sqrt)(0.0)

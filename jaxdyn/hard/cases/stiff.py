@@ -1,7 +1,7 @@
 """Springs as stiff as rods: two pushed masses on a line, with a known centre of mass.
 
-Explicit methods resolve every vibration, whose number grows like sqrt(k). A rod has none. An
-L-stable method damps those below its tolerance, and then costs the same for any k.
+Explicit methods resolve every vibration, and the number of vibrations grows like sqrt(k). A rod has
+none. An L-stable method damps those below its tolerance, and then costs the same for any k.
 """
 
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from jaxdyn.scenes.linkages import rod_on_line
 from jaxdyn.solvers import RADAU9, Method
 
 _MASSES, LENGTH, _FORCE, _FREQUENCY = (1.0, 2.0), 1.0, 1.0, 1.0
-_MAX_VIBRATIONS = 1e3  # periods of a vibration beyond which it counts as too fast to be resolved
+_MAX_VIBRATIONS = 1e3  # periods in the span beyond which a vibration is too fast to be resolved
 _STIFFNESSES = (1e4, 1e6, 1e8, 1e10, 1e12)
 _FOLLOWED = (1e4, 1e6)
 _RTOL = 1e-8
@@ -51,14 +51,14 @@ def joined_by_spring(k, *, t1=20.0) -> Scene:
 
 @check_first
 def advice(scene: Scene, t1=None) -> str:
-    """What to use instead of links that are too stiff to be resolved, or ""; host only.
+    """Advice on what to use instead of links too stiff to be resolved, or ""; host only.
 
     The largest eigenvalue at the start gives the fastest vibration. An explicit method has to
     resolve every period of it, even if the vibration does not matter.
 
     Args:
-      scene: system, effects, start.
-      t1: () end of the span [s]; the scene's own if left out.
+      scene: system, effects and start.
+      t1: () end of the span [s]; that of the scene by default.
     Example:
       >>> advice(joined_by_spring(1e12))[:67]
       'The stiffest link vibrates at 1.22e+06 rad/s, 3.9e+06 times in the '
@@ -97,7 +97,7 @@ def _spring() -> tuple[Figure, ...]:
 
 
 def _ran(scene: Scene, *, rtol: float, solver: Method | None = None) -> tuple[float, int]:
-    """Error of the centre of mass at the end [m], and number of steps."""
+    """The error of the centre of mass at the end [m], and the number of steps."""
     motion = simulate(scene, _T1, samples=1, rtol=rtol, solver=solver)
     found = centre_of_mass(_T1, scene.system.points(_T1, motion.ys[-1]))[0]
     return abs(float(found - mass_centre(_T1))), int(motion.steps + motion.rejected)
