@@ -88,7 +88,7 @@ def rosette(scene: Scene, path=None, title: str | None = None) -> Figure:
     """A picture of a motion about a centre and of the ring that it fills unless it closes.
 
     Args:
-      scene: from `orbits.targets.loops.rosette`; the motion over its span is drawn.
+      scene: scene made by `orbits.targets.loops.rosette`; the motion over its span is drawn.
       path: file to write, .png, .pdf or .svg.
       title: its title, such as why it does not close; the scene with its numbers by default, ""
         for none.

@@ -30,7 +30,7 @@ def diagram(
     verdict dotted; special points are marked.
 
     Args:
-      found: from `orbits.diagram`.
+      found: result of `orbits.diagram`.
       path: file to write, .png, .pdf or .svg.
       entry: name of the entry of the state; by default the one that changes most.
       parameter: name of the parameter.

@@ -29,7 +29,7 @@ def graph(
     period doubling to the family whose orbits trace its orbit twice.
 
     Args:
-      found: from `orbits.graph`.
+      found: result of `orbits.graph`.
       path: file to write, .png, .pdf or .svg.
       parameter: name of the parameter, where the families have one.
       title: its title.

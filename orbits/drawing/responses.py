@@ -49,11 +49,11 @@ def frequency_response(
     Stable responses are solid, unstable ones dashed; folds and other special points are marked.
 
     Args:
-      found: from `orbits.frequency_response`.
+      found: result of `orbits.frequency_response`.
       path: file to write, .png, .pdf or .svg.
       output: the name of an entry of the state, or a function (t, y) -> (); by default the first
         entry.
-      backbone: from `orbits.backbone`, drawn through the curves.
+      backbone: result of `orbits.backbone`, drawn through the curves.
       title: its title; the scene by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, or there is no such output.
@@ -110,7 +110,7 @@ def backbone(
     special points and internal resonances are marked, the latter with their ratio.
 
     Args:
-      found: from `orbits.backbone`, one or several of one scene.
+      found: result of `orbits.backbone`, one or several of one scene.
       path: file to write, .png, .pdf or .svg.
       against: "energy" for the frequency over the energy, on a logarithmic scale; "amplitude" for
         the amplitude over the frequency, as response curves are drawn.

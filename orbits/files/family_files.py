@@ -79,7 +79,7 @@ def save(path: str | Path, family: Listing) -> None:
 
     Args:
       path: path of the JSON file.
-      family: from `listing`.
+      family: result of `listing`.
     Raises:
       ValueError: the folder does not exist, or a scene holds a function.
     """

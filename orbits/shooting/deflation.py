@@ -47,7 +47,7 @@ from orbits.shooting.units import InUnits
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
 SAME = 1e-4
-_SAMPLES = 512  # of a known orbit, joined by lines, which are off by 1e-5 of its size
+_SAMPLES = 512  # samples of a known orbit, joined by lines, which are off by 1e-5 of its size
 _RTOL = 1e-10  # tolerance of the samples
 _RESTING = 1e-6  # a range below this share of an entry's size is rounding
 _TIMES = (1, 2)  # numbers of periods of a known orbit that are deflated
@@ -66,7 +66,7 @@ _LONGEST = 0.1  # longest step, relative to the known orbits' size and to the gu
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
 _HALVINGS = 5  # most halvings of a step into a singularity
 _LOOSE = 1e-11  # tolerance of the integrations
-_MAX_STEPS = 5000  # of an integration; a near collision takes many times more
+_MAX_STEPS = 5000  # steps of an integration; a near collision takes many times more
 _SHORTEST = 0.1  # shortest period, relative to the guessed one
 _HELD = 3  # steps that end on the shortest period after which an iteration is given up
 
