@@ -27,7 +27,7 @@ class End(NamedTuple):
 
     Attributes:
       y: (k) the state, as arb.
-      slopes: (k, k) its derivative by the start; None if not wanted.
+      slopes: (k, k) its derivative with respect to the start; None if not wanted.
       steps: number of steps.
     """
 
@@ -64,7 +64,7 @@ def follow(
       y: (k) the start.
       span: () the length in time.
       digits: the truncation error of each step is below 10^-digits of the largest entry.
-      slopes: whether the derivative by the start is wanted.
+      slopes: whether the derivative with respect to the start is wanted.
       more_order: what is added to the order, for a second opinion with other steps.
     Raises:
       ArithmeticError: the motion runs into a singularity, or takes too many steps.

@@ -1,4 +1,4 @@
-"""Taylor coefficients of a motion, and of its derivative by the start, in balls.
+"""Taylor coefficients of a motion, and of its derivative with respect to the start, in balls.
 
 Let p be the first n coefficients of a solution of y' = f(y). Then y = p + O(s^n), and since f is
 evaluated on series as a whole, f(y) = f(p) + Df(p) (y - p) up to O(s^2n) gives up to n more

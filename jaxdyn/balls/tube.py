@@ -1,12 +1,12 @@
-"""A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
+"""A tube about a motion: proved enclosures of its end and of the end's derivative in the start.
 
 For a box X of starts with a centre c, each step takes three enclosures to the next time:
 
 - that of the motion from c: its Taylor series at a point nearby, plus the bound that `enclosure`
   proves of what the series leaves out, plus the derivative times the distance from that point (mean
   value form);
-- that of the derivative Phi by the start, for all motions from X: the product with the derivative
-  of the step;
+- that of the derivative Phi with respect to the start, for all motions from X: the product with the
+  derivative of the step;
 - that of all motions from X: the motion from c plus Phi (X - c), by the mean value theorem.
 
 Distances from the point and Phi are kept as B e and B E, with balls in e and E and a matrix B of

@@ -90,9 +90,9 @@ def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
 def growth(orbit: Orbit | HybridOrbit) -> float:
     """Largest growth of a change of the state on the way to the end of the period.
 
-    This is the largest norm of the derivatives of the end by states at 32 times, or at the starts
-    of the legs of a chain; NaN where the chain grazes an event. Multiplied by the unit of rounding,
-    it is about the smallest closing error of an integration in doubles.
+    This is the largest norm of the derivatives of the end with respect to states at 32 times, or at
+    the starts of the legs of a chain; NaN where the chain grazes an event. Multiplied by the unit
+    of rounding, it is about the smallest closing error of an integration in doubles.
     """
     if isinstance(orbit, HybridOrbit):
         maps, _, grazed = transitions(orbit, orbit.rtol)

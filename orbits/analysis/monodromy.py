@@ -112,7 +112,7 @@ def _mirror_image(here: Piece, end: np.ndarray, mirror: Symmetry, driven: bool) 
 
 @jax.jit
 def _image(closing: Closing, system: System, end: Array, angle) -> tuple[Array, Array]:
-    """(k,) the start whose image is an end, and (k, k) its derivative by the end."""
+    """(k,) the start whose image is an end, and (k, k) its derivative with respect to the end."""
 
     def back(y: Array) -> Array:
         return closing.back(system, y, angle)
@@ -122,7 +122,7 @@ def _image(closing: Closing, system: System, end: Array, angle) -> tuple[Array, 
 
 @jax.jit
 def _displacements(system: System, ends: Array, starts: Array) -> Array:
-    """(n, k, k) derivatives of the displacements of ends (n, k) from starts (n, k) by the ends."""
+    """(n, k, k) derivatives in the ends of the displacements of ends (n, k) from starts (n, k)."""
     return jax.vmap(jax.jacfwd(system.difference))(ends, starts)
 
 
@@ -210,7 +210,7 @@ def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
 
 
 def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """The end of the period, the status, and the derivative (k, k) of the end by the start."""
+    """The end of the period, the status, and the derivative (k, k) of the end in the start."""
     scene = orbit.scene
     whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
     end, status, slopes = linearise_end(scene, whole, rtol)
@@ -218,7 +218,7 @@ def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
 
 
 def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """End, status, derivative by steps over the mesh; with fewer nodes at a coarser tolerance."""
+    """End, status and derivative, by steps over the mesh; a coarser tolerance has fewer nodes."""
     parts = orbit.closing.parts
     one = Equations.of(orbit)
     shares = tuple(np.tile(one.shares, parts) / parts)
@@ -233,7 +233,7 @@ def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
 
 @jax.jit
 def _displacement(orbit: Orbit, end: Array) -> Array:
-    """(k, k) derivative of the displacement after a period by the end."""
+    """(k, k) derivative of the displacement after a period with respect to the end."""
     system, y0 = orbit.scene.system, orbit.scene.y0
     # The target only decides on the branch of a wrapped angle, or the sign of a quaternion.
     target = jax.lax.stop_gradient(orbit.closing.after(system, y0, orbit.angle, 1))
@@ -242,6 +242,6 @@ def _displacement(orbit: Orbit, end: Array) -> Array:
 
 @jax.jit
 def rotation_back(orbit: Orbit) -> Array:
-    """(k, k) derivative of the start of a relative orbit by the end of its period."""
+    """(k, k) derivative of the start of a relative orbit with respect to the end of its period."""
     system, closing = orbit.scene.system, orbit.closing
     return jax.jacfwd(lambda y: closing.after(system, y, orbit.angle, -1))(orbit.scene.y0)

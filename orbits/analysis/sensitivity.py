@@ -140,8 +140,8 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       hold: conditions, as for `find`; they select an orbit of a family. Chains take none, and their
         multipliers are not differentiated either.
     Returns:
-      The orbit's numbers, equal to those found, with their first derivatives by every number
-      of the scene (and of the conditions).
+      The orbit's numbers, equal to those found, with their first derivatives with respect to every
+      number of the scene (and of the conditions).
     Raises:
       ValueError: `orbit` does not close; legs are given with an orbit, or a scene or conditions
         with a chain.

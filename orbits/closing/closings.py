@@ -373,7 +373,7 @@ def _check_parts(parts: int, least: int, what: str) -> None:
 
 @functools.partial(jax.jit, static_argnames="turn")
 def _slope(scene: Scene, turn: str) -> Array:
-    """(k, k) the derivative of a generator by the state, at the start."""
+    """(k, k) the derivative of a generator with respect to the state, at the start."""
     return jax.jacfwd(lambda y: scene.system.generators(y)[turn])(scene.y0)
 
 

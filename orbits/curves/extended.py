@@ -1,7 +1,7 @@
 """Equations of curves of special orbits in two parameters, with exact Jacobians.
 
-With M the derivative of the state after one part of the period by the start, g the symmetry by
-which the orbit closes (1 if there is none), and f the rate at the end:
+With M the derivative of the state after one part of the period with respect to the start, g the
+symmetry by which the orbit closes (1 if there is none), and f the rate at the end:
 
 - Fold: closing, M w + b f = g w, |w| = 1; in autonomous scenes w is orthogonal to the rate at the
   start, in driven ones b = 0. Lengths and angles are in the sizes of the entries (`units`).

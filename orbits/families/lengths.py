@@ -62,7 +62,7 @@ def _states(equations: Equations, x: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @functools.partial(jax.jit, static_argnames="make")
 def _changes(scene: Scene, parameters, ts: Array, ys: Array, each: Array, *, make: Make) -> Array:
-    """(2, p) the largest changes of the rate, or of its derivatives, by the parameters, in sizes.
+    """(2, p) largest changes of the rate, or of its derivatives, with the parameters, in sizes.
 
     The first row is to first order; the second one is of the rate alone, to second order.
     """

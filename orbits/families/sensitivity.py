@@ -1,10 +1,10 @@
-"""Derivatives of special points of families by the numbers of their scenes.
+"""Derivatives of special points of families with respect to the numbers of their scenes.
 
-Along a family the test of a special point, g(p, numbers) = 0, has derivatives by the implicit
-function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. With the critical multiplier l,
-the test is l + 1 at a period doubling and |l|^2 - 1 at a torus point. At a fold, where orbits have
-no derivative by the parameter, it is the part w F of the closing equations F that no change of the
-orbit moves, with w normal to the range of their Jacobian.
+Along a family the test function of a special point, g(p, numbers) = 0, has derivatives by the
+implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. With the critical
+multiplier l, the test is l + 1 at a period doubling and |l|^2 - 1 at a torus point. At a fold,
+where orbits have no derivative with respect to the parameter, it is the part w F of the closing
+equations F that no change of the orbit moves, with w normal to the range of their Jacobian.
 """
 
 import equinox as eqx
@@ -89,7 +89,7 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
 
     scene, by_parameter = eqx.filter_jvp(make, (value,), (jnp.ones(()),))
     found = test(scene)
-    # The slope has no derivatives by the other numbers: second derivatives are not wanted.
+    # The slope has no derivatives in the other numbers: second derivatives are not wanted.
     fixed = jax.lax.stop_gradient((scene, by_parameter))
     _, slope = eqx.filter_jvp(test, fixed[:1], fixed[1:])
     return value - slope @ (found - jax.lax.stop_gradient(found)) / (slope @ slope)

@@ -53,7 +53,7 @@ class Linearised(NamedTuple):
 
     Attributes:
       value: (m,) left-hand sides.
-      jacobian: (m, u) derivatives by the unknowns.
+      jacobian: (m, u) derivatives with respect to the unknowns.
       starts: the start of each leg, and that of the leg after the last.
       ends: the end of each leg.
     """
@@ -291,7 +291,7 @@ def leg_passed(leg: Leg, y: Array, span, rtol):
 
 @eqx.filter_jit
 def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, parameter, rtol):
-    """`leg_passed` of a leg of a family, with the derivatives by its parameter."""
+    """`leg_passed` of a leg of a family, with the derivatives with respect to its parameter."""
 
     def passed(y, span, parameter):
         return _passage(legs_of(make(parameter), path)[i], y, span, rtol)
@@ -302,7 +302,7 @@ def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, p
 
 @eqx.filter_jit
 def closing_left(closes, end: Array, start: Array):
-    """The closing error, and its derivatives by both states."""
+    """The closing error, and its derivatives with respect to both states."""
 
     def left(end, start):
         value = closes(end, start)
@@ -313,9 +313,9 @@ def closing_left(closes, end: Array, start: Array):
 
 
 def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, k) derivatives of the closing error by both states, in sizes (k,).
+    """(m, k) derivatives of the closing error with respect to both states, in sizes (k,).
 
-    Each equation is divided by the norm of its derivative by the start.
+    Each equation is divided by the norm of its derivative with respect to the start.
     """
     by_end, by_start = (np.asarray(x) * each for x in closing_left(closes, end, start)[1])
     rows = np.linalg.norm(by_start, axis=1, keepdims=True)

@@ -120,7 +120,7 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
 
 
 def _units(slopes: np.ndarray) -> np.ndarray:
-    """(n,) units of the unknowns in which derivatives by them (m, n) have length 1."""
+    """(n,) units of the unknowns in which derivatives with respect to them (m, n) have length 1."""
     lengths = np.linalg.norm(slopes, axis=0)
     return 1 / np.where(lengths > 0, lengths, 1.0)
 

@@ -125,7 +125,7 @@ class ClosingEquations:
         return numbers[self.embed.shape[1]]
 
     def goals(self, numbers: list) -> tuple[list, list | None]:
-        """(m) the wanted image of the end, and its derivative by the angle."""
+        """(m) the wanted image of the end, and its derivative with respect to the angle."""
         goal = product(self.goal, self.start(numbers))
         if self.generator is None:
             return goal, None
@@ -149,7 +149,7 @@ class ClosingEquations:
         return _column([residual[i] for i in self.equations])
 
     def jacobian(self, end: list, slopes: arb_mat, numbers: list) -> arb_mat:
-        """(m, m) derivative of the closing error by the unknowns, without spared equations."""
+        """(m, m) derivative of the closing error in the unknowns, without spared equations."""
         embed, ends, goal = map(_matrix, (self.embed, self.end, self.goal))
         by_start = ends * slopes * embed
         back = goal * embed if self.generator is None else self._rotation(numbers) * goal * embed

@@ -48,8 +48,8 @@ class Evaluation(NamedTuple):
 
     Attributes:
       residual: (m,) zero at an orbit.
-      jacobian: (m, n) its derivatives by x (n,).
-      transitions: (segments, k, k) derivatives of each segment's end by its start.
+      jacobian: (m, n) its derivatives with respect to x (n,).
+      transitions: (segments, k, k) derivatives of each segment's end with respect to its start.
       status: () the worst `Status` code of the integrations.
     """
 
@@ -199,7 +199,7 @@ class Equations(eqx.Module):
         return between
 
     def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
-        """(segments, k, k) derivatives of each segment's end by its start, along one motion."""
+        """(segments, k, k) derivatives of ends of segments in their starts, along one motion."""
         if self.collocated:
             return np.asarray(
                 self(self.spread(y0, period, rtol, parameter=parameter), rtol).transitions

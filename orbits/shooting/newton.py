@@ -59,8 +59,8 @@ class Iteration:
 class Result:
     """Where Newton's method ended.
 
-    The Jacobian is the one there, by unknowns in units; collocation, which does not form it, leaves
-    None.
+    The Jacobian is the one there, with respect to the unknowns in units; collocation, which does
+    not form it, leaves None.
     """
 
     x: np.ndarray
@@ -112,7 +112,7 @@ def solve(
     """The point near x, within the bounds, where the residual is smallest.
 
     Args:
-      equations: the residual, and its Jacobian by the unknowns in their units.
+      equations: the residual, and its Jacobian with respect to the unknowns in their units.
       x: (n,) start; the last entry is the period, for the report.
       lower: (n,) lower bounds.
       upper: (n,) upper bounds.

@@ -71,7 +71,7 @@ def end_of(
 def linearise_end(
     scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None = None
 ):
-    """A segment's end (k,), its status, and the derivatives of the end by each field (a `Piece`).
+    """A segment's end (k,), its status, and the end's derivatives in each field (a `Piece`).
 
     The search for an orbit, its growth of errors and its stability all use this one program.
     """

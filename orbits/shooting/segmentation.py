@@ -100,7 +100,7 @@ def segments_needed(equations: Equations, x: np.ndarray, rtol) -> int:
 
 
 def _fine_maps(equations: Equations, x: np.ndarray, rtol, each: np.ndarray) -> np.ndarray:
-    """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments by their starts, in sizes."""
+    """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments in their starts, in sizes."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
     found = fine(equations.move_to(x, fine, rtol), rtol).transitions
     return map_in_units(np.asarray(found), each)
@@ -112,7 +112,7 @@ def _growth(maps: np.ndarray, segments: int) -> float:
 
 
 def largest(maps: Sequence[np.ndarray] | np.ndarray) -> float:
-    """Largest norm of the derivatives of the last end by the start of each piece (n, k, k)."""
+    """Largest norm of the derivatives of the last end in the start of each piece (n, k, k)."""
     total, largest = np.eye(len(maps[-1])), 0.0
     for one in maps[::-1]:
         total = total @ one

@@ -61,8 +61,8 @@ class _Local(NamedTuple):
     Attributes:
       rate: (k,) f.
       still: (k,) f minus its value at time 0.
-      slope: (k, k) derivative of f by the state.
-      gradients: (..., k) derivatives of each candidate for an integral by the state.
+      slope: (k, k) derivative of f with respect to the state.
+      gradients: (..., k) derivatives of each candidate for an integral with respect to the state.
       changes: (...) the rate of change of each along f.
       moves: (k,) each candidate for a symmetry.
       shears: (k,) the rate of change of each along f.

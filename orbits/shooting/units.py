@@ -128,7 +128,7 @@ class InUnits:
         return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)
 
     def transitions(self, x: np.ndarray) -> np.ndarray:
-        """(segments, k, k) derivatives of each segment's end by its start, in the sizes."""
+        """(segments, k, k) derivatives of ends of segments with respect to starts, in the sizes."""
         return map_in_units(np.asarray(self._at(x).transitions), self.sizes)
 
     def _at(self, x: np.ndarray) -> Evaluation:

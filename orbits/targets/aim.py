@@ -4,8 +4,8 @@ The throws are of one point in the plane, whatever acts on it. `farthest` sample
 angles, forwards and backwards, and refines its best maximum; `hit` divides all angles at the
 extremes of the range into pieces where it is monotone, each of which has at most one angle that
 hits; `slowest` raises the speed until the farthest throw reaches the target. Times of landing, and
-the derivatives of the range by angle and speed, are exact (see `jaxdyn.integrate.events`); there
-are no penalties.
+the derivatives of the range with respect to angle and speed, are exact (see
+`jaxdyn.integrate.events`); there are no penalties.
 
 With quadratic drag c v^2 the best angle is 45 degrees for slow throws and tends to 0 very slowly as
 the speed v grows: with L = log(v^2 c / (m g)), it falls like s / L, where s itself grows like
@@ -336,7 +336,8 @@ def slowest(scene: Scene, x) -> Throws:
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 
     def over(log_speed):
-        # At the best angle the total derivative by the speed is the partial one (envelope theorem).
+        # At the best angle the total derivative with respect to the speed is the partial one
+        # (envelope theorem).
         w, _ = best_courses(scene, np.exp(log_speed))
         found = landings(scene, w, np.exp(log_speed))
         return found.x - x, found.dx[:, 1]

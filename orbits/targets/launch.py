@@ -1,4 +1,4 @@
-"""One throw: where it lands, and the derivatives of that by its angle and speed."""
+"""One throw: where it lands, and the derivatives of that with respect to its angle and speed."""
 
 import dataclasses
 import functools
@@ -140,7 +140,7 @@ def _is_uniform(scene: Scene, velocity: Array, length: Array) -> Array:
     return jnp.max(jnp.stack(gaps)) <= _SAME_FORCE * jnp.linalg.norm(here)
 
 
-# ---- One throw: where it lands, and the derivatives of that by its angle and speed
+# ---- One throw: where it lands, and the derivatives of that with respect to its angle and speed
 
 RTOL = 1e-13
 _PATIENCE = 100.0  # flights longer than so many times v / g count as endless

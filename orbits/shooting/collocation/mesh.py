@@ -116,7 +116,7 @@ def _return_time(equations: Equations, scene: Scene, span: float, effort: Effort
 
 @jax.jit
 def _closing(equations: Equations, start, end):
-    """(m,) the closing error, and its derivative by the end time."""
+    """(m,) the closing error, and its derivative with respect to the end time."""
     system, closing = equations.scene.system, equations.closing
     rate = equations.scene.rate(jnp.zeros(()), end)
     return jax.jvp(lambda y: closing.miss(system, y, start, jnp.zeros(())), (end,), (rate,))

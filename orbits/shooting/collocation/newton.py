@@ -136,7 +136,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     unit = scales.x[places]
     top, rounds = condense(point.chain)
     start, by_x, by_end = map(np.asarray, _boundary_slopes(equations, point.x, point.end))
-    first = start * unit / scales.state[:, None]  # derivative of dy[0] by the shared unknowns
+    first = start * unit / scales.state[:, None]  # derivative of dy[0] in the shared ones
     rows = np.vstack(
         [
             np.hstack([top.left[0] @ first + top.shared[0], top.right[0]]),
@@ -201,14 +201,14 @@ def _shared_places(equations: Equations) -> np.ndarray:
 
 @jax.jit
 def _by_shared(equations: Equations, x):
-    """Derivatives of the n pieces by the shared unknowns (s,)."""
+    """Derivatives of the n pieces with respect to the shared unknowns (s,)."""
     places = _shared_places(equations)
     return jax.jacfwd(lambda u: pieces(equations, x.at[places].set(u)))(x[places])
 
 
 @jax.jit
 def _boundary_slopes(equations: Equations, x, end):
-    """Derivatives of the start by the shared unknowns, and of `boundary` by them and by the end."""
+    """Derivatives of the start in the shared unknowns, and of `boundary` in these and the end."""
     places = _shared_places(equations)
 
     def start(u):

@@ -86,7 +86,7 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
 
 @functools.partial(jax.jit, static_argnames=("make", "nodes"))
 def linearise_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
-    """The steps, and the derivatives of their ends by each field of the pieces (a `Piece`)."""
+    """The steps, and the derivatives of their ends in each field of the pieces (a `Piece`)."""
 
     def each(piece: Piece, end: Array):
         step = _step(scene, make, piece, end, rule(nodes))
@@ -128,7 +128,7 @@ def _defect(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: R
 
 
 def _matrix(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: Rule) -> Array:
-    """(m k, m k) the derivative of the defect by the nodes."""
+    """(m k, m k) the derivative of the defect with respect to the nodes."""
     scene = scene_of(scene, make, piece.parameter)
     ts = piece.t0 + piece.span * rule.c
     slopes = jax.vmap(jax.jacfwd(scene.rate, argnums=1))(ts, nodes)
@@ -161,7 +161,7 @@ def _step(scene: Scene, make: Make | None, piece: Piece, end: Array, rule: Rule)
 
 
 def _slopes(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: Rule) -> Piece:
-    """Derivatives of the end by each field of the piece, by the implicit function theorem."""
+    """Derivatives of the end in each field of the piece, by the implicit function theorem."""
 
     def defect(at: Piece):
         return _defect(scene, make, at._replace(s=None), nodes, rule).ravel()
