@@ -27,6 +27,7 @@ from jaxdyn.solvers.choice import choose_method
 #: The smallest depth of the potential along a motion, as a share of the median, at which
 #: logarithmic time is used: that time diverges where the potential vanishes.
 _LEAST_DEPTH = 0.05
+_TRIALS = 40  # spans of logarithmic time that are tried for a motion
 _SAMPLES = 64  # samples of a motion, for the sizes of its entries
 _SAMPLE_RTOL = 1e-6  # a size needs no more digits
 _SAMPLE_STEPS = 20_000  # step limit for a motion that is not known to be an orbit
@@ -115,6 +116,32 @@ def logarithmic_period(scene: Scene) -> float | None:
     """The span of logarithmic time of a scene's motion; None where that time cannot be used."""
     s = float(logarithmic_span(scene, scene.t1)) if attracts(scene) else math.nan
     return s if math.isfinite(s) else None
+
+
+def logarithmic_places(scene: Scene, n: int, rtol: float) -> np.ndarray | None:
+    """(n,) even places in logarithmic time over a scene's motion; None where that cannot be used.
+
+    From the times at trial places, by the program of `at_s` that the caller needs anyway:
+    `logarithmic_period` compiles a search for an event, the longest program of a report.
+    """
+    if not attracts(scene):
+        return None
+    end, shares = float(scene.t1), np.arange(n) / n
+    s = end * float(_depth(scene, np.zeros(1), scene.y0[None])[0])
+    for _ in range(_TRIALS):
+        ts = np.asarray(at_s(scene, shares * s, rtol)[0])
+        reached = np.isfinite(ts)
+        last = ts[reached][-1]
+        if last > end:
+            found = np.interp(end, ts[reached], shares[reached] * s)
+            if last < 2 * end:
+                return shares * found
+            s = (1 + 1 / 16) * found  # more finely, since it is only a part of these places
+        elif reached.all():
+            s = 2 * s
+        else:
+            return None
+    return None
 
 
 @jax.jit

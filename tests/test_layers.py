@@ -179,11 +179,12 @@ def _closure(folder: str) -> set[str]:
     return {folder}.union(*(_closure(below) for below in BELOW[folder]))
 
 
-#: Public names of the two packages, and the dotted names that they come from.
+#: Public names of the packages whose parts wait for their first use, and where they come from.
 HOMES = {
     f"{package}.{alias.name}": ".".join(filter(None, (package, node.module, alias.name)))
-    for package in ("jaxdyn", "orbits")
-    for node in _parse(f"{package}/__init__.pyi").body
+    for stub in ROOT.glob("**/__init__.pyi")
+    for package in [".".join(stub.relative_to(ROOT).parent.parts)]
+    for node in ast.parse(stub.read_text()).body
     if isinstance(node, ast.ImportFrom)
     for alias in node.names
 }

@@ -174,7 +174,8 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     angles = np.isfinite(known.most)
     sizes = np.asarray(known.largest(jnp.asarray(np.where(angles, np.maximum(sizes, 1.0), sizes))))
     # A rate is at least what would change a quantity by its size over the span.
-    span = abs(float(pieces[-1].ts[-1] - pieces[0].ts[0])) or math.inf
+    first, last = np.asarray(pieces[0].ts)[0], np.asarray(pieces[-1].ts)[-1]
+    span = abs(float(last - first)) or math.inf
     of = {unit: size for (_, unit), size in zip(labels, sizes.tolist(), strict=True)}
     rates = [of.get(unit.removesuffix("/s"), 0.0) / span for _, unit in labels]
     sizes = np.where([unit.endswith("/s") for _, unit in labels], np.maximum(sizes, rates), sizes)
@@ -188,8 +189,7 @@ def perturb(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
 
     def nudge(x):
         factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
-        # A Python number stays a scalar, for which the program is compiled.
-        return jnp.asarray(x) * (factor if np.ndim(x) else float(factor))
+        return jnp.asarray(np.asarray(x) * factor)
 
     numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
     field = eqx.combine(jax.tree.map(nudge, numbers), rest)
@@ -203,7 +203,7 @@ def _end(motion: Motion) -> tuple[Scene, np.ndarray]:
     """The scene of the last piece and the state (k,) where it ended."""
     piece = pieces_of(motion)[-1]
     ended = isinstance(motion, HybridTrajectory) and motion.ended
-    return piece.scene, np.asarray(motion.y if ended else piece.ys[-1])
+    return piece.scene, np.asarray(motion.y) if ended else np.asarray(piece.ys)[-1]
 
 
 def _same(motion: Motion, other: Motion) -> np.ndarray:

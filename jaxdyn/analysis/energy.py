@@ -40,6 +40,11 @@ def energy(scene: Scene | Field, t, y: Array) -> Array:
     Raises:
       ValueError: the scene has no energy.
     """
+    return _energy(scene, t, y)
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _energy(scene: Scene | Field, t, y: Array) -> Array:
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
 

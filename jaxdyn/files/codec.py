@@ -30,7 +30,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import effects, scenes
 from jaxdyn._checks import fail
 from jaxdyn._records.captured import captures_of_record
 from jaxdyn._records.record import Record
@@ -38,6 +37,7 @@ from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.scene import Effect, Scene, System
+from jaxdyn.scenes.catalogue import families
 from jaxdyn.scenes.drawings import Angles
 from jaxdyn.sketch import Looks
 
@@ -45,8 +45,6 @@ T = TypeVar("T")
 
 MAX_NUMBERS = 10_000_000  # most numbers of one array
 MAX_DEPTH = 32  # deepest nesting of parts in parts
-#: Modules of the classes that a file may name, looked up among those that are loaded.
-LOADED = (effects, scenes)
 #: Base classes of the parts of a scene.
 PARTS = (System, Effect, Mechanism, Attitude, MaterialPoints, Looks, Angles)
 _INFINITIES = ("inf", "-inf")
@@ -321,6 +319,7 @@ def decode_part(
 
 def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
     """All concrete classes that a file may name: the loaded subclasses of these kinds."""
+    families()  # load those of the ready-made scenes
     found: dict[str, type] = {}
     waiting = list(kinds)
     while waiting:

@@ -40,8 +40,7 @@ class FreePoints(System):
     names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __init__(self, m, d: int = 2, names: Sequence[str] = ()):
-        m = as_float(m)
-        self.m = m if m.ndim else m[None]
+        self.m = as_float(m if np.ndim(m) else [m])
         self.d = d
         self.names = tuple(names)
 
@@ -111,7 +110,7 @@ class FreePoints(System):
             raise _checks.fail("names", f"{n} different ones, one for each point", got)
         _checks.array("mass", self.m, (None,), "One mass for each point.")
         m = _checks.at_least_zero("mass", self.m, "Masses are in kg; 0 is a test particle.")
-        if not _checks.is_traced(m) and not np.any(m):
+        if not _checks.is_traced(m) and not np.asarray(m).any():
             remedy = "Test particles move among bodies; one has to have a mass."
             raise _checks.fail("mass", "one that is not 0", "no mass at all", remedy)
 

@@ -181,7 +181,7 @@ class Trajectory(Record, Motion):
     @property
     def ok(self) -> bool:
         """Whether the end was reached; host only."""
-        return bool((self.status == Status.OK).all())
+        return bool((np.asarray(self.status) == Status.OK).all())
 
     @property
     def message(self) -> str:
@@ -191,7 +191,7 @@ class Trajectory(Record, Motion):
     @property
     def status_code(self) -> Status:
         """The status as a `Status`, the worst of a batch; host only."""
-        return Status(int(np.max(self.status)))
+        return Status(int(np.asarray(self.status).max()))
 
     @property
     def warning(self) -> str:

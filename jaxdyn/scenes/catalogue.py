@@ -102,13 +102,13 @@ def _check_maker(name: str, make: Callable[..., Any]) -> Callable[..., Scene]:
 
 def entries() -> dict[str, Entry]:
     """The entries of all ready-made scenes whose parameters are numbers, by name."""
-    made = {name: make for family in _families() for name, make in vars(family).items()}
+    made = {name: make for family in families() for name, make in vars(family).items()}
     return {name: _entry(name, made[name]) for name in sorted(made) if _is_scene(made[name])}
 
 
 @functools.cache
-def _families() -> tuple[ModuleType, ...]:
-    """The modules beside this one, each a family of scenes or what they share."""
+def families() -> tuple[ModuleType, ...]:
+    """The modules beside this one, each a family of scenes or what they share, all loaded."""
     package = __name__.rpartition(".")[0]
     names = sorted(info.name for info in pkgutil.iter_modules([str(Path(__file__).parent)]))
     return tuple(importlib.import_module(f"{package}.{name}") for name in names)

@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -52,8 +53,12 @@ def cannonball(
     """
     effects = unless_zero(g, UniformGravity(g))
     effects += unless_zero(drag, QuadraticDrag(drag)) + unless_zero(linear, LinearDrag(linear))
-    velocity = (speed * jnp.cos(angle), speed * jnp.sin(angle))
-    return particle(*effects, velocity=jnp.stack(velocity), m=m, t1=t1)
+    return particle(*effects, velocity=_launch(speed, angle), m=m, t1=t1)
+
+
+@jax.jit  # one program, not one for each operation
+def _launch(speed, angle) -> Array:
+    return speed * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
 @ready_made()

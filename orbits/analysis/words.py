@@ -20,7 +20,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import explanation, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status
-from orbits.motion import at_s, logarithmic_period, quick_solve
+from orbits.motion import at_s, logarithmic_places, quick_solve
 from orbits.orbit import Orbit
 
 _SAMPLES = 2048  # samples of one period at first
@@ -69,10 +69,12 @@ def _positions(orbit: Orbit) -> np.ndarray:
     Raises:
       IntegrationError: the motion runs into a collision, where its triangle turns ever faster.
     """
-    s = logarithmic_period(orbit.scene)
-    places = np.arange(_SAMPLES) * (orbit.period if s is None else s) / _SAMPLES
+    places = logarithmic_places(orbit.scene, _SAMPLES, _RTOL)
+    logarithmic = places is not None
+    if places is None:
+        places = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     for _ in range(_REFINEMENTS):
-        ts, ys = _states(orbit, places, logarithmic=s is not None)
+        ts, ys = _states(orbit, places, logarithmic=logarithmic)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
         # The angle between samples would not do: near a collision a side turns by 2 pi unnoticed.

@@ -71,7 +71,7 @@ class Symmetry(Record):
         # Otherwise the motion after the first part would not be an image of the first part.
         if self == IDENTITY and not later:
             return
-        ts, y, back = times(scene), scene.y0, -1.0 if self.reversing else 1.0
+        ts, y, back = times(scene), np.asarray(scene.y0), -1.0 if self.reversing else 1.0
         there = np.asarray(rates_at(scene, later + back * ts, self.act(y)))
         here = back * np.stack([self.act(f) for f in np.asarray(rates_at(scene, ts, y))])
         most = EXACT * 2 * np.pi / float(scene.t1) * sizes(scene)
