@@ -6,6 +6,7 @@ that are traced (inside jit, grad or vmap) are unknown and pass.
 
 import math
 import reprlib
+import warnings
 from typing import Any
 
 import jax
@@ -24,22 +25,35 @@ from jaxdyn._text import whole as whole
 _placed = jax.jit(lambda x: x)
 
 
-def float64(remedy: str = "Call jaxdyn.configure() first.") -> None:
-    """Raise unless 64-bit floats are enabled."""
-    if not jax.config.jax_enable_x64:
+#: The tightest relative tolerance of a step in 32-bit floats, 8 of their roundings.
+NARROW_RTOL = 1e-6
+_NARROW = (
+    "32-bit floats: about five digits of a motion are right over some periods, fewer over long "
+    "spans and where it is sensitive, and nothing tells how many. jaxdyn.configure() enables 64."
+)
+
+
+def float64(rtol: Any = 0.0) -> None:
+    """Raise unless 64-bit floats are enabled, or a tolerance does with 32, of which it warns."""
+    if jax.config.jax_enable_x64:
+        return
+    if is_traced(rtol) or not rtol >= NARROW_RTOL:
+        remedy = (
+            "Call jaxdyn.configure() first. In 32 bits only motions without constraints are "
+            f"computed, by simulate, solve and ensembles, with rtol={NARROW_RTOL:g} or more."
+        )
         raise fail("floats", "64-bit floats", "JAX's default of 32 bits", remedy)
+    warnings.warn(_NARROW, stacklevel=2)
 
 
 def as_float(x: Any) -> Array:
-    """A number or numbers as a 64-bit float array; the converter of fields that hold them.
+    """A number or numbers as a float array; the converter of fields that hold them.
 
-    Measured data in fewer bits are converted, exactly.
+    Of 64 bits where they are enabled: measured data in fewer bits are converted, exactly.
 
     Raises:
-      ValueError: complex numbers or dates, or JAX is set to 32-bit floats, in which numbers would
-        lose half of their digits for good.
+      ValueError: complex numbers or dates.
     """
-    float64()
     refuse_unreal(x)
     if isinstance(x, jax.Array):
         return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
@@ -71,13 +85,19 @@ def refuse_unreal(x: Any, name: str = "number") -> None:
 
 
 def refuse_narrow(x: Any, name: str, remedy: str = "Compute it in 64 bits.") -> None:
-    """Raise ValueError for a result in floats of fewer than 64 bits.
+    """Raise ValueError for a result in floats of fewer bits than those that are enabled, 64 or 32.
 
     Input in fewer bits is converted; a result that was computed in them has lost half its digits.
     """
-    dtype = getattr(x, "dtype", None)
-    if dtype is not None and jnp.issubdtype(dtype, jnp.floating) and dtype.itemsize < 8:
-        raise fail(name, "64-bit floats", f"an array of {dtype}", remedy)
+    dtype, least = getattr(x, "dtype", None), 8 if jax.config.jax_enable_x64 else 4
+    if dtype is not None and dtype.itemsize < least and jnp.issubdtype(dtype, jnp.floating):
+        raise fail(name, f"{8 * least}-bit floats", f"an array of {dtype}", remedy)
+
+
+def refuse_made_before(record: Any, name: str) -> None:
+    """Raise ValueError for a record of 32-bit floats, made before those of 64 were enabled."""
+    for number in jax.tree.leaves(record):
+        refuse_narrow(number, name, "It was made before jaxdyn.configure(). Make it again.")
 
 
 def is_plain(x: Any) -> bool:
@@ -165,7 +185,6 @@ def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
 
 def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
-    float64()
     refuse_unreal(x, name)
     try:
         _numeric(x)

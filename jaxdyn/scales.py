@@ -61,8 +61,8 @@ _PERTURBED = 4.0
 _FASTER = 16.0
 #: Least part of a rate that rounding makes of it where the rate is hardly anything else.
 _ALL_ROUNDING = 2.0**-16
-#: Part of a rate that rounding makes of any rate. At the tightest tolerances it may be less.
-_USUAL = 2.0**-40
+#: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
+_USUAL = 2.0**12
 #: Number of rounds that look at what rounding makes of a rate.
 _NOISE_LOOKS = 4
 #: Multiple of that noise above which a rate is more than rounding.
@@ -530,7 +530,8 @@ def rounding(y: Array) -> np.ndarray:
 
 def notable(gap: Array, rate: Array) -> Array:
     """What rounding makes of a rate where that is more than it makes of any rate; else 0."""
-    return lax.select(gap > _USUAL * rate, gap, jnp.zeros_like(gap))
+    usual = _USUAL * jnp.finfo(rate.dtype).eps * rate
+    return lax.select(gap > usual, gap, jnp.zeros_like(gap))
 
 
 def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array) -> Array:

@@ -108,7 +108,7 @@ class VectorField(eqx.Module):
     def __call__(self, t: Any, y: Any, args: Any = None) -> Any:
         """Rates (k,) of the state y (k,) at time t; `args` is ignored."""
         del args
-        _checks.float64()
+        _checks.float64(_checks.NARROW_RTOL)  # the tolerance is that of the other library
         self.field.check_functions()
         labels = self.field.system.labels()
         _checks.check_shape("y", np.shape(y), (len(labels),), "One entry for each of the state.")
@@ -359,6 +359,7 @@ class Scene(Record):
             wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
             raise _checks.fail("units", wanted, repr(self.units))
         self.check_functions()
+        _checks.refuse_made_before(self, "scene")
         system = self.system
         named = system.labels()
         if not named:
@@ -459,9 +460,10 @@ def _check_accepted(system: System, effect: Effect) -> None:
         )
 
 
-def check_scene(scene: Any) -> Scene:
-    """The scene, checked; entry points call this first."""
+def check_scene(scene: Any, rtol: Any = 0.0) -> Scene:
+    """The scene, checked; entry points call this first, with the tolerance if one is asked for."""
     check_kind("scene", scene, (Scene,))
+    _checks.float64(rtol)
     notes = notes_on(scene)
     if notes is None or "checked" not in notes:
         scene.check()

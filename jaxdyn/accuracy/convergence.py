@@ -55,7 +55,6 @@ def fixed_steps(
       >>> round(float(rough[0]), 4), round(float(jnp.cos(1.0)), 4)
       (0.5708, 0.5403)
     """
-    _checks.float64()
     t0, t1 = span(scene, t1, t0)
     if not _checks.is_traced(steps) and steps < 1:
         raise _checks.fail("steps", "at least 1", steps)

@@ -117,7 +117,6 @@ def equilibria(
       (5, True)
     """
     _refuse_traced(scene, low, high, t)
-    _checks.float64()
     box = _box(low, high, len(check_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
@@ -175,7 +174,6 @@ def equilibrium(scene: Scene, y, t=0.0) -> Array:
       0.1
     """
     field = check_scene(scene).field
-    _checks.float64()
     y = _checks.array("y", y, scene.y0.shape)
     return _equilibrium(field, y, _checks.array("t", t, ()))
 

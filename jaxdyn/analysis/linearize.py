@@ -207,7 +207,6 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
       [3.]
     """
     start = check_scene(scene).y0
-    _checks.float64()
     y = _checks.array("y", start if y is None else y, start.shape)
     if scene.system.canonical(jnp.zeros(()), y) is None:
         raise _checks.fail(

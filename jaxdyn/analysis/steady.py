@@ -89,7 +89,6 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
       >>> linearize_steady(fast).reduced.portrait, linearize_steady(slow).reduced.verdict
       ('centre', 'unstable')
     """
-    _checks.float64()
     start = check_scene(scene).y0
     y = _checks.array("y", start if y is None else y, start.shape)
     t = _checks.array("t", t, ())

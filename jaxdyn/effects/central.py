@@ -17,8 +17,9 @@ from jaxdyn._checks import as_float
 from jaxdyn._numerics import safe_norm
 from jaxdyn.scene import Effect, Points
 
-#: Distance from the origin [m] that no motion falls below; its square does not underflow.
-_MIN_DISTANCE = 1e-150
+#: Distance from the origin that no motion falls below [m], as a multiple of the square root of the
+#: smallest float: its square does not underflow.
+_NEAREST = 1e4
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
@@ -71,7 +72,7 @@ class CentralForce(Effect):
         # would put NaN into all gradients of a law that is singular there.
         distance = safe_norm(r)
         centre = distance == 0
-        safe = jnp.where(centre, _MIN_DISTANCE, distance)
+        safe = jnp.where(centre, _NEAREST * jnp.finfo(r.dtype).tiny ** 0.5, distance)
         infinite = ~jnp.isfinite(self.attraction(jnp.zeros((), r.dtype)))
         weight = jax.vmap(self.attraction)(safe) / safe
         return -jnp.where(centre & infinite, jnp.nan, weight)[:, None] * r

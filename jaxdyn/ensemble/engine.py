@@ -92,7 +92,7 @@ def run(
       >>> ensemble.run(scene, y0s, 1.0).y1.shape
       (5, 4)
     """
-    motions, shared = _motions(scene, y0s, t0, t1, params, fixed)
+    motions, shared = _motions(scene, y0s, t0, t1, params, fixed, rtol)
     n = len(motions.y0)
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
@@ -154,7 +154,7 @@ def stream(
     shared = FixedField(scene.field) if fixed else scene.field
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
-    return job.results(_motions(scene, y0s, t0, t1, None, fixed)[0] for y0s in batches)
+    return job.results(_motions(scene, y0s, t0, t1, None, fixed, rtol)[0] for y0s in batches)
 
 
 def _job(
@@ -193,10 +193,11 @@ def _job(
     )
 
 
-def _motions(scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool) -> tuple[Motions, Any]:
+def _motions(
+    scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool, rtol
+) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of the numbers that each motion has itself."""
-    _checks.float64()
-    check_scene(scene)
+    check_scene(scene, rtol)
     _checks.flag("fixed", fixed)
     given = scene if params is None else params
     starts = np.asarray(given.y0 if y0s is None else y0s, float)

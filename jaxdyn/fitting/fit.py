@@ -87,7 +87,6 @@ def fit(
       >>> low < 9.7 < high
       True
     """
-    _checks.float64()
     leaves, rest = eqx.partition(guess, _is_number)
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)

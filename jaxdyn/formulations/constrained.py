@@ -154,6 +154,7 @@ class Constrained(MechanismSystem):
 
     def check(self, t, y):
         super().check(t, y)
+        _checks.float64()  # the bounds on what its constraints leave are those of 64 bits
         _checks.choice("drift", self.drift, DRIFTS)
         # It is compiled, since its second derivatives, step by step on the host, take seconds.
         place, speed, lost, pivot = (float(x) for x in _violations(self, t, y))

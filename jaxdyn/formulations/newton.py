@@ -22,8 +22,9 @@ from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
-#: 1 / sqrt(m) of a test particle [kg^-1/2]: any force on it exceeds all numbers, and none stays 0.
-_NO_MASS = 1e300
+#: Of the largest float: 1 / sqrt(m) of a test particle [kg^-1/2], so that any force on it exceeds
+#: all numbers, and none stays 0.
+_NO_MASS = 1e-8
 
 
 class FreePoints(System):
@@ -78,8 +79,9 @@ class FreePoints(System):
         if others:
             massless = m == 0
             # A force that begins to act on a test particle later ends the motion.
-            per_mass = jnp.where(massless, _NO_MASS, 1 / jnp.where(massless, 1.0, m))
-            again = jnp.where(massless, _NO_MASS, 1.0)
+            most = _NO_MASS * jnp.finfo(m.dtype).max
+            per_mass = jnp.where(massless, most, 1 / jnp.where(massless, 1.0, m))
+            again = jnp.where(massless, most, 1.0)
             forces = total_force(others, t, r, v, m)
             fields.append(forces * per_mass[:, None] * again[:, None])
         return _state(v, sum(fields[1:], fields[0]) if fields else jnp.zeros_like(v))

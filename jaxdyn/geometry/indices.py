@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import as_float, fail
+from jaxdyn._checks import as_float, fail, float64
 from jaxdyn._records.kinds import check_first
 
 _FACTOR = re.compile(r"\s*\*?\s*(?:(\d+\.?\d*)|([A-Za-z]+)(?:_([a-z]+))?)\s*")
@@ -86,6 +86,7 @@ def evaluate_indices(expression: str, **arrays) -> Array:
       >>> float(evaluate_indices("c = delta_ii"))
       3.0
     """
+    float64()
     terms, free = _parse(expression)
     given = {name: as_float(a) for name, a in arrays.items()}
     d = next((n for a in given.values() for n in a.shape), 3)

@@ -109,9 +109,7 @@ def simulate(
       >>> motion.ok
       True
     """
-    _checks.float64()
-    t0, t1, ts = sampled_span(scene, t1, t0, samples)
-
+    t0, t1, ts = sampled_span(scene, t1, t0, samples, rtol if digits is None else 0.0)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
@@ -213,6 +211,7 @@ def solve(
       of rtol. Central differences are worse: 7 to 10 digits, with the best step. (All were compared
       with variational equations in 60 digits.)
     """
+    _checks.float64(rtol)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     held_to = limits(options, dt)
     method = check_method(scene, solver, dt, rtol=rtol)

@@ -27,7 +27,7 @@ from jaxdyn.solvers.choice import RTOL as RTOL
 #: Default of the number of steps.
 MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
-_ANY = np.iinfo(np.int64).max  # number of steps that is never reached
+_ANY = np.iinfo(np.int32).max  # number of steps that is never reached
 _MAX_BYTES = 2**32  # most memory for all samples of a run
 #: Number of entries of all samples up to which few programs matter more than memory: 1 MiB.
 _FEW_ENTRIES = 1 << 17
@@ -96,19 +96,19 @@ def _number(name: str, x, remedy: str) -> float:
     return float(as_float(x))
 
 
-def span(scene: Scene, t1=None, t0=0.0) -> tuple[Array, Array]:
+def span(scene: Scene, t1=None, t0=0.0, rtol: Any = 0.0) -> tuple[Array, Array]:
     """Start () and end () of a motion of a scene; they and the scene are checked.
 
     A `t1` of None means the scene's own end. Both are NumPy arrays unless traced.
     """
-    own = check_scene(scene).t1
+    own = check_scene(scene, rtol).t1
     t1 = own if t1 is None else t1
     return _checks.host_array("t0", t0, ()), _checks.host_array("t1", t1, ())
 
 
-def sampled_span(scene: Scene, t1, t0, samples) -> tuple[Array, Array, Array]:
+def sampled_span(scene: Scene, t1, t0, samples, rtol: Any) -> tuple[Array, Array, Array]:
     """The result of `span`, and the times (s,) of samples, given as an array or as a number."""
-    t0, t1 = span(scene, t1, t0)
+    t0, t1 = span(scene, t1, t0, rtol)
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         samples = _checks.whole("samples", samples, remedy="Or an array of times.")
         _check_memory(scene, int(samples))

@@ -54,8 +54,8 @@ _LONGEST_LOOP = 100
 _LONGEST_ROW = 20
 #: Operations on floats whose conditions are not read.
 _UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
-#: Margin of a condition without one, such as at infinity.
-_FAR = 1e300
+#: Of the largest float: the margin of a condition without one, such as at infinity.
+_FAR = 1e-8
 
 
 class Value(NamedTuple):
@@ -301,7 +301,8 @@ class Walk:
         here, margin, beyond = at(given)
         self.conditions.append(Condition(kind, on, size))
         flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
-        margin = jnp.where(jnp.isnan(margin), _FAR, jnp.clip(margin, -_FAR, _FAR))
+        far = _FAR * jnp.finfo(jnp.result_type(float)).max
+        margin = jnp.where(jnp.isnan(margin), far, jnp.clip(margin, -far, far))
         self.outcomes.append(flat(here))
         self.margins.append(flat(margin))
         self.beyond.append(flat(beyond))

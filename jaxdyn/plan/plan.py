@@ -58,6 +58,7 @@ class Plan:
 
     def __init__(self, program: Any, tree: Any, leaves: list, y: Any, waves: bool = False):
         self._program, self._tree, self._leaves, self._state = program, tree, leaves, y
+        self._time = jax.ShapeDtypeStruct((), y.dtype)
         self._waves = waves
         found: list[Walk] = []
         results: list[int] = []
@@ -74,7 +75,7 @@ class Plan:
             found.extend([whole, part, deep])
             return rate.array
 
-        jax.eval_shape(walk, leaves, _TIME, y)
+        jax.eval_shape(walk, leaves, self._time, y)
         whole, part, deep = found
         self.depends_on_time = bool(results[0] & OF_TIME)
         self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
@@ -98,7 +99,7 @@ class Plan:
 
     @property
     def _branch(self) -> jax.ShapeDtypeStruct:
-        return jax.ShapeDtypeStruct((self.size,), float)
+        return jax.ShapeDtypeStruct((self.size,), self._state.dtype)
 
     @property
     def on_state(self) -> bool:
@@ -184,7 +185,7 @@ class Plan:
             return self.mixed_parts(jax.tree.unflatten(self._tree, leaves), t, y, branch)
 
         with jax.ensure_compile_time_eval():
-            return jax.make_jaxpr(mixed)(*self._leaves, self._branch, _TIME, self._state)
+            return jax.make_jaxpr(mixed)(*self._leaves, self._branch, self._time, self._state)
 
     def _mixed_without_bounds(self) -> set[str]:
         unknown: set[str] = set()
@@ -194,7 +195,7 @@ class Plan:
             enclose_program(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
             return t
 
-        jax.eval_shape(enclose, *self._leaves, self._branch, self._state, self._state, _TIME)
+        jax.eval_shape(enclose, *self._leaves, self._branch, self._state, self._state, self._time)
         return unknown
 
     def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
@@ -212,7 +213,7 @@ class Plan:
                 enclose_program(program, [*known, Bounds(low, high)], unknown)
             return low
 
-        jax.eval_shape(enclose, *self._leaves, self._branch, _TIME, _TIME)
+        jax.eval_shape(enclose, *self._leaves, self._branch, self._time, self._time)
         return frozenset(unknown)
 
     def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
@@ -224,7 +225,7 @@ class Plan:
     @functools.cached_property
     def _programs(self) -> tuple:
         """Programs of (leaves, branch, time): time parts, their slopes, margins in time."""
-        shapes = [*self._leaves, self._branch, _TIME]
+        shapes = [*self._leaves, self._branch, self._time]
 
         def parts(*given):
             *leaves, branch, t = given
@@ -243,9 +244,6 @@ class Plan:
             return tuple(jax.make_jaxpr(f)(*shapes) for f in (parts, slopes, margins))
 
 
-_TIME = jax.ShapeDtypeStruct((), np.dtype(float))
-
-
 def _inputs(leaves: list, t: Any, y: Any) -> list[Value]:
     return [*map(Value, leaves), Value(t, BY_TIME, 1.0), Value(y, BY_STATE, float("inf"))]
 
@@ -262,7 +260,7 @@ def plan_of(system: PyTree, k: int, *, waves: bool = False) -> Plan:
     error that a method estimates, but nothing measures those of an event.
     """
     leaves, tree = jax.tree.flatten(system)
-    return _plan(tree, tuple(map(_kind, leaves)), k, waves)
+    return _plan(tree, tuple(map(_kind, leaves)), k, waves, jax.config.jax_enable_x64)
 
 
 def _kind(x: Any) -> tuple:
@@ -271,12 +269,13 @@ def _kind(x: Any) -> tuple:
 
 
 @functools.lru_cache(maxsize=_KINDS)
-def _plan(tree, kinds: tuple, k: int, waves: bool) -> Plan:
+def _plan(tree, kinds: tuple, k: int, waves: bool, in_64_bits: bool) -> Plan:
+    del in_64_bits  # by which a kept plan is found again
     leaves = [jax.ShapeDtypeStruct(shape, kind, weak_type=weak) for shape, kind, weak in kinds]
-    y = jax.ShapeDtypeStruct((k,), float)
+    t, y = (jax.ShapeDtypeStruct(shape, jnp.result_type(float)) for shape in ((), (k,)))
 
     def rate(*given):
         *leaves, t, y = given
         return jax.tree.unflatten(tree, leaves).rate(t, y)
 
-    return Plan(jax.make_jaxpr(rate)(*leaves, _TIME, y), tree, leaves, y, waves)
+    return Plan(jax.make_jaxpr(rate)(*leaves, t, y), tree, leaves, y, waves)

@@ -4,6 +4,7 @@ import functools
 import math
 
 import diffrax
+import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
@@ -47,8 +48,9 @@ _BY_PLACES = {
     for method in (TAYLOR12, TAYLOR14, TAYLOR16, TAYLOR20)
 }
 
-#: The finest tolerance at which the extrapolated leapfrog is used: rounding limits it below.
-_FINEST_EXTRAPOLATED = 1e-11
+#: The finest tolerance at which the extrapolated leapfrog is used, in roundings, which limit it
+#: below: 1e-11, and none in 32 bits.
+_FINEST_EXTRAPOLATED = 1e-11 / 2.0**-52
 #: Lengths of a state for which it is faster than the Nystrom pair: 3 points in the plane to 12 in
 #: space; also shorter ones where forces are formulas of powers and quotients.
 _EXTRAPOLATED_NUMBERS = range(12, 73)
@@ -171,19 +173,21 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and the reason for it."""
     found = series_of(scene.field, scene.y0, longest=_LONGEST)
     known = None if _checks.is_traced(rtol) else float(rtol)
-    return _method_of_rule(found, scene.second_order, len(scene.y0), known)
+    eps = float(np.finfo(scene.y0.dtype).eps)
+    return _method_of_rule(found, scene.second_order, len(scene.y0), known, eps)
 
 
 @functools.lru_cache  # putting the reason into words takes half as long as finding it
 def _method_of_rule(
-    found: Series | None, second_order: bool, k: int, rtol: float | None
+    found: Series | None, second_order: bool, k: int, rtol: float | None, eps: float
 ) -> tuple[Method, str]:
     """The same as `_rule`, for a state of k numbers with or without a series; no rtol means any."""
     loose = rtol is not None and rtol > _LOOSE
     if not second_order:
         series, why = _by_series(found, loose, math.inf)
         return series or VERNER9, why
-    fine = rtol is None or rtol < _FINEST_EXTRAPOLATED
+    finest = _FINEST_EXTRAPOLATED * eps
+    fine = rtol is None or rtol < finest
     powers = found if found is not None and not found.functions else None
     polynomial = powers is not None and powers.polynomial
     if powers is None:
@@ -202,7 +206,7 @@ def _method_of_rule(
     if rtol is None:
         return NYSTROM12, f"{why}; the tolerance is known at run time only"
     if fine:
-        limit = f"rounding limits extrapolation below {_FINEST_EXTRAPOLATED:.0e}"
+        limit = f"rounding limits extrapolation below {finest:.0e}"
         return NYSTROM12, f"{why}; {limit}"
     if loose and (few or polynomial):
         return NYSTROM12, f"{why}; above rtol 1e-8 the pair is mostly as fast as extrapolation"
@@ -258,12 +262,11 @@ def choose_method(
 def check_method(
     scene: Scene, solver: Solver | None, dt=None, *, rtol=RTOL, several: bool = False
 ) -> Method:
-    """`choose_method`, with checks: 64-bit floats are on, and `dt` is given exactly if needed.
+    """`choose_method`, with a check that `dt` is given exactly if it is needed.
 
     Raises:
-      ValueError: 64-bit floats are off, or `dt` is given to an adaptive method or missing.
+      ValueError: `dt` is given to an adaptive method, or missing.
     """
-    _checks.float64()
     method = choose_method(scene, solver, rtol=rtol, several=several)
     if method.adaptive and dt is not None:
         raise _checks.fail(

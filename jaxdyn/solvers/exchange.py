@@ -242,9 +242,10 @@ class _MethodSolver(diffrax.AbstractSolver):
 
     def init(self, terms, t0, t1, y0, args):
         del t1
-        if not isinstance(y0, Array | np.ndarray) or y0.ndim != 1 or y0.dtype != float:
+        kind = jnp.result_type(float)
+        if not isinstance(y0, Array | np.ndarray) or y0.ndim != 1 or y0.dtype != kind:
             got = getattr(y0, "aval", type(y0).__name__)
-            raise _checks.fail("y0", "one array (k,) of 64-bit floats", got, "Join its parts.")
+            raise _checks.fail("y0", f"one array (k,) of {kind}", got, "Join its parts.")
         if not self.method.position_only:
             return jnp.zeros_like(y0)
         half, odd = divmod(y0.size, 2)
@@ -307,8 +308,8 @@ def to_diffrax(method: Method) -> diffrax.AbstractSolver:
         and dv/dt independent of v; the solve fails with a message if a test at its start shows
         otherwise.
     Raises:
-      ValueError: `method` is not a method; in the solve, the state is not one array (k,) of 64-bit
-        floats.
+      ValueError: `method` is not a method; in the solve, the state is not one array (k,) of
+        floats, of 64 bits where they are enabled.
     Limits: dense output costs a few more steps within each step, half as many as the order of the
       method. Constraints of a scene hold only to the tolerance, since states are not projected
       onto them. Methods that iterate (`Gauss`, `Radau`) have no reverse mode.

@@ -196,19 +196,20 @@ def trace_once(look: Callable) -> Callable:
     """
 
     @functools.lru_cache(maxsize=_KINDS)
-    def found(tree, kinds: tuple, k: int, more: tuple):
-        answers = []
+    def found(tree, kinds: tuple, k: int, more: tuple, in_64_bits: bool):
+        del in_64_bits  # by which a kept answer is found again
+        answers, kind = [], jnp.result_type(float)
 
         def answer(leaves, t, y):
             answers.append(look(jax.tree.unflatten(tree, leaves).rate, t, y, *more))
 
-        shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), float), ((k,), float))]
+        shapes = [jax.ShapeDtypeStruct(*kind) for kind in (*kinds, ((), kind), ((k,), kind))]
         jax.eval_shape(answer, shapes[:-2], *shapes[-2:])
         return answers[0]
 
     def of(system, k: int, *more):
         leaves, tree = jax.tree.flatten(system)
-        return found(tree, tuple(map(_kind, leaves)), k, more)
+        return found(tree, tuple(map(_kind, leaves)), k, more, jax.config.jax_enable_x64)
 
     return of
 

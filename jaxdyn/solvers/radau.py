@@ -22,8 +22,7 @@ from jaxdyn.solvers.gauss import collocation, mix
 from jaxdyn.solvers.method import Advance, Method, Rate
 
 _MAX_ITERATIONS = 25  # most Newton iterations
-_CONVERGED = 1e-15  # relative change below which an iteration has converged
-_TINY = 1e-200
+_CONVERGED = 4.5  # relative change, in roundings, below which an iteration has converged
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -85,26 +84,35 @@ class Radau(Method):
         fields = jax.vmap(field, in_axes=(0, -1), out_axes=-1)  # stages last
         times = t + h * self.c
         values, to, back = self._apart
-        inverses = _inverses(jnp.asarray(values) * h.astype(values.dtype), _jacobian(field, t, y))
+        kind = jnp.result_type(complex)
+        inverses = _inverses(jnp.asarray(values) * h.astype(kind), _jacobian(field, t, y))
 
         def solved(right):
             """(1 - h a x J)^-1 applied to right sides (k, ..., s)."""
-            right = right.astype(to.dtype)
+            right = right.astype(kind)
             apart = [mix(row[None], right)[..., 0] for row in to]
             moved = [_apply(m, x) for m, x in zip(inverses, apart, strict=True)]
             return jnp.stack([_weighted_sum(moved, row).real for row in back], axis=-1)
+
+        rounding = jnp.finfo(y.dtype)
 
         def again(carry):
             n, z, _, change, _ = carry
             f = fields(times, y[..., None] + z)
             residual = z - h * mix(self.a, f)
             dz = -solved(residual)
-            size = jnp.abs(y)[..., None] + jnp.max(jnp.abs(z), axis=-1, keepdims=True) + _TINY
+            size = (
+                jnp.abs(y)[..., None] + jnp.max(jnp.abs(z), axis=-1, keepdims=True) + rounding.tiny
+            )
             return n + 1, z + dz, dz[..., -1], jnp.max(jnp.abs(dz) / size), change
 
         def go_on(carry):
             n, _, _, change, before = carry
-            return (n < _MAX_ITERATIONS) & (change > _CONVERGED) & ((n < 3) | (change < before))
+            return (
+                (n < _MAX_ITERATIONS)
+                & (change > _CONVERGED * rounding.eps)
+                & ((n < 3) | (change < before))
+            )
 
         far = jnp.full((), jnp.inf, y.dtype)
         z = jnp.zeros((*y.shape, self.stages), y.dtype)

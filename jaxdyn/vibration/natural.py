@@ -140,7 +140,6 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
         mode 1  3 rad/s, damping ratio 0.1: x 1
     """
     check_scene(scene)
-    _checks.float64()
     y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
     t = _checks.array("t", t, ())
     traced = _checks.is_traced((scene, y, t))

@@ -83,7 +83,6 @@ def transfer_function(
       0.333333333333
     """
     check_scene(scene)
-    _checks.float64()
     found = check_input(scene, input)
     y = _checks.array("y", scene.y0 if y is None else y, scene.y0.shape)
     t = _checks.array("t", t, ())

@@ -10,8 +10,8 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, array_of_shape, check_untraced, fail, positive
-from jaxdyn._records.kinds import check_kind
 from jaxdyn.plan import plan_of
+from jaxdyn.scene import check_scene
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.conditions import Condition, Hold, conditions
 from orbits.closing.sizes import PHASES, SPREAD, alike, rates_at, sizes
@@ -74,10 +74,8 @@ def pose(
         finite; `period` is not positive, or not a multiple of the drive's; no number lies between
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
-    check_kind("scene", scene, (Scene,))
     check_untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
-    scene = scene if y0 is None else scene.starting(y0)
-    scene.check()
+    scene = check_scene(scene if y0 is None else scene.starting(y0))
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")
     low, high = _bounds(len(scene.y0), lower, upper)

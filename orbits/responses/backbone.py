@@ -21,6 +21,7 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn._records.labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.scales import at_rest, groups
+from jaxdyn.scene import check_scene
 from jaxdyn.vibration.outputs import Output
 from orbits.analysis.quantities import amplitude as amplitude_of
 from orbits.discovery.seeds import Seed, modes
@@ -168,7 +169,7 @@ def backbone(
       (1.0, True)
     """
     check_untraced("backbone", scene, "See orbits.differentiable, for each member.")
-    scene.check()
+    check_scene(scene)
     whole("mode", mode)
     whole("members", members)
     whole("order", order, least=0)

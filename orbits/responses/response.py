@@ -25,6 +25,7 @@ from jaxdyn._records.labelled import Labelled, Values
 from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.scene import check_scene
 from jaxdyn.vibration.driven import driven
 from jaxdyn.vibration.inputs import Input, check_input
 from jaxdyn.vibration.outputs import Output
@@ -235,9 +236,8 @@ def frequency_response(
       >>> [round(fold.parameter, 5) for fold in found.folds[0]]
       [1.33262, 1.19395]
     """
-    check_kind("scene", scene, (Scene,))
     check_untraced("frequency_response", (scene, levels), "See orbits.differentiable.")
-    scene.check()
+    check_scene(scene)
     low, high = _range(frequencies)
     positive("step", step, "It is a length in the space of the unknowns.")
     whole("members", members)

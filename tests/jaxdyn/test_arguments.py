@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from helpers import gap
 
+import jaxdyn
 from jaxdyn import effects, scenes
 from jaxdyn.analysis import precession
 from jaxdyn.geometry import balance, euler, frames, indices, inertia, kinematics, rotations, vectors
 from jaxdyn.geometry.rotations import AxisAngle
+from jaxdyn.integrate import events
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import catalogue
 
-_CONFIGURE = r"^floats: expected 64-bit floats, got .*Call jaxdyn\.configure\(\) first\.$"
+_CONFIGURE = r"^floats: expected 64-bit floats, got .*Call jaxdyn\.configure\(\) first\."
 RNG = np.random.default_rng(3)
 ROTATION = np.asarray(rotations.matrix_from_rotation_vector([0.3, -0.4, 0.5]))
 #: What stands for arguments that are not arrays, or more than any numbers, by name.
@@ -98,12 +100,21 @@ def test_floats_of_32_bits_are_refused(function):
         _called(function, lists)
 
 
-def test_nothing_is_made_of_32_bits():
-    # A scene that is made before configure() would keep what it lost.
-    makers = [scenes.cannonball, lambda: effects.UniformGravity(9.81), _index_sum]
-    for make in makers:
-        with jax.enable_x64(False), pytest.raises(ValueError, match=_CONFIGURE):
-            make()
+def test_what_is_made_of_32_bits_is_refused_in_64():
+    # It would keep what it lost.
+    with jax.enable_x64(False):
+        ball, drag = scenes.cannonball(), effects.QuadraticDrag(0.1)
+        ground = events.Reaches(1, 0.1, -1)
+    for scene in (ball, scenes.cannonball() + drag):
+        with pytest.raises(ValueError, match=r"scene: expected 64-bit floats, .* Make it again\."):
+            jaxdyn.simulate(scene)
+    with pytest.raises(ValueError, match=r"event: expected 64-bit floats, .* Make it again\."):
+        jaxdyn.until(scenes.cannonball(), ground)
+
+
+def test_sums_over_indices_are_refused_in_32_bits():
+    with jax.enable_x64(False), pytest.raises(ValueError, match=_CONFIGURE):
+        _index_sum()
 
 
 def _index_sum():

@@ -174,3 +174,8 @@ def test_rough_power_is_right_to_a_few_percent_and_always_finite(n, most):
     assert np.abs(np.asarray(rough(x)) / x**n - 1).max() < most
     assert np.isfinite(np.asarray(rough(jnp.array([0.0, jnp.inf, jnp.nan])))).all()
     assert rough(jnp.array([0.0]))[0] > 1e3 if n < 0 else True
+    with jax.enable_x64(False):
+        x = np.append(10.0 ** np.linspace(-37, 37, 10_001), 1.0).astype(np.float32)
+        narrow = jax.jit(jax.vmap(lambda x: rough_power(x, n)))(x)
+    assert narrow.dtype == np.float32
+    assert np.abs(np.asarray(narrow, float) / np.asarray(x, float) ** n - 1).max() < most

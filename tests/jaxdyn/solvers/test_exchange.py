@@ -383,6 +383,6 @@ def test_a_method_for_positions_refuses_other_rates_in_diffrax(rate):
 )
 def test_states_of_other_forms_are_refused_in_diffrax(y0, message):
     term = diffrax.ODETerm(lambda t, y, args: y)
-    wanted = rf"^y0: expected one array \(k,\) of 64-bit floats, {message}"
+    wanted = rf"^y0: expected one array \(k,\) of float64, {message}"
     with pytest.raises(ValueError, match=wanted):
         diffrax.diffeqsolve(term, to_diffrax(VERNER9), 0.0, 1.0, 0.1, y0)
