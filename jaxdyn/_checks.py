@@ -94,10 +94,10 @@ def refuse_narrow(x: Any, name: str, remedy: str = "Compute it in 64 bits.") -> 
         raise fail(name, f"{8 * least}-bit floats", f"an array of {dtype}", remedy)
 
 
-def refuse_made_before(record: Any, name: str) -> None:
-    """Raise ValueError for a record of 32-bit floats, made before those of 64 were enabled."""
-    for number in jax.tree.leaves(record):
-        refuse_narrow(number, name, "It was made before jaxdyn.configure(). Make it again.")
+def refuse_made_before(name: str, *numbers: Any) -> None:
+    """Raise ValueError for numbers that `as_float` made before 64-bit floats were enabled."""
+    for x in numbers:
+        refuse_narrow(x, name, "It was made before jaxdyn.configure(). Make it again.")
 
 
 def is_plain(x: Any) -> bool:

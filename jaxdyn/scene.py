@@ -359,7 +359,9 @@ class Scene(Record):
             wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
             raise _checks.fail("units", wanted, repr(self.units))
         self.check_functions()
-        _checks.refuse_made_before(self, "scene")
+        _checks.refuse_made_before("scene", self.y0, *self.system.converted)
+        for effect in self.effects:
+            _checks.refuse_made_before(type(effect).__name__, *effect.converted)
         system = self.system
         named = system.labels()
         if not named:

@@ -82,6 +82,9 @@ if TYPE_CHECKING:
 
         captured: Captured | None = eqx.field(static=True, init=False, repr=False)
 
+        @property
+        def converted(self) -> list[Any]: ...
+
         def check_functions(self) -> None: ...
 
 else:
@@ -142,6 +145,11 @@ else:
 
         def __setstate__(self, state: dict[str, Any]) -> None:
             self.__dict__.update(fields_of(state))
+
+        @property
+        def converted(self) -> list[Any]:
+            """The numbers that were converted when it was made; others are as they were given."""
+            return [self.__dict__[name] for name, _ in type(self)._converters]
 
         def check_functions(self) -> None:
             """Raise ValueError if a number that one of its functions captured has changed since.

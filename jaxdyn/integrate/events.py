@@ -277,7 +277,7 @@ def as_events(events, k: int) -> tuple[Event, ...]:
             got = getattr(event, "__name__", repr(event))
             raise _checks.fail("events", "events", got, "Write When(fn), with a named fn.")
         event.check_functions()
-        _checks.refuse_made_before(event, "event")
+        _checks.refuse_made_before("event", *event.converted)
         event.check(k)
     return given
 

@@ -19,9 +19,9 @@ import pkgutil
 
 import lazy_loader
 
-from jaxdyn import _doors
+import jaxdyn._doors
 
 # A scene loads the file of its family, not all mechanisms and phases; see `jaxdyn/__init__.py`.
 _listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 _families = [module.name for module in pkgutil.iter_modules(__path__)]
-__getattr__ = _doors.attribute_getter(__name__, _listed, folders=_families)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed, folders=_families)

@@ -105,8 +105,8 @@ def test_what_is_made_of_32_bits_is_refused_in_64():
     with jax.enable_x64(False):
         ball, drag = scenes.cannonball(), effects.QuadraticDrag(0.1)
         ground = events.Reaches(1, 0.1, -1)
-    for scene in (ball, scenes.cannonball() + drag):
-        with pytest.raises(ValueError, match=r"scene: expected 64-bit floats, .* Make it again\."):
+    for scene, name in ((ball, "scene"), (scenes.cannonball() + drag, "QuadraticDrag")):
+        with pytest.raises(ValueError, match=f"{name}: expected 64-bit floats, .* Make it again"):
             jaxdyn.simulate(scene)
     with pytest.raises(ValueError, match=r"event: expected 64-bit floats, .* Make it again\."):
         jaxdyn.until(scenes.cannonball(), ground)
