@@ -182,12 +182,9 @@ class Orbit(eqx.Module):
           ValueError: this is not an orbit, its scene cannot run on a page, or `path` cannot be
             written.
         """
-        from jaxdyn.player import live
+        from orbits.drawing import pages
 
-        if not self.ok:
-            raise _text.fail("orbit", "one that was found", self.outcome.name, self.message)
-        name = _text.title_of(self.scene).replace("_", " ")
-        return live(self.scene, path, title=f"Orbit of {name}", motions=2)
+        return pages.orbit_page(self, path)
 
     @_text.with_picture
     def _repr_html_(self):

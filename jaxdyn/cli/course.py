@@ -1,6 +1,7 @@
 """The command `jaxdyn course`: runs the page of a problem: numbers, checks, pictures."""
 
 import textwrap
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,7 +11,8 @@ import jaxdyn
 from jaxdyn._text import fail
 from jaxdyn.cli import completion
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page
+from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page, output_option
+from jaxdyn.files.output_files import page_path
 
 _WIDTH = 100  # of a line, as in the statement
 _FAILED = 1  # exit code: a check does not hold
@@ -27,6 +29,10 @@ def course_command(
     ],
     plot: PlotOption = None,
     play: PlayOption = False,
+    live: Annotated[
+        Path | None,
+        output_option(page_path, "Write it as a page with its motions, one file (.html)."),
+    ] = None,
     code: Annotated[bool, typer.Option("--code", help="Print the page's code as well.")] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Run the checks that take long as well.")
@@ -43,6 +49,9 @@ def course_command(
             _print(page, found, code, out)
         for path in jaxdyn.course.page.pictures(found.page, plot) if plot else ():
             out.print(f"drawn in {path}")
+        if live:
+            with out.writing(live, "shown in"):
+                jaxdyn.course.page.one_file(page, found.page, live)
         for one in found.page.played if play else ():
             shown = jaxdyn.player.play(one.motions, title=page.title, choose=one.choose)
             out.print(open_page(shown, page.name))

@@ -7,11 +7,12 @@ jaxdyn.course.circling_bodies`` run one; files are named by what they show, thei
 `tests/jaxdyn/course/test_pages.py`. The folder `page` says what a page consists of and reads the
 register, `problems()`, from the files.
 
-May import: `hard`, `drawing`; and `orbits`.
+May import: `hard`, `player`; and `orbits`.
 
 One more page is one more file here: a docstring of title, statement, "Answer: " and the solution of
 each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go into
-``check(page)``, which runs with ``--check``. Figures in the text are roundings of the page's
+``check(page)``, which runs with ``--check``; questions to a motion that runs in a browser, "What
+happens when ...?", into ``ask(page)``. Figures in the text are roundings of the page's
 numbers, which the test checks.
 """
 

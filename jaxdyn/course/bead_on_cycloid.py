@@ -95,5 +95,21 @@ def solve(page: Page) -> None:
     )
 
 
+def ask(page: Page) -> None:
+    """Starts near the end of the wire, and with a speed."""
+    made = {"c": 0.125, "formulation": "lagrange"}
+    page.ask(
+        "What happens when it starts at the bottom with 2 m/s?",
+        "It swings with the same period, since that does not depend on the start: as far as "
+        f"v / sqrt(2 c g) = {2 / math.sqrt(0.25 * 9.81):.3g} m.",
+        scenes.bead_on_cycloid(**made, s=0.0, speed=2.0),
+    )
+    page.ask(
+        "What happens to a bead of ten times the mass?",
+        "The same: the mass is in all terms of the equation.",
+        scenes.bead_on_cycloid(**made, s=3.0, m=10.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

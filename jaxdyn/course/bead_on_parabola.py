@@ -58,5 +58,22 @@ def solve(page: Page) -> None:
     page.play(slides, "Wider swings take longer on a parabola.", choose="amplitude [m]")
 
 
+def ask(page: Page) -> None:
+    """Other wires and other gravity, from an amplitude of 1 m."""
+    periods = [4 * special.ellipe(-4 * c**2) / np.sqrt(2 * c * 9.81) for c in (1.0, 0.1)]
+    page.ask(
+        "What happens on a flatter wire, c = 0.1 per metre?",
+        f"It takes longer, {periods[1]:.3g} s instead of {periods[0]:.3g} s from 1 m, and the "
+        "period hardly depends on the amplitude: a flat parabola is almost a cycloid.",
+        scenes.bead_on_parabola(c=0.1, x=1.0),
+    )
+    page.ask(
+        "What happens on the Moon, where g = 1.62 m/s^2?",
+        "The same swing, slower by the factor sqrt(9.81 / 1.62) = "
+        f"{np.sqrt(9.81 / 1.62):.3g} at every place of the wire.",
+        scenes.bead_on_parabola(c=1.0, x=1.0, g=1.62),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

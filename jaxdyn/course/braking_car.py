@@ -53,6 +53,7 @@ from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
 from jaxdyn.integrate.phases import simulate_phases
+from jaxdyn.scenes.wheels import AXLES
 
 PROBLEM = 32
 TOPIC = "rolling and skating"
@@ -106,6 +107,34 @@ def solve(page: Page) -> None:
     figure = drawing.trajectory(list(stops.values()), names=list(stops))
     page.draw(figure, "Both cars start with the same small rotation; one goes on, one spins round.")
     page.play(stops, "The same car with the same disturbance, and two ways to brake.")
+
+
+def ask(page: Page) -> None:
+    """Both cars on ice, slow ones, and without friction."""
+    ice = np.sqrt(0.1 * 9.81 * 2.6)
+
+    def both(**numbers):
+        return {f"{axle} wheels locked": scenes.car(locked=axle, **numbers) for axle in AXLES}
+
+    page.ask(
+        "What happens on ice, mu = 0.1?",
+        "Both slide seven times as long. Locked rear wheels are unstable down to a lower speed, "
+        f"sqrt(mu g L) = {ice:.2g} m/s, and turn the car about as far as on a dry road: once it is "
+        "turned round its free axle is behind, and it is stable.",
+        both(mu=0.1, t1=45.0),
+    )
+    page.ask(
+        "What happens when both cars start with 4 m/s?",
+        "The rotation dies out in both: 4 m/s is below sqrt(mu g L) = "
+        f"{page['speed above which locked rear wheels are unstable']:.3g} m/s.",
+        both(speed=4.0, t1=2.0),
+    )
+    page.ask(
+        "What happens without friction, with a rotation of 0.5 rad/s?",
+        "It is a body on one skate: the car whose free axle leads turns round, and both end in a "
+        "straight glide with the mass centre ahead of the free axle.",
+        both(mu=0.0, spin=0.5, t1=20.0),
+    )
 
 
 if __name__ == "__main__":

@@ -87,5 +87,23 @@ def solve(page: Page) -> None:
     )
 
 
+def ask(page: Page) -> None:
+    """The shot at 16 m/s without air, and with a heavier ball."""
+    still = reach(np.pi / 4, 16.0)
+    page.ask(
+        "What happens without air, at 16 m/s?",
+        f"The ball flies on a parabola, v0^2 / g = {16.0**2:.0f} m far instead of {still:.3g} m.",
+        scenes.cannonball(speed=16.0, g=1.0, t1=2 * 16.0 * np.sin(np.pi / 4)),
+    )
+    flight = ballistics.flight_time(speed=16.0, g=1.0, m=10.0)
+    far = ballistics.cannonball_linear_exact(flight, speed=16.0, g=1.0, m=10.0)[0]
+    page.ask(
+        "What happens to a ball of ten times the mass, at 16 m/s?",
+        "Its speed decays ten times more slowly, tau = m / c = 10 s: "
+        f"it lands after {flight:.3g} s, {far:.3g} m away.",
+        scenes.cannonball(speed=16.0, g=1.0, linear=1.0, m=10.0, t1=flight),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

@@ -29,7 +29,7 @@ cart with 0.3 m/s.
 
 import jax.numpy as jnp
 
-from jaxdyn import drawing, ode, scenes, simulate
+from jaxdyn import drawing, effects, ode, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
 
@@ -82,6 +82,27 @@ def solve(page: Page) -> None:
     page.draw(free, "The stick pulls cart and mass towards each other; the track holds the cart.")
     page.draw(drawing.trajectory(by_lagrange), "The cart moves against the swing of the point.")
     page.play(by_lagrange, "The centre of both moves along the track at a constant speed.")
+
+
+def ask(page: Page) -> None:
+    """Carts of other masses."""
+    start = {"angle": 2.0, "formulation": "lagrange"}
+    page.ask(
+        "What happens when the cart is a thousand times heavier than the point?",
+        "It hardly moves, and the point swings as a pendulum on a fixed hinge.",
+        scenes.cart_pendulum(m=(1000.0, 1.0), **start),
+    )
+    page.ask(
+        "What happens when the cart weighs almost nothing, and is let go at rest?",
+        "No force along the track acts on the point: it falls on a vertical line, while the cart "
+        "darts from side to side.",
+        scenes.cart_pendulum(m=(0.001, 1.0), **start),
+    )
+    page.ask(
+        "What happens without gravity, when the point is given a turn?",
+        "The mass centre of both moves along at a constant speed, and the stick turns for ever.",
+        scenes.cart_pendulum(m=(2.0, 1.0), rate=3.0, **start).without(effects.UniformGravity),
+    )
 
 
 if __name__ == "__main__":

@@ -83,5 +83,24 @@ def solve(page: Page) -> None:
     )
 
 
+def ask(page: Page) -> None:
+    """Other laws."""
+    page.ask(
+        "What happens under gravity, n = -2?",
+        "Every bound motion closes after one loop: it is an ellipse about the centre.",
+        scenes.power_law(n=-2.0, r=1.0, speed=0.8),
+    )
+    page.ask(
+        "What happens under a spring, n = 1?",
+        "Every motion closes, on an ellipse whose middle is the centre: two loops in a turn.",
+        scenes.power_law(n=1.0, r=1.0, speed=0.6),
+    )
+    page.ask(
+        "What happens to a circle under n = -3.5, when it starts 1 % too fast?",
+        "It leaves for good: circles are stable only for n > -3.",
+        scenes.power_law(n=-3.5, r=1.0, speed=1.01),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

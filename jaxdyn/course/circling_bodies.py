@@ -51,5 +51,28 @@ def solve(page: Page) -> None:
     page.play(simulate(three, orbit.period), "Three bodies keep their triangle, for a while.")
 
 
+def ask(page: Page) -> None:
+    """Two bodies at other speeds."""
+    two = scenes.two_body(m1=1.0, m2=3.0, d=2.0)
+
+    def faster(factor, t1):
+        y0 = two.y0.at[4:].multiply(factor)
+        return two.starting(y0, t1)
+
+    # A start at factor times the speed of the circle is an apsis: a = d / (2 - factor^2).
+    period = page["period of two bodies"]
+    wide = period / (2 - 1.2**2) ** 1.5
+    page.ask(
+        "What happens when both start 1.2 times as fast?",
+        f"Each runs on an ellipse, and is back after {wide:.4g} instead of {period:.4g}.",
+        faster(1.2, wide),
+    )
+    page.ask(
+        "What happens when both start sqrt(2) times as fast?",
+        "That is the speed of escape: they part on parabolas and never come back.",
+        faster(math.sqrt(2), 40.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

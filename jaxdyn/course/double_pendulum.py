@@ -52,7 +52,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import drawing, linearize, ode, scenes, simulate
+from jaxdyn import drawing, effects, linearize, ode, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.analysis.monodromy import monodromy
 from jaxdyn.course.page import Page, show
@@ -124,6 +124,29 @@ def check(page: Page) -> None:
         1.0,
         within=1e-2,
         route="difference of two motions",
+    )
+
+
+def ask(page: Page) -> None:
+    """Starts without chaos."""
+    made = {"formulation": "lagrange", "t1": 30.0}
+    slow, fast = np.sqrt(page["e: squared frequencies of small swings"])
+    page.ask(
+        "What happens when it swings little, from 0.1 rad?",
+        "Nothing chaotic: each angle is a sum of two oscillations, of "
+        f"{slow:.4g} and {fast:.4g} rad/s. Choose several motions: they stay together.",
+        scenes.double_pendulum(angles=(0.1, 0.0), **made),
+    )
+    page.ask(
+        "What happens without gravity, when the upper arm is given a turn?",
+        "It is regular again: the energy and the angular momentum about the hinge stay, and leave "
+        "no room for chaos.",
+        scenes.double_pendulum(rates=(2.0, 0.0), **made).without(effects.UniformGravity),
+    )
+    page.ask(
+        "What happens when the forearm is a hundred times lighter?",
+        "The upper arm swings almost as if it were alone, and whirls the forearm about.",
+        scenes.double_pendulum(m=(1.0, 0.01), **made),
     )
 
 

@@ -93,5 +93,22 @@ def solve(page: Page) -> None:
     page.play(spins, "Only the spin about y' flips over.", choose="spin")
 
 
+def ask(page: Page) -> None:
+    """Smaller deviations, equal moments."""
+    growth = page["growth of small deviations from a spin of 1 rad/s about y'"]
+    page.ask(
+        "What happens about y' when the deviations are a thousand times smaller?",
+        "It flips over as well, later: small deviations take ln(1000) / "
+        f"{growth:.3g} = {np.log(1000) / growth:.3g} s to grow by a factor of a thousand.",
+        scenes.free_body(np.array([0.0, 1.0, 0.0]) + 1e-6, t1=60.0),
+    )
+    page.ask(
+        "What happens when it spins about no axis of its own, (1, 1, 1) rad/s?",
+        "It tumbles: omega wanders in space and in the body, and the angular momentum, among the "
+        "vectors, does not move.",
+        scenes.free_body((1.0, 1.0, 1.0), t1=30.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

@@ -87,5 +87,27 @@ def solve(page: Page) -> None:
     page.play(motions, "Both start alike; the spring with a rest length soon goes its own way.")
 
 
+def ask(page: Page) -> None:
+    """Starts and numbers with a motion that is known."""
+    start = {"position": (1.0, 0.0), "m": 1.0, "k": 10.0, "length": 0.5}
+    page.ask(
+        "What happens without gravity, when it is thrown across the spring at 2.236 m/s?",
+        "It goes round a circle: at sqrt(k r (r - L) / m) the spring pulls with m v^2 / r.",
+        scenes.spring_mass(**start, velocity=(0.0, np.sqrt(5.0)), g=0.0),
+    )
+    page.ask(
+        "What happens when it is let go at rest, straight below the pin?",
+        "It bounces up and down on the vertical line, "
+        f"with the period 2 pi sqrt(m / k) = {2 * np.pi / np.sqrt(10.0):.4g} s.",
+        scenes.spring_mass(**start | {"position": (0.0, -1.2)}, velocity=(0.0, 0.0)),
+    )
+    page.ask(
+        "What happens when the spring is ten times stiffer?",
+        "It vibrates faster along the spring and swings like a pendulum across it: the stiffer, "
+        "the more it is a stick.",
+        scenes.spring_mass(**start | {"k": 100.0}, velocity=(0.0, 1.0)),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

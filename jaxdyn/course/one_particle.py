@@ -56,5 +56,30 @@ def solve(page: Page) -> None:
     page.play(motions, "The dropped ball is on the ground before the thrown one.")
 
 
+def ask(page: Page) -> None:
+    """The same two balls without air, and heavier ones."""
+    g, h, forces = 9.81, 5.0, (effects.UniformGravity(9.81), effects.QuadraticDrag(0.1))
+
+    def balls(*acting, **numbers):
+        return {
+            name: scenes.particle(*acting, position=(0.0, h), velocity=(v, 0.0), t1=1.2, **numbers)
+            for name, v in (("dropped", 0.0), ("thrown", 20.0))
+        }
+
+    page.ask(
+        "What happens without air?",
+        "Both are at the same height at all times, and land together after sqrt(2 h / g) = "
+        f"{math.sqrt(2 * h / g):.4g} s.",
+        balls(forces[0]),
+    )
+    page.ask(
+        "What happens to balls of 10 kg in the same air?",
+        "Drag matters ten times less: the terminal speed is sqrt(10) times that of 1 kg, "
+        f"{math.sqrt(10) * page['terminal speed']:.3g} m/s, and the thrown one is only a little "
+        "behind.",
+        balls(*forces, m=10.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

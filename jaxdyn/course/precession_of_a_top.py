@@ -36,7 +36,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import effects, scenes, simulate
 from jaxdyn.analysis import precession, steady
 from jaxdyn.course.page import Page, largest, show
 from jaxdyn.drawing.figures import PALETTE, blank, style
@@ -116,6 +116,26 @@ def check(page: Page) -> None:
     lowest = largest(scene, lambda t, y: -rigid.pose(scene, t, y).R_wb[2, 2], 0.5)
     found = np.arccos(-lowest.value)
     page.equal("c: The simulated top leans so far", found, deepest, within=1e-10)
+
+
+def ask(page: Page) -> None:
+    """A slow top, and one without weight."""
+    page.ask(
+        "What happens when it spins at 100 rad/s, let go with its axis at rest?",
+        "It falls far and comes up again: its loops hang low, and steady precession almost upright "
+        f"would need {page['b: slowest omega_3 with steady precession almost upright']:.4g} rad/s.",
+        scenes.top(0.5, precession=0.0, spin=100.0, **TOP, t1=2.0),
+    )
+    page.ask(
+        "What happens without spin?",
+        "It is a pendulum: it falls over, through its lowest place and up on the other side.",
+        scenes.top(0.5, precession=0.0, spin=0.0, **TOP, t1=2.0),
+    )
+    page.ask(
+        "What happens without weight?",
+        "Nothing turns its angular momentum, which can be seen among the vectors; the axis stays.",
+        scenes.top(0.5, precession=0.0, spin=250.0, **TOP, t1=0.5).without(effects.UniformGravity),
+    )
 
 
 if __name__ == "__main__":

@@ -90,5 +90,25 @@ def solve(page: Page) -> None:
     )
 
 
+def ask(page: Page) -> None:
+    """Slower shaking, wider shaking, and none."""
+    limit = page["smallest A by averaging over fast shaking, sqrt(2 g L) / w"] * 60.0
+    page.ask(
+        "What happens when the base shakes half as fast, at 30 rad/s by 0.1 m?",
+        f"The stick falls: A w = 3 m/s is less than sqrt(2 g L) = {limit:.3g} m/s.",
+        scenes.shaken_pendulum(amplitude=0.1, frequency=30.0, t1=2.0),
+    )
+    page.ask(
+        "What happens when it leans by 1 rad at the start, shaken by 0.1 m at 60 rad/s?",
+        "It comes back, and sways from side to side. From 1.2 rad it falls.",
+        scenes.shaken_pendulum(amplitude=0.1, angle=1.0),
+    )
+    page.ask(
+        "What happens when the base is at rest?",
+        "The stick falls over, and swings about its lowest place.",
+        scenes.shaken_pendulum(amplitude=0.0, t1=5.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

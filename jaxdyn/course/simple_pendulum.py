@@ -41,7 +41,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import special
 
-from jaxdyn import lagrangian, scenes, simulate
+from jaxdyn import effects, lagrangian, scenes, simulate
 from jaxdyn.course.page import Page, show
 from jaxdyn.drawing.figures import blank, style
 
@@ -115,6 +115,32 @@ def solve(page: Page) -> None:
     ax.set(xlabel="t [s]", ylabel="angle [rad]")
     page.draw(figure, "Wide swings take longer, and stay near the top for most of the time.")
     page.play(swings, "The wider the swing, the longer its period.", choose="amplitude [rad]")
+
+
+def ask(page: Page) -> None:
+    """Starts near the top, another mass and another planet."""
+    made = {"m": m, "length": l, "g": g, "t1": 5.0}
+    small, wide = 2 * np.pi * np.sqrt(l / g), 4 * np.sqrt(l / g) * special.ellipk(np.sin(1.57) ** 2)
+    page.ask(
+        "What happens when it starts at rest just short of upright, at 3.14 rad?",
+        f"It lingers there: one swing takes {wide:.3g} s, while a small one takes {small:.3g} s.",
+        scenes.pendulum(angle=3.14, **made),
+    )
+    page.ask(
+        "What happens when the mass is ten times larger?",
+        "The swing is the same; the forces and the energy are ten times as large.",
+        scenes.pendulum(angle=2.0, **made | {"m": 10 * m}),
+    )
+    page.ask(
+        "What happens on the Moon, where g = 1.62 m/s^2?",
+        f"All swings take sqrt(9.81 / 1.62) = {np.sqrt(g / 1.62):.3g} times as long.",
+        scenes.pendulum(angle=2.0, **made | {"g": 1.62}),
+    )
+    page.ask(
+        "What happens without gravity, when it is pushed?",
+        "It goes round at a constant speed. Switch gravity on again, once at the top, once below.",
+        scenes.pendulum(angle=1.0, rate=3.0, **made).without(effects.UniformGravity),
+    )
 
 
 if __name__ == "__main__":

@@ -88,9 +88,22 @@ def solve(page: Page) -> None:
     figure = drawing.trajectory([glide, two], names=["one skate, behind", "two skates"])
     page.draw(figure, "One skate ends in a straight glide; two skates run round one point.")
     begins = simulate(behind, 5.0, samples=400, rtol=1e-12)  # all fit into one view
-    motions = {"one skate below": circle, "one skate behind": begins, "two skates": two}
-    page.play(
-        motions, "A circle, a turn that ends in a glide, and a uniform turn.", choose="skates"
+    motions = {"below the mass centre": circle, "behind it": begins}
+    page.play(motions, "A circle, and a turn that ends in a glide.", choose="one skate")
+    page.play(two, "On two skates it turns uniformly round one point.")
+
+
+def ask(page: Page) -> None:
+    """Skates before and behind the mass centre."""
+    page.ask(
+        "What happens when the skate is ahead of the mass centre?",
+        "The body turns round, until the mass centre is ahead; then it glides straight on.",
+        scenes.one_skate(at=(0.5, 0.0)),
+    )
+    page.ask(
+        "What happens when the skate is turned by 0.5 rad in the body?",
+        "It glides at that angle: the blade leads, wherever the body looks.",
+        scenes.one_skate(at=(-0.5, 0.0), heading=0.5),
     )
 
 

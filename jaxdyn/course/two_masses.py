@@ -38,7 +38,7 @@ So the pair is one mass in place and velocity after many vibrations, w t much la
 its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
 """
 
-from jaxdyn import scenes, simulate
+from jaxdyn import effects, scenes, simulate
 from jaxdyn.course.page import Page, largest, show
 from jaxdyn.drawing.figures import blank, style
 from jaxdyn.scenes import springs
@@ -79,6 +79,22 @@ def solve(page: Page) -> None:
         figure, "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair."
     )
     page.play(motions, "The stiffer the spring, the more the pair is one mass.", choose="k [N/m]")
+
+
+def ask(page: Page) -> None:
+    """The pair without the push, thrown, and with another mass."""
+    page.ask(
+        "What happens without the push, when the spring is stretched by 0.2 m?",
+        "G stays where it is, and the masses swing against each other with "
+        f"sqrt(k M / (m1 m2)) = {(10 * 3 / 2) ** 0.5:.3g} rad/s for k = 10 N/m.",
+        scenes.two_masses(k=10.0).without(effects.StepForce).starting([0.0, 1.2, 0.0, 0.0]),
+    )
+    page.ask(
+        "What happens when the first mass weighs a hundred times less?",
+        "The lag of the first mass is at most 2 F m1 m2 / (k M^2) = "
+        f"{2 * 0.01 * 2.0 / (10 * 2.01**2):.2g} m: the spring has little to pull.",
+        scenes.two_masses(m1=0.01, k=10.0),
+    )
 
 
 if __name__ == "__main__":

@@ -82,5 +82,23 @@ def solve(page: Page) -> None:
     page.play(motions, look, choose="start")
 
 
+def ask(page: Page) -> None:
+    """The hanging mass without damping, and a heavy one."""
+    start = jnp.array([2.0, 0.9, 0.0, 0.0])
+    springs = {"k_a": 1.0, "k_b": 8.0, "length_a": 2.0, "length_b": 0.8}
+    anchors = {"anchor_a": (0.0, 0.0), "anchor_b": (0.8, 0.6)}
+    free = scenes.two_springs(**springs, **anchors, g=1.0)
+    page.ask(
+        "What happens without any damping?",
+        "The energy stays, so that it never comes to rest, and wanders from hollow to hollow.",
+        free.starting(start, 30.0),
+    )
+    page.ask(
+        "What happens when gravity is a hundred times stronger?",
+        "One equilibrium is left, far below, and every motion ends there.",
+        hung(g=100.0).starting(start, 30.0),
+    )
+
+
 if __name__ == "__main__":
     show(solve)

@@ -1,8 +1,8 @@
 """Exhibits: pages of the site that show what the library does beyond the course.
 
 A page consists of one or more parts, which run apart. Each returns a record: ``title``, ``text`` in
-Markdown, ``drawings``, ``tables``, ``cases`` (hard ones, by topic) and ``minis`` (closed paths that
-move).
+Markdown, ``drawings``, ``tables``, ``cases`` (hard ones, by topic) and ``minis`` (orbits that move,
+each a start of the program ``model``).
 """
 
 import functools
@@ -231,4 +231,5 @@ def join(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
         for what in ("drawings", "tables", "cases", "minis")
     }
     holds = all(part.get("holds", True) for part in parts)
-    return {"title": parts[0]["title"], "text": parts[0]["text"], "holds": holds, **lists}
+    whole = {"holds": holds, "model": "".join(part.get("model", "") for part in parts)}
+    return {"title": parts[0]["title"], "text": parts[0]["text"], **whole, **lists}

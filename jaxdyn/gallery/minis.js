@@ -1,13 +1,39 @@
 // Moving miniatures of periodic orbits: closed paths of bodies, drawn together on small canvases.
+// They are the starts of `minis`, the program of a scene that `jaxdyn.player.model` wrote; paths are
+// computed here, by `motion.js`, when their canvas comes into sight.
 "use strict";
 
 (() => {
   const COLOURS = 4; // of the player's paths, one for each body
   const SECONDS = 6; // of a period
-  const data = JSON.parse(document.getElementById("minis").textContent);
+  const FRAMES = 400; // of a period
+  const paths = new Map();
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-  function draw(canvas, orbit, share) {
+  // The places of each body over a period, about the mass centre, and how far they reach.
+  function path(number) {
+    if (paths.has(number)) return paths.get(number);
+    const { start, span, parameters } = minis.data.starts[number], on = 2 ** minis.data.switches.length - 1;
+    const motion = new JaxdynMotion(minis, parameters, on, 0, start, { span });
+    const count = minis.data.marks.length, found = { x: [], y: [], reach: 0 };
+    for (let j = 0; j < count; j++) { found.x.push([]); found.y.push([]); }
+    for (let i = 0; i < FRAMES; i++) {
+      const t = (i / FRAMES) * span;
+      motion.to(t);
+      const at = minis.places(t, motion.at(t), parameters);
+      for (let j = 0; j < count; j++) {
+        const [x, y] = at.slice(2 * j, 2 * j + 2);
+        found.x[j].push(x);
+        found.y[j].push(y);
+        found.reach = Math.max(found.reach, Math.abs(x), Math.abs(y));
+      }
+    }
+    paths.set(number, found);
+    return found;
+  }
+
+  function draw(canvas, share) {
+    const orbit = path(+canvas.dataset.mini);
     const ratio = window.devicePixelRatio || 1, side = canvas.clientWidth;
     if (canvas.width !== Math.round(side * ratio)) canvas.width = canvas.height = Math.round(side * ratio);
     const pen = canvas.getContext("2d"), count = orbit.x.length, frames = orbit.x[0].length;
@@ -36,9 +62,9 @@
 
   const seen = new Set(), canvases = [...document.querySelectorAll("canvas[data-mini]")];
   const watch = new IntersectionObserver((entries) => {
-    for (const { target, isIntersecting } of entries) if (isIntersecting) seen.add(target); else seen.delete(target);
+    for (const { target, isIntersecting } of entries) if (isIntersecting) { seen.add(target); draw(target, share); } else seen.delete(target);
   });
-  for (const canvas of canvases) { watch.observe(canvas); draw(canvas, data[canvas.dataset.mini], 0); }
+  for (const canvas of canvases) watch.observe(canvas);
   // A button stops and starts all of them; readers who prefer stillness start them themselves.
   const button = document.querySelector("[data-minis-play]");
   let playing = false, last = 0, share = 0;
@@ -46,7 +72,7 @@
     if (!playing) return;
     share = (share + Math.min(0.1, (now - last) / 1000) / SECONDS) % 1;
     last = now;
-    for (const canvas of seen) draw(canvas, data[canvas.dataset.mini], share);
+    for (const canvas of seen) draw(canvas, share);
     requestAnimationFrame(step);
   };
   const set = (on) => {

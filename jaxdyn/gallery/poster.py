@@ -17,20 +17,23 @@ from jaxdyn import scenes, simulate
 from jaxdyn._progress import each
 from jaxdyn.drawing.figures import INK, PALETTE, blank
 from jaxdyn.gallery.pictures import write
+from jaxdyn.player.choices import Choices
+from jaxdyn.player.model import model
+from jaxdyn.scene import Scene
 from orbits.discovery import plane, seeds
 
 _COLUMNS = 10
 _SIDE, _TEXT = 1.5, 0.35  # [in] of a panel, and of the text above it
 _MARGIN = 1.05
-_SAMPLES, _FINER = 400, 5  # of a miniature; the poster is so much finer, or its loops had corners
-_DIGITS = 4  # of a position, in units of the distance at the start
+_SAMPLES = 2000  # of an orbit: with fewer its loops had corners
 
 
 class Shown(NamedTuple):
-    """An orbit of the poster: its name or number, what is said of it, its paths (s, 3, 2)."""
+    """An orbit of the poster: name, what is said of it, its scene, its paths (s, 3, 2)."""
 
     name: str
     lines: tuple[str, ...]
+    scene: Scene
     r: np.ndarray
     verdict: str
 
@@ -49,10 +52,12 @@ def record(pictures: Path) -> dict[str, Any]:
         f"page to a closing error below 1e-9, and {stable} are linearly stable. The word lists the "
         "bodies that pass between the two others, as a word in Montgomery's free group."
     )
-    minis = [{"name": s.name, "lines": s.lines, "path": _path(s.r)} for s in shown]
+    # Their starts, from which the page computes the paths: these would be fifty times as long.
+    choices = Choices({one.name: one.scene for one in shown}, "orbit")
     return {"title": "Periodic orbits of three bodies", "text": text} | {
         "drawings": [drawing],
-        "minis": minis,
+        "minis": [{"name": one.name, "lines": one.lines} for one in shown],
+        "model": model(shown[0].scene, choices=choices),
     }
 
 
@@ -68,13 +73,13 @@ def _close(row: dict[str, Any], number: int) -> Shown:
     scene = scenes.three_body().starting(start, row["T"])
     orbit = orbits.find(scene, period=row["T"], closing=orbits.reversal(plane.IN_LINE))
     stability, word = orbits.stability(orbit), orbits.analysis.word(orbit)
-    motion = simulate(orbit.scene, orbit.period, samples=_FINER * _SAMPLES + 1, rtol=1e-10)
+    motion = simulate(orbit.scene, orbit.period, samples=_SAMPLES + 1, rtol=1e-10)
     lines = (
         f"T = {float(orbit.period):.6f}, {stability.verdict}",
         word if len(word) <= 24 else f"{word[:21]}... ({len(word)} letters)",
     )
     name = row["name"] or f"orbit {number + 1}"
-    return Shown(name=name, lines=lines, r=np.asarray(motion.r), verdict=stability.verdict)
+    return Shown(name, lines, orbit.scene, np.asarray(motion.r), stability.verdict)
 
 
 def _poster(shown: list[Shown]):
@@ -95,9 +100,3 @@ def _poster(shown: list[Shown]):
         ax.text(0.5, 1.0, one.lines[0], **small)
     figure.suptitle(f"{len(shown)} periodic orbits of three equal bodies", fontsize=12)
     return figure
-
-
-def _path(r: np.ndarray) -> dict[str, Any]:
-    """The paths of an orbit for a miniature; the last sample, which is the first, is left out."""
-    x, y = (np.round(r[:-1:_FINER, :, axis].T, _DIGITS).tolist() for axis in (0, 1))
-    return {"x": x, "y": y, "reach": round(float(np.abs(r).max()), _DIGITS)}

@@ -1,4 +1,4 @@
-"""The pages of the course: run, drawn, exported for the player, and what their digits cost."""
+"""The pages of the course: run, drawn, shown in a browser, and what their digits cost."""
 
 from pathlib import Path
 from typing import Any
@@ -7,15 +7,12 @@ import numpy as np
 
 from jaxdyn._text import with_null
 from jaxdyn.accuracy.work_precision import work_precision
-from jaxdyn.course.page import Page, Problem, run
+from jaxdyn.course.page import Page, Problem, displays, formulas, run
 from jaxdyn.course.page.running import record
-from jaxdyn.formulations.prescribed import Prescribed
 from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import write
 from jaxdyn.integrate.trajectory import Trajectory
-from jaxdyn.player import export
 from jaxdyn.solvers.choice import default_solver, reason
-from jaxdyn.symbolic.equations import equations
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
 _DIGITS = (3, 6, 9, 12)
@@ -33,30 +30,10 @@ def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
             write(drawing.figure, pictures, f"{problem.name}_{i + 1}", drawing.look)
             for i, drawing in enumerate(page.drawings)
         ],
-        "played": [
-            {"look": played.look, "data": export(played.motions, choose=played.choose)}
-            for played in page.played
-        ],
-        "equations": _equations(page),
+        "played": [one._asdict() for one in displays(page)],
+        "equations": formulas(page),
         "digits": _digits(page),
     }
-
-
-def _equations(page: Page) -> list[str]:
-    """The equations of the first motion that is played, as HTML: one text for each section.
-
-    None where nothing is played, where a motion is prescribed, and where they would fill pages.
-    """
-    motions = [one for played in page.played for one in played.motions.values()]
-    scenes = [one.scene for one in motions if isinstance(one, Trajectory)]
-    if not scenes or isinstance(scenes[0].system, Prescribed):
-        return []
-    try:
-        found = equations(scenes[0])
-    except ValueError:
-        return []
-    names = [section.name for section in found.sections if section.name != "parameters"]
-    return [found.mathml(name) for name in names]
 
 
 def _digits(page: Page) -> dict[str, Any] | None:

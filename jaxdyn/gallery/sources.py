@@ -12,11 +12,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from nbformat import v4
 
-from jaxdyn import player
 from jaxdyn.course.page import TOPICS, Problem
 from jaxdyn.files.output_files import replace
 from jaxdyn.gallery import reference
 from jaxdyn.gallery.texts import duration, first, prose
+from jaxdyn.player.live import SCRIPTS
 
 _HERE = Path(__file__).parent
 _GUIDE = re.compile(r"\((\.\./guides/)?\d+_(\w+\.md)\)")  # a link to a guide, as a file
@@ -63,12 +63,7 @@ class Sources:
     def course(self, shown: Sequence[tuple[Problem, dict]]) -> None:
         """The pages of the problems, and the one with a card for each."""
         for problem, record in shown:
-            label = [(one["look"], one["look"].replace("`", "")) for one in record["played"]]
-            played = [
-                {"look": look, "html": player.fragment(one["data"], said)}
-                for one, (look, said) in zip(record["played"], label, strict=True)
-            ]
-            content = {"problem": problem, "record": record, "played": played}
+            content = {"problem": problem, "record": record, "scripts": _scripts(record["played"])}
             self.fill(f"course/{problem.name}.md", "problem.md", **content)
         cards = [
             {"problem": problem, "picture": next((d["file"] for d in record["drawings"]), None)}
@@ -90,7 +85,6 @@ class Sources:
                 "exhibit.md",
                 record=record,
                 verdicts=[case["holds"] for topic in record["cases"] for case in topic["cases"]],
-                minis=player.embed([one["path"] for one in record["minis"]]),
             )
         self.fill("exhibits.md", "exhibits.md", exhibits=records)
 
@@ -129,3 +123,9 @@ class Sources:
             ours = path.suffix in (".md", ".rst", ".ipynb")
             if ours and str(path.relative_to(self.folder).with_suffix("")) not in self.pages:
                 path.unlink()
+
+
+def _scripts(played: Sequence[dict]) -> list[str]:
+    """What a page needs for scenes that run, and for motions that are played."""
+    running = [*SCRIPTS] * any(one["runs"] for one in played)
+    return ["canvas", *running, *["player"] * any(not one["runs"] for one in played)]

@@ -8,7 +8,7 @@ theorem, dt = -dg / (dg/dt), dy = (dy)_t + f dt.
 import abc
 import functools
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -95,6 +95,10 @@ class Stop(eqx.Module):
 
 class Event(Record):
     """A function of time and state whose zero is the event."""
+
+    #: What it is called where it ends a phase and can be switched off, on a page on which the scene
+    #: runs: "impact on the table"; empty where the motion makes no sense without it.
+    called: ClassVar[str] = ""
 
     @abc.abstractmethod
     def value(self, t: Array, y: Array) -> Array:

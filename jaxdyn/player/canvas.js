@@ -64,7 +64,7 @@ var JaxdynCanvas = (() => {
     const found = [];
     for (let k = Math.ceil(low / step); k * step <= high * (1 + 1e-12) + 1e-300; k++) found.push(k * step);
     const digits = -Math.floor(Math.log10(step) + 1e-9);
-    return [found, Math.abs(found[0] ?? 0) < 1e5 ? Math.max(0, digits) : digits];
+    return [found, found.every((x) => Math.abs(x) < 1e5) ? Math.max(0, digits) : digits];
   }
 
   // A tick with the digits that tell it from its neighbours.
@@ -192,12 +192,34 @@ var JaxdynCanvas = (() => {
       const { pen } = this, length = Math.hypot(x1 - x0, y1 - y0);
       if (!(length > 1)) return;
       const head = Math.min(8, 0.5 * length), [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
-      pen.strokeStyle = pen.fillStyle = colour;
+      pen.strokeStyle = colour;
       pen.lineWidth = 2;
       line(pen, [[x0, y0], [x1 - 0.7 * head * ux, y1 - 0.7 * head * uy]]);
+      this.head([x1, y1], [ux, uy], head, colour);
+    }
+
+    // The head of an arrow, with its tip at a place.
+    head([x, y], [ux, uy], size, colour) {
+      const { pen } = this;
+      pen.fillStyle = colour;
       pen.beginPath();
-      for (const [a, b] of [[0, 0], [-1, 0.45], [-1, -0.45]]) pen.lineTo(x1 + head * (a * ux - b * uy), y1 + head * (a * uy + b * ux));
+      for (const [a, b] of [[0, 0], [-1, 0.45], [-1, -0.45]]) pen.lineTo(x + size * (a * ux - b * uy), y + size * (a * uy + b * ux));
       pen.fill();
+    }
+
+    // A moment in the plane of the picture: an arc that goes round a place by a share of the longest.
+    moment([x, y], share, colour) {
+      const { pen } = this, radius = 26, sweep = 1.5 * Math.PI * share, away = Math.sign(share);
+      if (!(Math.abs(sweep) > 0.02)) return;
+      const end = -sweep, head = Math.min(9, radius * Math.abs(sweep));
+      pen.strokeStyle = colour;
+      pen.lineWidth = 2;
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, end + (0.7 * head * away) / radius, share > 0);
+      pen.stroke();
+      // Against the clock it goes up at the right; the head is turned by half of what it covers.
+      const way = end + (0.5 * head * away) / radius;
+      this.head([x + radius * Math.cos(end), y + radius * Math.sin(end)], [Math.sin(way) * away, -Math.cos(way) * away], head, colour);
     }
 
     pin([x, y]) {

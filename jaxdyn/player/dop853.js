@@ -39,10 +39,11 @@ var Dop853 = (() => {
   const LONGEST = 1 / 50; // of the span: a pulse may lie within a longer step
   const SOON = 1e-3; // of the span: what is zero has the size that its rate gives it in this time
   // A rate that jumps where the motion is leaves no step short enough: one is taken as it is. Where
-  // it jumps at each step, as that of dry friction does where it sticks, after so many tiny steps,
-  // in parts of the span, some longer ones are. Not where the rate is so many times what it was:
-  // there a singularity is near.
-  const OVER = 1e-12, TINY = 1e-9, PATIENCE = 40, CRAWL = 1e-5, CRAWLS = 200, STEEP = 100;
+  // it jumps again and again, as that of dry friction does where it sticks, some longer ones are
+  // taken: after so many tiny steps, in parts of the span, each of which was cut so many times. In a
+  // close encounter steps are tiny too, but their length is foreseen. Not where the rate is so many
+  // times what it was: there a singularity is near.
+  const OVER = 1e-12, TINY = 1e-9, CUTS = 4, PATIENCE = 7, CRAWL = 1e-5, CRAWLS = 200, STEEP = 100;
 
   class Dop853 {
     // The motion of dy/dt = rate(t, y) from y at t.
@@ -66,7 +67,7 @@ var Dop853 = (() => {
       this.failed = "";
       this.rough = rough;
       this.speeds = new Array(k).fill(0); // of each kind, at steps that are not tiny
-      this.tiny = this.crawls = 0;
+      this.jumps = this.crawls = 0;
       this.crawled = null; // since when it has crawled
       this.steps = this.rejected = 0;
       this.now = rate(t, this.y);
@@ -107,9 +108,9 @@ var Dop853 = (() => {
     step(end) {
       if (this.failed) return false;
       const { y, t, stages } = this, k = y.length, way = end < t ? -1 : 1;
-      let h = Math.min(this.h, LONGEST * this.span), again = false;
+      let h = Math.min(this.h, LONGEST * this.span), cuts = 0;
       let blind = false; // whether it is taken whatever its error
-      if (this.tiny >= PATIENCE) this.crawl();
+      if (this.jumps >= PATIENCE) this.crawl();
       for (;;) {
         if (this.crawls || h < SHORTEST * this.span) {
           if (!this.rough || this.steep()) { this.failed = "too small steps"; return false; }
@@ -130,17 +131,17 @@ var Dop853 = (() => {
           const there = last ? end : t + dt;
           stages[STAGES] = this.rate(there, next);
           if (stages[STAGES].every(Number.isFinite)) {
-            this.accept(there, next, dt, last);
+            this.accept(there, next, dt, cuts);
             if (this.crawls) this.crawls--;
             const factor = error ? SAFETY * error ** (-1 / 8) : MOST;
             // A step that was cut short says nothing of longer ones.
-            const proposed = Math.abs(dt) * Math.min(again ? 1 : MOST, Math.max(LEAST, factor));
+            const proposed = Math.abs(dt) * Math.min(cuts ? 1 : MOST, Math.max(LEAST, factor));
             this.h = last ? Math.max(proposed, Math.min(h, this.h)) : proposed;
             return true;
           }
         }
         this.rejected++;
-        again = true;
+        cuts++;
         if (blind) { this.failed = "not a number"; return false; }
         h = Math.abs(dt) * (error > 1 ? Math.max(LEAST, SAFETY * error ** (-1 / 8)) : LEAST); // also for NaN
       }
@@ -170,15 +171,15 @@ var Dop853 = (() => {
     // Take some steps as they are.
     crawl() {
       this.crawls = CRAWLS;
-      this.tiny = 0;
+      this.jumps = 0;
       this.crawled ??= this.t;
     }
 
-    accept(t, y, dt, last) {
+    accept(t, y, dt, cuts) {
       if (Math.abs(dt) > TINY * this.span) {
         this.quicken();
-        this.tiny = 0;
-      } else if (!last) this.tiny++;
+        this.jumps = 0;
+      } else if (cuts >= CUTS) this.jumps++;
       this.before = this.t;
       this.from = this.y;
       this.dt = dt;

@@ -1,12 +1,13 @@
 // A scene that runs on its page: moved by `motion.js` from the functions that
 // `jaxdyn.player.model` wrote, drawn by `canvas.js`. Pages put [element, model] into `liveScenes`;
 // the element's `live` has play(), pause(), step(), reset(), seek(t), set(name, value),
-// enter(i, value), switched(i, on), several(count), drag(mark, place) and state().
+// enter(i, value), switched(i, on), several(count), choose(i), cut(section), drag(mark, place) and
+// state().
 "use strict";
 
 (() => {
   const { KINDS, Paper, Turn, View, disc, fitted, line, themed } = JaxdynCanvas;
-  const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
+  const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 4, 16, 64];
   const LONGEST = 60, SHORTEST = 4; // [s] of spans in real time, at pace 1; longer ones in LONG, others in SHORTEST
   const LONG = 12;
   const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
@@ -23,6 +24,12 @@
   const STEP = 1e-5; // of the span, for differences in time
   const ARROW = 0.2; // of the picture: the longest vector
   const SHOWN_ALONE = 6; // numbers of an array of parameters: more are folded away
+  const SEEN = 200, SEEN_WHOLE = 600; // samples of the look ahead; of a path that is drawn
+  const LOOKS = 8, HALVINGS = 60; // times within a step at which a section is looked for; of their distance, where it is found
+  const MOST_CROSSINGS = 20000; // of a motion
+  const STEADY = 1e-9; // of a rate: one that changes less is constant
+  const NARROW = 760; // [px] below which all stands in one column
+  const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "either way"]];
 
   const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const short = (x, digits = 6) => {
@@ -65,27 +72,75 @@
     return x;
   }
 
-  // One motion on the page: where it is now, and its samples.
+  // The times between two, within the last step of a motion, at which it crosses a section: an entry
+  // passes a level, or, where `entry` is -1, the time is a multiple of it.
+  function crossings({ entry, level, way, angle }, motion, from, to) {
+    const found = [];
+    if (entry < 0) {
+      for (let k = Math.floor(from / level) + 1; level > 0 && k * level <= to; k++) found.push(k * level);
+      return found;
+    }
+    const off = (t) => { const x = motion.at(t)[entry] - level; return angle ? wrapped(x) : x; };
+    let early = from, before = off(from);
+    for (let k = 1; k <= LOOKS; k++) {
+      const late = k === LOOKS ? to : from + (k / LOOKS) * (to - from), after = off(late);
+      const [rises, falls] = [before < 0 && after >= 0, before > 0 && after <= 0];
+      // An angle that passes half a turn from the level jumps there, and does not cross it.
+      if (((rises && way >= 0) || (falls && way <= 0)) && !(angle && Math.abs(after - before) > Math.PI)) {
+        let [low, high] = [early, late];
+        for (let n = 0; n < HALVINGS; n++) {
+          const middle = low + (high - low) / 2;
+          if (off(middle) < 0 === rises) low = middle;
+          else high = middle;
+        }
+        found.push(high);
+      }
+      [early, before] = [late, after];
+    }
+    return found;
+  }
+
+  let ids = 0; // of the fields of all scenes on the page
+
+  // One motion on the page: where it is now, its samples, and where it crossed the section.
   class Run {
-    constructor(scene, start) {
+    // From a start, with parameters p.
+    constructor(scene, start, p) {
       this.scene = scene;
-      this.samples = [];
-      this.begin(0, start);
+      this.samples = []; // of the whole motion, for plots: the longer it is, the fewer in a time
+      this.recent = []; // all of the last ones, for the trail
+      this.stride = 1;
+      this.pushed = 0;
+      this.crossings = [];
+      this.begin(0, start, p);
       this.push(0);
     }
 
-    begin(t, y) {
-      this.motion = new JaxdynMotion(this.scene.model, this.scene.p, this.scene.on, t, y);
+    begin(t, y, p) {
+      const { model, on, span } = this.scene;
+      this.p = p;
+      this.crossings = this.crossings.filter((one) => one.t <= t); // steps go on ahead of the picture
+      this.motion = new JaxdynMotion(model, p, on, t, y, { span, passed: (from, to) => this.cross(from, to) });
       this.now = y;
     }
 
-    get last() { return this.samples[this.samples.length - 1]; }
+    cross(from, to) {
+      const { section } = this.scene;
+      if (!section) return;
+      for (const t of crossings(section, this.motion, from, to)) this.crossings.push({ t, y: this.motion.at(t) });
+      if (this.crossings.length > MOST_CROSSINGS) this.crossings.splice(0, MOST_CROSSINGS / 2);
+    }
 
     push(t) {
-      const y = this.motion.at(t), { scene } = this;
-      this.samples.push({ t, y, marks: scene.places(t, y).marks, energies: scene.energies(t, y) });
-      // Of the older half every second one stays.
-      if (this.samples.length > MOST_SAMPLES) this.samples = this.samples.filter((_, i) => i > MOST_SAMPLES / 2 || i % 2 === 0);
+      const y = this.motion.at(t), { scene } = this, [first = this] = scene.runs ?? [], sample = { t, y, marks: scene.places(t, y, this.p).marks, energies: scene.energies(t, y, this.p) };
+      sample.apart = distance(y, first.motion.at(t));
+      this.recent.push(sample);
+      if (this.recent.length > MOST_SAMPLES) this.recent.splice(0, MOST_SAMPLES / 2);
+      if (this.pushed++ % this.stride) return;
+      this.samples.push(sample);
+      if (this.samples.length <= MOST_SAMPLES) return;
+      this.samples = this.samples.filter((_, i) => i % 2 === 0);
+      this.stride *= 2;
     }
   }
 
@@ -95,22 +150,21 @@
       this.model = model;
       this.data = model.data;
       const d = this.data;
-      this.p = d.parameters.map((one) => one.value);
-      this.on = model.phases[0].rates.length - 1;
-      this.start = this.consistent([...d.start]);
+      this.choice = 0;
+      this.hold(this.givenStarts());
       this.flat = d.axes.named.length; // directions that the functions know
       this.dim = Math.max(2, this.flat);
       this.labels = this.flat === 1 ? [...d.axes.named, ""] : d.axes.named;
-      this.count = d.motions;
       this.turn = new Turn();
       this.pace = 1;
       this.trail = 0.25;
       this.playing = false;
-      const span = d.span;
+      const { span } = this;
       this.speed = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONG : SHORTEST);
       this.beat = this.speed * BEAT;
-      this.fit();
+      this.loop = this.fit(); // of an orbit
       this.offset = this.aside();
+      this.section = this.plane();
       this.build();
       this.reset();
       this.ranges();
@@ -118,13 +172,13 @@
     }
 
     // The functions of the model with the parameters and the effects as they are now.
-    rate(t, y) { return this.runs[0].motion.phase.rates[this.on](t, y, this.p); }
-    energies(t, y) { return this.data.terms.length ? this.model.energies[this.on](t, y, this.p) : []; }
-    consistent(y, t = 0) { return this.model.consistent ? this.model.consistent(t, y, this.p) : y; }
+    rate(t, y) { return this.runs[0].motion.phase.rate(t, y, this.p); }
+    energies(t, y, p = this.p) { return this.data.terms.length ? JaxdynMotion.variant(this.model, this.on).energies(t, y, p) : []; }
+    consistent(y, t = 0, p = this.p) { return this.model.consistent ? this.model.consistent(t, y, p) : y; }
 
     // The marked points and the corners of all shapes.
-    places(t, y) {
-      const flat = this.model.places(t, y, this.p), d = this.flat, marks = [], shapes = [];
+    places(t, y, p = this.p) {
+      const flat = this.model.places(t, y, p), d = this.flat, marks = [], shapes = [];
       let at = 0;
       const take = () => { const place = flat.slice(at, at + d); at += d; if (d === 1) place.push(0); return place; };
       for (const _ of this.data.marks) marks.push(take());
@@ -140,19 +194,26 @@
     reset() {
       this.t = 0;
       this.beats = 0;
-      this.runs = Array.from({ length: this.count }, (_, i) => {
-        const y = [...this.start];
-        y[this.offset.entry] += i * this.offset.size;
-        return new Run(this, i ? this.consistent(y) : y);
-      });
+      this.runs = []; // the first one is there when the others measure how far they are from it
+      for (let i = 0; i < this.count; i++) this.runs.push(this.makeRun(i));
       this.say(this.failure());
       this.draw();
     }
 
+    // A motion at its start: the first one is that of the fields.
+    makeRun(i) {
+      const y = [...(this.together && i ? this.starts[i].start : this.start)], p = this.numbersOf(i);
+      if (i && !this.together) y[this.offset.entry] += i * this.offset.size;
+      return new Run(this, i ? this.consistent(y, 0, p) : y, p);
+    }
+
+    // The parameters of a motion: those that were changed are changed for all.
+    numbersOf(i) { return this.together && i ? this.starts[i].parameters.map((x, j) => (this.changed.has(j) ? this.p[j] : x)) : this.p; }
+
     // Go on from where the motion is, with other parameters or effects.
     goOn() {
       if (this.t === 0) { this.start = this.consistent(this.start); this.fields(); this.reset(); return; }
-      for (const run of this.runs) run.begin(this.t, this.consistent(run.now, this.t));
+      this.runs.forEach((run, i) => { const p = this.numbersOf(i); run.begin(this.t, this.consistent(run.now, this.t, p), p); });
       this.say(this.failure());
       this.draw();
     }
@@ -166,7 +227,6 @@
         if (next > t) break;
         this.beats++;
         for (const run of this.runs) run.push(next);
-        for (const run of this.runs) run.last.apart = distance(run.last.y, this.runs[0].last.y);
       }
       this.show(t);
       return true;
@@ -240,6 +300,7 @@
       const i = this.data.parameters.findIndex((one) => one.name === name);
       if (i < 0 || !Number.isFinite(value)) return;
       this.p[i] = value;
+      this.changed.add(i);
       this.goOn();
     }
 
@@ -261,15 +322,48 @@
       this.goOn();
     }
 
-    several(count) { this.count = count; this.reset(); }
+    // So many from starts aside of the first, or those that are given, with 0.
+    several(count) { this.together = !count; this.count = count || this.starts.length; this.reset(); }
 
-    original() {
-      this.p = this.data.parameters.map((one) => one.value);
-      this.on = this.model.phases[0].rates.length - 1;
-      for (const [i, box] of this.switches.entries()) box.checked = true;
-      this.begin([...this.data.start]);
-      this.fit();
+    // The numbers and effects of some starts hold, without anything being shown yet: they run beside
+    // each other.
+    hold(starts) {
+      const [{ start, span, parameters, off }] = this.starts = starts;
+      this.together = starts.length > 1;
+      this.count = this.together ? starts.length : this.data.motions;
+      this.p = [...parameters];
+      this.changed = new Set(); // which of them are no longer those of the starts
+      this.span = span;
+      this.on = this.data.switches.reduce((on, { effects }, i) => (effects.length && effects.every((e) => off.includes(e)) ? on : on | (1 << i)), 0);
+      this.start = this.consistent([...start]);
+    }
+
+    // The starts of the page, or the one that is chosen.
+    givenStarts() { return this.data.choose ? [this.data.starts[this.choice]] : this.data.starts; }
+
+    take(starts) {
+      this.pause();
+      this.hold(starts);
+      this.loop = this.fit();
+      for (const [i, box] of this.switches.entries()) box.checked = Boolean((this.on >> i) & 1);
+      this.numbers.forEach((field, i) => field.around(this.p[i]));
+      this.fields();
       this.ranges();
+      this.showCount();
+      this.reset();
+    }
+
+    choose(i) {
+      this.choice = i;
+      this.take(this.givenStarts());
+      this.showChoice();
+    }
+
+    // Another section, from here on.
+    cut(section) {
+      this.section = { ...this.section, ...section };
+      this.section.angle = this.data.entries[this.section.entry]?.unit === "rad";
+      for (const run of this.runs) run.crossings = [];
       this.draw();
     }
 
@@ -318,14 +412,17 @@
       this.held = [...now];
     }
 
-    // The box of the motion over its span, as far as a look ahead sees.
+    // The box of the motion over its span, as far as a look ahead sees; the marked points on the way.
     fit() {
-      const look = new Run(this, this.start), until = performance.now() + LOOK, points = [];
-      const seen = this.start.map(Math.abs), least = [...this.start], most = [...this.start];
-      for (let i = 0; i <= 200; i++) {
-        const t = (i / 200) * this.data.span;
+      const looks = Array.from({ length: this.together ? this.count : 1 }, (_, i) => this.makeRun(i)), until = performance.now() + LOOK, points = [], count = this.data.whole ? SEEN_WHOLE : SEEN;
+      const seen = this.start.map(Math.abs), least = [...this.start], most = [...this.start], rates = [];
+      const loop = [];
+      for (let i = 0; i <= count * looks.length; i++) {
+        const look = looks[i % looks.length], t = (Math.floor(i / looks.length) / count) * this.span;
         if (!look.motion.to(t, until)) break;
-        const y = look.motion.at(t), { marks, shapes } = this.places(t, y);
+        const y = look.motion.at(t), { marks, shapes } = this.places(t, y, look.p);
+        rates.push(look.motion.phase.rate(t, y, look.p));
+        loop.push(marks);
         y.forEach((x, j) => { seen[j] = Math.max(seen[j], Math.abs(x)); least[j] = Math.min(least[j], x); most[j] = Math.max(most[j], x); });
         points.push(...marks, ...shapes.flatMap((s, k) => (this.data.shapes[k].kind === "ground" ? [] : s)));
       }
@@ -333,6 +430,19 @@
       this.box = limits(finite.length ? finite : [new Array(this.dim).fill(0)], this.data.axes.equal);
       this.seen = seen;
       this.moves = least.map((x, j) => most[j] - x > STILL * this.size(j));
+      this.middle = least.map((x, j) => (x < 0 && most[j] > 0 ? 0 : +((x + most[j]) / 2).toPrecision(2)));
+      this.steady = rates[0].map((x, j) => rates.every((rate) => Math.abs(rate[j] - x) <= STEADY * Math.abs(x)));
+      return loop;
+    }
+
+    // The section at first: the phase of a drive has a value, or the first entry that moves, and
+    // another one is drawn with its velocity.
+    plane() {
+      const { entries } = this.data, k = entries.length, moving = entries.map((_, i) => i).filter((i) => this.moves[i]);
+      const drive = moving.find((i) => entries[i].unit === "rad" && this.steady[i]), entry = drive ?? (k % 2 ? moving.at(-1) : moving[0]) ?? 0;
+      const [one = 0, two = one] = moving.filter((i) => i !== entry), half = k / 2;
+      const pair = k % 2 === 0 && one < half ? one + half : two;
+      return { entry, level: drive === undefined ? this.middle[entry] : 0, way: 1, angle: entries[entry].unit === "rad", across: 1 + one, up: 1 + pair };
     }
 
     // A thousandth, in round numbers, of the first entry that moves.
@@ -349,7 +459,7 @@
 
     // A body that leaves the box enlarges it.
     follow() {
-      const [lo, hi] = this.box, points = this.runs.flatMap((run) => this.places(this.t, run.now).marks);
+      const [lo, hi] = this.box, points = this.runs.flatMap((run) => this.places(this.t, run.now, run.p).marks);
       if (points.every((p) => p.every((x, d) => !Number.isFinite(x) || (x >= lo[d] && x <= hi[d])))) return;
       const finite = points.filter((p) => p.every(Number.isFinite));
       if (finite.length) this.box = limits([...finite, lo.map((x, d) => x + 0.05 * (hi[d] - x)), hi.map((x, d) => x - 0.05 * (x - lo[d]))], false);
@@ -357,16 +467,17 @@
 
     state() {
       const { t, playing, p, on, start } = this, phases = this.runs.map((run) => run.motion.phase.name), now = this.runs.map((run) => Array.from(run.now));
-      return { t, playing, start, phases, parameters: p, on, now, points: this.runs.map((run) => this.places(t, run.now).marks), energies: this.runs.map((run) => this.energies(t, run.now)), failure: this.failure() };
+      const crossings = this.runs.map((run) => run.crossings.filter((one) => one.t <= t));
+      return { t, playing, start, phases, parameters: p, on, now, crossings, points: this.runs.map((run) => this.places(t, run.now, run.p).marks), energies: this.runs.map((run) => this.energies(t, run.now, run.p)), failure: this.failure() };
     }
 
     // ------------------------------------------------------------------ the page
 
     build() {
       const { root, data } = this;
-      this.ids = 0;
       this.switches = [];
       const stage = this.make("div", { className: "scene" }), panels = this.make("div", { className: "panels" });
+      if (data.starts.length > 1 && data.choose) this.chooser(stage);
       this.canvas = this.make("canvas", { className: "stage", tabIndex: 0 }, stage);
       this.canvas.setAttribute("role", "application");
       this.canvas.setAttribute("aria-label", `${data.name}, drawn. ${this.keys()} The fields under Start and Parameters do what dragging does.`);
@@ -383,7 +494,9 @@
       this.legend = this.make("p", { className: "legend" }, stage);
       this.make("p", { className: "hint", textContent: `Drag a body to set the start. Keys: ${this.keys()}` }, stage);
       const plots = this.make("div", { className: "plots" });
-      this.plots = [this.plot(plots, 0), this.plot(plots, 1)];
+      this.plots = data.curve ? [this.curve(plots)] : [];
+      this.plots.push(this.plot(plots, 0), this.plot(plots, 1), this.sectionPlot(plots));
+      if (data.asks.length) this.askPanel(panels);
       this.startPanel(panels);
       this.parameterPanel(panels);
       if (data.switches.length) this.effectPanel(panels);
@@ -416,7 +529,7 @@
 
     // A slider and a field for one number; `set` shows another one.
     field({ name, unit }, value, does, parent) {
-      const row = this.make("div", { className: "field" }, parent), id = `${this.root.id || "live"}-${this.ids++}`;
+      const row = this.make("div", { className: "field" }, parent), id = `live-${ids++}`;
       const said = unit ? `${name} [${unit}]` : name;
       this.make("label", { htmlFor: id, textContent: said }, row);
       const slider = this.make("input", { type: "range", step: "any" }, row), number = this.make("input", { type: "number", step: "any", id, value: short(value) }, row);
@@ -430,7 +543,39 @@
       };
       slider.addEventListener("input", () => { number.value = short(+slider.value, 6); slider.setAttribute("aria-valuetext", `${number.value} ${unit}`); does(+number.value); });
       number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(+number.value)) { does(+number.value); set(+number.value); } });
-      return { row, set, range: (low, high) => { slider.min = low; slider.max = high; } };
+      const range = (low, high) => { slider.min = low; slider.max = high; };
+      // For a number that keeps its sign, up to a round one that is twice as large.
+      const around = (x) => { const far = x ? round(2 * Math.abs(x)) : 1; range(x > 0 ? 0 : -far, x < 0 ? 0 : far); };
+      return { row, set, range, around };
+    }
+
+    // What to choose from by a slider.
+    chooser(parent) {
+      const { choose, starts } = this.data, row = this.make("div", { className: "chooser" }, parent), id = `live-${ids++}`;
+      this.make("label", { htmlFor: id, textContent: choose }, row);
+      const slider = this.make("input", { type: "range", min: 0, max: starts.length - 1, step: 1, value: 0, id }, row), said = this.make("p", { className: "said chosen" }, parent);
+      slider.addEventListener("input", () => this.choose(+slider.value));
+      this.showChoice = () => {
+        const { name, note } = starts[this.choice];
+        slider.value = this.choice;
+        slider.setAttribute("aria-valuetext", name);
+        said.textContent = `${name}${note ? `: ${note}` : ""}`;
+        this.draw();
+      };
+      this.showChoice();
+    }
+
+    // Questions with their answers folded; the page shows what they ask for.
+    askPanel(parent) {
+      const panel = this.panel("What happens when ...?", parent);
+      for (const { question, answer, starts } of this.data.asks) {
+        const one = this.make("div", { className: "ask" }, panel);
+        this.make("p", { textContent: question }, one);
+        if (starts.length) this.press("Try it", () => { this.take(starts); this.play(); this.say(question); this.canvas.scrollIntoView({ block: "nearest" }); }, one).setAttribute("aria-label", `Try it: ${question}`);
+        const folded = this.make("details", {}, one);
+        this.make("summary", { textContent: "Answer" }, folded);
+        this.make("p", { textContent: answer }, folded);
+      }
     }
 
     startPanel(parent) {
@@ -438,20 +583,21 @@
       this.entries = this.data.entries.map((entry, i) => this.field(entry, this.start[i], (x) => this.enter(i, x), panel));
       const bar = this.make("div", { className: "controls" }, panel);
       this.press("Start from here", () => { this.pause(); this.begin([...this.runs[0].now]); this.say("This is the start now."); }, bar);
-      this.press("Original", () => { this.pause(); this.original(); this.say("Everything is as it was."); }, bar);
+      this.press("Original", () => { this.take(this.givenStarts()); this.say("Everything is as it was."); }, bar);
     }
 
     parameterPanel(parent) {
       const { parameters } = this.data;
       this.numbers = [];
       if (!parameters.length) return;
-      const few = parameters.some((one) => one.of <= SHOWN_ALONE), panel = few ? this.panel("Parameters", parent) : null;
-      const rest = parameters.some((one) => one.of > SHOWN_ALONE) ? this.panel(few ? "More parameters" : "Parameters", parent, false) : null;
+      const few = parameters.some((one) => one.used && one.of <= SHOWN_ALONE), panel = few ? this.panel("Parameters", parent) : null;
+      const rest = parameters.some((one) => one.used && one.of > SHOWN_ALONE) ? this.panel(few ? "More parameters" : "Parameters", parent, false) : null;
+      // What nothing depends on in this scene, such as the phase of a drive at rest, is not shown.
       this.numbers = parameters.map((one, i) => {
+        if (!one.used) return { set() {}, around() {} };
         const field = this.field({ name: one.label, unit: one.unit }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
-        const v = this.p[i], far = v ? round(2 * Math.abs(v)) : 1;
-        field.range(v > 0 ? 0 : -far, v < 0 ? 0 : far);
-        field.set(v);
+        field.around(this.p[i]);
+        field.set(this.p[i]);
         return field;
       });
     }
@@ -459,7 +605,7 @@
     effectPanel(parent) {
       const panel = this.panel("Effects", parent);
       this.switches = this.data.switches.map(({ name }, i) => {
-        const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox", checked: true }, label);
+        const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox", checked: Boolean((this.on >> i) & 1) }, label);
         label.append(name);
         box.addEventListener("change", () => this.switched(i, box.checked));
         return box;
@@ -467,7 +613,7 @@
     }
 
     vectorPanel(parent) {
-      const panel = this.panel("Vectors", parent, false), kinds = ["velocity", "acceleration", ...this.data.forces.map((one) => `force: ${one.name}`)];
+      const panel = this.panel("Vectors", parent, false), kinds = ["velocity", "acceleration", ...this.data.forces.map((one) => `force: ${one.name}`), ...this.data.spins.map((about) => `angular momentum about the ${about}`)];
       this.vectors = kinds.map((name, i) => {
         const label = this.make("label", { className: "check" }, panel), box = this.make("input", { type: "checkbox" }, label);
         const swatch = this.make("span", { className: "swatch" }, label);
@@ -480,8 +626,11 @@
     }
 
     severalPanel(parent) {
-      const panel = this.panel("Several motions", parent, this.count > 1), row = this.make("div", { className: "controls" }, panel);
-      this.select("how many motions", [...new Set([...COUNTS, this.count])].sort((a, b) => a - b).map((n) => [n, n === 1 ? "one" : `${n} motions`]), this.count, (n) => this.several(+n), row);
+      const panel = this.panel("Several motions", parent, this.count > 1 && !this.together), row = this.make("div", { className: "controls" }, panel);
+      const counts = [...new Set([...COUNTS, this.data.motions])].sort((a, b) => a - b).map((n) => [n, n === 1 ? "one" : `${n} motions`]);
+      const list = this.select("how many motions", [[0, "as given"], ...counts], 0, (n) => this.several(+n), row);
+      this.showCount = () => { list.options[0].hidden = this.starts.length < 2; list.value = this.together ? 0 : this.count; };
+      this.showCount();
       this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), this.offset.entry, (i) => { this.offset.entry = +i; this.reset(); }, row);
       const apart = this.make("input", { type: "number", step: "any", value: this.offset.size }, row);
       apart.setAttribute("aria-label", "how far apart they start");
@@ -510,12 +659,12 @@
 
     say(text) { if (this.status.textContent !== text) this.status.textContent = text; }
 
-    time() { return `${this.t.toFixed(Math.max(0, 2 - Math.floor(Math.log10(this.data.span || 1))))}${this.data.second ? ` ${this.data.second}` : ""}`; }
+    time() { return `${this.t.toFixed(Math.max(0, 2 - Math.floor(Math.log10(this.span || 1))))}${this.data.second ? ` ${this.data.second}` : ""}`; }
 
     listen() {
       this.canvas.addEventListener("keydown", (event) => this.key(event));
       this.pointers();
-      new ResizeObserver(() => this.resize()).observe(this.root);
+      new ResizeObserver(() => { this.root.classList.toggle("narrow", this.root.clientWidth < NARROW); this.resize(); }).observe(this.root);
       // On a phone the plots are mostly out of sight: they cost as much as the rest.
       const seen = new IntersectionObserver((entries) => {
         for (const { target, isIntersecting } of entries) this.plots.find((plot) => plot.canvas === target).visible = isIntersecting;
@@ -608,17 +757,18 @@
       paper.frame(view, this.labels);
       paper.pen.save();
       paper.clip(view);
+      if (this.data.whole) this.loop[0]?.forEach((_, j) => paper.tail(this.loop.map((marks) => view.map(marks[j])), paper.colour("ground"), true));
       // The first one last: it is in front of the others.
       for (let k = this.runs.length - 1; k >= 0; k--) this.motion(paper, view, this.runs[k], many ? k : null);
       this.vectorsOn(paper, view);
       paper.pen.restore();
       this.clock.textContent = `t = ${this.time()}`;
       this.tell();
-      for (const plot of this.plots) if (plot.visible) this.plotted(plot);
+      for (const plot of this.plots) if (plot.visible) plot.shown(plot);
     }
 
     motion(paper, view, run, k) {
-      const { marks, shapes } = this.places(this.t, run.now), { data } = this;
+      const { marks, shapes } = this.places(this.t, run.now, run.p), { data } = this;
       const own = (j) => paper.colour(`path-${(k ?? j) % 7}`);
       data.shapes.forEach((shape, s) => { if (shape.kind === "ground" && !k) for (const corners of this.lines(shape, shapes[s])) paper.ground(this.extended(corners, view).map((p) => view.map(p))); });
       for (const kind of KINDS)
@@ -627,16 +777,17 @@
           for (const corners of this.lines(shape, shapes[s])) paper.stroke(view, kind, corners.map((p) => view.map(p)), k !== null && kind === "line" ? own(0) : null);
         });
       if (this.trail) {
-        const since = this.t - this.trail * data.span, kept = run.samples.filter((sample) => sample.t >= since && sample.t <= this.t);
+        const since = this.t - this.trail * this.span, kept = run.recent.filter((sample) => sample.t >= since && sample.t <= this.t);
         marks.forEach((mark, j) => paper.tail([...kept.map((sample) => view.map(sample.marks[j])), view.map(mark)], own(j), false));
       }
       marks.forEach((mark, j) => { const [x, y] = view.map(mark); if (Number.isFinite(x + y)) disc(paper.pen, x, y, 5.5, own(j), paper.colour("paper")); });
     }
 
-    // The chosen vectors of the first motion: [place, components] for each kind.
+    // The chosen vectors of the first motion: [place, components] for each kind; in a plane a moment
+    // has one component.
     arrows() {
-      const { t, data } = this, y = this.runs[0].now, h = STEP * data.span, found = [];
-      const [wanted, forces] = [this.vectors.slice(0, 2), this.vectors.slice(2)].map((boxes) => boxes.some((box) => box.checked));
+      const { t, data } = this, y = this.runs[0].now, h = STEP * this.span, found = [], after = 2 + data.forces.length;
+      const [wanted, forces, spins] = [[0, 2], [2, after], [after]].map((part) => this.vectors.slice(...part).some((box) => box.checked));
       if (wanted) {
         // Differences along the motion: exact enough for a picture.
         const f = this.rate(t, y), [g, e] = [1, -1].map((s) => this.rate(t + s * h, y.map((x, i) => x + s * h * f[i])));
@@ -653,6 +804,11 @@
           found[2 + k] = off ? [] : Array.from({ length: n }, (_, i) => [point(i), point((1 + k) * n + i)]);
         });
       }
+      if (spins) {
+        const flat = this.model.spin(t, y, this.p), d = this.flat, size = d === 3 ? 3 : 1;
+        found[after] = [[new Array(d).fill(0), flat.slice(0, size)]];
+        found[after + 1] = [[flat.slice(size, size + d), flat.slice(size + d)]];
+      }
       return found;
     }
 
@@ -664,7 +820,10 @@
         for (const [, v] of kind) { const size = Math.hypot(...v); if (size < Infinity) this.longest[i] = Math.max(this.longest[i], size); }
         if (!this.longest[i]) return;
         const scale = longest / this.longest[i], colour = paper.colour(`path-${(i + 2) % 7}`);
-        for (const [place, v] of kind) paper.arrow(view.map(place), view.map(place.map((x, d) => x + scale * v[d])), colour);
+        for (const [place, v] of kind) {
+          if (v.length < place.length) paper.moment(view.map(place), v[0] / this.longest[i], colour);
+          else paper.arrow(view.map(place), view.map(place.map((x, d) => x + scale * v[d])), colour);
+        }
       });
     }
 
@@ -686,19 +845,11 @@
         const sum = (list) => list.reduce((a, b) => a + b, 0);
         entries.push(`energy ${short(sum(energies), 6)}${unit}${this.t && first.length ? `, changed by ${(sum(energies) - sum(first)).toExponential(1)}${unit}` : ""}`);
       }
-      if (this.model.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
+      if (runs[0].motion.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
       this.said.textContent = entries.join("; ") + (this.late ? " (slower than asked: it takes longer to compute)" : "");
-      const named = runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
-      const text = named.filter(Boolean).join("|");
-      if (this.legendText !== text) {
-        this.legendText = text;
-        this.legend.replaceChildren(...(named.length > 8 ? [] : named.filter(Boolean)).map((name, i) => {
-          const entry = Object.assign(document.createElement("span"), { textContent: name });
-          entry.style.setProperty("--own", `var(--path-${i % 7})`);
-          return entry;
-        }));
-      }
-      this.apart.textContent = runs.length > 1 ? `The second one is ${distance(runs[1].now, now).toExponential(2)} from the first one; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
+      const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
+      this.showLegend(this.legend, named.length > 8 ? [] : named.filter(Boolean));
+      this.apart.textContent = runs.length > 1 && !this.together ? `The second one is ${distance(runs[1].now, now).toExponential(2)} from the first one; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
     }
 
     // ------------------------------------------------------------------ plots
@@ -720,7 +871,7 @@
     // Energies over time, and a coordinate that moves with its velocity, or the next that moves.
     chosen(which, all) {
       const k = this.data.entries.length, first = Math.max(0, this.moves.indexOf(true)), energies = all.length - 2;
-      if (!which && this.count > 1) return { across: 0, up: all.length - 1 };
+      if (!which && this.count > 1 && !this.together) return { across: 0, up: all.length - 1 };
       if (!which) return { across: 0, up: energies > k ? energies : 1 + first };
       const half = k / 2, next = this.moves.indexOf(true, first + 1);
       const other = k % 2 === 0 && first < half && this.moves[first + half] ? first + half : next;
@@ -729,16 +880,13 @@
 
     plot(parent, which) {
       const box = this.make("div", { className: "plot" }, parent), bar = this.make("div", { className: "controls" }, box), all = this.quantities();
-      const plot = { ...this.chosen(which, all), all, visible: true };
+      const plot = { ...this.chosen(which, all), all };
       const choices = all.map((one, i) => [i, one.name]);
       bar.append("Plot ");
       this.select(`plot ${which + 1}: upwards`, choices.slice(1), plot.up, (i) => { plot.up = +i; this.draw(); }, bar);
       bar.append(" over ");
       this.select(`plot ${which + 1}: across`, choices.filter((_, i) => !all[i].names), plot.across, (i) => { plot.across = +i; this.draw(); }, bar);
-      plot.canvas = this.make("canvas", {}, box);
-      plot.canvas.setAttribute("role", "img");
-      plot.legend = this.make("p", { className: "legend" }, box);
-      return plot;
+      return this.further(box, "plot", (plot) => this.plotted(plot), plot);
     }
 
     plotted(plot) {
@@ -746,7 +894,7 @@
       plot.canvas.setAttribute("aria-label", `${up.name} over ${across.name}`);
       const turn = (one, x) => (one.angle ? wrapped(x) : x), lines = [], points = [];
       this.runs.forEach((run, r) => {
-        const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now), apart: distance(run.now, this.runs[0].now) };
+        const sample = { t: this.t, y: run.now, energies: this.energies(this.t, run.now, run.p), apart: distance(run.now, this.runs[0].now) };
         const stride = Math.ceil(run.samples.length / MOST_DRAWN), n = up.values(sample).length;
         const kept = [...run.samples.filter((s, i) => i % stride === 0 && s.t < this.t), sample];
         for (let j = 0; j < n; j++) {
@@ -762,10 +910,8 @@
           }
         }
       });
-      const paper = new Paper(this.root, plot.canvas);
-      if (!points.length) return;
-      const box = limits(points, false), view = new View(box, false, plot.canvas.clientWidth, plot.canvas.clientHeight);
-      paper.axes(view, [across.name, up.name]);
+      const { paper, view } = this.chart(plot, points, [across.name, up.name]);
+      if (!view) return;
       paper.pen.lineWidth = 1.5;
       for (const { colour, parts } of lines.reverse()) {
         paper.pen.strokeStyle = paper.colour(`path-${colour % 7}`);
@@ -773,15 +919,88 @@
         const last = parts[parts.length - 1], end = last[last.length - 1];
         if (end) { const [x, y] = view.map(end); disc(paper.pen, x, y, 4, paper.pen.strokeStyle, paper.colour("paper")); }
       }
-      const names = (!many && up.names) || [], text = names.join("|");
-      if (plot.text !== text) {
-        plot.text = text;
-        plot.legend.replaceChildren(...names.map((name, i) => {
-          const entry = Object.assign(document.createElement("span"), { textContent: name });
-          entry.style.setProperty("--own", `var(--path-${i % 7})`);
-          return entry;
-        }));
-      }
+      this.showLegend(plot.legend, (!many && up.names) || []);
+    }
+
+    // A canvas with axes around points, and no view where there are none.
+    chart({ canvas }, points, labels) {
+      const paper = new Paper(this.root, canvas);
+      if (!points.length) return { paper };
+      const view = new View(limits(points, false), false, canvas.clientWidth, canvas.clientHeight);
+      paper.axes(view, labels);
+      return { paper, view };
+    }
+
+    // A legend of names, in the order of the colours.
+    showLegend(legend, names) {
+      const text = names.join("|");
+      if (legend.dataset.names === text) return;
+      legend.dataset.names = text;
+      legend.replaceChildren(...names.map((name, i) => {
+        const entry = Object.assign(document.createElement("span"), { textContent: name });
+        entry.style.setProperty("--own", `var(--path-${i % 7})`);
+        return entry;
+      }));
+    }
+
+    // The canvas of one more plot, and how it is drawn.
+    further(parent, label, shown, plot = {}) {
+      plot.canvas = this.make("canvas", {}, parent);
+      plot.canvas.setAttribute("role", "img");
+      plot.canvas.setAttribute("aria-label", label);
+      plot.legend = this.make("p", { className: "legend" }, parent);
+      return { ...plot, visible: true, shown };
+    }
+
+    // Crossings of a section, while the motion runs.
+    sectionPlot(parent) {
+      const box = this.make("details", { className: "plot" }, parent), { section, data } = this, entries = data.entries.map((one, i) => [i, one.name]);
+      this.make("summary", { textContent: "Section" }, box);
+      const bar = this.make("div", { className: "controls" }, box), all = this.quantities().slice(0, 1 + entries.length), choices = all.map((one, i) => [i, one.name]);
+      const drawn = (label, key) => this.select(`section: ${label}`, choices, section[key], (i) => { this.section[key] = +i; this.draw(); }, bar);
+      bar.append("Plot ");
+      drawn("upwards", "up");
+      bar.append(" over ");
+      drawn("across", "across");
+      bar.append(" where ");
+      this.select("section: what passes a level", [...entries.map(([i, name]) => [i, `${name} passes`]), [-1, "t is a multiple of"]], section.entry, (i) => this.cut({ entry: +i }), bar);
+      const level = this.make("input", { type: "number", step: "any", value: section.level }, bar);
+      level.setAttribute("aria-label", "section: level");
+      level.addEventListener("input", () => { if (level.value !== "" && Number.isFinite(+level.value)) this.cut({ level: +level.value }); });
+      this.select("section: which way", WAYS, section.way, (way) => this.cut({ way: +way }), bar);
+      box.addEventListener("toggle", () => this.resize());
+      const said = this.make("p", { className: "said" }, box);
+      return this.further(box, "section", (plot) => {
+        if (!box.open) return;
+        const [across, up] = [this.section.across, this.section.up].map((i) => all[i]), value = (one, s) => (one.angle ? wrapped(one.values(s)[0]) : one.values(s)[0]);
+        const parts = this.runs.map((run) => run.crossings.filter((s) => s.t <= this.t).map((s) => [value(across, s), value(up, s)]));
+        const count = parts.reduce((sum, part) => sum + part.length, 0), { paper, view } = this.chart(plot, parts.flat(), [across.name, up.name]);
+        plot.canvas.setAttribute("aria-label", `${up.name} over ${across.name} at ${count} crossings`);
+        said.textContent = count ? `${count} crossings.` : "No crossing yet: let it run, faster perhaps.";
+        if (!view) return;
+        // The newest one is larger.
+        parts.forEach((part, r) => part.forEach((p, i) => { const [x, y] = view.map(p); disc(paper.pen, x, y, i === part.length - 1 ? 4 : 1.8, paper.colour(`path-${r % 7}`), paper.colour(i === part.length - 1 ? "paper" : `path-${r % 7}`)); }));
+      });
+    }
+
+    // A picture of all that can be chosen: one of them by a touch.
+    curve(parent) {
+      const box = this.make("div", { className: "plot" }, parent), { labels, across, up, kinds } = this.data.curve, points = across.map((x, i) => [x, up[i]]), known = [...new Set(kinds)];
+      const plot = this.further(box, "all to choose from", () => {
+        const { paper, view } = this.chart(plot, points, labels), at = (i) => view.map(points[i]).slice(0, 2);
+        plot.at = at;
+        plot.canvas.setAttribute("aria-label", `${labels[1]} over ${labels[0]}; chosen: ${this.data.starts[this.choice].name}`);
+        paper.pen.strokeStyle = paper.colour("ground");
+        line(paper.pen, points.map((_, i) => at(i)));
+        points.forEach((_, i) => disc(paper.pen, ...at(i), i === this.choice ? 6.5 : 3, paper.colour(`path-${known.indexOf(kinds[i]) % 7}`), paper.colour(i === this.choice ? "ink" : "paper")));
+        this.showLegend(plot.legend, known);
+      });
+      plot.canvas.addEventListener("click", (event) => {
+        const frame = plot.canvas.getBoundingClientRect(), px = [event.clientX - frame.left, event.clientY - frame.top];
+        const far = points.map((_, i) => distance(plot.at(i), px));
+        this.choose(far.indexOf(Math.min(...far)));
+      });
+      return plot;
     }
   }
 

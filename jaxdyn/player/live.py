@@ -1,58 +1,81 @@
 """Pages on which a scene runs: integrated in the browser, with all its numbers to be changed."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
 from jaxdyn import _checks, _text
 from jaxdyn._records.kinds import check_first
 from jaxdyn.files.output_files import page_path, replace
+from jaxdyn.player.choices import Ask, Choices, complete
 from jaxdyn.player.model import model
 from jaxdyn.player.pages import Playing, look, page, script
 from jaxdyn.scene import Scene
 
 _MOST_BYTES = 200_000  # of a page
 _MOST_MOTIONS = 20
+#: What a page needs besides `canvas`, in this order.
+SCRIPTS = ("dop853", "motion", "live")
 
 
 @check_first
-def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playing:
-    """A page on which the scene runs: one file, without other files and without the network.
+def live(
+    scene: Scene | Mapping[str, Scene],
+    path=None,
+    *,
+    title: str = "",
+    motions: int = 1,
+    choose: str = "",
+    asks: Sequence[Ask] = (),
+) -> Playing:
+    """A page on which a scene runs: one file, without other files and without the network.
 
     Its parameters and its start have sliders and fields, bodies are dragged to set the start,
-    effects are switched off by checkboxes, several motions start beside each other, and energies
-    and entries of the state are plotted over each other. A change of a parameter or an effect holds
-    from then on, in the middle of the motion.
+    effects are switched off by checkboxes, several motions start beside each other, energies and
+    entries of the state are plotted over each other, and a section is drawn. A change of a
+    parameter or an effect holds from then on, in the middle of the motion.
 
     The motion is that of this library's formulas, in JavaScript, by the pair of order 8 of Dormand
     and Prince at a tolerance of 1e-13. Conditions of the rate are taken as they stand at each
     stage, so that steps are cut where they change. Ready-made scenes with impacts and changes of
-    contact run through their phases (`scenes.phases_of`).
+    contact run through their phases (`scenes.phases_of`), each of which can be switched off.
 
     Args:
-      scene: system, effects, start.
+      scene: system, effects, start; or several of one kind by name, which differ in their numbers
+        and starts, and may lack effects.
       path: a file to write the page to, .html.
       title: its heading; the name of the scene by default.
       motions: how many run at first, 1 to 20, the others from starts a thousandth apart.
+      choose: a parameter and its unit, of which the names of the scenes are values: a slider then
+        chooses one. By default they run beside each other.
+      asks: questions that stand beside it, with their answers folded.
     Returns:
       The page; as the last value of a notebook's cell it is shown.
     Raises:
-      ValueError: `motions` is out of range, the rate has no formulas (a loop of unknown length, a
-        callback, linear algebra), the page is longer than 200 kB, or `path` cannot be written.
-        `simulate(scene).play(path)` shows a computed motion.
+      ValueError: `motions` is out of range, the scenes are not of one kind, the rate has no
+        formulas (a loop of unknown length, a callback, linear algebra), the page is longer than
+        200 kB, or `path` cannot be written. `simulate(scene).play(path)` shows a computed motion.
     Example:
       >>> from jaxdyn import player, scenes
       >>> player.live(scenes.pendulum())  # doctest: +ELLIPSIS
       Playing(... kB of HTML): a notebook shows it
     """
     path = None if path is None else page_path(path)
-    _text.whole("motions", motions, most=_MOST_MOTIONS)
-    fragment = (
-        f'<div class="live"></div>\n<script>(window.liveScenes ??= [])'
-        f".push([document.currentScript.previousElementSibling, {model(scene, motions)}]);</script>"
-    )
-    text = page(
-        title or _text.title_of(scene).replace("_", " ").capitalize(),
-        look("player", "live"),
-        fragment,
-        script("dop853", "motion", "live"),
-    )
+    scenes = scene if isinstance(scene, Mapping) else {"": scene}
+    return write_page(Choices(scenes, choose), path, title=title, motions=motions, asks=asks)
+
+
+def write_page(
+    choices: Choices,
+    path: Path | None,
+    *,
+    title: str = "",
+    motions: int = 1,
+    asks: Sequence[Ask] = (),
+) -> Playing:
+    """The page of scenes to choose from, also as a file."""
+    shown = fragment(choices, motions=motions, asks=asks)
+    name = title or _text.title_of(complete(choices)).replace("_", " ").capitalize()
+    text = page(name, look("player", "live"), shown, script(*SCRIPTS))
     size = len(text.encode())
     if size > _MOST_BYTES:
         remedy = "Play a computed motion instead: jaxdyn.simulate(scene).play(path)."
@@ -61,3 +84,13 @@ def live(scene: Scene, path=None, *, title: str = "", motions: int = 1) -> Playi
     if path is not None:
         replace(path, text)
     return Playing(text)
+
+
+def fragment(choices: Choices, *, motions: int = 1, asks: Sequence[Ask] = ()) -> str:
+    """The part of a page on which scenes run, where `canvas` and `SCRIPTS` are on the page."""
+    _text.whole("motions", motions, most=_MOST_MOTIONS)
+    text = model(complete(choices), motions, choices, asks)
+    return (
+        '<div class="live"></div>\n<script>(window.liveScenes ??= [])'
+        f".push([document.currentScript.previousElementSibling, {text}]);</script>"
+    )

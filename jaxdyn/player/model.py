@@ -8,8 +8,9 @@ Of a shape with many corners only so many are computed from the state as determi
 are sums of these with fixed weights: of a body that moves in the plane three, in space four.
 """
 
+import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,14 +22,16 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._text.tables import unit_of
+from jaxdyn.analysis.momenta import angular_momentum_about, centre_of_mass
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.player.choices import Ask, Choices, starts, starts_together
 from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import leaves, parameters, rebuild
-from jaxdyn.system import Effect, System
+from jaxdyn.system import Effect, Points, System
 
 #: Effects up to which each can be switched by itself: there are two to this power rates.
 _MOST_SWITCHED = 4
@@ -37,6 +40,7 @@ _FOLLOWS = 1e-9
 _SAMPLES = 16  # states and parameters at which that is tried
 #: What may change sides in a rate.
 _CONDITIONS = re.compile(r"\?|%|Math\.(?:sign|floor|ceil|max|min)\(")
+_PARAMETER = re.compile(r"\bp\[(\d+)\]")
 _REMEDY = "Play a computed motion instead: jaxdyn.simulate(scene).play(path)."
 
 
@@ -58,39 +62,90 @@ class Outline(NamedTuple):
     weights: np.ndarray | None
 
 
-def model(scene: Scene, motions: int = 1) -> str:
+class Function(str):
+    """The text of a function in JavaScript."""
+
+
+def model(
+    scene: Scene, motions: int = 1, choices: Choices | None = None, asks: Sequence[Ask] = ()
+) -> str:
     """A scene as an object of JavaScript, of which at first so many motions run.
 
-    Its functions of (t, y, p) are `energies` and in each of the `phases` `rates`, a list of each in
-    the order of the binary numbers whose digits say which switches are on, and those of the exits;
-    `places`, of the marked points and then of the computed corners of the shapes; `forces`, of the
-    material points and then of the force of each effect on each of them, or null; and `consistent`,
-    the nearest state on the constraints, or null. The rest is data.
+    Its functions take (t, y, p). `variants` has one scene for each choice of effects, in the order
+    of the binary numbers whose digits say which are on: its `energies`, and its `phases`, each with
+    its `rate`, its exits, and `consistent`, the nearest state on the constraints, or null. `places`
+    are those of the marked points and then of the computed corners of the shapes; `forces` are the
+    material points and then the force of each effect on each of them, `spin` the angular momentum
+    about the origin, the mass centre, and the angular momentum about it, or null each. The rest is
+    data.
 
+    Args:
+      scene: the scene.
+      motions: how many run at first.
+      choices: scenes to choose from, or to run beside each other; the scene alone by default.
+      asks: questions that stand beside it.
     Raises:
       ValueError: the scene is invalid, or its rate, or what ends a phase of it, has no formulas.
     """
     scene = check_scene(scene)
     outlines, marks, drawn = _drawing(scene)
     switches = _switches(scene)
-    phases = ",".join(_phase(scene, name, switches) for name in _phases(scene))
-    functions = {
-        "phases": f"[{phases}]",
-        "energies": f"[{','.join(_rates(scene, switches, _energies))}]",
+    corners = _corners(scene)
+    variants = [_variant(scene, off, corners) for off in _choices_of(switches)]
+    rough = any(_CONDITIONS.search(text) for text in _functions([v["phases"] for v in variants]))
+    found = {
+        "data": _data(scene, marks, outlines)
+        | {
+            "switches": [{"name": name, "effects": list(of)} for name, of in switches]
+            + [{"name": name, "effects": []} for name in corners],
+            "rough": rough,
+            "motions": motions,
+        }
+        | _offers(scene, choices or Choices({"": scene}), asks),
+        "variants": variants,
         "places": _javascript(scene, drawn),
-        "forces": _javascript(scene, _forces) if any(map(_pulls, scene.effects)) else "null",
-        "consistent": "null" if has_corners(scene) else _consistent(scene, ""),
+        "forces": _javascript(scene, _forces) if any(map(_pulls, scene.effects)) else None,
+        "spin": _spin(scene),
+        "consistent": None if has_corners(scene) else _consistent(scene, frozenset(), ""),
     }
-    data = {
+    used = set(_PARAMETER.findall("".join(_functions(found))))
+    for i, one in enumerate(found["data"]["parameters"]):
+        one["used"] = str(i) in used
+    functions: dict[str, int] = {}
+    text = _expression(found, functions)
+    return f"((f) => ({text}))([\n{','.join(functions)}])"
+
+
+def _expression(found: Any, functions: dict[str, int]) -> str:
+    """Data in JavaScript; each function is written once, with its number in `functions`."""
+    if isinstance(found, Function):
+        return f"f[{functions.setdefault(found, len(functions))}]"
+    if isinstance(found, dict):
+        parts = (f"{embed(key)}: {_expression(x, functions)}" for key, x in found.items())
+        return "{" + ", ".join(parts) + "}"
+    if isinstance(found, list | tuple):
+        return "[" + ", ".join(_expression(x, functions) for x in found) + "]"
+    return embed(found)
+
+
+def _functions(found: Any) -> Iterator[Function]:
+    """The functions in some data."""
+    if isinstance(found, Function):
+        yield found
+    elif isinstance(found, dict | list):
+        for one in found.values() if isinstance(found, dict) else found:
+            yield from _functions(one)
+
+
+def _data(scene: Scene, marks: list[str], outlines: list[Outline]) -> dict[str, Any]:
+    """What a page says and draws of a scene."""
+    return {
         "name": _text.title_of(scene),
         "entries": _entries(scene),
-        "start": np.asarray(scene.y0).tolist(),
         "span": float(scene.t1),
         "second": _text.second(scene.labels()),
         "parameters": _parameters(scene),
-        "switches": [{"name": name, "effects": list(effects)} for name, effects in switches],
         "groups": _groups(scene),
-        "rough": bool(_CONDITIONS.search(phases)),
         "terms": _terms(scene),
         "marks": marks,
         "forces": [
@@ -98,16 +153,14 @@ def model(scene: Scene, motions: int = 1) -> str:
             for i, (name, effect) in enumerate(zip(_names(scene), scene.effects, strict=True))
             if _pulls(effect)
         ],
+        "spins": _spins(scene),
         "axes": _axes(scene),
         "shapes": [_shape(outline) for outline in outlines],
         "singular": scene.singular,
-        "motions": motions,
     }
-    parts = [f"{name}: {text}" for name, text in ({"data": embed(data)} | functions).items()]
-    return "{" + ",\n".join(parts) + "}"
 
 
-def _javascript(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> str:
+def _javascript(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> Function:
     """A function of a scene in JavaScript."""
     try:
         source = code(scene, "javascript", of=of, name="f")
@@ -116,7 +169,7 @@ def _javascript(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> str
         raise _checks.fail("live", "a scene with formulas", what.rstrip("."), _REMEDY) from error
     # Without the comments: names are a user's, and may contain anything.
     lines = source.splitlines()
-    return "\n".join(line for line in lines if not line.startswith("  // "))
+    return Function("\n".join(line for line in lines if not line.startswith("  // ")))
 
 
 def _names(scene: Scene) -> list[str]:
@@ -134,9 +187,7 @@ def _words(name: str) -> str:
 
 
 def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
-    """What can be switched off: words and the effects, one each, or of many those of a kind."""
-    if has_corners(scene):
-        return []  # phases may need an effect
+    """Which effects can be switched off: words and the effects, one each, or of many a kind."""
     if len(scene.effects) <= _MOST_SWITCHED:
         return [(_words(name), (i,)) for i, name in enumerate(_names(scene))]
     alike: dict[str, list[int]] = {}
@@ -146,24 +197,54 @@ def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
     return found if len(found) <= _MOST_SWITCHED else []
 
 
-def _rates(scene: Scene, switches: list, of: Callable) -> list[str]:
-    """A function of the scene for each choice of what is switched on."""
-
-    def chosen(on: int) -> Callable:
-        off = {i for s, (_, effects) in enumerate(switches) if not on >> s & 1 for i in effects}
-
-        def function(moved: Scene, t: Array, y: Array) -> Array:
-            kept = tuple(effect for i, effect in enumerate(moved.effects) if i not in off)
-            fewer = Scene(moved.system, kept, y0=moved.y0, t1=moved.t1, name=moved.name)
-            return of(fewer, t, y)
-
-        return function
-
-    return [_javascript(scene, chosen(on)) for on in range(2 ** len(switches))]
+def _corners(scene: Scene) -> list[str]:
+    """Which exits of phases can be switched off: what they are called."""
+    exits = [way for phase in _phases(scene).values() for way in phase.exits]
+    return [name for name in dict.fromkeys(way.event.called for way in exits) if name]
 
 
-def _energies(scene: Scene, t: Array, y: Array) -> Array:
-    return _row(scene.system.energies(t, y, scene.effects))
+def _choices_of(switches: list[tuple[str, tuple[int, ...]]]) -> Iterator[frozenset[int]]:
+    """The effects that are off, for each choice of what is switched on."""
+    for on in range(2 ** len(switches)):
+        off = (effects for s, (_, effects) in enumerate(switches) if not on >> s & 1)
+        yield frozenset(itertools.chain.from_iterable(off))
+
+
+def _without(scene: Scene, off: frozenset[int]) -> Scene:
+    """A scene without some of its effects."""
+    kept = tuple(effect for i, effect in enumerate(scene.effects) if i not in off)
+    return Scene(scene.system, kept, y0=scene.y0, t1=scene.t1, name=scene.name)
+
+
+def _variant(scene: Scene, off: frozenset[int], corners: list[str]) -> dict[str, Any]:
+    """A scene without some of its effects: its energies and its phases."""
+
+    def energies(moved: Scene, t: Array, y: Array) -> Array:
+        return _row(moved.system.energies(t, y, _without(moved, off).effects))
+
+    return {
+        "energies": _javascript(scene, energies),
+        "phases": [_phase(scene, off, name, corners) for name in _phases(_without(scene, off))],
+    }
+
+
+def _offers(scene: Scene, choices: Choices, asks: Sequence[Ask]) -> dict[str, Any]:
+    """The starts to choose from, and the questions, as data."""
+
+    def together(of: Scene | Mapping[str, Scene] | None) -> list[dict]:
+        named = of if isinstance(of, Mapping) else {"": of} if of else {}
+        return starts_together(scene, named)
+
+    return {
+        "starts": starts(scene, choices.scenes, choices.notes),
+        "choose": choices.choose,
+        "whole": choices.whole,
+        "curve": choices.curve and choices.curve._asdict(),
+        "asks": [
+            {"question": ask.question, "answer": ask.answer, "starts": together(ask.scenes)}
+            for ask in asks
+        ],
+    }
 
 
 def _pulls(effect: Effect) -> bool:
@@ -173,6 +254,30 @@ def _pulls(effect: Effect) -> bool:
 def _forces(scene: Scene, t: Array, y: Array) -> Array:
     r, v, m = scene.system.points(t, y)
     return _row([r, *(effect.force(t, r, v, m) for effect in scene.effects if _pulls(effect))])
+
+
+def _spins(scene: Scene) -> list[str]:
+    """About what there is an angular momentum; of one point it is zero about the mass centre."""
+    n, d = jax.eval_shape(lambda y: scene.system.points(jnp.zeros(()), y).r, scene.y0).shape
+    return ["origin", "mass centre"][: min(n, 2)] if d > 1 else []
+
+
+def _spin(scene: Scene) -> Function | None:
+    """The angular momentum about the origin, the mass centre, and the momentum about that."""
+    if not _spins(scene):
+        return None
+
+    def momenta(moved: Scene, t: Array, y: Array) -> Array:
+        about = [(_origin, "absolute"), (centre_of_mass, "relative")]
+        first, second = (angular_momentum_about(moved, t, y, *one) for one in about)
+        return _row([first, centre_of_mass(t, moved.points(t, y)), second])
+
+    return _javascript(scene, momenta)
+
+
+def _origin(t: Array, points: Points) -> Array:
+    del t
+    return jnp.zeros(points.r.shape[1])
 
 
 def _row(parts) -> Array:
@@ -192,57 +297,60 @@ def _phases(scene: Scene) -> dict[str, Phase]:
     return phases_of(scene) if has_corners(scene) else {"": Phase(scene, ())}
 
 
-def _phase(scene: Scene, name: str, switches: list) -> str:
-    """A phase as an object of JavaScript."""
-    here = _phases(scene)
-    rates = _rates(scene, switches, lambda s, t, y: _phases(s)[name].scene.rate(t, y))
-    parts = {
-        "name": embed(name),
-        "rates": f"[{','.join(rates)}]",
-        "consistent": _consistent(scene, name),
-        "projects": str(_projects(here[name].scene.system)).lower(),
-        "exits": f"[{','.join(_exit(scene, name, i) for i in range(len(here[name].exits)))}]",
+def _phase(scene: Scene, off: frozenset[int], name: str, corners: list[str]) -> dict[str, Any]:
+    """A phase of a scene without some of its effects; phases are numbered, the end is -1."""
+
+    def phases(moved: Scene) -> dict[str, Phase]:
+        return _phases(_without(moved.starting(scene.y0), off))
+
+    here = phases(scene)
+    order = list(here)
+
+    def way(number: int) -> dict[str, Any]:
+        known = here[name].exits[number]
+
+        def javascript(of: Callable[[Exit, Phase, Array, Array], Any]) -> Function:
+            def function(moved: Scene, t: Array, y: Array) -> Array:
+                phase = phases(moved)[name]
+                return _row(of(phase.exits[number], phase, t, y))
+
+            return _javascript(scene, function)
+
+        def slope(way: Exit, phase: Phase, t: Array, y: Array) -> tuple[Array]:
+            moves = jnp.ones_like(t), phase.scene.rate(t, y)
+            return (jax.jvp(way.event.value, (t, y), moves)[1],)
+
+        def choice(way: Exit, phase: Phase, t: Array, y: Array) -> tuple[Array]:
+            assert way.choose is not None
+            return (way.choose(t, y),)
+
+        return {
+            "direction": known.event.direction,
+            "side": known.side,
+            "switch": corners.index(known.event.called) if known.event.called else -1,
+            "to": [-1 if to == END else order.index(to) for to in known.names],
+            "value": javascript(lambda way, phase, t, y: (way.event.value(t, y),)),
+            "slope": javascript(slope),
+            "after": javascript(lambda way, phase, t, y: (way.lasts(t, y), way.change(t, y))),
+            "choose": known.choose and javascript(choice),
+        }
+
+    return {
+        "name": name,
+        "rate": _javascript(scene, lambda moved, t, y: phases(moved)[name].scene.rate(t, y)),
+        "consistent": _consistent(scene, off, name),
+        "projects": _projects(here[name].scene.system),
+        "exits": [way(number) for number in range(len(here[name].exits))],
     }
-    return "{" + ", ".join(f"{key}: {text}" for key, text in parts.items()) + "}"
 
 
-def _exit(scene: Scene, name: str, number: int) -> str:
-    """An exit of a phase as an object of JavaScript; phases are numbered, the end is -1."""
-    order = list(_phases(scene))
-    way = _phases(scene)[name].exits[number]
-
-    def written(of: Callable[[Exit, Phase, Array, Array], Any]) -> str:
-        def function(moved: Scene, t: Array, y: Array) -> Array:
-            phase = _phases(moved.starting(scene.y0))[name]
-            return _row([of(phase.exits[number], phase, t, y)])
-
-        return _javascript(scene, function)
-
-    def slope(way: Exit, phase: Phase, t: Array, y: Array) -> Array:
-        moves = jnp.ones_like(t), phase.scene.rate(t, y)
-        return jax.jvp(way.event.value, (t, y), moves)[1]
-
-    choose = way.choose
-    parts = {
-        "direction": str(way.event.direction),
-        "side": str(way.side),
-        "to": str([-1 if to == END else order.index(to) for to in way.names]),
-        "value": written(lambda way, phase, t, y: way.event.value(t, y)),
-        "slope": written(slope),
-        "change": written(lambda way, phase, t, y: way.change(t, y)),
-        "lasts": written(lambda way, phase, t, y: way.lasts(t, y)),
-        "choose": "null" if choose is None else written(lambda way, phase, t, y: choose(t, y)),
-    }
-    return "{" + ", ".join(f"{key}: {text}" for key, text in parts.items()) + "}"
-
-
-def _consistent(scene: Scene, name: str) -> str:
-    """The function that takes a state to the nearest one on the constraints, or "null"."""
-    if type(_phases(scene)[name].scene.system).project is System.project:
-        return "null"
+def _consistent(scene: Scene, off: frozenset[int], name: str) -> Function | None:
+    """The function that takes a state to the nearest one on the constraints of a phase, if any."""
+    if type(_phases(_without(scene, off))[name].scene.system).project is System.project:
+        return None
 
     def nearest(moved: Scene, t: Array, y: Array) -> Array:
-        system = _phases(moved)[name].scene.system
+        system = _phases(_without(moved.starting(scene.y0), off))[name].scene.system
         # Also where steps do not: a start that is dragged is to be on them.
         return system.nearest(t, y) if isinstance(system, Constrained) else system.project(t, y)
 

@@ -9,33 +9,38 @@ var JaxdynMotion = (() => {
   const ON = 1e-10; // of a state's largest entry: on a constraint, it is moved by no more
   const AT_ONCE = 1e-9, MOST_AT_ONCE = 60; // of the span, of exits one after the other
 
+  // The scene of a model with the switches whose binary digits are 1: those of effects come first.
+  const variant = (model, on) => model.variants[on % model.variants.length];
+
   class Motion {
-    // From y at t, with the parameters p and the effects that are on.
-    constructor(model, p, on, t, y, { rtol } = {}) {
-      Object.assign(this, { model, p, on, rtol });
-      this.span = model.data.span;
+    // From y at t, with the parameters p and the switches that are on. `passed` is called after each
+    // step with the times between which it went; its states are those of at(t).
+    constructor(model, p, on, t, y, { rtol, span = model.data.span, passed = null } = {}) {
+      Object.assign(this, { model, p, on, rtol, span, passed });
       this.crawled = null;
       this.failed = "";
       this.hurried = 0; // exits one after the other
-      const phases = model.phases;
+      // An exit that is switched off is no bound either: the phase goes on beyond it.
+      const corners = Math.floor(on / model.variants.length), stays = (exit) => exit.switch < 0 || (corners >> exit.switch) & 1;
+      const phases = this.phases = variant(model, on).phases.map((phase) => ({ ...phase, exits: phase.exits.filter(stays) }));
       const first = phases.length > 1 ? this.following(phases.map((_, i) => i), -1, t, y) : 0;
       this.enter(t, y, Math.max(first, 0));
     }
 
-    get phase() { return this.model.phases[this.index]; }
+    get phase() { return this.phases[this.index]; }
 
     // The time that is reached, and whether it has crawled.
     get t() { return this.ended ? Infinity : this.pending ? this.pending.t : this.solver.t; }
 
     // Begin a phase; -1 is the end, where the state stays as it is.
     enter(t, y, index) {
-      const { model, p, on } = this, { data } = model;
+      const { p, span, rtol } = this, { data } = this.model;
       this.pending = null;
       if (index < 0) { this.ended = { t, y }; return; }
       this.index = index;
       const phase = this.phase, sizes = this.solver?.sizes;
-      this.solver = new Dop853((at, z) => phase.rates[on](at, z, p), t, y, {
-        span: data.span, groups: data.groups, rough: data.rough, rtol: this.rtol,
+      this.solver = new Dop853((at, z) => phase.rate(at, z, p), t, y, {
+        span, rtol, groups: data.groups, rough: data.rough,
         project: phase.projects ? (at, z) => phase.consistent(at, z, p) : null,
       });
       if (sizes) this.solver.sizes = this.solver.sizes.map((x, g) => Math.max(x, sizes[g])); // of all phases
@@ -57,7 +62,7 @@ var JaxdynMotion = (() => {
 
     // What a value of a state changes by roundings of all that enters it.
     noise(phase, f, t, y) {
-      const rate = phase.rates[this.on](t, y, this.p), here = f(t, y, this.p)[0];
+      const rate = phase.rate(t, y, this.p), here = f(t, y, this.p)[0];
       let sum = 0;
       y.forEach((x, i) => {
         const size = Math.abs(x) + Math.abs(t * rate[i]), h = 1e-6 * size;
@@ -81,7 +86,7 @@ var JaxdynMotion = (() => {
     following(candidates, left, t, y) {
       const ranks = candidates.map((index) => {
         if (index < 0) return 7;
-        const phase = this.model.phases[index], size = Math.max(...y.map(Math.abs));
+        const phase = this.phases[index], size = Math.max(...y.map(Math.abs));
         const on = !phase.consistent || phase.consistent(t, y, this.p).every((x, i) => Math.abs(x - y[i]) <= ON * size);
         const within = on && !this.beyond(phase, t, y).includes(true);
         return 4 * (within && index !== left) + 2 * within + on;
@@ -125,7 +130,7 @@ var JaxdynMotion = (() => {
       this.hurried = t - since < AT_ONCE * this.span ? this.hurried + 1 : 0;
       this.entered = t;
       if (this.hurried > MOST_AT_ONCE) { this.failed = "impacts without end"; return false; }
-      const later = t + (exit.lasts ? exit.lasts(t, y, p)[0] : 0), next = exit.change ? exit.change(t, y, p) : y;
+      const [lasts, ...next] = exit.after(t, y, p), later = t + lasts;
       const to = exit.choose ? exit.to[exit.choose(later, next, p)[0]] : exit.to.length > 1 ? this.following(exit.to, this.index, later, next) : exit.to[0];
       this.enter(later, next, to);
       return true;
@@ -143,6 +148,7 @@ var JaxdynMotion = (() => {
           if (!this.solver.step(Infinity)) continue;
           this.crawled ??= this.solver.crawled;
           if (this.phase.exits.length) this.look();
+          this.passed?.(this.solver.before, this.pending?.t ?? this.solver.t);
         }
         if (until < Infinity && performance.now() > until) return this.t > t;
       }
@@ -155,5 +161,5 @@ var JaxdynMotion = (() => {
       return t >= this.solver.t || t < this.solver.before ? this.solver.y : this.solver.at(t);
     }
   }
-  return Motion;
+  return Object.assign(Motion, { variant });
 })();

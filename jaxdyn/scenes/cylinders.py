@@ -26,6 +26,7 @@ or a slip in the right direction. Landings are inelastic.
 
 import dataclasses
 import math
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -45,6 +46,7 @@ class NormalForce(Event):
     """The normal force of a cylinder in contact falls to 0."""
 
     scene: Scene
+    called: ClassVar[str] = "lift-off"
 
     def value(self, t, y):
         return self.scene.system.reaction(t, y, self.scene.effects)[0]
@@ -59,6 +61,7 @@ class Grip(Event):
 
     scene: Scene
     way: int = eqx.field(static=True)
+    called: ClassVar[str] = "slipping"
 
     def value(self, t, y):
         normal, friction = self.scene.system.reaction(t, y, self.scene.effects)
@@ -88,6 +91,7 @@ class Touches(Event):
     """A flying cylinder reaches the surface."""
 
     cylinder: Cylinder
+    called: ClassVar[str] = "landing"
 
     def value(self, t, y):
         del t

@@ -7,6 +7,8 @@ References: Holmes (1982), J. Sound Vib. 84, 173; Shaw and Holmes (1983), J. Sou
 Nordmark (1991), J. Sound Vib. 145, 279.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -14,7 +16,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import as_float, floats
 from jaxdyn._records.kinds import check_first
-from jaxdyn.integrate.events import Event, Reaches
+from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.joints import Load, particles
 from jaxdyn.scene import Scene, System
@@ -90,6 +92,7 @@ class MeetsTable(Event):
     """A ball comes down to the table."""
 
     ball: BallOnTable
+    called: ClassVar[str] = "impact on the table"
 
     def value(self, t, y):
         del t
@@ -211,6 +214,21 @@ class ImpactOscillator(System):
         _check_restitution(self.restitution)
 
 
+class MeetsStop(Event):
+    """An oscillator reaches its stop."""
+
+    oscillator: ImpactOscillator
+    called: ClassVar[str] = "impact on the stop"
+
+    def value(self, t, y):
+        del t
+        return y[0] - self.oscillator.stop
+
+    @property
+    def direction(self):
+        return 1
+
+
 class Rebounds(eqx.Module):
     """The state of an oscillator after its impact on the stop."""
 
@@ -264,5 +282,5 @@ def impact_oscillator(
 def impact_phases(scene: Scene) -> dict[str, Phase]:
     """The motion of an `impact_oscillator` as a phase, which an impact on its stop ends."""
     oscillator = scene.system
-    hits = Reaches(0, oscillator.stop, 1)
-    return {"swing": Phase(scene, (Exit(hits, "swing", Rebounds(oscillator)),))}
+    hits = Exit(MeetsStop(oscillator), "swing", Rebounds(oscillator))
+    return {"swing": Phase(scene, (hits,))}

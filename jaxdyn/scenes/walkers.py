@@ -17,6 +17,7 @@ References: McGeer (1990), Int. J. Robotics Research 9(2), 62; Garcia, Chatterje
 """
 
 import math
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -122,6 +123,7 @@ class SpokeLands(Event):
 
     wheel: RimlessWheel
     way: int = eqx.field(static=True)
+    called: ClassVar[str] = "impact of the next spoke"
 
     def value(self, t, y):
         del t
@@ -243,6 +245,8 @@ class SimplestWalker(System):
 
 class HeelStrikes(Event):
     """The swing foot comes down to the ground, as opposed to leaving it or scuffing it."""
+
+    called: ClassVar[str] = "heel strike"
 
     def value(self, t, y):
         del t

@@ -29,26 +29,29 @@ def show_command(
     check_title(title, plot)
     with screen(f"reading {file}", as_object) as out:
         if is_continuation(file):
-            _refuse_live(live)
+            if live:
+                remedy = "In Python each family of it has `live(path)`."
+                raise _text.fail("--live", "a file of an orbit or a family", "another", remedy)
             show_continuation(file, plot, title, out)
             return
         found = orbits.files.contents.contents(file)
         if as_object:
             out.result(json.loads(file.read_text()))
         if isinstance(found, orbits.files.family_files.Listing):
-            _refuse_live(live)
             _show_family(found, file, plot, quantity, title, out)
+            _write_page(found, live, out)
         else:
             _show_orbit(found, file, plot, title, out)
-            if live:
-                with out.writing(live, "runs in"):
-                    found.orbit.live(live)
+            _write_page(found.orbit, live, out)
 
 
-def _refuse_live(live: Path | None) -> None:
-    if live is not None:
-        remedy = "In Python each orbit of a family has `live(path)`."
-        raise _text.fail("--live", "a file of one orbit", "one of several", remedy)
+def _write_page(
+    found: "orbits.Orbit | orbits.files.family_files.Listing", live: Path | None, out: Screen
+) -> None:
+    """Write the page on which it runs if it is asked for."""
+    if live:
+        with out.writing(live, "runs in"):
+            found.live(live)
 
 
 def _show_orbit(

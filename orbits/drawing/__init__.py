@@ -5,7 +5,7 @@ of families that meet, `throwing` throws, `about_centres` closed loops, `manifol
 unstable manifolds, `sections` surfaces of section, `tori` invariant tori, `responses` frequency
 responses and backbone curves, `unit_circle` multipliers, `basin_maps` basins of attraction. All use
 the parts of `jaxdyn.drawing` and follow its rules. Only the command line and what notebooks show
-import this folder, since Matplotlib is slow to load.
+import this folder, since Matplotlib is slow to load. `pages` writes the pages on which orbits run.
 
 May import: `discovery`, `files`, `manifolds`, `responses`, `sections`, `targets`, `tori`.
 

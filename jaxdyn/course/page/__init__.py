@@ -3,7 +3,7 @@
 `content` has `Page`, which a page fills with numbers, checks, pictures and motions; `register`
 reads titles, statements and the names that are used from the pages' own files, without running
 them; `extremes` finds the largest value of a quantity along a motion; `running` runs a page and
-reports it.
+reports it; `showing` shows its motions in a browser, and writes it as one file.
 """
 
 import lazy_loader

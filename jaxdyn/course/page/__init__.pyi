@@ -16,3 +16,7 @@ from .running import record as record
 from .running import report as report
 from .running import run as run
 from .running import show as show
+from .showing import Display as Display
+from .showing import displays as displays
+from .showing import formulas as formulas
+from .showing import one_file as one_file

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn import _text
+from jaxdyn.player import Ask
+from jaxdyn.scene import Scene
 
 
 class Number(NamedTuple):
@@ -77,6 +79,7 @@ class Page:
         self.checks: list[Check] = []
         self.drawings: list[Drawing] = []
         self.played: list[Played] = []
+        self.asks: list[Ask] = []
 
     @property
     def holds(self) -> bool:
@@ -124,6 +127,19 @@ class Page:
         """
         named = motions if isinstance(motions, Mapping) else {"": motions}
         self.played.append(Played({str(name): one for name, one in named.items()}, look, choose))
+
+    def ask(
+        self, question: str, answer: str, scenes: Scene | Mapping[str, Scene] | None = None
+    ) -> None:
+        """Add a question that stands beside the first motion that runs, with its answer folded.
+
+        Args:
+          question: "What happens when it starts upright?"
+          answer: what does; its figures are those of this page.
+          scenes: that of the motion with the start and the numbers that show it, or several by
+            name, perhaps without some effects; None where the motion shows it as it is.
+        """
+        self.asks.append(Ask(question, answer, scenes))
 
 
 def _host(value: Any) -> np.ndarray:

@@ -46,6 +46,9 @@ def run(name: str, *, check: bool = True) -> Run:
 def _time(module: ModuleType, check: bool) -> Run:
     page, begin = Page(), time.perf_counter()
     module.solve(page)
+    ask = getattr(module, "ask", None)
+    if ask:
+        ask(page)
     longer = getattr(module, "check", None)
     if longer and check:
         longer(page)

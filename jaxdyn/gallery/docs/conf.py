@@ -59,10 +59,10 @@ html_title = project
 _PLAYER = _HERE.parents[1] / "player"
 html_static_path = [
     "static",
-    *(str(_PLAYER / name) for name in ("canvas.js", "player.css", "player.js")),
+    *(str(path) for kind in ("*.css", "*.js") for path in _PLAYER.glob(kind)),
     str(_HERE.parent / "minis.js"),
 ]
-html_css_files = ["player.css", "site.css"]
+html_css_files = ["player.css", "live.css", "site.css"]
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False

@@ -31,6 +31,21 @@ def test_a_problem_is_found_by_its_name_and_written_as_json(command):
     assert all(check["holds"] for check in found["checks"])
 
 
+def test_a_problem_becomes_one_file_on_which_its_scene_runs(command, tmp_path):
+    path = tmp_path / "pendulum.html"
+    ran = command("jaxdyn", "course", "22", "--live", path)
+    assert ran.code == 0
+    assert f"shown in {path}" in ran.out
+    text = path.read_text()
+    assert '<div class="live">' in text
+    assert "What happens on the Moon" in text
+    assert "<summary>Answer</summary>\n<p>All seven give theta&#x27;&#x27;" in text
+    assert len(text) < 200_000
+    ran = command("jaxdyn", "course", "22", "--live", tmp_path / "pendulum.png")
+    assert ran.code == 2
+    assert ".html" in ran.err
+
+
 @pytest.mark.slow
 def test_long_checks_are_named_and_run_where_they_are_asked_for(command):
     words = ("jaxdyn", "course", "37")

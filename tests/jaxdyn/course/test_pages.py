@@ -11,7 +11,7 @@ from helpers import BEYOND
 from matplotlib.figure import Figure
 
 from jaxdyn.cli import docstrings
-from jaxdyn.course.page import TOPICS, Page, problems, run
+from jaxdyn.course.page import TOPICS, Page, displays, problems, run
 from jaxdyn.player import export
 
 PROBLEMS = problems()
@@ -75,6 +75,11 @@ def test_a_page_runs_and_its_checks_hold(number):
     for played in page.played:
         assert played.look.endswith(".")
         assert export(played.motions, choose=played.choose)["motions"]
+    for ask in page.asks:
+        assert ask.question.startswith("What happens ")
+        assert (ask.question[-1], ask.answer[-1]) == ("?", ".")
+    # Questions stand beside a scene that runs.
+    assert not page.asks or any(one.runs for one in displays(page))
 
 
 @pytest.mark.parametrize("number", PROBLEMS)

@@ -18,7 +18,7 @@ from docutils import nodes
 from sphinx.search.en import SearchEnglish
 from sphinx.util.inventory import InventoryFile
 
-from jaxdyn import gallery, hard
+from jaxdyn import gallery, hard, scenes
 from jaxdyn.gallery import (
     docstrings,
     exhibits,
@@ -30,6 +30,8 @@ from jaxdyn.gallery import (
     texts,
     tutorials,
 )
+from jaxdyn.player.model import model
+from jaxdyn.player.pages import script
 from jaxdyn.scenes import catalogue
 
 #: Cheap problems, in the plane and in space, with sliders, several motions, none.
@@ -190,17 +192,18 @@ def test_the_search_of_the_site_works_from_a_disk(site):
         window.quit()
 
 
-def test_players_follow_the_theme_of_the_page(site):
+def test_scenes_follow_the_theme_of_the_page(site):
     window = chromium.start()
-    colour = "getComputedStyle(document.querySelector('.player')).getPropertyValue('--paper')"
+    picture = "document.querySelector('.stage').toDataURL()"
+    colour = "getComputedStyle(document.querySelector('.live')).getPropertyValue('--paper')"
     try:
         chromium.opened(window, site.folder / "course/simple_pendulum.html", ignored="INFO")
         seen = []
         for theme in ("light", "dark"):
             window.execute_script(f"document.documentElement.dataset.theme = '{theme}'")
-            seen.append((window.execute_script(f"return {colour}"), chromium.picture(window)))
+            seen.append(window.execute_script(f"return [{colour}, {picture}]"))
         assert [colours for colours, _ in seen] == ["rgb(255, 255, 255)", "rgb(22, 25, 30)"]
-        chromium.wait(window, f"document.querySelector('.stage').toDataURL() !== '{seen[0][1]}'")
+        chromium.wait(window, f"{picture} !== '{seen[0][1]}'")
     finally:
         window.quit()
 
@@ -224,7 +227,7 @@ def test_text_stands_out_and_headings_leave_no_level_out(site, theme):
         window.quit()
 
 
-def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
+def test_scenes_run_and_motions_are_played_on_the_pages_of_the_course(site):
     window = chromium.start()
     try:
         for page in set(site.pages) - {"course/index.html"}:
@@ -232,7 +235,15 @@ def test_the_players_of_the_pages_play_to_the_end_of_their_motions(site):
                 continue
             record = json.loads((site.folder / ".records" / f"{Path(page).stem}.json").read_text())
             chromium.opened(window, site.folder / page, ignored="INFO")
-            for nth in range(len(record["played"])):
+            lives = "return document.querySelectorAll('.live').length"
+            runs = [one["runs"] for one in record["played"]]
+            assert window.execute_script(lives) == sum(runs)
+            for nth in range(sum(runs)):
+                ends = f"const l = document.querySelectorAll('.live')[{nth}].live; "
+                state = window.execute_script(ends + "l.seek(l.span); return l.state()")
+                assert np.isfinite(state["now"]).all(), page
+                assert state["failure"] == "", page
+            for nth in range(len(runs) - sum(runs)):
                 chromium.player(window, "pause()", nth)
                 chromium.player(window, "seek(-1e9)", nth)
                 before = chromium.picture(window, nth)
@@ -313,7 +324,7 @@ def test_the_first_sentence_ends_at_a_full_stop_and_not_within_a_formula():
     assert len(first("word " * 40)) <= 114
 
 
-LOOP = {"name": "loop", "lines": ("T = 1",), "path": {"x": [[0]], "y": [[0]], "reach": 1}}
+LOOP = {"name": "loop", "lines": ("T = 1",)}
 
 
 def test_an_exhibit_shows_what_its_record_has(tmp_path):
@@ -325,7 +336,7 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     cases = [{"topic": "Drift", "cases": [case | {"holds": held} for held in (True, False)]}]
     shown = {
         "plain": record,
-        "full": record | {"drawings": [drawing], "tables": tables, "minis": [LOOP]},
+        "full": record | {"drawings": [drawing], "tables": tables, "minis": [LOOP], "model": "1"},
         "hard": record | {"cases": cases},
         "poster": record | {"drawings": [drawing | {"other": "a.pdf"}]},
     }
@@ -335,6 +346,7 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     assert "figure" not in plain
     assert full.count("{figure} /pictures/a.png") == 1
     assert "| digits |\n| --- |\n| 3 |" in full
+    assert "var minis = 1;" in full
     assert "minis.js" in full
     assert "1 of 2 cases hold" in hard_page
     assert [hard_page.count(word) for word in ("holds</span>", "fails</span>", "1e-8")] == [1, 1, 2]
@@ -345,13 +357,11 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
 @pytest.mark.sample("no-preference")
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
 def test_miniatures_move_until_they_are_stopped(tmp_path, motion):
-    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    path = {"x": [np.cos(turn).tolist()], "y": [np.sin(turn).tolist()], "reach": 1.0}
-    here = Path(gallery.__file__).parent
     page = (
-        f'<button data-minis-play></button><canvas data-mini="0" width="220" height="220"></canvas>'
-        f'<script id="minis" type="application/json">{json.dumps([path])}</script>'
-        f'<script src="{here / "minis.js"}"></script>'
+        '<button data-minis-play></button><canvas data-mini="0" width="220" height="220"></canvas>'
+        f"<script>var minis = {model(scenes.two_body())};"
+        f"{script('dop853', 'motion')}{(Path(gallery.__file__).parent / 'minis.js').read_text()}"
+        "</script>"
     )
     (tmp_path / "loops.html").write_text(page)
     window = chromium.start()
@@ -366,6 +376,11 @@ def test_miniatures_move_until_they_are_stopped(tmp_path, motion):
 
     try:
         chromium.opened(window, tmp_path / "loops.html")
+        # The circle is as large as its canvas allows.
+        ink = "return [...document.querySelector('canvas').getContext('2d')"
+        rows = window.execute_script(ink + ".getImageData(0, 0, 220, 220).data]")
+        drawn = np.argwhere(np.reshape(rows, (220, 220, 4))[:, :, 3])
+        assert (np.ptp(drawn, axis=0) > 0.85 * 220).all()
         button = window.find_element("css selector", "[data-minis-play]")
         says = ["Pause all", "Play all"]
         for now in (0, 1, 0) if motion == "no-preference" else (1, 0, 1):

@@ -1,5 +1,6 @@
 """A scene that runs in a real browser: dragged, changed, switched, also on a phone and by keys."""
 
+import functools
 import json
 import time
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn import scenes, simulate
+from jaxdyn import crossings, player, scenes, simulate
+from jaxdyn.analysis import momenta
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate import events
 
 _WAIT = 20.0  # [s] for a motion to get somewhere, on a slow machine
 
@@ -45,6 +48,11 @@ def marks(scene, y):
     """(n, d) the points of a scene that leave a path."""
     shapes = scene.sketch(jnp.zeros(()), jnp.asarray(y))
     return np.concatenate([shape.at for shape in shapes if shape.kind == "trace"])
+
+
+def _still(d, t, points):
+    """The origin of a plane or of space, as a point that does not move."""
+    return jnp.zeros(d)
 
 
 def ends(scene, t):
@@ -144,6 +152,11 @@ def test_parameters_start_and_effects_are_changed_in_their_fields(window, tmp_pa
     onwards = scenes.spring_mass(k=3.0).without(jaxdyn.effects.UniformGravity)
     onwards = onwards.starting(state["now"][0])
     np.testing.assert_allclose(live(window, "state()")["now"][0], ends(onwards, 1.0), atol=1e-10)
+    window.find_element("xpath", "//button[text()='Original']").click()
+    assert boxes[1].find_element("css selector", "input").is_selected()
+    live(window, "seek(1)")
+    wanted = ends(scenes.spring_mass(), 1.0)
+    np.testing.assert_allclose(live(window, "state()")["now"][0], wanted, rtol=0, atol=1e-10)
 
 
 def test_several_motions_begin_beside_each_other(window, tmp_path):
@@ -155,6 +168,147 @@ def test_several_motions_begin_beside_each_other(window, tmp_path):
     for i, y in enumerate(now):
         other = scene.starting(scene.y0.at[0].add(1e-3 * i))
         np.testing.assert_allclose(y, ends(other, 2.0), rtol=0, atol=1e-10)
+
+
+def test_a_section_is_drawn_while_it_runs(window, tmp_path):
+    scene = scenes.henon_heiles()
+    opened(window, scene, tmp_path)
+    window.find_element("xpath", "//summary[text()='Section']").click()
+    live(window, "seek(120)")
+    found = live(window, "state()")["crossings"][0]
+    wanted = crossings(scene, events.Reaches(0, 0.0, 1), 120.0, rtol=1e-14)
+    assert len(found) == len(wanted.ts) > 10
+    np.testing.assert_allclose([one["t"] for one in found], wanted.ts, rtol=0, atol=1e-9)
+    np.testing.assert_allclose([one["y"] for one in found], wanted.ys, rtol=0, atol=1e-9)
+    (canvas,) = window.find_elements("css selector", "details.plot canvas")
+    window.execute_script("arguments[0].scrollIntoView()", canvas)
+    label = f"vy over y at {len(found)} crossings"
+    chromium.wait(window, f"document.querySelector('details.plot canvas').ariaLabel == '{label}'")
+    # Another one is seen from its choice on.
+    live(window, "cut({entry: 2, level: 0.1, way: -1})")
+    assert live(window, "state()")["crossings"] == [[]]
+    live(window, "seek(150)")
+    found = live(window, "state()")["crossings"][0]
+    wanted = crossings(scene, events.Reaches(2, 0.1, -1), 150.0, rtol=1e-14)
+    later = wanted.ts > 120.0
+    np.testing.assert_allclose([one["t"] for one in found], wanted.ts[later], rtol=0, atol=1e-9)
+
+
+def test_a_stroboscope_of_a_driven_scene(window, tmp_path):
+    scene = scenes.shaken_pendulum()
+    opened(window, scene, tmp_path)
+    live(window, "cut({entry: -1, level: 0.05})")
+    live(window, "seek(1)")
+    found = live(window, "state()")["crossings"][0]
+    assert [one["t"] for one in found] == pytest.approx(0.05 * np.arange(1, 21), abs=1e-14)
+    wanted = simulate(scene, 1.0, samples=21, rtol=1e-13).ys[1:]
+    np.testing.assert_allclose([one["y"] for one in found], wanted, rtol=0, atol=1e-9)
+
+
+def test_an_angle_crosses_a_level_at_each_turn(window, tmp_path):
+    scene = scenes.pendulum(angle=0.0).starting([0.0, 8.0])  # it turns over
+    opened(window, scene, tmp_path)
+    live(window, "cut({entry: 0, level: 0.5, way: 0})")
+    live(window, "seek(4)")
+    found = live(window, "state()")["crossings"][0]
+    turns = [(one["y"][0] - 0.5) / (2 * np.pi) for one in found]
+    assert len(turns) >= 4
+    np.testing.assert_allclose(turns, np.arange(len(turns)), rtol=0, atol=1e-12)
+
+
+def test_effects_and_impacts_are_switched_off_where_there_are_corners(window, tmp_path):
+    scene = scenes.cylinder_on_cylinder(theta=0.5)
+    opened(window, scene, tmp_path)
+    boxes = window.find_elements("css selector", ".live .check")[:4]
+    assert [box.text for box in boxes] == ["uniform gravity", "slipping", "lift-off", "landing"]
+    for box in boxes[1:]:
+        box.click()
+    # What rolls ideally, and may be pulled at, is the scene without its phases.
+    live(window, "seek(0.9)")
+    np.testing.assert_allclose(live(window, "state()")["now"][0], ends(scene, 0.9), atol=1e-10)
+    boxes[0].click()
+    before = live(window, "state()")["now"][0]
+    live(window, "seek(1.2)")
+    onwards = scene.without(jaxdyn.effects.UniformGravity).starting(before)
+    np.testing.assert_allclose(live(window, "state()")["now"][0], ends(onwards, 0.3), atol=1e-10)
+
+
+def test_vectors_of_momenta(window, tmp_path):
+    for scene in (scenes.top(), scenes.double_pendulum(rates=(1.0, 2.0))):
+        opened(window, scene, tmp_path)
+        window.find_element("xpath", "//summary[text()='Vectors']").click()
+        boxes = window.find_elements("css selector", ".live .check")
+        for box in boxes[-2:]:
+            box.click()
+        assert [box.text.partition(" about ")[2] for box in boxes[-2:]] == [
+            "the origin",
+            "the mass centre",
+        ]
+        live(window, "seek(0.4)")
+        t, y = live(window, "t"), jnp.asarray(live(window, "state()")["now"][0])
+        origin, centre = (live(window, f"arrows().at({i})")[0] for i in (-2, -1))
+        still = functools.partial(_still, scene.system.points(t, y).r.shape[1])
+        wanted = momenta.angular_momentum_about(scene, t, y, still, "absolute")
+        np.testing.assert_allclose(np.squeeze(origin[1]), wanted, rtol=0, atol=1e-12)
+        wanted = momenta.angular_momentum_about(scene, t, y, momenta.centre_of_mass, "relative")
+        np.testing.assert_allclose(np.squeeze(centre[1]), wanted, rtol=0, atol=1e-12)
+        at = momenta.centre_of_mass(t, scene.system.points(t, y))
+        np.testing.assert_allclose(centre[0], at, rtol=0, atol=1e-13)
+
+
+def test_scenes_to_choose_from_and_questions(window, tmp_path):
+    swings = {str(angle): scenes.pendulum(angle=angle, length=angle) for angle in (1.0, 2.0)}
+    fewer = scenes.pendulum(angle=0.5).without(jaxdyn.effects.UniformGravity)
+    question = player.Ask("What happens without weight?", "It stays where it is.", fewer)
+    player.live(swings, tmp_path / "page.html", choose="angle [rad]", asks=[question])
+    chromium.opened(window, tmp_path / "page.html")
+    slider = window.find_element("css selector", ".live .chooser input")
+    slider.send_keys("\ue014")  # the right arrow
+    assert slider.get_attribute("aria-valuetext") == "2.0"
+    live(window, "seek(1.5)")
+    wanted = ends(scenes.pendulum(angle=2.0, length=2.0), 1.5)
+    np.testing.assert_allclose(live(window, "state()")["now"][0], wanted, rtol=0, atol=1e-10)
+    answer = window.find_element("css selector", ".live .ask details")
+    assert answer.get_attribute("open") is None
+    window.find_element("css selector", ".live .ask button").click()
+    live(window, "seek(1)")
+    assert live(window, "state()")["now"][0] == [0.5, 0.0]
+    box = window.find_element("css selector", ".live .check input")
+    assert not box.is_selected()
+
+
+def test_starts_that_run_beside_each_other(window, tmp_path):
+    both = {"angle": (0.5, 1.0), "m": (1.0, 3.0), "speed": (9.0, 10.0)}
+
+    def shots(**changed):
+        numbers = [dict(zip(both, row, strict=True)) for row in zip(*both.values(), strict=True)]
+        made = [scenes.cannonball(**one | changed, drag=0.2) for one in numbers]
+        return dict(zip(("low", "high"), made, strict=True))
+
+    player.live(shots(), tmp_path / "page.html")
+    chromium.opened(window, tmp_path / "page.html")
+    live(window, "seek(0.7)")
+    for y, scene in zip(live(window, "state()")["now"], shots().values(), strict=True):
+        np.testing.assert_allclose(y, ends(scene, 0.7), rtol=0, atol=1e-12)
+    # A number that is changed is changed for all; the others stay those of each.
+    live(window, "reset()")
+    type_into(window, "g [m/s^2]", "5")
+    live(window, "seek(0.7)")
+    for y, scene in zip(live(window, "state()")["now"], shots(g=5.0).values(), strict=True):
+        np.testing.assert_allclose(y, ends(scene, 0.7), rtol=0, atol=1e-12)
+    assert window.find_element("css selector", ".live .scene .legend").text.split() == [
+        "low",
+        "high",
+    ]
+
+
+def test_thirty_seconds_and_the_numbers_are_the_librarys(window, tmp_path):
+    scene = scenes.two_springs()
+    opened(window, scene, tmp_path)
+    live(window, "seek(30)")
+    np.testing.assert_allclose(live(window, "state()")["now"][0], ends(scene, 30.0), atol=1e-9)
+    said = window.find_element("css selector", ".live .said").text
+    assert all(f"{x:.5g}" in said for x in ends(scene, 30.0))
 
 
 def test_axes_of_millions_of_metres(window, tmp_path):

@@ -14,10 +14,12 @@ from scipy.integrate import solve_ivp
 
 import jaxdyn
 from jaxdyn import Effect, effects, player, scenes, simulate
+from jaxdyn.gallery import poster
 from jaxdyn.player import pages
 from jaxdyn.player.model import _drawing, model
 from jaxdyn.scenes import catalogue
 from jaxdyn.scenes.corners import has_corners
+from orbits.discovery import seeds
 
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 SMOOTH = [name for name, entry in catalogue.entries().items() if not has_corners(entry.make())]
@@ -28,9 +30,9 @@ CHAOTIC = {"double_pendulum": 1e-8}
 
 _RUN = """
 // The motion of a model, gone to a time.
-function run(model, t = model.data.span, on = model.phases[0].rates.length - 1) {
-  const p = model.data.parameters.map((x) => x.value);
-  const motion = new JaxdynMotion(model, p, on, 0, model.data.start);
+function run(model, t = model.data.span, on = 2 ** model.data.switches.length - 1) {
+  const { start, parameters } = model.data.starts[0];
+  const motion = new JaxdynMotion(model, parameters, on, 0, start);
   motion.arrived = motion.to(t);
   return motion;
 }
@@ -101,6 +103,45 @@ def test_motions_through_phases_are_those_of_the_library(name, span):
 
 
 @needs_node
+def test_without_its_friction_a_car_rolls_on():
+    # A car without friction has no phases, and no end.
+    scene = scenes.car()
+    found = f"[run(model, 60, 0)].map((s) => [s.at(60), s.ended, {NAMES}])[0]"
+    (y, ended, names) = node(found, scene)
+    assert ended is None
+    assert names == ["locked axle"]
+    wanted = simulate(scenes.car(mu=0.0), 60.0, samples=2, rtol=1e-13).ys[-1]
+    np.testing.assert_allclose(y, wanted, rtol=0, atol=1e-9 * 1200)
+
+
+@needs_node
+@pytest.mark.parametrize(
+    ("name", "called"),
+    [
+        ("ball_on_table", "impact on the table"),
+        ("impact_oscillator", "impact on the stop"),
+        ("rimless_wheel", "impact of the next spoke"),
+        ("simplest_walker", "heel strike"),
+    ],
+)
+def test_an_impact_that_is_off_does_not_happen(name, called):
+    scene = catalogue.entries()[name].make()
+    t = 0.5 * float(scene.t1)
+    y, names = node(f"[run(model, {t}, 0).at({t}), {NAMES}]", scene)
+    assert names == [called]
+    # The equations of the scene without its phases.
+    wanted = solve_ivp(
+        lambda t, y: np.asarray(scene.rate(t, jnp.asarray(y))),
+        (0, t),
+        scene.y0,
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-12,
+    ).y[:, -1]
+    np.testing.assert_allclose(y, wanted, rtol=1e-8, atol=1e-8)
+
+
+@needs_node
 def test_bounces_without_end_end_a_motion():
     still = scenes.ball_on_table(amplitude=0.0, restitution=0.5, velocity=1.0)
     failed, t = node("[run(model)].map((s) => [s.failed, s.t])[0]", still)
@@ -153,7 +194,7 @@ def test_its_steps_are_those_of_hairers_code():
 def test_an_effect_that_is_off_is_absent():
     scene = scenes.spring_mass() + effects.LinearDrag(0.3)
     named = node(NAMES, scene)
-    ends = node("model.phases[0].rates.map((_, on) => run(model, 3, on).at(3))", scene)
+    ends = node("model.variants.map((_, on) => run(model, 3, on).at(3))", scene)
     assert named == ["spring", "uniform gravity", "linear drag"]
     for on in (0b000, 0b101, 0b010, 0b111):
         kept = tuple(e for i, e in enumerate(scene.effects) if on >> i & 1)
@@ -173,7 +214,7 @@ def test_energies_places_and_parameters():
     scene = scenes.double_pendulum()
     y, p = [0.3, -0.4, 1.0, 2.0], [2.0, 1.0, 0.5, 1.5, 9.81]
     energies, places, units = node(
-        f"[model.energies[1](0, {y}, {p}), model.places(0, {y}, {p}), "
+        f"[model.variants[1].energies(0, {y}, {p}), model.places(0, {y}, {p}), "
         "model.data.parameters.map((x) => [x.name, x.unit])]",
         scene,
     )
@@ -222,6 +263,20 @@ def test_a_force_that_sets_in_and_friction_that_sticks():
 
 
 @needs_node
+def test_a_close_encounter_is_passed():
+    # A published orbit of three bodies in which two come to 1e-4 of each other.
+    row = poster.starts()[26]
+    start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
+    scene = scenes.three_body().starting(start, row["T"])
+    failed, crawled, y = node(
+        "[run(model)].map((s) => [s.failed, s.crawled, s.at(model.data.starts[0].span)])[0]", scene
+    )
+    assert (failed, crawled) == ("", None)
+    # Nearby motions depart ten million times.
+    np.testing.assert_allclose(y, start, rtol=0, atol=1e-5)
+
+
+@needs_node
 def test_a_singularity_ends_a_motion_and_is_not_stepped_over():
     fall = scenes.power_law().starting([1.0, 0.0, 0.0, 0.0], 5.0)
     arrived, failed, t = node("[run(model)].map((s) => [s.arrived, s.failed, s.t])[0]", fall)
@@ -245,6 +300,20 @@ def test_what_cannot_run_on_a_page_is_refused_with_what_to_do():
     assert "live: expected a page of at most 200 kB, got" in refusal(lambda: long.live())
     assert ".html" in refusal(lambda: scenes.pendulum().live("swing.png"))
     assert "scene" in refusal(lambda: player.live(3))
+
+
+def test_what_is_not_one_scene_is_refused_with_what_to_do():
+    swing, other = scenes.pendulum(), scenes.double_pendulum()
+    said = refusal(lambda: player.live({"one": swing, "two": other}, choose="kind"))
+    assert said == (
+        "scenes: expected scenes that differ in their numbers, their starts and in effects left "
+        "out, got another kind. Put it on a page of its own."
+    )
+    assert "at least one scene" in refusal(lambda: player.live({}))
+    weightless = swing.without(effects.UniformGravity)
+    said = refusal(lambda: player.live({"on Earth": swing, "in space": weightless}))
+    assert said.endswith("Name what they differ in: choose=.")
+    assert "at most 20, got 21" in refusal(lambda: player.live(swing, motions=21))
 
 
 def test_a_name_cannot_break_out_of_the_page():

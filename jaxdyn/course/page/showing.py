@@ -1,0 +1,130 @@
+"""What a page shows in a browser: motions that run or are played, equations, questions.
+
+A scene that runs takes the place of a computed motion wherever it can and is shorter: its rate and
+its start are some kilobytes, and its numbers can be changed.
+"""
+
+import html
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from jaxdyn import player
+from jaxdyn.course.page.content import Page, Played
+from jaxdyn.course.page.register import Problem
+from jaxdyn.files.output_files import replace
+from jaxdyn.formulations.prescribed import Prescribed
+from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.player.choices import of_motions
+from jaxdyn.player.live import SCRIPTS, fragment
+from jaxdyn.player.pages import look, page, script
+from jaxdyn.symbolic.equations import equations
+
+_STYLE = """
+.folded { margin: 1rem 0; }
+.folded > summary { cursor: pointer; font-weight: 600; }
+.formulas { overflow: auto hidden; padding: 4px 0; }
+pre { overflow-x: auto; }
+"""
+_INDENTED = re.compile(r"^ {4}", re.MULTILINE)
+
+
+class Display(NamedTuple):
+    """Motions of a page in a browser.
+
+    Attributes:
+      look: what to see in them.
+      html: a part of a page: a scene that runs, or a player of computed motions.
+      runs: whether it is the former.
+    """
+
+    look: str
+    html: str
+    runs: bool
+
+
+def displays(page: Page) -> list[Display]:
+    """The motions of a page, each as a scene that runs where that is possible and shorter.
+
+    The questions of the page stand beside the first of them that runs.
+    """
+    found, asks = [], tuple(page.asks)
+    for one in page.played:
+        made = _display(one, asks)
+        found.append(made)
+        asks = () if made.runs else asks
+    return found
+
+
+def _display(played: Played, asks: Sequence[player.Ask]) -> Display:
+    data = player.export(played.motions, choose=played.choose)
+    computed = player.fragment(data, played.look.replace("`", ""))
+    try:
+        running = fragment(of_motions(played.motions, played.choose), asks=asks)
+    except ValueError:  # its phases, its kinds of scenes or its formulas are none for a page
+        running = None
+    if running is None or len(running) > len(computed):
+        return Display(played.look, computed, runs=False)
+    return Display(played.look, running, runs=True)
+
+
+def formulas(page: Page) -> list[str]:
+    """The equations of the first motion that is played, as HTML: one text for each section.
+
+    None where nothing is played, where a motion is prescribed, and where they would fill pages.
+    """
+    motions = [one for played in page.played for one in played.motions.values()]
+    scenes = [one.scene for one in motions if isinstance(one, Trajectory)]
+    if not scenes or isinstance(scenes[0].system, Prescribed):
+        return []
+    try:
+        found = equations(scenes[0])
+    except ValueError:
+        return []
+    names = [section.name for section in found.sections if section.name != "parameters"]
+    return [found.mathml(name) for name in names]
+
+
+def one_file(problem: Problem, found: Page, path: Path) -> player.Playing:
+    """Write a page as one file: what is asked, the motions, and the answer and equations, folded.
+
+    Args:
+      problem: what is asked.
+      found: what its page found.
+      path: a file to write to, .html.
+    """
+    motions = displays(found)
+    answer = _paragraphs(f"{problem.answer}\n\n{problem.solution}")
+    parts = [
+        _paragraphs(problem.statement),
+        *(f"{_paragraphs(one.look)}\n{one.html}" for one in motions),
+        _fold("Answer", answer),
+    ]
+    equations = formulas(found)
+    if equations:
+        each = (f'<div class="formulas">{one}</div>' for one in equations)
+        parts.append(_fold("The equations", "\n".join(each)))
+    kinds = [*SCRIPTS] * any(one.runs for one in motions)
+    kinds += ["player"] * any(not one.runs for one in motions)
+    style = look("player", "live") + _STYLE
+    title = f"{problem.number}. {problem.title}"
+    text = page(title, style, "\n".join(parts), script(*kinds))
+    replace(path, text)
+    return player.Playing(text)
+
+
+def _fold(title: str, content: str) -> str:
+    return f'<details class="folded"><summary>{title}</summary>\n{content}\n</details>'
+
+
+def _paragraphs(text: str) -> str:
+    """Paragraphs and indented blocks as HTML."""
+    blocks = (block for block in re.split(r"\n\s*\n", text.strip("\n")) if block.strip())
+    return "\n".join(map(_block, blocks))
+
+
+def _block(text: str) -> str:
+    if text.startswith("    "):
+        return f"<pre>{html.escape(_INDENTED.sub('', text))}</pre>"
+    return f"<p>{html.escape(text)}</p>"

@@ -1,0 +1,110 @@
+"""Pages on which orbits run: one beside a motion that starts aside, or those of a family."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from jaxdyn import _text
+from jaxdyn._checks import fail
+from jaxdyn._records.kinds import check_first
+from jaxdyn.files.output_files import page_path
+from jaxdyn.player import Playing
+from jaxdyn.player.choices import Choices, Curve
+from jaxdyn.player.live import write_page
+from orbits.families.family import Family
+from orbits.files.family_files import Entry, Listing, listing
+from orbits.hybrid.legs import HybridOrbit
+from orbits.orbit import Orbit
+
+_MOST_MEMBERS = 150  # of a page: it has a start and all numbers of each
+_DIGITS = 8  # of a period
+
+
+@check_first
+def orbit_page(orbit: Orbit, path=None) -> Playing:
+    """A page on which the motion of an orbit runs beside one that starts a thousandth aside.
+
+    Args:
+      orbit: from `find`.
+      path: a file to write the page to, .html.
+    Raises:
+      ValueError: as `Orbit.live`.
+    """
+    path = _page_path(path)
+    if not orbit.ok:
+        raise fail("orbit", "one that was found", orbit.outcome.name, orbit.message)
+    name = _text.title_of(orbit.scene).replace("_", " ")
+    choices = Choices({"": orbit.scene}, whole=True)
+    return write_page(choices, path, title=f"Orbit of {name}", motions=2)
+
+
+@check_first
+def family_page(family: Family | Listing, path=None) -> Playing:
+    """A page on which the orbits of a family run, one of them chosen by a slider or in a picture.
+
+    A motion that starts a thousandth aside runs beside it: it stays beside a stable orbit. Of a
+    family of more than 150 orbits so many are chosen evenly, the first and the last among them.
+
+    Args:
+      family: a family, or a list of one, from `family_files.load`.
+      path: a file to write the page to, .html.
+    Raises:
+      ValueError: its orbits are chains of legs, they cannot run on a page, or `path` cannot be
+        written.
+    """
+    path = _page_path(path)
+    if isinstance(family, Family):
+        named = None if np.isnan(family.parameters).any() else "parameter"
+        family = listing(family, named)
+    entries = _selection(family.members)
+    first = entries[0].orbit
+    if isinstance(first, HybridOrbit):
+        remedy = "It is drawn by orbits.drawing.family."
+        raise fail("family", "orbits of one smooth motion", "chains of legs", remedy)
+    what, unit, across = _across(family, entries)
+    periods = [entry.orbit.period for entry in entries]
+    verdicts = [entry.verdict for entry in entries]
+    time = _text.second(first.scene.labels())
+    # Some may have the same value: at both sides of a fold, say.
+    names = [f"{i + 1}, {what} = {_text.brief(x, unit)}" for i, x in enumerate(across)]
+    notes = [
+        f"period {_text.brief(period, time, digits=_DIGITS)}, {verdict}"
+        for period, verdict in zip(periods, verdicts, strict=True)
+    ]
+    choices = Choices(
+        dict(zip(names, (entry.orbit.scene for entry in entries), strict=True)),
+        choose="member",
+        notes=notes,
+        whole=True,
+        curve=Curve((_label(what, unit), _label("period", time)), across, periods, verdicts),
+    )
+    count = _text.number_of(len(family.members), "orbit")
+    shown = f", {len(entries)} of them" if len(entries) < len(family.members) else ""
+    name = _text.title_of(first.scene).replace("_", " ")
+    return write_page(choices, path, title=f"Family of {count} of {name}{shown}", motions=2)
+
+
+def _page_path(path) -> Path | None:
+    return None if path is None else page_path(path)
+
+
+def _selection(members: Sequence[Entry]) -> list[Entry]:
+    """At most so many members as a page takes."""
+    count = min(len(members), _MOST_MEMBERS)
+    return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
+
+
+def _across(family: Listing, entries: Sequence[Entry]) -> tuple[str, str, list[float]]:
+    """What tells the members of a family from each other: its name, its unit and its values."""
+    if family.parameter is not None:
+        return family.parameter, "", [entry.parameter for entry in entries]
+    if not math.isnan(entries[0].energy):
+        unit = _text.joule(entries[0].orbit.scene.labels())
+        return "energy", unit, [entry.energy for entry in entries]
+    return "number", "", [float(i + 1) for i in range(len(entries))]
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
