@@ -7,15 +7,13 @@ import numpy as np
 
 from jaxdyn._text import with_null
 from jaxdyn.accuracy.work_precision import work_precision
-from jaxdyn.course.page import Page, Problem, run
+from jaxdyn.course.page import Page, Problem, equations_of, run
 from jaxdyn.course.page.running import record
-from jaxdyn.formulations.prescribed import Prescribed
 from jaxdyn.gallery.compiling import FULLY
 from jaxdyn.gallery.pictures import write
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.player import export
 from jaxdyn.solvers.choice import default_solver, reason
-from jaxdyn.symbolic.equations import equations
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
 _DIGITS = (3, 6, 9, 12)
@@ -43,20 +41,13 @@ def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
 
 
 def _equations(page: Page) -> list[str]:
-    """The equations of the first motion that is played, as HTML: one text for each section.
-
-    None where nothing is played, where a motion is prescribed, and where they would fill pages.
-    """
-    motions = [one for played in page.played for one in played.motions.values()]
-    scenes = [one.scene for one in motions if isinstance(one, Trajectory)]
-    if not scenes or isinstance(scenes[0].system, Prescribed):
-        return []
-    try:
-        found = equations(scenes[0])
-    except ValueError:
-        return []
-    names = [section.name for section in found.sections if section.name != "parameters"]
-    return [found.mathml(name) for name in names]
+    """The equations of the motions that are played, as HTML: one text for each section."""
+    return [
+        found.mathml(part.name)
+        for found in equations_of(page)
+        for part in found.sections
+        if part.name != "parameters"
+    ]
 
 
 def _digits(page: Page) -> dict[str, Any] | None:
