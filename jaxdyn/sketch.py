@@ -7,8 +7,8 @@ code. A shape is a pytree: its corners are arrays, its kind and name static.
     line     rods, strings, edges: one or several lines of corners
     area     a closed figure, filled lightly: the body of a car
     solid    a closed figure, filled with ink: wheels, blades
-    ground   a support or a guide of the motion: a ramp, a track; straight ones are drawn over
-             the whole extent of the motion
+    ground   a support or a guide of the motion: a ramp, a track, a wire; straight ones are drawn
+             over the whole extent of the motion, others at their widest
     spring   from end to end, one or several
     dashpot  from end to end, one or several
     pin      a hinge or an anchor on the ground

@@ -43,7 +43,7 @@ BELOW = {
         "jaxdyn/fitting",
     ),
     "jaxdyn/hard": ("jaxdyn/accuracy", "jaxdyn/scenes", "jaxdyn/ensemble"),
-    "jaxdyn/course": ("jaxdyn/hard", "jaxdyn/player"),
+    "jaxdyn/course": ("jaxdyn/hard", "jaxdyn/player", "jaxdyn/drawing", "jaxdyn/symbolic"),
     "jaxdyn/player": ("jaxdyn/drawing", "jaxdyn/symbolic"),
     "jaxdyn/gallery": ("jaxdyn/course", "jaxdyn/player", "jaxdyn/symbolic"),
     "jaxdyn/cli": ("jaxdyn/hard", "jaxdyn/drawing", "jaxdyn/symbolic", "jaxdyn/vibration"),

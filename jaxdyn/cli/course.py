@@ -44,7 +44,9 @@ def course_command(
     with screen(f"running {page.name}", as_object) as out:
         found = jaxdyn.course.page.run(page.name, check=check)
         if as_object:
-            out.result(page._asdict() | jaxdyn.course.page.record(found))
+            printed = [one.text() for one in jaxdyn.course.page.equations_of(found.page)]
+            record = jaxdyn.course.page.record(found) | {"equations": printed}
+            out.result(page._asdict() | record)
         else:
             _print(page, found, code, out)
         for path in jaxdyn.course.page.pictures(found.page, plot) if plot else ():
@@ -79,6 +81,10 @@ def _print(
     answer = textwrap.fill(page.answer, _WIDTH)
     texts = (page.statement, answer, page.solution)
     out.print(escape("".join(f"{text}\n\n" for text in texts if text).removesuffix("\n")))
+    if page.asks_for_equations:
+        for printed in jaxdyn.course.page.equations_of(found.page):
+            shown = (part.name for part in printed.sections if part.name != "parameters")
+            out.print(escape("\n".join(map(printed.text, shown))) + "\n")
     for line in jaxdyn.course.page.report(found.page):
         out.print(line)
     out.print(f"Run in {found.seconds:.1f} s, compiling included.")

@@ -7,7 +7,7 @@ jaxdyn.course.circling_bodies`` run one; files are named by what they show, thei
 `tests/jaxdyn/course/test_pages.py`. The folder `page` says what a page consists of and reads the
 register, `problems()`, from the files.
 
-May import: `hard`, `player`; and `orbits`.
+May import: `hard`, `player`, `drawing`, `symbolic`; and `orbits`.
 
 One more page is one more file here: a docstring of title, statement, "Answer: " and the solution of
 each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go into

@@ -95,10 +95,7 @@ def solve(page: Page) -> None:
     known = 3 + np.array([-6, 6]) / math.sqrt(7)
     page.equal("e: They are 3 -+ 6 / sqrt(7)", squares, known, within=1e-12)
 
-    angle = math.pi / 2 + 1e-5
-    beside = scenes.n_pendulum(
-        m=(1, 1), l=(1, 1), angles=(angle, math.pi), rates=(0, 0), t1=30.0, formulation="lagrange"
-    )
+    beside = by_lagrange.scene.starting([math.pi / 2 + 1e-5, math.pi, 0.0, 0.0])
     aside = simulate(beside, **precisely)
     grown = np.abs(monodromy(by_lagrange.scene, period=30.0)[:, 0]).max()
     page.number("growth until t = 30 of a small error of theta1 at the start", grown)

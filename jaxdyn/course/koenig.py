@@ -8,6 +8,20 @@ forces always the rate of the rest (c)?
 Answer: The rest is the energy relative to G, the sum of m_i |v_i - v_G|^2 / 2. (b) is always true,
 since internal forces sum to zero. (c) is not: of two masses on a spring one is pushed by F, and the
 push works on its motion relative to G as well, with the power F (v_2 - v_G).
+
+(a) With v_i = v_G + u_i the square is v_G^2 + 2 v_G . u_i + u_i^2. Summed with m_i / 2 the middle
+part is v_G . sum of m_i u_i, and that sum is zero, since the sum of m_i v_i is m v_G. So
+
+    E = m v_G^2 / 2 + sum of m_i u_i^2 / 2.
+
+(b) Always. m a_G is the sum of all forces, in which internal ones cancel in pairs, so the sum of
+the external forces times v_G is m a_G . v_G, which is d/dt (m v_G^2 / 2).
+
+(c) Not always. The rate of the rest is the power of all forces on the motions u_i. The internal
+ones have their whole power there: they add up to zero, so v_G drops out. An external force F_i adds
+F_i . u_i. It is true where these add up to zero, as for weights, since the sum of m_i u_i is zero.
+The counterexample has 1 kg and 2 kg on a spring of 100 N/m, at rest until 1 N pushes the second,
+for 2 s.
 """
 
 import numpy as np

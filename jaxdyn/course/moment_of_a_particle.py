@@ -8,6 +8,14 @@ the angular momentum of P about C: with the velocity of P and the arm from the p
 Answer: For that of (a) always; for (b) the moment minus the rate is v_C x m v_P, so C has to rest
 or to move parallel to P. For (c) it is r_P/C x m a_C, so C must not accelerate, unless along the
 line PC.
+
+The moment is M = r_P/C x m a_P, with r_P/C = r_P - r_C. Each definition is differentiated:
+
+(a) H = (r_P - r_C') x m v_P, where C' does not move: H' = v_P x m v_P + r_P/C x m a_P = M, always.
+
+(b) H = r_P/C x m v_P: H' = (v_P - v_C) x m v_P + r_P/C x m a_P = M - v_C x m v_P.
+
+(c) H = r_P/C x m (v_P - v_C): H' = r_P/C x m (a_P - a_C) = M - r_P/C x m a_C.
 """
 
 import jax.numpy as jnp

@@ -8,6 +8,15 @@ from the place where C is now (a), arms from the moving C (b), velocities and ar
 Answer: For that of (a) always; for (b) the moment minus the rate is v_C x m v_G, so C has to rest
 or to move parallel to G. For (c) it is r_G/C x m a_C, so C is G itself, or does not accelerate,
 unless along the line CG.
+
+M is the sum of r_i/C x m_i a_i; the moments of inner forces cancel in pairs. Each definition is
+differentiated, with m the whole mass:
+
+(a) H = sum of (r_i - r_C') x m_i v_i, where C' does not move: H' = M, as each v_i x v_i is zero.
+
+(b) H = sum of r_i/C x m_i v_i: H' = M - v_C x sum of m_i v_i = M - v_C x m v_G.
+
+(c) H = sum of r_i/C x m_i (v_i - v_C): H' = M - (sum of m_i r_i/C) x a_C = M - r_G/C x m a_C.
 """
 
 import jax.numpy as jnp

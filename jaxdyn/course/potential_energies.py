@@ -8,6 +8,17 @@ force in any direction, and a force -f(x) along x that depends on x alone.
 Answer: m g y, k r^2 / 2, k (r - l)^2 / 2, -C / r, the integral of f over r, k (d - l)^2 / 2 and -C
 / d with the distance d of the two points, C r . n, and the integral of f over x. In each case the
 work along a curve between two places is the loss of potential energy, whatever the curve.
+
+The force is minus the gradient of the potential energy. Where it is along e_r and depends on r
+alone the gradient of E(r) is E'(r) e_r, so E is the integral of the attraction over r: that gives
+(b) to (e). Between two points (f, g) the force on each is minus the gradient by its own place, and
+the two gradients of a function of their distance are opposite. In (a), (h) and (i) each component
+depends on its own coordinate at most, and is integrated over that.
+
+Below, the forces act on two points that move from (1, 0.5, 0.2) and (-1, 0.3, 1) to (0.4, 1.5,
+-0.6) and (-0.5, -1, 2) m; a spring with one end at the origin acts on the first. They have 1 kg
+each, g = 9.81 m/s^2, k = 3 N/m, l = 0.5 m, C = 2, f(r) = r e^-r in (e), n = (2, 1, 2) / 3, and
+f(x) = sin(x).
 """
 
 import jax
@@ -65,7 +76,7 @@ def solve(page: Page) -> None:
     slope = (end - start) + np.pi * np.cos(np.pi * s) * bow
     for name, (effect, formula) in fields.items():
         change = effect.potential(0.0, end, np.ones(2)) - effect.potential(0.0, start, np.ones(2))
-        page.number(f"{name}: from one place to the other", change, "J")
+        page.number(f"{name}: change on the way", change, "J")
         printed = formula(end) - formula(start)
         page.equal(f"{name}: formula", change, printed, within=1e-13, route="printed answer")
         force = jax.vmap(effect.force, (None, 0, None, None))(0.0, path, 0 * start, np.ones(2))

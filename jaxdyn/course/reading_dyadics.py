@@ -7,6 +7,14 @@ about them and practise: change the basis of a dyadic and see what stays.
 Answer: With R_ij = e_i . e'_j the components in the turned basis are R^T A R. What the dyadic does
 to a vector is the same in both, and so are its trace, its determinant and its eigenvalues. Below
 the trace is 4 and the determinant 0.
+
+The components of A = a b + c d are A_ij = a_i b_j + c_i d_j, with a = (1, 2, 0), b = (0, 1, 3), c =
+(2, 0, 1) and d = (1, 1, 0). The other basis is turned by 0.7 rad about (1, 2, 3). A takes every r
+into the plane of a and c, so its determinant is 0; its trace is a . b + c . d.
+
+The sentence asked for, as far as it is true of this page: "The exercises of that course were not
+handed in; what they practise, dyadics in two bases and what does not depend on the basis, is worked
+out and checked here and in problems 41 and 42."
 """
 
 import numpy as np

@@ -44,7 +44,7 @@ def strokes(drawn: Paths, sample: int, width: float) -> Strokes:
 
 
 def grounds(drawn: Paths) -> list[np.ndarray]:
-    """(k, D) fixed ground lines; straight ones extend over the whole motion."""
+    """(k, D) fixed ground lines; straight ones extend over the whole motion, others are widest."""
     found = []
     for kind, at in drawn.shapes:
         for line in np.moveaxis(at, 1, 0) if kind == "ground" and len(at) else ():
@@ -52,7 +52,8 @@ def grounds(drawn: Paths) -> list[np.ndarray]:
             corners = line.reshape(-1, line.shape[-1])
             far = corners @ along
             straight = line.shape[1] == 2
-            found.append(corners[[far.argmin(), far.argmax()]] if straight else line[0])
+            widest = np.linalg.norm(np.ptp(line, axis=1), axis=-1).argmax()
+            found.append(corners[[far.argmin(), far.argmax()]] if straight else line[widest])
     return found
 
 

@@ -7,7 +7,6 @@ this map and its derivative, so all routes start in the same pose to rounding.
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,23 +17,11 @@ from jaxdyn import _checks
 from jaxdyn._checks import floats
 from jaxdyn.formulations.constrained import DRIFTS, Constrained
 from jaxdyn.formulations.lagrange import Lagrange
-from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.mechanism import Embedding, Mechanism
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.scene import System
 
 _FREE = {"newton_euler": NewtonEuler, "lagrange": Lagrange}
-
-
-class Embedding(NamedTuple):
-    """The same mechanism in more coordinates, with constraints.
-
-    Attributes:
-      mechanism: the mechanism with the constraints.
-      place: (t, q) -> its coordinates, for free coordinates q (n,).
-    """
-
-    mechanism: Mechanism
-    place: Callable[[Array, Array], Array]
 
 
 def route(

@@ -7,7 +7,8 @@ positions of points alone.
 """
 
 import abc
-from typing import ClassVar
+from collections.abc import Callable
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -62,6 +63,13 @@ class Mechanism(Record):
         del t0, q0, t1, q1
         return None
 
+    def opened_form(self) -> "Embedding | None":
+        """The same mechanism with constraints, in these coordinates and those that follow from them.
+
+        Where the map that places the points is long, the equations are written with both.
+        """
+        return None
+
     def rods(self) -> tuple[str, ...]:
         """Names of the rods whose lengths (`stretch`) are the first of the constraints."""
         return ()
@@ -83,6 +91,18 @@ class Mechanism(Record):
 
     def check(self) -> None:
         """Raise ValueError for invalid parameters, such as lengths that are not positive."""
+
+
+class Embedding(NamedTuple):
+    """The same mechanism in more coordinates, with constraints.
+
+    Attributes:
+      mechanism: the mechanism with the constraints.
+      place: (t, q) -> its coordinates, for free coordinates q (n,).
+    """
+
+    mechanism: Mechanism
+    place: Callable[[Array, Array], Array]
 
 
 def stretch(square: Array, length: Array, squared: bool) -> Array:

@@ -8,8 +8,13 @@ from jaxdyn.symbolic.equations import equations
 
 
 def formulas_record() -> dict[str, Any]:
-    """The equations of motion of each ready-made scene as MathML, by its public name."""
+    """The equations of motion of each ready-made scene as MathML, by its public name.
+
+    With what symbols and functions mean that a reader may not know.
+    """
     found = {}
     for name, entry in each(catalogue.entries().items(), "deriving equations"):
-        found[f"jaxdyn.scenes.{name}"] = equations(entry.make()).mathml("motion")
+        printed = equations(entry.make())
+        shown = [part.name for part in printed.sections if part.name in ("motion", "symbols")]
+        found[f"jaxdyn.scenes.{name}"] = "\n".join(map(printed.mathml, shown))
     return {"formulas": found}

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import square_norm
-from jaxdyn.formulations.mechanism import Mechanism
+from jaxdyn.formulations.mechanism import Embedding, Mechanism
 from jaxdyn.joints import pinned
 from jaxdyn.mechanisms.bars import (
+    Chain,
     bar_parts,
     bar_shapes,
     check_bars,
@@ -68,6 +69,9 @@ class FourBar(Mechanism):
         """(9,) x, y and angle of each bar: the coordinates of `Bodies`."""
         middles = self.positions(t, q)[4:]
         return jnp.concatenate([middles, self.angles(t, q)[:, None]], axis=1).ravel()
+
+    def opened_form(self) -> Embedding:
+        return Embedding(Chain(self.m, self.l, self.end), self.angles)
 
     def cut(self, t, q):
         return bar_parts(self.m, self.positions(t, q)[:4])

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -15,6 +16,18 @@ _RIM_RATIO = 1.5
 #: The masses of a plate, and the pairs of them that the plate joins.
 _DRIVEN = ("driven 1", "driven 2", "fixed 1", "fixed 2")
 _PLATE = ((0, 1), (2, 3))
+
+
+#: Of a drawn wire.
+_CORNERS = 61
+
+
+def _parabola(c: Array, x: Array) -> Shape:
+    """The wire y = c x^2, to where its slope is 2 and beyond the bead."""
+    size = jnp.abs(c)
+    far = 1.1 * jnp.maximum(jnp.abs(x), 1 / jnp.where(size > 0, size, 1.0))
+    corners = far * np.linspace(-1.0, 1.0, _CORNERS)
+    return Shape("ground", jnp.stack([corners, c * corners**2], axis=1))
 
 
 class Parabola(Mechanism):
@@ -40,6 +53,10 @@ class Parabola(Mechanism):
         slope = 2 * self.c * q[0]
         normal = jnp.stack([-slope, jnp.ones_like(slope)])
         return (along("wire", 0, None, self.place(t, q), normal),)
+
+    def sketch(self, t, q):
+        del t
+        return (_parabola(self.c, q[0]),)
 
     def place(self, t: Array, q: Array) -> Array:
         """(2,) x and y: the coordinates of a `TiedParabola`."""
@@ -77,6 +94,10 @@ class TiedParabola(Mechanism):
         del t
         return (q[1] - self.c * q[0] ** 2)[None]
 
+    def sketch(self, t, q):
+        del t
+        return (_parabola(self.c, q[0]),)
+
 
 class Cycloid(Mechanism):
     """A bead on the wire y = c s^2, by the arc length s along it; mass m () [kg], c () [1/m]."""
@@ -93,10 +114,18 @@ class Cycloid(Mechanism):
 
     def positions(self, t, q):
         del t
-        s, slope = q[0], 2 * self.c * q[0]
+        return self._wire(q)
+
+    def _wire(self, s: Array) -> Array:
+        """(n, 2) places at lengths s (n,) along the wire."""
+        slope = 2 * self.c * s
         # The integral of cos(arcsin(slope)) over s; the curve ends where arcsin does.
         x = 0.5 * (s * jnp.sqrt(1 - slope * slope) + jnp.arcsin(slope) / (2 * self.c))
-        return jnp.stack([x, self.c * s * s])[None, :]
+        return jnp.stack([x, self.c * s * s], axis=1)
+
+    def sketch(self, t, q):
+        del t, q
+        return (Shape("ground", self._wire(np.linspace(-1.0, 1.0, _CORNERS) / (2 * self.c))),)
 
     def cut(self, t, q):
         del t, q

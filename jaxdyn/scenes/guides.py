@@ -13,7 +13,8 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import floats
 from jaxdyn.effects import UniformGravity
-from jaxdyn.formulations.choice import Embedding, route
+from jaxdyn.formulations.choice import route
+from jaxdyn.formulations.mechanism import Embedding
 from jaxdyn.mechanisms.guided import Cycloid, Parabola, Plate, TiedParabola, Turntable
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import ready_made

@@ -10,9 +10,9 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
-from jaxdyn.formulations.choice import Embedding, route
+from jaxdyn.formulations.choice import route
 from jaxdyn.formulations.constrained import Constrained
-from jaxdyn.formulations.mechanism import TIES
+from jaxdyn.formulations.mechanism import TIES, Embedding
 from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
 from jaxdyn.mechanisms.four_bar import IN_LINE, FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
@@ -136,7 +136,7 @@ def four_bar(
     _check_crank(free, angle)
     embeddings = {
         "constrained": Embedding(Bodies(m, l, end), free.bodies),
-        "loop": Embedding(Chain(m, l, end), free.angles),
+        "loop": free.opened_form(),
     }
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxdyn import _checks
 from jaxdyn._checks import floats
 from jaxdyn.effects import HingeDamper, UniformGravity, unless_zero
-from jaxdyn.formulations.choice import Embedding, route
-from jaxdyn.formulations.mechanism import TIES
+from jaxdyn.formulations.choice import route
+from jaxdyn.formulations.mechanism import TIES, Embedding
 from jaxdyn.mechanisms.bars import Bobs, Bodies, Chain
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene

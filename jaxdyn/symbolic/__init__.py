@@ -1,7 +1,8 @@
 """The equations of a scene, for people and for other programs: `jaxdyn.equations`.
 
 `equations` has what a scene's equations of motion look like in print, `deriving` derives them for
-each kind of system; `linear` and `matrices` have their derivatives. They are made of expressions of
+each kind of system, `following` those of a linkage by its crank; `sections` are lines of print
+under titles. `linear` and `matrices` have their derivatives. They are made of expressions of
 `algebra`, which `reading` takes from the programs of a scene; `symbols` says what its quantities
 are called. `trigonometry` and `simplifying` shorten them, `arranging` puts them in a readable
 order, `typesetting` writes them as text, LaTeX and MathML, `to_sympy` hands them to SymPy.

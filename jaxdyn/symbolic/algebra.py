@@ -398,6 +398,8 @@ def function(op: str, *args: Expression) -> Expression:
             return function(op, -a) if op == "cos" else -function(op, -a)
     if op in ("sin", "cos") and (turns := _quarters(a)) is not None:
         return number((0, 1, 0, -1)[(turns + (op == "cos")) % 4])
+    if op in _FUNCTIONS and not others and a.is_number and isinstance(a.number, float):
+        return number(_FUNCTIONS[op](a.number))
     if op in ("exp", "cosh") and not a:
         return number(1)
     if op == "abs" and not others:

@@ -4,6 +4,7 @@ Results of these functions are for print and for evaluation. Further arithmetic 
 their brackets out again.
 """
 
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
@@ -37,9 +38,94 @@ def depends_on_state(a: Atom) -> bool:
 
 def collect(x: Expression) -> Expression:
     """Terms with the same motion united, their coefficients in brackets: (m1 + m2) x''."""
+    x = _with_closing_speeds(_with_squares(x))
     for key in (_outer, _motion, _lengths, _beside_velocities):
         x = _unite(_alike(x), key)
+    return _with_steady(x)
+
+
+def _with_squares(x: Expression) -> Expression:
+    """Sums a^2 + 2 a b + b^2 of products a and b as (a + b)^2."""
+    for m, n in itertools.combinations(x.terms, 2):
+        c = x.terms[m]
+        powers = {k: dict(k) for k in (m, n)}
+        common = in_order(
+            {a: min(p.get(a, Fraction(0)) for p in powers.values()) for a in powers[m] | powers[n]}
+        )
+        a, b = (_root_of(times(k, inverse(common))) for k in (m, n))
+        if x.terms[n] != c or a is None or b is None or min(len(a), len(b)) < 2:
+            continue
+        cross = times(times(common, a), b)
+        ratio = x.terms.get(cross, 0) / (2 * c)
+        if abs(ratio) == 1:
+            left = {k: d for k, d in x.terms.items() if k not in (m, n, cross)}
+            square = ((Group(Expression({a: ONE, b: ratio})), Fraction(2)),)
+            return _with_squares(Expression(left | {times(common, square): c}))
     return x
+
+
+def _with_closing_speeds(x: Expression) -> Expression:
+    """Of dampers along lines: c x^2 x' / r^2 + c x y y' / r^2 as c (x x' + y y') x / r^2."""
+    parts: dict[tuple, dict[Monomial, Coefficient]] = {}
+    found: dict[Monomial, Coefficient] = {}
+    for m, c in x.terms.items():
+        pair = _beside_own_velocity(m)
+        rest = pair and times(m, inverse(pair))
+        if pair and rest and any(_is_short(a, e) and e < 0 for a, e in rest):
+            parts.setdefault((rest, abs(c)), {})[pair] = c / abs(c)
+        else:
+            found[m] = c
+    for (rest, c), terms in parts.items():
+        if len(terms) == 1:
+            ((pair, sign),) = terms.items()
+            found[times(rest, pair)] = c * sign
+            continue
+        inner = Expression(terms)
+        sign = -1 if all(d < 0 for d in terms.values()) else 1
+        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
+    return Expression(found)
+
+
+def _beside_own_velocity(m: Monomial) -> Monomial | None:
+    """A velocity in a term with its own coordinate; or differences of two of each."""
+    moving = [(a, e) for a, e in m if _of_kind(a, "velocity")]
+    if len(moving) != 1 or moving[0][1] != 1:
+        return None
+    v = moving[0][0]
+    for a, e in m:
+        whole = e >= 1 and e.denominator == 1
+        if whole and _of_kind(a, "coordinate") and _places_of(a) & _places_of(v):
+            return in_order({a: ONE, v: ONE})
+    return None
+
+
+def _of_kind(a: Atom, kind: str) -> bool:
+    """Whether an atom is a symbol of this kind, or a difference that begins with one."""
+    if isinstance(a, Symbol):
+        return a.kind == kind
+    return isinstance(a, Group) and a.sum.is_difference and kind in {s.kind for s in symbols_of(a)}
+
+
+def _places_of(a: Atom) -> set[tuple[str, str]]:
+    return {(s.stem, s.index) for s in symbols_of(a) if s.kind in ("coordinate", "velocity")}
+
+
+def _root_of(m: Monomial) -> Monomial | None:
+    """The square root of a monomial of even powers."""
+    even = all(e.denominator == 1 and e % 2 == 0 for _, e in m)
+    return tuple((a, e / 2) for a, e in m) if even else None
+
+
+def _with_steady(x: Expression) -> Expression:
+    """Beside terms that move, what those that do not share in front of brackets."""
+    steady = {m: c for m, c in x.terms.items() if _is_fixed(m)}
+    if not 1 < len(steady) < len(x.terms):
+        return x
+    content, common, inner = split_common(Expression(steady))
+    if not common:
+        return x
+    moving = {m: c for m, c in x.terms.items() if m not in steady}
+    return Expression(moving | {times(common, ((Group(inner), ONE),)): content})
 
 
 def of_energy(x: Expression) -> Expression:
@@ -47,6 +133,11 @@ def of_energy(x: Expression) -> Expression:
     for key in (_velocities, _motion, _lengths):
         x = _unite(x, key)
     return gather_squares(_with_halves(x))
+
+
+def of_momentum(x: Expression) -> Expression:
+    """A momentum: each velocity with all that is beside it."""
+    return _unite(x, lambda m: tuple((a, e) for a, e in m if _is_velocity(a)) or None)
 
 
 def _with_halves(x: Expression) -> Expression:
@@ -238,13 +329,47 @@ def shared_factor(sums: Sequence[Expression]) -> Expression:
     least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
     common = in_order(least)
     # Terms of any monomials that differ: only the numbers matter.
-    row = Expression({((Symbol(f"{i}", "time"), ONE),): c for i, c in enumerate(numbers)})
+    row = Expression({((_numbered(i), ONE),): c for i, c in enumerate(numbers)})
     return Expression({common: shared_number(row)})
+
+
+def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
+    """Sums without the number and the powers of parameters that all their terms share.
+
+    Of parameters that may be 0 these are no factors of an equation that is to hold.
+    """
+    terms = [(m, c) for x in sums for m, c in x.terms.items()]
+    powers = [dict(m) for m, _ in terms]
+    steady = {a for m in powers for a in m if _is_nonzero(a)}
+    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
+    content = shared_number(
+        Expression({((_numbered(i), ONE),): c for i, (_, c) in enumerate(terms)})
+    )
+    common = inverse(in_order(least))
+    return [Expression({times(m, common): c / content for m, c in x.terms.items()}) for x in sums]
+
+
+def _is_nonzero(a: Atom) -> bool:
+    """Whether an atom is made of parameters so that it cannot be 0."""
+    if isinstance(a, Group):
+        signs = {c > 0 for c in a.sum.terms.values()}
+        return len(signs) == 1 and all(_is_nonzero(b) for m in a.sum.terms for b, _ in m)
+    return isinstance(a, Symbol) and a.kind == "parameter" and a.positive
+
+
+def _numbered(i: int) -> Symbol:
+    """One of symbols that differ from each other."""
+    return Symbol(f"{i}", "time")
 
 
 def _shared_power(powers: list[Fraction]) -> Fraction:
     """The power that is a factor of all, above or below the line."""
     return max(min(powers), Fraction(0)) + min(max(powers), Fraction(0))
+
+
+def _is_fixed(m: Monomial) -> bool:
+    """Whether only parameters are in a term."""
+    return all(s.kind == "parameter" for a, _ in m for s in symbols_of(a))
 
 
 def _is_steady(a: Atom) -> bool:

@@ -21,6 +21,7 @@ from jaxdyn.formulations.attitude import Quaternion
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.lagrange import Lagrange, Lagrangian
 from jaxdyn.formulations.mechanism import (
+    Mechanism,
     MechanismSystem,
     on_coordinates,
     positions_and_velocities,
@@ -39,7 +40,14 @@ from jaxdyn.mechanisms.skates import LagrangeSkates
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.formulas.formulas import objects
 from jaxdyn.symbolic.algebra import Expression, Group, Symbol, as_expression, number, total
+from jaxdyn.symbolic.following import (
+    Followers,
+    eliminate_followers,
+    find_followers,
+    opened_coordinates,
+)
 from jaxdyn.symbolic.reading import read
+from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols, halves, symbols
 
@@ -61,6 +69,8 @@ class Derived(NamedTuple):
       solved: whether they are given as derivatives of each entry.
       alone: whether the derivatives stand alone on the left.
       kinematic: number of equations at the end that are those of the attitude.
+      followers: coordinates that follow from the free ones, if there are any.
+      notes: what symbols stand for that a reader cannot guess.
     """
 
     symbols: Symbols
@@ -75,6 +85,12 @@ class Derived(NamedTuple):
     solved: bool = False
     alone: bool = False
     kinematic: int = 0
+    followers: Followers | None = None
+    notes: tuple[Note, ...] = ()
+
+    def slope(self, x: Expression, by: Symbol) -> Expression:
+        """The derivative of an expression by an entry of the state, with what follows from it."""
+        return self.followers.slope(x, by) if self.followers else x.differentiate(by)
 
 
 def derive(scene: Scene) -> Derived:
@@ -82,6 +98,8 @@ def derive(scene: Scene) -> Derived:
     system = scene.system
     if isinstance(system, FreePoints):
         return _newton(scene)
+    if isinstance(system, NewtonEuler | Lagrange) and system.mechanism.opened_form():
+        return _linkage(scene)
     if isinstance(system, NewtonEuler | Lagrange | Lagrangian | Constrained | LagrangeSkates):
         return _lagrange(scene)
     if isinstance(system, RigidBody):
@@ -180,11 +198,58 @@ def _lagrange(scene: Scene) -> Derived:
         "Lagrange's equations" + (" with multipliers" if second else ""),
         (*equations, *map(simplify, second)),
         multipliers=tuple(multipliers),
+        notes=(Note(as_expression(_any_of(multipliers)), _MULTIPLIERS),) if multipliers else (),
         forces=tuple(others),
         energies=energies,
         conserved=conserved,
         values=values,
         conditions=(tuple(map(simplify, phi)), tuple(map(simplify, rolling))),
+    )
+
+
+_MULTIPLIERS = "the force or the moment of each constraint, in their order"
+
+
+def _any_of(symbols: Sequence[Symbol]) -> Symbol:
+    """The one symbol, or that of all of them: without an index."""
+    return Symbol(symbols[0].stem, symbols[0].kind)
+
+
+def _linkage(scene: Scene) -> Derived:
+    """Lagrange's equations of the free coordinates, with others that follow from them."""
+    found = symbols(scene, halves(scene))
+    of = opened_coordinates(scene, found)
+    rates = dict(zip((*of.q, *of.v, found.time), (*of.v, *of.a, 1), strict=True))
+
+    def by_time(x: Expression) -> Expression:
+        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
+
+    def quantities(field, t, y, s, u):
+        free, speeds = jnp.split(y, 2)
+        q, v = jnp.concatenate([free, s]), jnp.concatenate([speeds, u])
+        mechanism = field.system.mechanism.opened_form().mechanism
+        others = _with_potential(scene, field)[1]
+        direct = on_coordinates(t, free, speeds, field.effects)
+        forces = pull_back(mechanism, t, q, v, others)
+        forces = forces + jnp.concatenate([direct, jnp.zeros_like(s)])
+        return *_of_points(mechanism, field.effects, t, q, v), forces, mechanism.tied(t, q)
+
+    kinetic, potential, forces, ties = read(scene, found, quantities, *of.followers)
+    kinetic, potential = kinetic.item(), potential.item()
+    L = kinetic - potential
+    laws = [
+        by_time(L.differentiate(v)) - L.differentiate(q) - force
+        for q, v, force in zip(of.q, of.v, forces.tolist(), strict=True)
+    ]
+    phi = ties.tolist()
+    followers = find_followers(scene, of, phi, [by_time(by_time(x)) for x in phi])
+    return Derived(
+        found,
+        "Lagrange's equations",
+        eliminate_followers(of, followers, laws),
+        energies={"T": kinetic, "V": potential},
+        conditions=(tuple(map(simplify, phi)), ()),
+        followers=followers,
     )
 
 
@@ -239,15 +304,18 @@ def _lagrangian(
     else:
 
         def both(field, t, y):
-            q, v = jnp.split(y, 2)
-            mechanism = field.system.mechanism
-            r, velocity = positions_and_velocities(mechanism, t, q, v)
-            m = mechanism.masses()
-            kinetic = 0.5 * jnp.sum(m[:, None] * velocity * velocity)
-            return kinetic, _shapes.potential_energy(field.effects, t, r, m)
+            return _of_points(field.system.mechanism, field.effects, t, *jnp.split(y, 2))
 
         kinetic, potential = _row(read(scene, found, both))
     return kinetic - potential, {"T": kinetic, "V": potential}, values
+
+
+def _of_points(mechanism: Mechanism, effects, t, q, v) -> tuple:
+    """The kinetic energy of the points of a mechanism, and their potential energy."""
+    r, velocity = positions_and_velocities(mechanism, t, q, v)
+    m = mechanism.masses()
+    kinetic = 0.5 * jnp.sum(m[:, None] * velocity * velocity)
+    return kinetic, _shapes.potential_energy(effects, t, r, m)
 
 
 def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict[Symbol, float]]:
@@ -373,6 +441,11 @@ def _rigid(scene: Scene) -> Derived:
         forces=(*force[:free], *torque),
         energies=energies,
         values=matter.values,
+        notes=tuple(
+            Note(as_expression(Symbol(stem, "coordinate")), meaning)
+            for stem, meaning in _ATTITUDE
+            if any(s.stem == stem for s in found.state)
+        ),
         kinematic=len(kinematic),
         alone=True,
     )
@@ -479,6 +552,14 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
     return force, torque, None
 
 
+_CONTACT = ("normal force of the surface", "friction, along the surface")
+#: Of a body by a quaternion.
+_ATTITUDE = (
+    ("omega", "angular velocity, along the axes of the body"),
+    ("q", "the unit quaternion that turns the axes of the body from the fixed ones"),
+)
+
+
 def _cylinder(scene: Scene) -> Derived:
     """m a = W + N n + F t, and the moments of both about the centre of mass."""
     system: Any = scene.system
@@ -506,6 +587,7 @@ def _cylinder(scene: Scene) -> Derived:
         "Newton's law with the forces of contact",
         tuple(map(simplify, (*laws, *conditions))),
         multipliers=(N, F)[:touching],
+        notes=tuple(map(Note, map(as_expression, (N, F)[:touching]), _CONTACT)),
         energies=_energies(scene, found),
         alone=True,
     )

@@ -1,5 +1,6 @@
 """`jaxdyn.equations`: the equations of motion of a scene as a textbook prints them."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -22,8 +23,10 @@ from jaxdyn.symbolic.arranging import (
     Lengths,
     collect,
     complete_squares,
+    drop_steady_factors,
     factor_common,
     of_energy,
+    of_momentum,
     shared_factor,
     split_common,
 )
@@ -31,32 +34,11 @@ from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.deriving import derive
 from jaxdyn.symbolic.linear import Linear, jacobian
 from jaxdyn.symbolic.matrices import Matrices
+from jaxdyn.symbolic.sections import Line, Printed, Section, functions_in
 from jaxdyn.symbolic.to_sympy import ToSympy
-from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
 
 #: Coordinates from which on a mass matrix that is not diagonal is shown by its entries.
 _MATRIX_FROM = 3
-
-
-class Line(NamedTuple):
-    """A line of print: left = right."""
-
-    left: Expression
-    right: Expression
-
-
-class Section(NamedTuple):
-    """Lines that belong together.
-
-    Attributes:
-      name: "motion", "constraints", "lengths", "energies", "momenta" or "parameters".
-      title: what they are.
-      lines: the lines.
-    """
-
-    name: str
-    title: str
-    lines: tuple[Line, ...]
 
 
 class _Row(NamedTuple):
@@ -66,17 +48,17 @@ class _Row(NamedTuple):
     rest: Expression
 
 
-class Equations:
+class Equations(Printed):
     """The equations of motion of a scene, with its parameters as symbols; see `equations`.
 
     Attributes:
       scene: whose they are.
-      sections: everything in print.
+      sections: "motion", "constraints", "lengths" (what stands for lengths and ratios), "energies",
+        "momenta", "symbols" (what symbols and functions mean) and "parameters".
       parameters: the symbols of parameters in print, and their values in the scene.
     """
 
     scene: Scene
-    sections: tuple[Section, ...]
     parameters: dict[Symbol, float]
 
     def __init__(self, scene: Scene):
@@ -89,12 +71,16 @@ class Equations:
         self._lengths = short = Lengths(sums, (*found.symbols.state, *known))
         self._rows: list[_Row] = []
         conditions = [_condition(short(x)) for x in (*places, *speeds)]
-        definitions = [Line(as_expression(s), x) for s, x in short.definitions]
+        definitions = [Line(as_expression(s), collect(x)) for s, x in self._followed]
+        definitions += self._following()
+        definitions += [Line(as_expression(s), x) for s, x in short.definitions]
         energies = [
             Line(_named(name), of_energy(complete_squares(short(x))))
             for name, x in found.energies.items()
         ]
-        momenta = [Line(_momentum(name), collect(short(x))) for name, x in found.conserved.items()]
+        momenta = [
+            Line(_momentum(name), of_momentum(short(x))) for name, x in found.conserved.items()
+        ]
         sections = [
             self._motion(),
             Section("constraints", "Constraints", tuple(conditions)),
@@ -102,12 +88,15 @@ class Equations:
             Section("energies", "Energies", tuple(energies)),
             Section("momenta", "Conserved momenta", tuple(momenta)),
         ]
+        lines = [line for part in sections for line in part.lines]
+        notes = (*functions_in(lines), *found.notes)
+        sections.append(Section("symbols", "Symbols", notes=notes))
         used = {s for part in sections for line in part.lines for x in line for s in x.symbols()}
         in_order = sorted(used & known.keys(), key=lambda s: s.key)
         self.parameters = {s: known[s] for s in in_order}
         values = [Line(as_expression(s), Expression({(): known[s]})) for s in in_order]
         sections.append(Section("parameters", "Parameters", tuple(values)))
-        self.sections = tuple(section for section in sections if section.lines)
+        super().__init__(part for part in sections if part.lines or part.notes)
 
     def _motion(self) -> Section:
         found = self._derived
@@ -116,9 +105,12 @@ class Equations:
         mass = [[x.differentiate(s) for s in found.symbols.unknowns] for x in laws]
         coupled = any(mass[i][j] for i in range(n) for j in range(n) if i != j)
         law = found.law
-        if coupled and n >= _MATRIX_FROM and not found.alone:
-            reactions = " + G^T lambda" if found.multipliers else ""
-            law = f"{law}: M q'' = h{reactions}, M symmetric; entries that are not here are 0"
+        if found.followers or (coupled and n >= _MATRIX_FROM and not found.alone):
+            if n == 1:
+                law = f"{law}: M {found.symbols.unknowns[0].name} = h"
+            else:
+                reactions = " + G^T lambda" if found.multipliers else ""
+                law = f"{law}: M q'' = h{reactions}, M symmetric; entries that are not here are 0"
             lines = self._entries(laws, mass)
         else:
             forces = (*found.forces, *(number(0),) * (n - len(found.forces)))
@@ -171,8 +163,9 @@ class Equations:
         m = [[factor_common(short(x)) for x in row] for row in mass]
         h = [collect(short(-x.replace(nothing.get))) for x in laws]
         g = [[factor_common(short(-x.differentiate(s))) for x in laws] for s in found.multipliers]
-        lines = [Line(_named("M", i, j), m[i][j]) for i in range(n) for j in range(i, n)]
-        lines += [Line(_named("h", i), h[i]) for i in range(n)]
+        places = range(n)
+        lines = [Line(_named("M", *(i, j) * (n > 1)), m[i][j]) for i in places for j in range(i, n)]
+        lines += [Line(_named("h", *(i,) * (n > 1)), h[i]) for i in places]
         lines += [Line(_named("G", k, i), x) for k, row in enumerate(g) for i, x in enumerate(row)]
         for i in range(n):
             reactions = {s: -row[i] for s, row in zip(found.multipliers, g, strict=True)}
@@ -182,6 +175,79 @@ class Equations:
     @property
     def _unknowns(self) -> tuple[Symbol, ...]:
         return (*self._derived.symbols.unknowns, *self._derived.multipliers)
+
+    @property
+    def _followed(self) -> tuple[tuple[Symbol, Expression], ...]:
+        """What stands for the derivatives of coordinates that follow from others."""
+        followers = self._derived.followers
+        return followers.definitions if followers else ()
+
+    def _following(self) -> list[Line]:
+        """The accelerations of coordinates that follow from others."""
+        found = self._derived.followers
+        return [Line(as_expression(a), x) for a, x in found.accelerations] if found else []
+
+    def equilibria(self) -> Printed:
+        """The conditions of equilibrium: equations for the coordinates and the multipliers.
+
+        `jaxdyn.equilibria` finds the states that fulfil them. Conditions that hold at rest
+        everywhere are left out, and so are factors that are never 0, such as masses.
+
+        Raises:
+          ValueError: the equations depend on time; something moves steadily or falls; or a force
+            has no value at rest, such as dry friction.
+        """
+        found, short = self._derived, self._lengths
+        at_rest = self._at_rest()
+        if any(found.symbols.time in x.symbols() for x in found.equations):
+            remedy = "jaxdyn.equilibria(scene, low, high, t=...) freezes a scene at a time."
+            raise _checks.fail("equilibria", "equations without time", "some with it", remedy)
+        laws = [x.replace(at_rest.get) for x in found.equations[: len(found.symbols.unknowns)]]
+        lines = [self._condition_of_rest(short(x)) for x in laws if x]
+        steady = any(_is_parameter(x.left) and _is_parameter(x.right) for x in lines)
+        if steady or not all(math.isfinite(c) for x in laws for c in x.terms.values()):
+            raise _checks.fail(
+                "equilibria",
+                "forces that have values at rest and can balance",
+                "a constant one, or one that has no value there",
+                "A phase that runs, a free fall and dry friction have no conditions of rest.",
+            )
+        lines += [_condition(short(x)) for x in found.conditions[0]]
+        lines = list(dict.fromkeys(lines))
+        used = {s for line in lines for x in line for s in x.symbols()}
+        definitions = [
+            Line(as_expression(s), collect(x))
+            for s, x in (*self._followed, *short.definitions)
+            if s in used
+        ]
+        title = "Equilibria" if lines else "Equilibria: every state at rest"
+        parts = [Section("equilibria", title, tuple(lines))]
+        notes = (*functions_in(lines), *found.notes)
+        notes = tuple(n for n in notes if any(s.stem in _stems(used) for s in n.symbol.symbols()))
+        more = [
+            Section("lengths", "with", tuple(definitions)),
+            Section("symbols", "Symbols", notes=notes),
+        ]
+        return Printed([*parts, *(part for part in more if part.lines or part.notes)])
+
+    def _condition_of_rest(self, whole: Expression) -> Line:
+        """A law at rest: loads on the left, the forces of constraints on the right."""
+        slopes = ((s, whole.differentiate(s)) for s in self._derived.multipliers)
+        reactions = total(x * as_expression(s) for s, x in slopes)
+        left, right = collect(whole - reactions), collect(-reactions)
+        line = _positive(left, right) if left else _positive(right, left)
+        return Line(*drop_steady_factors(line))
+
+    def _at_rest(self) -> dict[Atom, Expression]:
+        """What is 0 at rest: velocities, derivatives, and what is made of these."""
+        found = self._derived
+        moving = {"velocity", "acceleration", "rate"}
+        named = (*found.symbols.state, *found.symbols.rates, *(s for s, _ in self._followed))
+        zeros: dict[Atom, Expression] = {s: number(0) for s in named if s.kind in moving}
+        for s, x in self._followed:
+            if not x.replace(zeros.get):
+                zeros[s] = number(0)
+        return zeros
 
     @property
     def _values(self) -> dict[Symbol, float]:
@@ -200,7 +266,9 @@ class Equations:
         found = self._derived.symbols
         values: dict[Symbol, Any] = {**self._values, found.time: float(t)}
         values |= dict(zip(found.state, state.tolist(), strict=True))
-        for s, x in self._lengths.definitions:
+        followers = self._derived.followers
+        values |= followers.values(t, state) if followers else {}
+        for s, x in (*self._followed, *self._lengths.definitions):
             values[s] = x.value(values)
         return values
 
@@ -226,39 +294,6 @@ class Equations:
         values |= dict(zip(unknowns, solution.tolist(), strict=True))
         return np.array([values[s] for s in found.rates])
 
-    def text(self, part: str | None = None) -> str:
-        """Everything as plain text, or one part: the name of a section, such as "motion"."""
-        return "\n".join(
-            "\n  ".join([section.title, *_lines(section, TEXT)]) for section in self._chosen(part)
-        )
-
-    def latex(self, part: str | None = None) -> str:
-        """Everything in LaTeX, for the inside of a displayed formula, or one part."""
-        blocks = []
-        for section in self._chosen(part):
-            rows = (
-                f"{LATEX.expression(line.left)} &= {LATEX.expression(line.right)}"
-                for line in section.lines
-            )
-            body = " \\\\\n".join(rows)
-            blocks.append(f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}")
-        if len(blocks) == 1:
-            return blocks[0]
-        together = "\n\\\\[1ex]\n".join(blocks)
-        return f"\\begin{{gathered}}\n{together}\n\\end{{gathered}}"
-
-    def mathml(self, part: str | None = None) -> str:
-        """Everything as HTML with MathML, or one part: a paragraph and formulas each."""
-        return "\n".join(
-            "\n".join(
-                [
-                    f"<p>{section.title.replace('<', '&lt;')}</p>",
-                    *(f'<math display="block">{x}</math>' for x in _lines(section, MATHML)),
-                ]
-            )
-            for section in self._chosen(part)
-        )
-
     def sympy(self) -> list[Any]:
         """The equations of motion as equations of SymPy: coordinates are functions of its t.
 
@@ -268,7 +303,7 @@ class Equations:
           ValueError: SymPy is not installed, or has no such function.
         """
         found = self._derived
-        made = ToSympy(found.symbols, dict(self._lengths.definitions))
+        made = ToSympy(found.symbols, dict((*self._followed, *self._lengths.definitions)))
         return [
             made.equation(
                 total(x * as_expression(s) for s, x in row.coefficients.items()), row.rest
@@ -307,15 +342,6 @@ class Equations:
         """
         return jacobian(self._derived)
 
-    def _chosen(self, part: str | None) -> tuple[Section, ...]:
-        if part is None:
-            return self.sections
-        _checks.choice("part", part, [section.name for section in self.sections])
-        return tuple(section for section in self.sections if section.name == part)
-
-    def _repr_markdown_(self) -> str:
-        return "\n\n".join(f"{x.title}\n\n$$\n{self.latex(x.name)}\n$$" for x in self.sections)
-
     def __repr__(self) -> str:
         name = f" of {self.scene.name}" if self.scene.name else ""
         return f"Equations{name}\n{self.text()}"
@@ -340,8 +366,8 @@ def equations(scene: Scene) -> Equations:
     Args:
       scene: any that has formulas.
     Returns:
-      `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `linearised()`,
-      `jacobian()`.
+      `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `equilibria()`,
+      `linearised()`, `jacobian()`.
     Raises:
       ValueError: the scene is invalid, or its rate contains what has no formulas: a loop whose
         length is not known, a callback, a function without a known derivative in an energy.
@@ -381,6 +407,10 @@ def _positive(left: Expression, right: Expression) -> Line:
     return Line(-left, -right) if negative else Line(left, right)
 
 
+def _stems(symbols: set[Symbol]) -> set[str]:
+    return {s.stem for s in symbols}
+
+
 def _is_parameter(x: Expression) -> bool:
     return all(s.kind == "parameter" for s in x.symbols())
 
@@ -397,10 +427,3 @@ def _named(stem: str, *places: int) -> Expression:
 
 def _momentum(name: str) -> Expression:
     return as_expression(Symbol(f"p_{name}", "short", stem="p", index=name))
-
-
-def _lines(section: Section, style: Style) -> list[str]:
-    return [
-        style.relation(style.expression(line.left), "=", style.expression(line.right))
-        for line in section.lines
-    ]

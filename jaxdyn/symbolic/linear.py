@@ -40,11 +40,16 @@ class Linear(Matrices):
         v = found.symbols.state[n:]
         at: dict[Atom, Expression] = dict.fromkeys((*v, *a), number(0))
         at |= {s: number(float(x)) for s, x in zip(q, y[:n], strict=True)}
+        if found.followers:
+            followers = found.followers.values(0.0, y)
+            at |= {s: number(x) for s, x in followers.items()}
+            for s, x in found.followers.definitions:
+                at[s] = x.replace(at.get)
         _check_rest(found, y, at, values)
         self.coordinates, self.at = q, tuple(float(x) for x in y[:n])
         self._values = values
         slopes = {
-            name: [[x.differentiate(s).replace(at.get) for s in of] for x in found.equations]
+            name: [[found.slope(x, s).replace(at.get) for s in of] for x in found.equations]
             for name, of in (("M", a), ("C", v), ("K", q))
         }
         super().__init__({name: _in_print(rows) for name, rows in slopes.items()})
@@ -72,7 +77,7 @@ def jacobian(found: Derived) -> Matrices:
         own = {s: x for s, x in own.items() if x}
         if len(own) == 1:
             ((s, x),) = own.items()
-            if len(x.terms) == 1 and not found.multipliers:
+            if len(x.terms) == 1 and not found.multipliers and not found.followers:
                 solved[s] = as_expression(s) - whole / x
     if set(solved) != set(symbols.unknowns):
         raise _checks.fail(
@@ -99,7 +104,7 @@ def _check_rest(
     if not timed and not moving:
         for x in found.equations:
             left = x.replace(at.get).value(values)
-            stiffness = (x.differentiate(s).replace(at.get).value(values) for s in q)
+            stiffness = (found.slope(x, s).replace(at.get).value(values) for s in q)
             sizes = 1 + np.abs(y[: len(q)])
             moving |= abs(left) > _AT_REST * sum(np.abs(list(stiffness)) * sizes)
     if timed or moving:

@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from jaxdyn.scene import Scene
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, number
 from jaxdyn.symbolic.parameters import Leaf, leaves
@@ -54,6 +56,8 @@ _SPELLED = {
 _OF_EFFECTS = {"length": ("l", "0")}
 #: Fields whose entries are components along the axes.
 _VECTORS = frozenset({"anchor", "wind", "belt", "F", "end", "at"})
+#: Fields that are points: where several are the same they have one symbol.
+_FIXED_POINTS = frozenset({"anchor"})
 #: Places in a product, by stem: m g l, k x, G m_1 m_2.
 _RANKS = {
     **dict.fromkeys(("G",), 0),
@@ -155,12 +159,19 @@ def _parameters(
 ) -> tuple[tuple[Expression, ...], dict[Symbol, float], dict[Symbol, str]]:
     from_scene = leaves(scene.field)
     spelling = [_spelling(leaf) for leaf in from_scene]
-    counts = Counter(stem + index for stem, index in spelling)
+    same = [_same_place(from_scene, i) for i in range(len(from_scene))]
+    counts = Counter(
+        stem + index for (stem, index), k in zip(spelling, same, strict=True) if k is None
+    )
     seen: Counter[str] = Counter()
     found: list[Expression] = []
     values: dict[Symbol, float] = {}
     names: dict[Symbol, str] = {}
-    for leaf, (stem, index) in zip(from_scene, spelling, strict=True):
+    for leaf, (stem, index), earlier in zip(from_scene, spelling, same, strict=True):
+        if earlier is not None:
+            start = from_scene[earlier].start
+            found += found[start : start + leaf.value.size]
+            continue
         several = counts[stem + index] > 1
         seen[stem + index] += 1
         order = str(seen[stem + index]) if several else ""
@@ -181,6 +192,21 @@ def _parameters(
             values[symbol] = value
             names[symbol] = f"{'.'.join(leaf.path)}{place}"
     return tuple(found), values, names
+
+
+def _same_place(all_: list[Leaf], i: int) -> int | None:
+    """Which place before it is the same, as where a spring and a dashpot begin at one point."""
+    leaf = all_[i]
+    return next(
+        (
+            k
+            for k, other in enumerate(all_[:i])
+            if leaf.path[-1] == other.path[-1] in _FIXED_POINTS
+            and np.array_equal(leaf.value, other.value)
+            and leaf.value.any()
+        ),
+        None,
+    )
 
 
 def _spelling(leaf: Leaf) -> tuple[str, str]:

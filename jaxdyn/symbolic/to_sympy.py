@@ -28,7 +28,7 @@ class ToSympy:
         except ImportError as error:
             remedy = "Install it: pip install 'jaxdyn[equations]'."
             raise _checks.fail("sympy", "the package sympy", "none", remedy) from error
-        t = self._sympy.Symbol("t")
+        self._t = t = self._sympy.Symbol("t")
         self._known: dict[Symbol, Any] = {found.time: t, PI: self._sympy.pi}
         for s in found.state:
             if s.dots == 0:
@@ -58,6 +58,9 @@ class ToSympy:
     def _atom(self, a: Atom) -> Any:
         if isinstance(a, Symbol):
             if a not in self._known:
+                if a.kind == "coordinate":  # one that follows from others
+                    self._known[a] = self._sympy.Function(a.name)(self._t)
+                    return self._known[a]
                 # `positive=False` would say that it is not.
                 given = {"positive": True} if a.positive else {"real": True}
                 self._known[a] = self._sympy.Symbol(a.name, **given)

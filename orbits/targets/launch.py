@@ -324,8 +324,11 @@ def _landings(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Arr
         dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
         return Landings(x=value, t=t, dx=dx, vx=vx, vy=vy, status=status)
 
-    shapes = jax.eval_shape(one, (w[0], log_speed[0]))
-    blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+    # Its shapes are written out: to find them, `one` would have to be traced a second time.
+    zero = jnp.zeros_like(w[0])
+    blank = Landings(
+        x=zero, t=zero, dx=jnp.zeros_like(w[:2]), vx=zero, vy=zero, status=jnp.int32(0)
+    )
 
     def counted(row):
         counts, *throw = row

@@ -2,8 +2,9 @@
 
 `content` has `Page`, which a page fills with numbers, checks, pictures and motions; `register`
 reads titles, statements and the names that are used from the pages' own files, without running
-them; `extremes` finds the largest value of a quantity along a motion; `running` runs a page and
-reports it; `showing` shows its motions in a browser, and writes it as one file.
+them; `motions` has the equations of what is played; `extremes` finds the largest value of a
+quantity along a motion; `running` runs a page and reports it; `showing` shows its motions in a
+browser, and writes it as one file.
 """
 
 import lazy_loader

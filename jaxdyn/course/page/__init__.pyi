@@ -7,6 +7,7 @@ from .content import Page as Page
 from .content import Played as Played
 from .extremes import Largest as Largest
 from .extremes import largest as largest
+from .motions import equations_of as equations_of
 from .register import TOPICS as TOPICS
 from .register import Problem as Problem
 from .register import problems as problems

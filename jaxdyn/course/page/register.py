@@ -51,6 +51,11 @@ class Problem(NamedTuple):
     names: tuple[str, ...]
     code: str
 
+    @property
+    def asks_for_equations(self) -> bool:
+        """Whether the equations of motion are part of the answer."""
+        return "equation" in self.statement
+
 
 @functools.cache
 def problems() -> dict[int, Problem]:

@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 from jaxdyn import player
 from jaxdyn.course.page.content import Page, Played
+from jaxdyn.course.page.motions import equations_of
 from jaxdyn.course.page.register import Problem
 from jaxdyn.files.output_files import replace
-from jaxdyn.formulations.prescribed import Prescribed
-from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.player.choices import of_motions
 from jaxdyn.player.live import SCRIPTS, fragment
 from jaxdyn.player.pages import look, page, script
-from jaxdyn.symbolic.equations import equations
 
 _STYLE = """
 .folded { margin: 1rem 0; }
@@ -70,20 +68,13 @@ def _display(played: Played, asks: Sequence[player.Ask]) -> Display:
 
 
 def formulas(page: Page) -> list[str]:
-    """The equations of the first motion that is played, as HTML: one text for each section.
-
-    None where nothing is played, where a motion is prescribed, and where they would fill pages.
-    """
-    motions = [one for played in page.played for one in played.motions.values()]
-    scenes = [one.scene for one in motions if isinstance(one, Trajectory)]
-    if not scenes or isinstance(scenes[0].system, Prescribed):
-        return []
-    try:
-        found = equations(scenes[0])
-    except ValueError:
-        return []
-    names = [section.name for section in found.sections if section.name != "parameters"]
-    return [found.mathml(name) for name in names]
+    """The equations of the motions that are played, as HTML: one text for each section."""
+    return [
+        found.mathml(section.name)
+        for found in equations_of(page)
+        for section in found.sections
+        if section.name != "parameters"
+    ]
 
 
 def one_file(problem: Problem, found: Page, path: Path) -> player.Playing:

@@ -29,6 +29,7 @@ def test_a_problem_is_found_by_its_name_and_written_as_json(command):
     assert found["number"] == 4
     assert found["holds"]
     assert all(check["holds"] for check in found["checks"])
+    assert found["equations"] == []
 
 
 def test_a_problem_becomes_one_file_on_which_its_scene_runs(command, tmp_path):
@@ -55,6 +56,13 @@ def test_long_checks_are_named_and_run_where_they_are_asked_for(command):
     assert "--check`" not in whole.out
     assert short.out.count("holds") < whole.out.count("holds")
     assert "(a) The centre moves" in short.out
+
+
+@pytest.mark.slow
+def test_equations_are_printed_where_the_problem_asks_for_them(command):
+    printed = "  (1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 c g x = 0\n"
+    assert printed in command("jaxdyn", "course", "30").out
+    assert "Newton's law\n" not in command("jaxdyn", "course", "16").out  # periods are asked for
 
 
 def test_code_is_printed_where_it_is_asked_for(command):

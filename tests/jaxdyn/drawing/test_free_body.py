@@ -68,6 +68,22 @@ def test_labels_are_apart_and_inside(name):
             assert box.x1 <= figure.bbox.width
 
 
+@pytest.mark.parametrize(
+    "scene",
+    [
+        scenes.bead_on_parabola(x=2.0),
+        scenes.bead_on_parabola(c=0.3, formulation="constrained"),
+        scenes.bead_on_cycloid(),
+    ],
+)
+def test_a_wire_is_drawn_through_its_bead(scene):
+    whole = drawing.free_body(scene).axes[0]
+    (wire,) = (path.vertices for lines in whole.collections for path in lines.get_paths())
+    bead = np.asarray(scene.system.points(0.0, scene.y0).r[0])
+    assert wire[0, 0] < bead[0] < wire[-1, 0]
+    assert np.interp(bead[0], *wire.T) == pytest.approx(bead[1], abs=0.01)
+
+
 def test_velocity_and_acceleration_are_drawn_if_asked():
     scene = scenes.cannonball()
     plain, moving = (drawing.free_body(scene, motion=motion) for motion in (False, True))

@@ -22,6 +22,9 @@ ZOO = catalogue.entries()
 ROUNDING = 1e-13
 STATES = 4
 
+#: Of a four-bar linkage, so that nothing cancels.
+UNEQUAL = {"m": (1.0, 2.0, 3.0), "l": (1.0, 2.5, 2.2), "angle": 1.0, "rate": 0.7, "g": 9.81}
+
 #: Scenes beyond the defaults of the catalogue: other formulations, and effects of all kinds.
 BESIDES = {
     **{
@@ -52,6 +55,16 @@ BESIDES = {
     "top by Euler angles": lambda: scenes.top(representation="euler"),
     "drag on a top": lambda: scenes.top() + effects.LinearDrag(0.01),
     "top by a matrix": lambda: scenes.top(representation="matrix"),
+    "crank": lambda: scenes.four_bar(formulation="newton_euler"),
+    "crossed crank": lambda: scenes.four_bar(**UNEQUAL, formulation="lagrange", crossed=True),
+    "drag on a linkage": lambda: (
+        scenes.four_bar(**UNEQUAL, formulation="newton_euler") + effects.LinearDrag(0.2)
+    ),
+    "damper in a crank": lambda: (
+        scenes.four_bar(**UNEQUAL, formulation="lagrange") + effects.HingeDamper(0.3)
+    ),
+    "dashpots": lambda: scenes.two_springs(c_a=0.2, c_b=0.3, c_d=0.1, anchor_b=(0.8, 0.6)),
+    "dashpot of a pair": lambda: scenes.two_body() + effects.Dashpot(0.3, i=0, j=1),
     "polar with a force": lambda: scenes.polar_particle() + effects.PowerLaw(2.0, -2.0),
 }
 
@@ -66,7 +79,7 @@ def _on_constraints(scene, t, y):
 @pytest.mark.sample(
     *QUICK,
     *("pendulum constrained", "angles from bar to bar", "quadratic drag", "spring on a pendulum"),
-    *("top by Euler angles", "drag on a top", "dashpot"),
+    *("top by Euler angles", "drag on a top", "dashpot", "crank"),
 )
 @pytest.mark.parametrize("name", [*ZOO, *BESIDES])
 def test_what_is_printed_is_the_rate(name):
@@ -166,6 +179,19 @@ def test_a_chain_of_springs():
     ]
 
 
+def test_springs_and_dashpots_between_two_points():
+    hung = scenes.two_springs(c_a=0.2, c_b=0.3, c_d=0.1, anchor_a=(0.0, 0.0), anchor_b=(0.8, 0.6))
+    assert _motion(hung)[0].strip() == (
+        "m x'' = -c1 x (x x' + y y')/r1^2 - c2 (x - a_2x) ((x - a_2x) x' + (y - a_2y) y')/r2^2"
+        " - c3 x' - k1 (r1 - l1) x/r1 - k2 (r2 - l2) (x - a_2x)/r2"
+    )
+    pair = scenes.two_body() + effects.Dashpot(0.3, i=0, j=1)
+    assert _motion(pair)[0].strip() == (
+        "m1 x1'' = c (x2 - x1) ((x1' - x2') (x1 - x2) + (y1' - y2') (y1 - y2))/r12^2"
+        " + G m1 m2 (x2 - x1)/r12^3"
+    )
+
+
 def test_energies_and_constraints():
     found = jaxdyn.equations(BESIDES["point masses on rods"]())
     assert found.text("constraints").splitlines()[1:] == [
@@ -207,8 +233,9 @@ def test_mathml_is_well_formed(name):
     for entity, letter in entities.items():
         found = found.replace(entity, letter)
     root = ElementTree.fromstring(f"<div>{found}</div>")
-    assert len(root.findall("math")) == sum(
-        len(section.lines) for section in jaxdyn.equations(ZOO[name].make()).sections
+    assert len(list(root.iter("math"))) == sum(
+        len(section.lines) + len(section.notes)
+        for section in jaxdyn.equations(ZOO[name].make()).sections
     )
 
 
@@ -231,6 +258,19 @@ def test_linearised_about_equilibria_against_derivatives():
     assert "at x = 0" in repr(damped)
 
 
+@pytest.mark.slow
+def test_a_linkage_near_its_equilibrium():
+    crank = scenes.four_bar(**UNEQUAL, formulation="newton_euler")
+    y = jaxdyn.equilibria(crank, [-1.0], [1.0]).states[0]
+    found = jaxdyn.equations(crank)
+    m, c, k = found.linearised(y).matrices()
+    slopes = jax.jacfwd(lambda y: crank.rate(0.0, y))(jnp.asarray(y))
+    assert np.allclose(slopes[1:], np.hstack([-k / m, -c / m]), rtol=1e-13, atol=1e-13)
+    values = found.at(0.0, y)
+    for left, right in found.equilibria().sections[0].lines:
+        assert abs(left.value(values) - right.value(values)) < 1e-12
+
+
 def test_linearised_refuses_what_is_no_equilibrium():
     found = jaxdyn.equations(scenes.pendulum())
     assert "a state at rest without accelerations" in refusal(lambda: found.linearised([1.0, 0.0]))
@@ -239,6 +279,100 @@ def test_linearised_refuses_what_is_no_equilibrium():
     assert "equations that depend on time" in refusal(shaken.linearised)
     tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
     assert "a scene of free coordinates" in refusal(tied.linearised)
+
+
+#: Conditions of equilibrium, and a box that holds some.
+RESTING = {
+    "springs": (lambda: scenes.two_springs(), [-2.0] * 2, [2.0] * 2),
+    "bars": (lambda: scenes.double_pendulum(), [-1.0] * 2, [4.0] * 2),
+    "spring": (lambda: scenes.spring_mass(), [-2.0] * 2, [2.0] * 2),
+    "rates": (lambda: scenes.lorenz(), [-10.0, -10.0, -1.0], [10.0, 10.0, 30.0]),
+    "turning": (lambda: scenes.restricted_three_body(), [-1.5] * 2, [1.5] * 2),
+}
+
+
+@pytest.mark.parametrize("name", RESTING)
+def test_conditions_of_equilibrium_vanish_there_and_only_there(name):
+    make, low, high = RESTING[name]
+    scene = make()
+    found = jaxdyn.equations(scene)
+    lines = found.equilibria().sections[0].lines
+    rng, free = np.random.default_rng(1), len(low)
+
+    def sides(y):
+        values = found.at(0.0, y)
+        return np.array([[x.value(values) for x in line] for line in lines])
+
+    states = jaxdyn.equilibria(scene, low, high).states
+    assert len(states)
+    for y in states:
+        left, right = sides(y).T
+        assert np.abs(left - right).max() <= 1e-12
+    y = np.zeros(len(scene.y0))
+    y[:free] = rng.uniform(low, high)
+    left, right = sides(y).T
+    assert np.abs(left - right).max() > 1e-3
+
+
+def test_conditions_of_equilibrium_in_print():
+    bars = jaxdyn.equations(scenes.double_pendulum()).equilibria()
+    assert bars.text().splitlines() == ["Equilibria", "  sin(theta1) = 0", "  sin(theta2) = 0"]
+    hung = jaxdyn.equations(scenes.spring_mass()).equilibria()
+    assert hung.text().splitlines() == [
+        "Equilibria",
+        "  (r - l0) x/r = 0",
+        "  k (r - l0) y/r + m g = 0",
+        "with",
+        "  r = sqrt(x^2 + y^2)",
+    ]
+    tied = jaxdyn.equations(scenes.pendulum(formulation="constrained")).equilibria()
+    assert tied.text().splitlines() == [
+        "Equilibria",
+        "  lambda x = 0",
+        "  m g = lambda y/l",
+        "  sqrt(x^2 + y^2) = l",
+        "Symbols",
+        "  lambda: the force or the moment of each constraint, in their order",
+    ]
+    free = jaxdyn.equations(scenes.particle()).equilibria()
+    assert free.text() == repr(free) == "Equilibria: every state at rest"
+    everywhere = r"\text{Equilibria: every state at rest}"
+    assert free.latex().splitlines() == [r"\begin{aligned}", everywhere, r"\end{aligned}"]
+
+
+@pytest.mark.parametrize("name", ["shaken_pendulum", "cannonball", "ball_on_table", "car"])
+def test_what_has_no_equilibrium_is_refused(name):
+    said = refusal(jaxdyn.equations(ZOO[name].make()).equilibria)
+    if name == "shaken_pendulum":
+        assert "equilibria: expected equations without time" in said
+    else:
+        assert "equilibria: expected forces that have values at rest and can balance" in said
+
+
+def test_symbols_that_a_reader_may_not_know_are_explained():
+    pushed = jaxdyn.equations(scenes.two_masses())
+    assert pushed.text("symbols").splitlines()[1:] == [
+        "  sgn(u): the sign of u: 1, -1, or 0 where u = 0",
+        "  H(u): the unit step: 0 where u < 0, and 1 from u = 0 on",
+    ]
+    assert r"\operatorname{H}\left(u\right) &: \text{the unit step" in pushed.latex("symbols")
+    assert "<mi>H</mi>" in pushed.mathml("symbols")
+    rolling = jaxdyn.equations(scenes.cylinder_on_ramp()).text("symbols")
+    assert rolling.splitlines()[1:] == [
+        "  N: normal force of the surface",
+        "  F: friction, along the surface",
+    ]
+    assert "unit quaternion" in jaxdyn.equations(scenes.top()).text("symbols")
+    assert all(part.name != "symbols" for part in jaxdyn.equations(scenes.pendulum()).sections)
+
+
+def test_squares_are_complete():
+    lines = _motion(scenes.cylinder_on_cylinder())
+    assert lines[3].strip() == "x x'' + y y'' = -(y x' - x y')^2/d^2"
+    found = jaxdyn.equations(scenes.turntable())
+    assert found.text("momenta").splitlines()[1:] == [
+        "  p_theta = (m s^2 + m d^2 + I) theta' + m d s'"
+    ]
 
 
 def test_code_is_that_of_the_rate():
@@ -269,9 +403,50 @@ class Winding(Effect):
         return jax.lax.while_loop(lambda x: jnp.sum(x * x) > 1.0, lambda x: 0.5 * x, r)
 
 
+def test_a_linkage_is_in_its_crank_angle():
+    lines = _motion(scenes.four_bar(formulation="newton_euler"))
+    assert [line.split()[0] for line in lines] == ["M", "h"]
+    found = jaxdyn.equations(scenes.four_bar(formulation="newton_euler"))
+    assert found.text("motion").splitlines()[0] == "Lagrange's equations: M theta1'' = h"
+    assert found.text("lengths").splitlines()[1:5] == [
+        "  kappa2 = -l1 sin(theta1 - theta3)/(l2 sin(theta2 - theta3))",
+        "  kappa3 = l1 sin(theta1 - theta2)/(l3 sin(theta2 - theta3))",
+        "  theta2' = kappa2 theta1'",
+        "  theta3' = kappa3 theta1'",
+    ]
+    assert found.text("lengths").splitlines()[-1] == "  theta3'' = kappa3 theta1'' + sigma3"
+    assert "jacobian" in refusal(found.jacobian)
+
+
+def test_a_linkage_in_sympy():
+    sympy = pytest.importorskip("sympy")
+    scene = scenes.four_bar(**UNEQUAL, formulation="newton_euler")
+    found, y = jaxdyn.equations(scene), np.asarray(scene.y0)
+    (equation,) = found.sympy()
+    t = sympy.Symbol("t")
+    places = found.at(0.0, y)
+    q = {name: sympy.Function(name)(t) for name in ("theta1", "theta2", "theta3")}
+    values = {s: places[_named(places, s.name)] for s in equation.free_symbols if s != t}
+    left, right = (
+        side.subs(q["theta1"].diff(t, 2), float(scene.rate(0.0, y)[1]))
+        .subs(q["theta1"].diff(t), y[1])
+        .subs({x: places[_named(places, name)] for name, x in q.items()})
+        .subs(values)
+        for side in (equation.lhs, equation.rhs)
+    )
+    assert float(left) == pytest.approx(float(right), rel=1e-13)
+
+
+def _named(values, name):
+    return next(s for s in values if s.name == name)
+
+
 @pytest.mark.slow
 def test_equations_that_fill_books_are_refused():
-    said = refusal(lambda: jaxdyn.equations(scenes.four_bar(formulation="newton_euler")))
+    def L(t, q, v):
+        return 0.5 * jnp.sum(v * v) - jnp.sum(q) ** 4 * jnp.sum(jnp.sin(q))
+
+    said = refusal(lambda: jaxdyn.equations(jaxdyn.lagrangian(L, np.ones(9), np.zeros(9))))
     assert "equations: expected a scene whose equations fill some pages, got more than 500" in said
 
 

@@ -1,0 +1,148 @@
+"""Lines of print under titles, as plain text, in LaTeX and in MathML."""
+
+import html
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from jaxdyn import _checks
+from jaxdyn.symbolic.algebra import ONE, Atom, Call, Expression, Group, Symbol, as_expression
+from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
+
+
+class Line(NamedTuple):
+    """A line of print: left = right."""
+
+    left: Expression
+    right: Expression
+
+
+class Note(NamedTuple):
+    """What a symbol or a function stands for, in words."""
+
+    symbol: Expression
+    meaning: str
+
+
+class Section(NamedTuple):
+    """Lines that belong together.
+
+    Attributes:
+      name: by which it is chosen, such as "motion".
+      title: what they are.
+      lines: the lines.
+      notes: explanations below them.
+    """
+
+    name: str
+    title: str
+    lines: tuple[Line, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+
+class Printed:
+    """Sections in print.
+
+    Attributes:
+      sections: everything in print.
+    """
+
+    sections: tuple[Section, ...]
+
+    def __init__(self, sections: Iterable[Section]):
+        self.sections = tuple(sections)
+
+    def text(self, part: str | None = None) -> str:
+        """Everything as plain text, or one part: the name of a section, such as "motion"."""
+        return "\n".join(
+            "\n  ".join([part.title, *_equations(part, TEXT), *map(_note, part.notes)])
+            for part in self._chosen(part)
+        )
+
+    def latex(self, part: str | None = None) -> str:
+        """Everything in LaTeX, for the inside of a displayed formula, or one part."""
+        blocks = []
+        for section in self._chosen(part):
+            rows = [
+                f"{LATEX.expression(line.left)} &= {LATEX.expression(line.right)}"
+                for line in section.lines
+            ]
+            rows += [
+                f"{LATEX.expression(note.symbol)} &: \\text{{{note.meaning}}}"
+                for note in section.notes
+            ]
+            body = " \\\\\n".join(rows) or f"\\text{{{section.title}}}"
+            blocks.append(f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}")
+        if len(blocks) == 1:
+            return blocks[0]
+        together = "\n\\\\[1ex]\n".join(blocks)
+        return f"\\begin{{gathered}}\n{together}\n\\end{{gathered}}"
+
+    def mathml(self, part: str | None = None) -> str:
+        """Everything as HTML with MathML, or one part: a paragraph and formulas each."""
+        return "\n".join(
+            "\n".join(
+                [
+                    f"<p>{html.escape(section.title, quote=False)}</p>",
+                    *(f'<math display="block">{x}</math>' for x in _equations(section, MATHML)),
+                    *(
+                        f"<p><math>{MATHML.expression(note.symbol)}</math>: "
+                        f"{html.escape(note.meaning, quote=False)}</p>"
+                        for note in section.notes
+                    ),
+                ]
+            )
+            for section in self._chosen(part)
+        )
+
+    def _chosen(self, part: str | None) -> tuple[Section, ...]:
+        if part is None:
+            return self.sections
+        _checks.choice("part", part, [section.name for section in self.sections])
+        return tuple(section for section in self.sections if section.name == part)
+
+    def _repr_markdown_(self) -> str:
+        return "\n\n".join(f"{x.title}\n\n$$\n{self.latex(x.name)}\n$$" for x in self.sections)
+
+    def __repr__(self) -> str:
+        return self.text()
+
+
+#: Functions that not every reader knows by their names.
+_FUNCTIONS = {
+    "sign": "the sign of u: 1, -1, or 0 where u = 0",
+    "step": "the unit step: 0 where u < 0, and 1 from u = 0 on",
+}
+
+
+def functions_in(lines: Iterable[Line]) -> list[Note]:
+    """What the functions in some lines mean that not every reader knows."""
+    used = {op for line in lines for x in line for op in _operations(x)}
+    argument = as_expression(Symbol("u", "short"))
+    return [
+        Note(Expression({((Call(op, argument), ONE),): ONE}), meaning)
+        for op, meaning in _FUNCTIONS.items()
+        if op in used
+    ]
+
+
+def _operations(x: Expression) -> set[str]:
+    return {op for m in x.terms for a, _ in m for op in _in_atom(a)}
+
+
+def _in_atom(a: Atom) -> set[str]:
+    if isinstance(a, Symbol):
+        return set()
+    if isinstance(a, Group):
+        return _operations(a.sum)
+    return {a.op}.union(*map(_operations, a.args))
+
+
+def _note(note: Note) -> str:
+    return f"{TEXT.expression(note.symbol)}: {note.meaning}"
+
+
+def _equations(section: Section, style: Style) -> Sequence[str]:
+    return [
+        style.relation(style.expression(line.left), "=", style.expression(line.right))
+        for line in section.lines
+    ]
