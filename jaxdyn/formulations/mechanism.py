@@ -64,7 +64,7 @@ class Mechanism(Record):
         return None
 
     def opened_form(self) -> "Embedding | None":
-        """The same mechanism with constraints, in these coordinates and those that follow from them.
+        """The same mechanism with constraints, in these coordinates and those that follow.
 
         Where the map that places the points is long, the equations are written with both.
         """
