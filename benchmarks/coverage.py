@@ -58,8 +58,8 @@ CASES = {
     ),
     "double pendulum": Case(
         scenes.double_pendulum,
-        {"l": (1.0, 0.8)},
-        {"l": (1.1, 0.9)},
+        {"length": (1.0, 0.8)},
+        {"length": (1.1, 0.9)},
         ("theta1", "theta2"),
         0.02,
         20.0,

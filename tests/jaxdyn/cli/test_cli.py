@@ -276,10 +276,14 @@ def test_a_scene_becomes_a_page_on_which_it_runs(jaxdyn, tmp_path):
 
 def test_a_run_becomes_files(jaxdyn, tmp_path):
     picture, series, table = (tmp_path / name for name in ("a.svg", "b.svg", "c.csv"))
+    energies = tmp_path / "d.svg"
     words = ("--plot", picture, "--title", "Title of it", "--series", series, "--csv", table)
+    words += ("--energies", energies)
     code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", *words)
     assert code == 0
-    assert f"drawn in {picture}\ndrawn over time in {series}\nwritten to {table}\n" in out
+    told = f"drawn in {picture}\ndrawn over time in {series}\nwith its energies in {energies}\n"
+    assert f"{told}written to {table}\n" in out
+    assert all(name in energies.read_text() for name in ("kinetic", "potential", "total"))
     assert "Title of it" in picture.read_text()
     assert "Title of it" in series.read_text()
     assert table.read_text().startswith("t [s],x [m],")
