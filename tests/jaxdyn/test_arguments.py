@@ -203,9 +203,9 @@ def test_the_old_name_of_a_length_warns():
         assert eqx.tree_equal(
             catalogue.build("four_bar", {"l": "1, 2, 3"}), scenes.four_bar(length=(1, 2, 3))
         )
-    with pytest.raises(ValueError, match="keyword of rimless_wheel: expected .*, got 'l'"):
+    with pytest.raises(ValueError, match=r"keyword of rimless_wheel: expected .*, got 'l'"):
         scenes.rimless_wheel(l=1.0, length=2.0)  # pyright: ignore[reportCallIssue]
-    with pytest.raises(ValueError, match="keyword of pendulum: expected .*, got 'l'"):
+    with pytest.raises(ValueError, match=r"keyword of pendulum: expected .*, got 'l'"):
         scenes.pendulum(l=1.0)  # pyright: ignore[reportCallIssue]
 
 

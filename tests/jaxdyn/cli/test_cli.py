@@ -188,7 +188,7 @@ MISUSE = [
     (["run", "cannonball", "--solver", "radau"], "got 'radau'. Did you mean 'radau9'?"),
     (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
     (["run", "car", "--dt", "0.1"], "dt: expected none for a motion in phases, got 0.1"),
-    (["run", "cannonball", "--title", "A"], "--title: expected --plot, --series or"),
+    (["run", "cannonball", "--title", "A"], "--title: expected --plot, --series, --energies or"),
     (["run", "cannonball", "--at", "2"], "--at: expected --free-body with it"),
     (["accuracy", "cannonball", "--title", "A"], "--title: expected --plot with it"),
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),

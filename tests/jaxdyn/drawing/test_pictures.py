@@ -335,7 +335,7 @@ def test_energies_that_a_scene_does_not_have_are_refused():
     motion = simulate(scenes.lorenz(t1=1.0), samples=3)
     with pytest.raises(ValueError, match=r"scene: expected one with an energy, .* energy= to"):
         drawing.time_series(motion, names=["kinetic"])
-    with pytest.raises(ValueError, match="'kinetik'. Did you mean 'kinetic'"):
+    with pytest.raises(ValueError, match=r"'kinetik'\. Did you mean 'kinetic'"):
         drawing.time_series(simulate(scenes.cannonball(), samples=3), names=["kinetik"])
 
 
