@@ -42,7 +42,7 @@ def time_series(
       path: file to write, .png, .pdf or .svg.
       names: what to draw, the entries of the state by default: their labels, and "kinetic",
         "potential" and "total" for energies, e.g. ``["x", "vx", "kinetic", "potential"]``.
-      title: its title; the scene with its numbers by default, "" for none.
+      title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
       ValueError: `names` has an unknown label, or an energy that the scene does not have; `motion`
         is a batch, or `path` cannot be written.

@@ -48,6 +48,25 @@ def test_words_of_the_field_find_scenes(jaxdyn):
     found = json.loads(jaxdyn("list", "constraint", "--json")[1])
     assert {"pendulum", "feynman_plate"} & found.keys()
     assert "shaken_pendulum" in json.loads(jaxdyn("list", "forcing", "--json")[1])
+    for word in ("damper", "rigid body", "three-body", "constraints"):
+        assert json.loads(jaxdyn("list", word, "--json")[1]), word
+
+
+@pytest.mark.parametrize(
+    ("word", "shown"),
+    [
+        ("halo", "26_libration_points.md"),
+        ("basins", "29_basins.md"),
+        ("damper", "oscillator"),
+        ("boundary condition", "closing"),
+        ("cannonballs", "jaxdyn course 27"),
+    ],
+)
+def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
+    code, out, _ = jaxdyn("list", word)
+    assert code == 0
+    assert shown in out
+    assert "dumbbell" not in out
 
 
 def test_a_scene_can_be_listed_alone(jaxdyn):
