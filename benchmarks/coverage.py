@@ -22,7 +22,7 @@ import jaxdyn
 from jaxdyn import scenes
 from jaxdyn.fitting import multiple_shooting
 
-_BATCH = 20  # trials side by side: they wait for the slowest
+_BATCH = 20  # trials between two lines of progress
 
 
 class Case(NamedTuple):
@@ -129,7 +129,9 @@ def coverage(case: Case, count: int, seed: int = 0) -> Coverage:
             bars = jnp.linalg.norm(found.factor[: len(number)], axis=1)
             return number, bars, found.converged
 
-        return jax.vmap(one)(keys)
+        # One after the other: batches of LAPACK's calls inside two of XLA's threads wait for each
+        # other for ever on two cores [jaxlib 0.10; the double pendulum].
+        return jax.lax.map(one, keys)
 
     exact = jaxdyn.fitting.segments.cut(
         jaxdyn.fitting.measurements.measured({"t": motion.ts} | clean), first.t0, None

@@ -366,11 +366,14 @@ class Fit:
 
 @eqx.filter_jit
 def _profile(model, segments, sigma, pin, thetas, starts):
-    def one(theta, nodes):
+    def one(at):
+        theta, nodes = at
         found = estimate(model, segments, sigma, theta, nodes[0], pin, nodes)
         return found.cost, found.converged
 
-    return jax.vmap(one)(thetas, starts)
+    # Not side by side, where LAPACK's batches in two of XLA's threads wait for each other for ever
+    # on two cores [jaxlib 0.10, in fits of a double pendulum], and all wait for the slowest.
+    return jax.lax.map(one, (thetas, starts))
 
 
 @eqx.filter_jit
