@@ -24,7 +24,7 @@ from jaxdyn.formulations.functions import (
     name_of,
     vector,
 )
-from jaxdyn.formulations.structure import Structure, structured
+from jaxdyn.formulations.structure import Structure, flatten_start
 from jaxdyn.scene import Scene, System
 
 
@@ -72,13 +72,13 @@ class Ode(System):
 
     def rate(self, t, y, effects):
         del effects
-        return self._flat("rate", call(self.function, self.params, t, self.tree(y)), y)
+        return self._flatten("rate", call(self.function, self.params, t, self.tree(y)), y)
 
-    def _flat(self, name: str, value: Any, y: Array) -> Array:
+    def _flatten(self, name: str, value: Any, y: Array) -> Array:
         """What a function returned, like the state, as an array (k,)."""
         if self.structure is None or value is None:
             return vector(name, value, y)
-        return self.structure.flat(name, value, y)
+        return self.structure.flatten(name, value, y)
 
     def energies(self, t, y, effects):
         del effects
@@ -94,7 +94,7 @@ class Ode(System):
     def generators(self, y):
         tree = self.tree(y)
         values = {name: call(function, self.params, tree) for name, function in self.moves}
-        return {name: self._flat(name, value, y) for name, value in values.items()}
+        return {name: self._flatten(name, value, y) for name, value in values.items()}
 
     def check(self, t, y):
         del t, y
@@ -165,7 +165,7 @@ def ode(
       >>> float(energy.drift(motion, "level")) < 1e-12
       True
     """
-    y0, names, structure = structured(y0, names)
+    y0, names, structure = flatten_start(y0, names)
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
     params = as_params(params)
     extra = _by_name("integrals", integrals, "momentum")

@@ -38,7 +38,7 @@ class Structure:
         leaves = [part.reshape(*y.shape[:-1], *shape) for part, shape in shaped]
         return jax.tree.unflatten(self.tree, leaves)
 
-    def flat(self, name: str, value: Any, like: Array) -> Array:
+    def flatten(self, name: str, value: Any, like: Array) -> Array:
         """A pytree of this structure as an array (k,) of floats like another one.
 
         Raises:
@@ -54,7 +54,7 @@ class Structure:
         return jnp.concatenate([x.ravel() for x in arrays])
 
 
-def structured(y0: Any, names: Any = None) -> tuple[Any, Any, Structure | None]:
+def flatten_start(y0: Any, names: Any = None) -> tuple[Any, Any, Structure | None]:
     """The start as an array, names of its entries, its structure.
 
     Names are those given, or the keys that lead to an entry; what is an array or a list of numbers

@@ -35,7 +35,7 @@ def ready_made(
 
         @functools.wraps(make)
         def named(*args, **kwargs) -> Scene:
-            made = checked(*args, **current(make.__name__, kwargs, renamed or {}))
+            made = checked(*args, **with_present_names(make.__name__, kwargs, renamed or {}))
             scene = object.__new__(type(made))
             # Unlike `dataclasses.replace`, this does not check all parts again.
             scene.__dict__.update(made.__dict__, name=make.__name__)
@@ -47,7 +47,9 @@ def ready_made(
     return decorated
 
 
-def current(scene: str, given: Mapping[str, Any], renamed: Mapping[str, str]) -> dict[str, Any]:
+def with_present_names(
+    scene: str, given: Mapping[str, Any], renamed: Mapping[str, str]
+) -> dict[str, Any]:
     """Parameters of a scene by their present names; an old one warns.
 
     Beside the new one it is left as it is, for what refuses unknown names.

@@ -368,7 +368,7 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
     return reversal(point_symmetry(range(n), signs, reversing=True))
 
 
-def symmetric(scene: Scene) -> str:
+def symmetric_closing(scene: Scene) -> str:
     """How to write a closing by reversal that suits the start of a scene; "" if there is none.
 
     Such as a mirror that the start crosses at a right angle, or the start from rest of a motion

@@ -35,8 +35,8 @@ from orbits.discovery.settling import (
     Attractor,
     Basins,
     Settling,
+    as_axes,
     check_rounds,
-    checked_grid,
     over_grid,
 )
 from orbits.orbit import Orbit
@@ -102,7 +102,7 @@ def basins(
       (['equilibrium', 'equilibrium'], True)
     """
     labels = [name for name, _ in scene.labels()]
-    axes = checked_grid(grid, labels)
+    axes = as_axes(grid, labels)
     check_rounds(rounds, refine, axes)
     span = float(_checks.positive("t1", scene.t1 if t1 is None else t1))
     turn = _period(scene, period)
@@ -140,9 +140,9 @@ class _Motions(Settling):
         return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
 
     def first_ends(self, y0s):
-        return self.ends(y0s) if self.path is None else self._kept(y0s, self.path)
+        return self.ends(y0s) if self.path is None else self._run_resumably(y0s, self.path)
 
-    def _kept(self, y0s: np.ndarray, path) -> np.ndarray:
+    def _run_resumably(self, y0s: np.ndarray, path) -> np.ndarray:
         """The ends of the first round, of which those in a file do not run again."""
         numbers = [np.asarray(x) for x in jax.tree.leaves(self.scene)]
         parts = [y0s, np.array([self.span, self.rtol]), *numbers]
@@ -171,7 +171,7 @@ class _Motions(Settling):
     def difference(self, ys, y):
         return np.asarray(jax.vmap(self.scene.system.difference, (0, None))(ys, y))
 
-    def wrapped(self, ys):
+    def wrap(self, ys):
         y0 = np.asarray(self.scene.y0)
         return y0 + self.difference(ys, y0)
 

@@ -27,8 +27,8 @@ from orbits.discovery.settling import (
     Attractor,
     Basins,
     Settling,
+    as_axes,
     check_rounds,
-    checked_grid,
     over_grid,
 )
 
@@ -82,7 +82,7 @@ def map_basins(
     """
     params = as_params(params)
     check_function("step", step, params, "y")
-    axes = checked_grid(grid)
+    axes = as_axes(grid)
     check_rounds(rounds, refine, axes)
     _checks.whole("steps", steps)
     largest = max(float(np.abs(x).max()) for x in axes.values())
@@ -121,7 +121,7 @@ def _path(step: _Map, y: Array, count: int) -> Array:
 
 
 @eqx.filter_jit
-def _closed(step: _Map, y: Array, period: int) -> tuple[Array, Array]:
+def _close_cycle(step: _Map, y: Array, period: int) -> tuple[Array, Array]:
     """The point of a cycle near y, and (k, k) the derivative of the map over the period there."""
 
     def over(y):
@@ -167,14 +167,14 @@ class _Iterates(Settling):
     def difference(self, ys, y):
         return ys - y[None]
 
-    def wrapped(self, ys):
+    def wrap(self, ys):
         return ys
 
     def attractor(self, y, last):
         path = np.asarray(_path(self.step, jnp.asarray(y), _PERIODS + 1))
         back = 1 + np.flatnonzero(self.apart(path[1:], y) < REACHED)
         for period in back[:_RETURNS].tolist():
-            point, slope = map(np.asarray, _closed(self.step, jnp.asarray(y), period))
+            point, slope = map(np.asarray, _close_cycle(self.step, jnp.asarray(y), period))
             cycle = np.asarray(_path(self.step, jnp.asarray(point), period + 1))
             if not (np.isfinite(slope).all() and self.apart(cycle[-1:], point)[0] < _EXACT):
                 continue

@@ -111,7 +111,7 @@ class Basins:
         return basin_maps.basins(self, path, title=title)
 
 
-def checked_grid(grid: Any, known: list[str] | None = None) -> dict[str, np.ndarray]:
+def as_axes(grid: Any, known: list[str] | None = None) -> dict[str, np.ndarray]:
     """Values of entries by name.
 
     Raises:
@@ -162,7 +162,7 @@ def over_grid(
     counts = [np.mean(found == i) for i in range(len(settling.attractors))]
     fractions = np.array([*counts, np.mean(found < 0)])
     for _ in range(refine):
-        axes, found = _refined(axes, found, settling, starts)
+        axes, found = _refine(axes, found, settling, starts)
     return Basins(
         scene=scene,
         title=title,
@@ -177,7 +177,7 @@ def over_grid(
     )
 
 
-def _refined(axes, labels: np.ndarray, settling: "Settling", starts: Callable):
+def _refine(axes, labels: np.ndarray, settling: "Settling", starts: Callable):
     """Axes and labels with a value between every two; only starts at a boundary run."""
     axes = tuple(np.sort(np.append(x, (x[1:] + x[:-1]) / 2)) if len(x) > 1 else x for x in axes)
     coarse = [np.arange(len(x)) / 2 for x in axes]
@@ -234,7 +234,7 @@ class Settling(abc.ABC):
         """(n, k) differences of states from one."""
 
     @abc.abstractmethod
-    def wrapped(self, ys: np.ndarray) -> np.ndarray:
+    def wrap(self, ys: np.ndarray) -> np.ndarray:
         """(n, k) states with angles within half a turn of one."""
 
     @abc.abstractmethod
@@ -279,8 +279,8 @@ class Settling(abc.ABC):
 
     def is_near(self, attractor: Attractor, ys: np.ndarray) -> np.ndarray:
         """(n,) whether states are near an attractor."""
-        points = self.wrapped(attractor.points) / self.sizes
-        places = self.wrapped(ys) / self.sizes
+        points = self.wrap(attractor.points) / self.sizes
+        places = self.wrap(ys) / self.sizes
         tree = cKDTree(points)
         distance, nearest = tree.query(places, p=np.inf)
         if attractor.kind == CHAOTIC:

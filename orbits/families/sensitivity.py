@@ -4,10 +4,10 @@ Along a family the test function of a special point, g(p, numbers) = 0, has deri
 implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. At a period doubling the
 test is det(M + 1), with M the derivative of the return map: the product of all l + 1 over the
 multipliers l. It is simple also where two multipliers of a conservative scene meet at -1, since
-(l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a torus point it is |l|^2 - 1, with
-the critical multiplier l. At a fold, where orbits have no derivative with respect to the parameter,
-it is the part w F of the closing equations F that no change of the orbit moves, with w normal to
-the range of their Jacobian.
+(l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a torus point it is |l|^2 - 1,
+with the critical multiplier l. At a fold, where orbits have no derivative with respect to the
+parameter, it is the part w F of the closing equations F that no change of the orbit moves, with w
+normal to the range of their Jacobian.
 """
 
 import equinox as eqx

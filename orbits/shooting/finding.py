@@ -11,7 +11,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
-from orbits.closing.closings import PLAIN, Closing, symmetric
+from orbits.closing.closings import PLAIN, Closing, symmetric_closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, pose
 from orbits.closing.sizes import sizes
@@ -132,7 +132,7 @@ def find(
 
 def _hint(problem: Problem) -> str:
     """What suits a symmetric guess better, where it was closed plainly; "" for others."""
-    way = "" if problem.closings != (PLAIN,) else symmetric(problem.scene)
+    way = "" if problem.closings != (PLAIN,) else symmetric_closing(problem.scene)
     return way and f"The guess is symmetric: {way} needs half of the period and of the unknowns."
 
 
