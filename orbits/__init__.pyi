@@ -40,9 +40,11 @@ from .curves.following import continue_curve as continue_curve
 from .discovery.basins import basins as basins
 from .discovery.chunks import Box as Box
 from .discovery.figure_eight import figure_eight as figure_eight
+from .discovery.map_basins import map_basins as map_basins
 from .discovery.plane import search_plane as search_plane
 from .discovery.search import search as search
 from .discovery.several import find_all as find_all
+from .discovery.tipping import basin_fractions as basin_fractions
 from .families.continuation import continue_family as continue_family
 from .families.continuation import switch_branch as switch_branch
 from .families.criticality import criticality as criticality

@@ -26,7 +26,7 @@ from orbits.cli.app import app as orbits_app
 #: Scenes that keep their energy, made of two numbers > 0.
 KEPT = {
     "pendulum": lambda a, b: scenes.pendulum(length=a, g=b),
-    "double_pendulum": lambda a, b: scenes.double_pendulum(g=b, l=(a, 1.0)),
+    "double_pendulum": lambda a, b: scenes.double_pendulum(g=b, length=(a, 1.0)),
     "two_body": lambda a, b: scenes.two_body(m1=a, m2=b),
     "oscillator": lambda a, b: scenes.oscillator(k=a, m=b),
 }

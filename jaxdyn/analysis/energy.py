@@ -48,6 +48,29 @@ def _energy(scene: Scene | Field, t, y: Array) -> Array:
     return sum(_terms(scene, t, y), jnp.zeros(()))
 
 
+#: What a scene has of energies, in the order of `System.energies`, and their sum.
+NAMES = ("kinetic", "potential", "total")
+
+
+@check_first
+def energies(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
+    """Energies () [J] by name: "kinetic", "potential" and "total", or only the total one.
+
+    Only the total one where the system defines an energy without saying what is kinetic.
+
+    Raises:
+      ValueError: the scene has no energy.
+    Example:
+      >>> from jaxdyn import scenes, simulate
+      >>> motion = simulate(scenes.oscillator(k=4.0), 1.0)
+      >>> {name: round(float(x[0]), 6) for name, x in along(energies, motion).items()}
+      {'kinetic': 0.0, 'potential': 2.0, 'total': 2.0}
+    """
+    terms = _terms(scene, t, y)
+    named = zip(NAMES, terms, strict=False) if len(terms) == len(NAMES) - 1 else ()
+    return dict(named) | {NAMES[-1]: sum(terms, jnp.zeros(()))}
+
+
 @check_first
 def momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Linear momentum (d,) [kg m/s] of all material points."""

@@ -1,6 +1,6 @@
-"""The command `jaxdyn list`: the scenes with their parameters, or the problems of the course."""
+"""The command `jaxdyn list`: scenes with their parameters, problems, what is about a word."""
 
-import re
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
@@ -10,19 +10,10 @@ from rich.table import Table
 import jaxdyn
 from jaxdyn import _scene_files
 from jaxdyn._text import choice, fail
-from jaxdyn.cli import completion
+from jaxdyn.cli import completion, topics
 from jaxdyn.cli.docstrings import SceneText, of_file, scenes
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import JsonOption
-
-#: Words of the field beside those in the texts of scenes: how these begin there.
-_SYNONYMS = {
-    "constraint": ("tie", "constrained", "rod", "roll"),
-    "forcing": ("drive", "driven", "shak", "pulse", "force f cos"),
-    "input": ("drive", "driven", "shak", "force f cos"),
-    "actuator": ("motor", "drive", "driven", "shak"),
-    "damping": ("damp", "drag", "friction"),
-}
 
 
 def list_command(
@@ -39,7 +30,7 @@ def list_command(
         bool, typer.Option("--problems", help="The course's problems and what answers each.")
     ] = False,
 ) -> None:
-    """List scenes with their course problems and their parameters, defaults and units."""
+    """List scenes with their parameters and units; with a word, also guides and problems."""
     if problems and names:
         raise fail("--problems", "no scene beside it", names[0], "It lists problems.")
     out = Screen(as_object)
@@ -50,11 +41,16 @@ def list_command(
         else:
             out.print(_problems(found))
         return
+    texts = _texts(names or [])
     chosen = _matching_scenes(names) if names else scenes()
     if as_object:
         out.result({name: _description(scene) for name, scene in chosen.items()})
-    else:
+        return
+    if chosen:
         out.print(_scenes(chosen))
+    for heading, rows in texts.items():
+        if rows:
+            out.print(_beside(heading, rows))
 
 
 def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
@@ -66,26 +62,29 @@ def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
         elif word in zoo:
             found[word] = zoo[word]
         else:
-            texts = {name: _text(name, x) for name, x in zoo.items()}
-            about = {name: zoo[name] for name, x in texts.items() if _is_about(word.casefold(), x)}
-            found |= about or {word: zoo[choice("scene", word, zoo, "jaxdyn list")]}
+            found |= {name: zoo[name] for name in topics.about(word, zoo)}
     return found
 
 
-def _is_about(word: str, text: str) -> bool:
-    """Whether a word is in a text, or a word begins there that means the same."""
-    same = _SYNONYMS.get(word, ())
-    return word in text or any(re.search(rf"\b{re.escape(one)}", text) for one in same)
+def _texts(words: list[str]) -> dict[str, dict[str, str]]:
+    """Of words that are no names of scenes: what each kind of text says of them, by a heading."""
+    zoo = scenes()
+    asked = [word for word in words if word not in zoo and not _scene_files.is_in_file(word)]
+    found = {"guide of the site": {}, "problem": {}, "word": {}}
+    for word in asked:
+        found["guide of the site"] |= topics.guides(word)
+        found["problem"] |= {f"jaxdyn course {n}": x for n, x in topics.problems(word).items()}
+        found["word"] |= topics.meanings(word)
+        if not any([*found.values(), *topics.about(word, zoo)]):
+            choice("scene", word, zoo, "jaxdyn list")
+    return found
 
 
-def _text(name: str, scene: SceneText) -> str:
-    words = [
-        name,
-        scene.summary,
-        *scene.parameters,
-        *(p.meaning for p in scene.parameters.values()),
-    ]
-    return " ".join(words).replace("_", " ").casefold()
+def _beside(heading: str, rows: Mapping[str, str]) -> Table:
+    table = Table(heading, "its meaning here" if heading == "word" else "what it is about")
+    for name, text in rows.items():
+        table.add_row(escape(name), escape(text))
+    return table
 
 
 def _scenes(zoo: dict[str, SceneText]) -> Table:

@@ -56,6 +56,10 @@ def run_command(
     series: Annotated[
         Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
     ] = None,
+    energies: Annotated[
+        Path | None,
+        output_option(picture_path, "Draw its energies over time (.png, .pdf, .svg)."),
+    ] = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,
@@ -70,7 +74,8 @@ def run_command(
     as_object: JsonOption = False,
 ) -> None:
     """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
-    check_title(title, plot, series, free_body, options="--plot, --series or --free-body")
+    options = "--plot, --series, --energies or --free-body"
+    check_title(title, plot, series, energies, free_body, options=options)
     _check_numbers(samples, seconds, animate, at, free_body)
     chosen = scene_settings(name, settings)
     solver = choice("solver", solver.lower(), ("auto", *solver_names()))
@@ -91,7 +96,8 @@ def run_command(
             out.result(record)
         else:
             _print(record, end, out)
-        _draw(motion, out, plot=plot, series=series, title=title, animate=animate, seconds=seconds)
+        _draw(motion, out, plot=plot, series=series, energies=energies, title=title)
+        _animate(motion, out, animate, seconds)
         _cut_free(motion, out, free_body, at, title)
         if play:
             out.print(open_page(jaxdyn.player.play(motion), name))
@@ -121,7 +127,7 @@ def _check_numbers(
     whole("samples", samples, most=_MOST_SAMPLES, remedy=remedy)
 
 
-def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None:
+def _draw(motion, out: Screen, *, plot, series, energies, title) -> None:
     """Write the pictures that are asked for."""
     if plot:
         with out.writing(plot, "drawn in"):
@@ -129,6 +135,15 @@ def _draw(motion, out: Screen, *, plot, series, title, animate, seconds) -> None
     if series:
         with out.writing(series, "drawn over time in"):
             jaxdyn.drawing.time_series(motion, series, title=title)
+    if energies:
+        with out.writing(energies, "with its energies in"):
+            scene = jaxdyn.integrate.phases.pieces_of(motion)[0].scene
+            names = list(jaxdyn.analysis.energy.energies(scene, 0.0, scene.y0))
+            jaxdyn.drawing.time_series(motion, energies, names=names, title=title)
+
+
+def _animate(motion, out: Screen, animate: Path | None, seconds: float | None) -> None:
+    """Write the animation if it is asked for."""
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)

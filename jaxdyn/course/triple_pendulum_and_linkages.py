@@ -55,7 +55,7 @@ PROBLEM = 43
 TOPIC = "pendulums and linkages"
 
 
-BARS = {"m": (1.0, 1.0, 1.0), "l": (1.0, 1.0, 1.0), "rates": (0.0, 0.0, 0.0)}
+BARS = {"m": (1.0, 1.0, 1.0), "length": (1.0, 1.0, 1.0), "rates": (0.0, 0.0, 0.0)}
 PRECISELY = {"samples": 401, "rtol": 1e-13}
 A = np.array([[7 / 3, 3 / 2, 1 / 2], [3 / 2, 4 / 3, 1 / 2], [1 / 2, 1 / 2, 1 / 3]])
 B = np.array([5 / 2, 3 / 2, 1 / 2])
@@ -93,7 +93,7 @@ def solve(page: Page) -> None:
     page.equal("Linkage: After it all is as at the start", back, linkage.y0, within=1e-10)
     refused = ""
     try:
-        scenes.pinned_chain(**BARS | {"l": (1.0, 2.0, 2.0)}, span=6.0, angles=(0.2, 1.0, 2.4))
+        scenes.pinned_chain(**BARS | {"length": (1.0, 2.0, 2.0)}, span=6.0, angles=(0.2, 1.0, 2.4))
     except ValueError as error:
         refused = str(error)
     page.true("5 m of bars over 6 m are refused", "span" in refused, route="the message")
@@ -125,7 +125,7 @@ def check(page: Page) -> None:
 
     crank = simulate(scenes.four_bar(angle=2.0, formulation="newton_euler"), 10.0, **PRECISELY)
     start = scenes.four_bar(angle=2.0, formulation="loop").y0[:3]
-    lengths = BARS | {"l": (1.0, 2.0, 2.0)}
+    lengths = BARS | {"length": (1.0, 2.0, 2.0)}
     loop = simulate(scenes.pinned_chain(**lengths, span=2.0, angles=start), **PRECISELY)
     statement, angle = "The crank alone and the closed loop agree", loop["theta1"]
     page.equal(statement, crank["theta1"], angle, within=1e-11, route="second formulation")

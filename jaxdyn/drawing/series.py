@@ -1,13 +1,18 @@
-"""A picture of entries of the state against time."""
+"""A picture of entries of the state, and of energies, against time."""
 
 from collections.abc import Sequence
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
 from jaxdyn._records.kinds import check_first
-from jaxdyn._text import second
+from jaxdyn._text import joule, second
+from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
 from jaxdyn.drawing.curves import samples_reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finish, style
@@ -16,6 +21,9 @@ from jaxdyn.drawing.titles import heading
 from jaxdyn.files.image_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.scene import Scene
+
+_ENERGIES = "energy"  # the panel of all energies
 
 
 @check_first
@@ -26,44 +34,83 @@ def time_series(
     names: Sequence[str] | None = None,
     title: str | None = None,
 ) -> Figure:
-    """A picture of entries of the state against time, one panel per unit.
+    """A picture of entries of the state, and of energies, against time; one panel per unit.
 
     Args:
       motion: result of `simulate` or `simulate_phases`. Curves are smooth, see `curves`; phases are
         separated by lines.
       path: file to write, .png, .pdf or .svg.
-      names: labels of the entries to draw, e.g. ``["x", "vx"]``; all of them by default.
+      names: what to draw, the entries of the state by default: their labels, and "kinetic",
+        "potential" and "total" for energies, e.g. ``["x", "vx", "kinetic", "potential"]``.
       title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
-      ValueError: `names` has an unknown label, `motion` is a batch, or `path` cannot be written.
+      ValueError: `names` has an unknown label, or an energy that the scene does not have; `motion`
+        is a batch, or `path` cannot be written.
     """
     path = picture_path(path)
     pieces = pieces_of(motion)
     scene = pieces[0].scene
-    # Positions and velocities get separate panels, even without units.
-    units = dict(scene.system.labels())
-    shared = {units[name]: unit for name, unit in scene.labels()}
-    plain = all(unit == "1" for unit in shared.values())
-    names = list(units) if names is None else [_checks.choice("names", x, units) for x in names]
+    panel_of = _panels(scene, names or ())
+    entries = dict(scene.labels())
+    names = (
+        list(entries) if names is None else [_checks.choice("names", x, panel_of) for x in names]
+    )
     if not names:
-        raise _checks.fail("names", "one of " + ", ".join(units), "none")
-    parts = [states(piece, samples_reached(piece), len(pieces)) for piece in pieces]
-    ts, ys = (np.concatenate(both) for both in zip(*parts, strict=True))
-    values = dict(zip(units, ys.T, strict=True))
-    shown = list(dict.fromkeys(units[name] for name in names))
+        raise _checks.fail("names", "one of " + ", ".join(panel_of), "none")
+    parts = [_values(piece, len(pieces), names) for piece in pieces]
+    ts, drawn = (np.concatenate(both) for both in zip(*parts, strict=True))
+    values = dict(zip(names, drawn.T, strict=True))
+    shown = list(dict.fromkeys(panel_of[name] for name in names))
+    plain = all(unit == "1" for unit in entries.values())
     lines = heading(title, [scene], WIDTH, why_stopped(motion))
     figure = blank(WIDTH, 0.8 + 2.1 * len(shown))
-    panels = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
-    for ax, unit in zip(panels, shown, strict=True):
+    axes = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
+    for ax, panel in zip(axes, shown, strict=True):
         style(ax)
         for begin in (part[0][0] for part in parts[1:] if len(part[0])):
             ax.axvline(begin, color=GRID, lw=1.6, zorder=1)
-        for i, name in enumerate(x for x in names if units[x] == unit):
+        for i, name in enumerate(x for x in names if panel_of[x] == panel):
             dash = ("-", "--", ":")[i // len(PALETTE) % 3]
             ax.plot(ts, values[name], dash, color=PALETTE[i % len(PALETTE)], lw=1.6, label=name)
         ax.margins(x=0)
-        ax.set_ylabel("" if plain else f"[{shared[unit]}]")
+        unit = next((entries[x] for x in names if panel_of[x] == panel and x in entries), "")
+        ax.set_ylabel(_of_energies(scene) if panel == _ENERGIES else "" if plain else f"[{unit}]")
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
-    panels[0].set_title(lines, fontsize=10)
+    axes[-1].set_xlabel("t" if plain else f"t [{second(scene.labels())}]")
+    axes[0].set_title(lines, fontsize=10)
     return finish(figure, path)
+
+
+def _panels(scene: Scene, names: Sequence[str]) -> dict[str, str]:
+    """The panel of each quantity by name; raises for the name of an energy if there is none.
+
+    That of an entry is its unit as the system says it: in a scene without units positions and
+    velocities still get separate panels.
+    """
+    labels = dict(scene.system.labels())
+    asked = {*NAMES} & {*names} - {*labels}
+    known = jax.eval_shape(_energies, scene) if scene.has_energy or asked else ()
+    return dict.fromkeys(known, _ENERGIES) | labels
+
+
+def _of_energies(scene: Scene) -> str:
+    unit = joule(scene.labels())
+    return f"energy [{unit}]" if unit else "energy"
+
+
+def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s,) of a smooth curve and the values (s, n) of what is named there."""
+    ts, ys = states(piece, samples_reached(piece), pieces)
+    found = dict(zip(dict(piece.scene.labels()), ys.T, strict=True))
+    if not set(names) <= set(found):
+        found = {name: np.asarray(x) for name, x in _along(piece.scene, ts, ys).items()} | found
+    return ts, np.stack([found[name] for name in names], axis=1)
+
+
+def _energies(scene: Scene) -> dict[str, Array]:
+    return energies(scene, jnp.zeros(()), scene.y0)
+
+
+@eqx.filter_jit
+def _along(scene: Scene, ts: Array, ys: Array) -> dict[str, Array]:
+    return jax.vmap(lambda t, y: energies(scene, t, y))(ts, ys)

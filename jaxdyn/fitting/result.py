@@ -24,6 +24,7 @@ _GRID = 15  # values of a profile
 _WIDENINGS = 4  # times that it is made twice as wide
 _NAMED = 0.1  # of the largest weight: parameters that a combination names
 _CORRELATED = 4.0  # standard errors of the correlation of residuals in time
+_WIDE = 0.25  # of an estimate: an interval over which the Jacobian may change
 _UNLIKELY = 1e-3  # probability of the misfit below which the model is doubted
 
 
@@ -347,19 +348,32 @@ class Fit:
             ),
             ("status", f"{self.status.name}: {self.message}"),
             ("warning", self.warning),
+            ("wide", self._wide()),
         ]
         return _text.table(f"Fit of {_text.title_of(self.scene)}, with 95 % intervals", rows)
+
+    def _wide(self) -> str:
+        """Parameters whose interval is so wide that the Jacobian may not tell it; "" for none."""
+        sd, values = np.sqrt(np.diag(self.covariance)), self.values
+        p = len(self.solution.x.theta)
+        wide = self.quantile * sd[:p] > _WIDE * np.abs(values[:p])
+        names = [name for name, is_wide in zip(self.names, wide, strict=False) if is_wide]
+        calls = ", ".join(f"profile({name!r})" for name in names)
+        return calls and f"over such intervals the Jacobian may change, which {calls} follows"
 
     _repr_html_ = _text.html
 
 
 @eqx.filter_jit
 def _profile(model, segments, sigma, pin, thetas, starts):
-    def one(theta, nodes):
+    def one(at):
+        theta, nodes = at
         found = estimate(model, segments, sigma, theta, nodes[0], pin, nodes)
         return found.cost, found.converged
 
-    return jax.vmap(one)(thetas, starts)
+    # Not side by side, where LAPACK's batches in two of XLA's threads wait for each other for ever
+    # on two cores [jaxlib 0.10, in fits of a double pendulum], and all wait for the slowest.
+    return jax.lax.map(one, (thetas, starts))
 
 
 @eqx.filter_jit

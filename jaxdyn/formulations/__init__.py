@@ -9,8 +9,8 @@ place. `extended` is a system with further entries in its state. `choice` sets o
 several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
-Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given. `xpp` reads
-equations that are written as text.
+Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given, `structure`
+is the pytree that a state may stand for. `xpp` reads equations that are written as text.
 
 May import: `geometry`.
 
@@ -32,6 +32,7 @@ from jaxdyn.formulations import (
     polar,
     prescribed,
     rigid,
+    structure,
     xpp,
 )
 
@@ -49,5 +50,6 @@ __all__ = [
     "polar",
     "prescribed",
     "rigid",
+    "structure",
     "xpp",
 ]

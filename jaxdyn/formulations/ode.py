@@ -1,7 +1,8 @@
 """A scene from an ordinary differential equation dy/dt = rate(t, y, params).
 
 It is for equations that are not mechanics, or are written down already: the state is any array
-(k,), there are no material points, and an energy or other integrals only if they are given.
+(k,), or a pytree that is stored as one, there are no material points, and an energy or other
+integrals only if they are given.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ from jaxdyn.formulations.functions import (
     name_of,
     vector,
 )
+from jaxdyn.formulations.structure import Structure, flatten_start
 from jaxdyn.scene import Scene, System
 
 
@@ -38,6 +40,7 @@ class Ode(System):
       moves: names of candidates for continuous symmetries, and their generators:
         (y, params) -> (k,), without params where they are None.
       second_order: whether the state is [q, v] with dq/dt = v and dv/dt independent of v.
+      structure: the pytree that the functions take and return in place of (k,); None for (k,).
     """
 
     function: Callable = eqx.field(static=True)
@@ -47,27 +50,51 @@ class Ode(System):
     conserved: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
     moves: tuple[tuple[str, Callable], ...] = eqx.field(static=True, default=())
     second_order: bool = eqx.field(static=True, default=False)
+    structure: Structure | None = eqx.field(static=True, default=None)
 
     def labels(self):
         return self.names
 
+    def tree(self, y: Array) -> Any:
+        """What the functions take for states (..., k): a pytree where the start was one, else y.
+
+        Example:
+          >>> import jaxdyn
+          >>> def spring(t, y):
+          ...     return {"x": y["v"], "v": -y["x"]}
+          >>> scene = jaxdyn.ode(spring, {"x": 1.0, "v": 0.0}, 2.0)
+          >>> motion = jaxdyn.simulate(scene)
+          >>> states = scene.system.tree(motion.ys)
+          >>> round(float(states["x"][-1]), 6), bool((states["v"] == motion["v"]).all())
+          (-0.416147, True)
+        """
+        return y if self.structure is None else self.structure.tree_of(y)
+
     def rate(self, t, y, effects):
         del effects
-        return vector("rate", call(self.function, self.params, t, y), y)
+        return self._flatten("rate", call(self.function, self.params, t, self.tree(y)), y)
+
+    def _flatten(self, name: str, value: Any, y: Array) -> Array:
+        """What a function returned, like the state, as an array (k,)."""
+        if self.structure is None or value is None:
+            return vector(name, value, y)
+        return self.structure.flatten(name, value, y)
 
     def energies(self, t, y, effects):
         del effects
         if self.energy is None:
             return ()
-        return (vector("energy", call(self.energy, self.params, t, y), y),)
+        return (vector("energy", call(self.energy, self.params, t, self.tree(y)), y),)
 
     def integrals(self, t, y):
-        values = {name: call(function, self.params, t, y) for name, function in self.conserved}
+        tree = self.tree(y)
+        values = {name: call(function, self.params, t, tree) for name, function in self.conserved}
         return {name: vector(name, value, y) for name, value in values.items()}
 
     def generators(self, y):
-        values = {name: call(function, self.params, y) for name, function in self.moves}
-        return {name: vector(name, value, y) for name, value in values.items()}
+        tree = self.tree(y)
+        values = {name: call(function, self.params, tree) for name, function in self.moves}
+        return {name: self._flatten(name, value, y) for name, value in values.items()}
 
     def check(self, t, y):
         del t, y
@@ -91,13 +118,15 @@ def ode(
     Args:
       rate: a function of time (), state (k,) and `params` that returns (k,), an array of
         `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters.
-      y0: (k,) start.
+      y0: (k,) start; or a pytree of arrays, such as ``{"x": 1.0, "v": [0.0, 1.0]}``, which all
+        functions then take and return in place of (k,). The scene stores it as (k,), and
+        ``scene.system.tree(motion.ys)`` is the motion as such a pytree.
       t1: () span worth seeing, the default of `simulate`; for `orbits.find` a guess of the period.
-      names: names of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out. An
-        entry with the unit "rad" is an angle: values that differ by 2 pi are the same. Entries
-        with the same unit share a size, to which tolerances are relative; an entry without a unit
-        has its own. Give the modes of a wave one unit: small modes are then known only to the
-        rounding of large ones.
+      names: names of the k entries, each a name or a pair (name, unit); y0, y1, ... if left out, or
+        the keys of a pytree, "x" and "v[0]", in the order of `jax.tree.leaves`. An entry with the
+        unit "rad" is an angle: values that differ by 2 pi are the same. Entries with the same unit
+        share a size, to which tolerances are relative; an entry without a unit has its own. Give
+        the modes of a wave one unit: small modes are then known only to the rounding of large ones.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
         new values do not compile again.
       energy: a function of the arguments of `rate` that returns (). It need not be conserved:
@@ -136,6 +165,7 @@ def ode(
       >>> float(energy.drift(motion, "level")) < 1e-12
       True
     """
+    y0, names, structure = flatten_start(y0, names)
     y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
     params = as_params(params)
     extra = _by_name("integrals", integrals, "momentum")
@@ -156,6 +186,7 @@ def ode(
         conserved=extra,
         moves=moves,
         second_order=bool(second_order),
+        structure=structure,
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
     try:
@@ -166,7 +197,11 @@ def ode(
     check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
         one = "An energy is one number."
-        _shapes.check_value("energy", (), one, lambda t, y: call(energy, params, t, y), t, y0)
+
+        def energy_of(t, y):
+            return call(energy, params, t, system.tree(y))
+
+        _shapes.check_value("energy", (), one, energy_of, t, y0)
     for key, _ in moves:
         name = f"generators {key!r}"
         _shapes.check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)

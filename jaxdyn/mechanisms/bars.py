@@ -324,8 +324,8 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
       end: (2,) where the far end is pinned [m]; None where it is free.
       span: name of the distance of the far end in messages.
     """
-    _checks.array("l", l, m.shape, "One length for each mass.")
-    _checks.positive("l", l, "Lengths are in m.")
+    _checks.array("length", l, m.shape, "One length for each mass.")
+    _checks.positive("length", l, "Lengths are in m.")
     if end is None or _checks.is_traced((l, end)):
         return
     sides = np.append(np.asarray(l), np.hypot(*np.asarray(end)))
@@ -333,7 +333,7 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
     _checks.finite(span, end, "It is the distance of the far hinge, in m.")
     if longest >= (sides.sum() - longest) * (1 - _MIN_SLACK):
         raise _checks.fail(
-            span if longest == sides[-1] else "l",
+            span if longest == sides[-1] else "length",
             "links that can close",
             f"a longest side of {longest:.6g} m and {sides.sum() - longest:.6g} m in all others",
             "Shorten the longest link or move the far hinge.",

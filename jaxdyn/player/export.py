@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._text import joule
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.curves import samples_reached
@@ -151,7 +152,7 @@ def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most
         ],
         "grounds": [line.tolist() for line in grounds(drawn)],
         "stopped": drawn.stopped,
-        "energy": _energy(motion, " J" if drawn.second else ""),
+        "energy": _energy(motion),
     }
 
 
@@ -179,7 +180,7 @@ def _rigid_maps(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
     return np.concatenate([maps, shifts], axis=1) if missed <= size.max() / _SHARES else None
 
 
-def _energy(motion: Trajectory | HybridTrajectory, unit: str) -> dict | None:
+def _energy(motion: Trajectory | HybridTrajectory) -> dict | None:
     """The energy at the start and its relative change; None for a scene without an energy."""
     good = [(piece, samples_reached(piece)) for piece in pieces_of(motion)]
     pieces = [dataclasses.replace(one, ts=one.ts[:n], ys=one.ys[:n]) for one, n in good if n]
@@ -192,10 +193,11 @@ def _energy(motion: Trajectory | HybridTrajectory, unit: str) -> dict | None:
     if not np.isfinite([*values, size]).all():
         return None
     kept = _forwards(np.unique(np.linspace(0, len(ts) - 1, _ENERGIES).astype(int)), ts)
+    unit = joule(pieces[0].scene.labels())
     return {
         "start": float(values[0]),
         "size": size,
-        "unit": unit,
+        "unit": f" {unit}" if unit else "",
         "ts": _text(ts[kept], "<f8"),
         "change": _text((values[kept] - values[0]) / size, "<f8"),
     }

@@ -840,7 +840,7 @@
     tell() {
       const { data, runs } = this, now = runs[0].now;
       const entries = data.entries.slice(0, 13).map((one, i) => `${one.name} = ${short(now[i], 5)}${one.unit ? ` ${one.unit}` : ""}`);
-      const energies = this.energies(this.t, now), first = runs[0].samples[0].energies, unit = data.second ? " J" : "";
+      const energies = this.energies(this.t, now), first = runs[0].samples[0].energies, unit = data.joule && ` ${data.joule}`;
       if (energies.length) {
         const sum = (list) => list.reduce((a, b) => a + b, 0);
         entries.push(`energy ${short(sum(energies), 6)}${unit}${this.t && first.length ? `, changed by ${(sum(energies) - sum(first)).toExponential(1)}${unit}` : ""}`);
@@ -858,7 +858,7 @@
     // several motions.
     quantities() {
       const { data } = this, entries = data.entries.map((one, i) => ({ name: one.unit ? `${one.name} [${one.unit}]` : one.name, values: (s) => [s.y[i]], angle: one.unit === "rad" }));
-      const found = [{ name: data.second ? `t [${data.second}]` : "t", values: (s) => [s.t] }, ...entries], unit = data.second ? " [J]" : "";
+      const found = [{ name: data.second ? `t [${data.second}]` : "t", values: (s) => [s.t] }, ...entries], unit = data.joule && ` [${data.joule}]`;
       if (data.terms.length) {
         const total = (s) => s.energies.reduce((a, b) => a + b, 0);
         found.push({ name: `energy${unit}`, values: (s) => [total(s)] });

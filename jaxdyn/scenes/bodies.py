@@ -210,7 +210,7 @@ def top(
     *,
     precession=0.0,
     nutation=0.0,
-    spin=40.0,
+    spin=250.0,
     m=0.1,
     d=0.05,
     I1=1e-4,
@@ -221,6 +221,9 @@ def top(
     t1=3.0,
 ) -> Scene:
     """A spinning top with a fixed point at the origin and z up (problems 59, 61).
+
+    By default it is released at rest but for its spin, which is fast enough to keep it up: it nods
+    and precesses. Far below `precession.critical_spin` it falls down through its pivot.
 
     omega = precession k + nutation e_x' + spin e_3', with e_x' along the horizontal k x e_3'.
     ``precession`` from `precession.top_roots` starts it in steady precession.

@@ -25,6 +25,7 @@ from jaxdyn.integrate.simulation import RTOL, simulate
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.corners import has_corners, phases_of
+from jaxdyn.scenes.ready_made import with_present_names
 from jaxdyn.solvers import Solver
 
 
@@ -168,9 +169,9 @@ def function_of_numbers(
 
 def numbers(name: str, settings: Mapping[str, str]) -> dict[str, Any]:
     """The keyword arguments of a scene's function, from text; see `build`."""
-    known = entry(name).parameters
-    values = {}
-    for key, text in settings.items():
+    found = entry(name)
+    known, values = found.parameters, {}
+    for key, text in with_present_names(name, settings, getattr(found.make, "renamed", {})).items():
         _checks.choice(f"parameter of {name}", key, known)
         values[key] = setting(key, text, known[key])
     return values

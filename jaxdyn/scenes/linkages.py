@@ -17,7 +17,7 @@ from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
 from jaxdyn.mechanisms.four_bar import IN_LINE, FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.scenes.ready_made import RENAMED, ready_made
 
 _CLOSING_PROJECTIONS = 8  # projections of a rough start onto its ties; each squares the error
 
@@ -98,11 +98,11 @@ def dumbbell(
     return Scene(system, (), y0=y0, t1=t1)
 
 
-@ready_made()
+@ready_made(renamed=RENAMED)
 def four_bar(
     *,
     m=(1.0, 1.0, 1.0),
-    l=(1.0, 2.0, 2.0),  # noqa: E741 the course's name
+    length=(1.0, 2.0, 2.0),
     ground=2.0,
     g=1.0,
     angle=2.0,
@@ -116,7 +116,7 @@ def four_bar(
 
     Args:
       m: masses of crank, coupler and rocker [kg].
-      l: their lengths [m].
+      length: length of each [m].
       ground: distance of the far hinge, to the right of the first [m].
       g: gravity [m/s^2].
       angle: angle of the crank at the start, from hanging down [rad].
@@ -129,24 +129,24 @@ def four_bar(
       drift: for "constrained" and "loop": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l, ground = floats(m, l, ground)  # noqa: E741
+    m, length, ground = floats(m, length, ground)
     end = jnp.stack([ground, jnp.zeros_like(ground)])
-    free = FourBar(m=m, l=l, end=end, crossed=crossed)
-    check_bars(m, l, end, "ground")
+    free = FourBar(m=m, l=length, end=end, crossed=crossed)
+    check_bars(m, length, end, "ground")
     _check_crank(free, angle)
     embeddings = {
-        "constrained": Embedding(Bodies(m, l, end), free.bodies),
+        "constrained": Embedding(Bodies(m, length, end), free.bodies),
         "loop": free.opened_form(),
     }
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@ready_made("m", "l", "angles", "rates")
+@ready_made("m", "length", "angles", "rates", renamed=RENAMED)
 def pinned_chain(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
-    l=(1.0, 1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    length=(1.0, 1.0, 1.0, 1.0),
     span=2.5,
     g=1.0,
     angles=(0.2, 1.0, 2.4, 2.6),
@@ -159,7 +159,7 @@ def pinned_chain(
 
     Args:
       m: masses [kg].
-      l: lengths [m].
+      length: length of each [m].
       span: distance of the far hinge, to the right of the first [m].
       g: gravity [m/s^2].
       angles: approximate angles, from hanging down [rad]; the nearest pose that closes is taken.
@@ -169,26 +169,26 @@ def pinned_chain(
       drift: "projection", "baumgarte" or "raw".
       t1: span of time [s].
     """
-    m, l, span = floats(m, l, span)  # noqa: E741
+    m, length, span = floats(m, length, span)
     _checks.choice("formulation", formulation, ("loop", "constrained"))
     end = jnp.stack([span, jnp.zeros_like(span)])
-    chain = Chain(m, l, end)
-    check_bars(m, l, end, "span")
+    chain = Chain(m, length, end)
+    check_bars(m, length, end, "span")
     q, v = jnp.split(_close(chain, angles, rates), 2)
     # With both ends pinned the chain has no free coordinates; it is embedded in its own angles.
     embeddings = {
         "loop": Embedding(chain, _as_given),
-        "constrained": Embedding(Bodies(m, l, end), chain.bodies),
+        "constrained": Embedding(Bodies(m, length, end), chain.bodies),
     }
     system, y0 = route(formulation, chain, q, v, embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@ready_made("m", "l", "angles", "rates")
+@ready_made("m", "length", "angles", "rates", renamed=RENAMED)
 def skate_chain(
     *,
     m=(1.0, 1.0, 1.0),
-    l=(1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    length=(1.0, 1.0, 1.0),
     g=0.0,
     angles=(0.5, 1.5, 2.0),
     rates=(1.0, 0.0, 0.0),
@@ -199,15 +199,15 @@ def skate_chain(
 
     Args:
       m: masses [kg].
-      l: lengths [m].
+      length: length of each [m].
       g: gravity along -y [m/s^2]; 0 for bars on ice leaves the effect out.
       angles: angles at the start, from hanging down [rad].
       rates: rates of the angles [rad/s]; the nearest rates that the skate allows are taken.
       drift: "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l = floats(m, l)  # noqa: E741
-    chain = Chain(m, l, skate=True)
+    m, length = floats(m, length)
+    chain = Chain(m, length, skate=True)
     y0 = _close(chain, angles, rates)
     return Scene(Constrained(chain, drift), unless_zero(g, UniformGravity(g)), y0=y0, t1=t1)
 

@@ -17,7 +17,7 @@ from jaxdyn.formulations.mechanism import TIES, Embedding
 from jaxdyn.mechanisms.bars import Bobs, Bodies, Chain
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
-from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.scenes.ready_made import RENAMED, ready_made
 
 
 @ready_made()
@@ -108,11 +108,11 @@ def shaken_pendulum(
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 
-@ready_made()
+@ready_made(renamed=RENAMED)
 def double_pendulum(
     *,
     m=(1.0, 1.0),
-    l=(1.0, 1.0),  # noqa: E741 the course's name
+    length=(1.0, 1.0),
     g=1.0,
     angles=(math.pi / 2, math.pi),
     rates=(0.0, 0.0),
@@ -126,7 +126,7 @@ def double_pendulum(
 
     Args:
       m: masses [kg].
-      l: lengths [m].
+      length: length of each [m].
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
@@ -138,17 +138,17 @@ def double_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
+    numbers = {"m": m, "length": length, "g": g, "angles": angles, "rates": rates, "t1": t1}
     return n_pendulum(
         **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
     )
 
 
-@ready_made()
+@ready_made(renamed=RENAMED)
 def triple_pendulum(
     *,
     m=(1.0, 1.0, 1.0),
-    l=(1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    length=(1.0, 1.0, 1.0),
     g=1.0,
     angles=(math.pi / 2, math.pi, 2.0),
     rates=(0.0, 0.0, 0.0),
@@ -162,7 +162,7 @@ def triple_pendulum(
 
     Args:
       m: masses [kg].
-      l: lengths [m].
+      length: length of each [m].
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
@@ -172,17 +172,17 @@ def triple_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    numbers = {"m": m, "l": l, "g": g, "angles": angles, "rates": rates, "t1": t1}
+    numbers = {"m": m, "length": length, "g": g, "angles": angles, "rates": rates, "t1": t1}
     return n_pendulum(
         **numbers, relative=relative, uniform=uniform, formulation=formulation, drift=drift
     )
 
 
-@ready_made("m", "l", "angles", "rates")
+@ready_made("m", "length", "angles", "rates", renamed=RENAMED)
 def n_pendulum(
     *,
     m=(1.0, 1.0, 1.0, 1.0),
-    l=(1.0, 1.0, 1.0, 1.0),  # noqa: E741 the course's name
+    length=(1.0, 1.0, 1.0, 1.0),
     g=1.0,
     angles=(1.5, 1.5, 1.5, 1.5),
     rates=(0.0, 0.0, 0.0, 0.0),
@@ -196,7 +196,7 @@ def n_pendulum(
 
     Args:
       m: masses [kg].
-      l: lengths [m].
+      length: length of each [m].
       g: gravity [m/s^2].
       angles: angles at the start, each from hanging down [rad].
       rates: rates of the angles at the start [rad/s].
@@ -206,12 +206,13 @@ def n_pendulum(
       drift: for "constrained": "projection", "baumgarte" or "raw".
       t1: span [s].
     """
-    m, l, q, v = floats(m, l, angles, rates)  # noqa: E741
-    free = Chain(m, l, relative=relative, uniform=uniform)
+    m, length, q, v = floats(m, length, angles, rates)
+    free = Chain(m, length, relative=relative, uniform=uniform)
     if relative:
         q, v = (jnp.diff(x, prepend=0.0) for x in (q, v))
-    tied = Embedding(Bodies(m, l), free.bodies) if uniform else Embedding(Bobs(m, l), free.bobs)
-    system, y0 = route(formulation, free, q, v, {"constrained": tied}, drift)
+    tied = Bodies(m, length) if uniform else Bobs(m, length)
+    embeddings = {"constrained": Embedding(tied, free.bodies if uniform else free.bobs)}
+    system, y0 = route(formulation, free, q, v, embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
 

@@ -1,8 +1,9 @@
 """The decorator of all functions of ready-made scenes: it checks parameters and gives a name."""
 
 import functools
-from collections.abc import Callable
-from typing import TypeVar, cast
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar, cast
 
 from jaxdyn._arguments import like_defaults
 from jaxdyn.scene import Scene
@@ -10,12 +11,19 @@ from jaxdyn.scene import Scene
 F = TypeVar("F", bound=Callable[..., Scene])
 
 
-def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
+#: The new names of parameters that have another one since version 0.3.
+RENAMED = {"l": "length"}
+
+
+def ready_made(
+    *rows: str, but: tuple[str, ...] = (), renamed: Mapping[str, str] | None = None
+) -> Callable[[F], F]:
     """A decorator for a function that makes a scene, which then has the function's name.
 
     Args:
       rows: see `jaxdyn._arguments.like_defaults`, which checks the shapes of the numbers.
       but: see `jaxdyn._arguments.like_defaults`.
+      renamed: the new names of parameters by the old ones, which still work and warn.
     Example:
       >>> from jaxdyn import scenes
       >>> scenes.cannonball(speed=20.0).name
@@ -27,12 +35,27 @@ def ready_made(*rows: str, but: tuple[str, ...] = ()) -> Callable[[F], F]:
 
         @functools.wraps(make)
         def named(*args, **kwargs) -> Scene:
-            made = checked(*args, **kwargs)
+            made = checked(*args, **with_present_names(make.__name__, kwargs, renamed or {}))
             scene = object.__new__(type(made))
             # Unlike `dataclasses.replace`, this does not check all parts again.
             scene.__dict__.update(made.__dict__, name=make.__name__)
             return scene
 
+        vars(named)["renamed"] = renamed or {}
         return cast(F, named)
 
     return decorated
+
+
+def with_present_names(
+    scene: str, given: Mapping[str, Any], renamed: Mapping[str, str]
+) -> dict[str, Any]:
+    """Parameters of a scene by their present names; an old one warns.
+
+    Beside the new one it is left as it is, for what refuses unknown names.
+    """
+    new = {old: now for old, now in renamed.items() if old in given and now not in given}
+    for old, now in new.items():
+        told = f"{old} of {scene} is now {now}; the old name goes with the next version."
+        warnings.warn(told, DeprecationWarning, stacklevel=3)
+    return {new.get(name, name): x for name, x in given.items()}

@@ -30,7 +30,7 @@ from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.joints import Load, particles, rod
 from jaxdyn.scene import Scene, System
-from jaxdyn.scenes.ready_made import ready_made
+from jaxdyn.scenes.ready_made import RENAMED, ready_made
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Points
 
@@ -115,7 +115,7 @@ class RimlessWheel(System):
     def check(self, t, y):
         del t, y
         _checks.whole("spokes", self.spokes, least=5, remedy="With fewer no spoke lets it roll on.")
-        _checks.positive("l", self.l)
+        _checks.positive("length", self.l)
 
 
 class SpokeLands(Event):
@@ -147,8 +147,8 @@ class NextSpoke(eqx.Module):
         return jnp.stack([y[0] - self.way * between, math.cos(between) * y[1]])
 
 
-@ready_made()
-def rimless_wheel(*, spokes=8, slope=0.08, l=1.0, g=1.0, omega=0.4, t1=5.0) -> Scene:  # noqa: E741
+@ready_made(renamed=RENAMED)
+def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0) -> Scene:
     """A wheel of spokes without a rim that rolls down a slope, on one spoke after the other.
 
     It starts on a spoke that has just landed; `phases_of` has its steps. With the default numbers
@@ -158,13 +158,13 @@ def rimless_wheel(*, spokes=8, slope=0.08, l=1.0, g=1.0, omega=0.4, t1=5.0) -> S
     Args:
       spokes: number of spokes, at least 5.
       slope: angle of the ground below the horizontal, falling towards +x [rad].
-      l: length of a spoke [m].
+      length: length of a spoke [m].
       g: gravity [m/s^2].
       omega: angular velocity at the start, down the slope [rad/s].
       t1: span [s].
     """
     spokes = _checks.whole("spokes", spokes, least=5, remedy="With fewer it does not roll on.")
-    wheel = RimlessWheel(spokes, slope, l, g)
+    wheel = RimlessWheel(spokes, slope, length, g)
     return Scene(wheel, y0=jnp.stack([slope - wheel.half, as_float(omega)]), t1=t1)
 
 
@@ -187,7 +187,7 @@ class SimplestWalker(System):
 
     Attributes:
       slope: angle of the ground below the horizontal, falling towards +x [rad].
-      l: length of a leg [m].
+      length: length of a leg [m].
       g: gravity [m/s^2].
     """
 
@@ -240,7 +240,7 @@ class SimplestWalker(System):
 
     def check(self, t, y):
         del t, y
-        _checks.positive("l", self.l)
+        _checks.positive("length", self.l)
 
 
 class HeelStrikes(Event):
@@ -265,11 +265,11 @@ def changes_feet(t: Array, y: Array) -> Array:
     return jnp.stack([-stance, -2 * stance, kept * rate, kept * (1 - kept) * rate])
 
 
-@ready_made()
+@ready_made(renamed=RENAMED)
 def simplest_walker(
     *,
     slope=0.009,
-    l=1.0,  # noqa: E741
+    length=1.0,
     g=1.0,
     stance=0.2,
     rate=-0.2,
@@ -284,7 +284,7 @@ def simplest_walker(
 
     Args:
       slope: angle of the ground below the horizontal, falling towards +x [rad].
-      l: length of a leg [m].
+      length: length of a leg [m].
       g: gravity [m/s^2].
       stance: angle of the leg that has come to the ground, counterclockwise from the normal of the
         ground [rad].
@@ -294,7 +294,7 @@ def simplest_walker(
     stance, rate = floats(stance, rate)
     kept = jnp.cos(2 * stance)
     y0 = jnp.stack([stance, 2 * stance, rate, (1 - kept) * rate])
-    return Scene(SimplestWalker(slope, l, g), y0=y0, t1=t1)
+    return Scene(SimplestWalker(slope, length, g), y0=y0, t1=t1)
 
 
 @check_first

@@ -75,11 +75,18 @@ class DifferentiableOrbit(eqx.Module):
           IntegrationError: the variational equations cannot be integrated over the period.
         """
         values, right, left = _eigenvectors(self.known)
-        rtol = self.known.rtol
-        orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
-        m, _ = return_map(orbit, rtol)
+        m = self.return_map()
         change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
         return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
+
+    def return_map(self) -> Array:
+        """(k, k) the derivative of the return map by the start; its eigenvalues are multipliers.
+
+        Raises:
+          IntegrationError: the variational equations cannot be integrated over the period.
+        """
+        orbit = eqx.tree_at(lambda o: (o.scene, o.angle), self.known, (self.scene, self.angle))
+        return return_map(orbit, self.known.rtol)[0]
 
     def exponents(self) -> Array:
         """(p,) Floquet exponents [1/time], the logarithms of the multipliers over the period."""

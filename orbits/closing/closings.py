@@ -11,6 +11,7 @@ orbit.
 import abc
 import dataclasses
 import functools
+import itertools
 import math
 
 import equinox as eqx
@@ -24,7 +25,14 @@ from jaxdyn._checks import choice, fail, whole
 from jaxdyn._records.kinds import check_first
 from jaxdyn._records.record import Record
 from orbits.closing.sizes import sizes
-from orbits.closing.symmetry import EXACT, IDENTITY, Symmetry, order, point_symmetry
+from orbits.closing.symmetry import (
+    EXACT,
+    IDENTITY,
+    Symmetry,
+    order,
+    point_symmetry,
+    time_reversal,
+)
 
 #: Angles tried for the first guess of the angle of a relative orbit: at least so many, and so many
 #: for each turn of the fastest entries in 2 pi.
@@ -358,6 +366,31 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
         raise fail("across", f"fewer than all of the axes {', '.join(axes)}", repr(across))
     signs = [1 if axis in across else -1 for axis in axes]
     return reversal(point_symmetry(range(n), signs, reversing=True))
+
+
+def symmetric_closing(scene: Scene) -> str:
+    """How to write a closing by reversal that suits the start of a scene; "" if there is none.
+
+    Such as a mirror that the start crosses at a right angle, or the start from rest of a motion
+    that swings back.
+    """
+    d = scene.points(jnp.zeros(()), scene.y0).r.shape[1] if scene.has_points else 0
+    axes = [name for n in range(d - 1, 0, -1) for name in itertools.combinations("xyz"[:d], n)]
+    for across in map("".join, axes):
+        if _suits(mirror(scene, across), scene):
+            return f'closing=orbits.closing.mirror(scene, "{across}")'
+    k = len(scene.y0)
+    if k % 2 == 0 and _suits(reversal(time_reversal(k)), scene):
+        return f"closing=orbits.reversal(orbits.time_reversal({k}))"
+    return ""
+
+
+def _suits(closing: Closing, scene: Scene) -> bool:
+    try:
+        closing.check(scene)
+    except ValueError:
+        return False
+    return True
 
 
 def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,8 @@ from . import libration as libration
 from . import nearby as nearby
 from . import plane as plane
 from . import seeds as seeds
-from .basins import Attractor as Attractor
-from .basins import Basins as Basins
 from .chunks import Starts as Starts
 from .search import SearchResult as SearchResult
+from .settling import Attractor as Attractor
+from .settling import Basins as Basins
+from .tipping import BasinFractions as BasinFractions

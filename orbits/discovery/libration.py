@@ -1,13 +1,15 @@
 """Guesses of orbits of a body of no mass near two that circle each other, by linear theory.
 
-About the libration points small motions are sums of an oscillation in the plane, one across it, and
-a part that grows. Lyapunov orbits and vertical ones are the two oscillations; halo orbits begin
-where a larger planar one has the period of the vertical one, and are guessed by Richardson's series
-to third order. Distant retrograde orbits are guessed as circles about the second body, in the axes
-that turn.
+About the libration points on the axis small motions are sums of an oscillation in the plane, one
+across it, and a part that grows. Lyapunov orbits and vertical ones are the two oscillations; halo
+orbits begin where a larger planar one has the period of the vertical one, and are guessed by
+Richardson's series to third order; axial ones, which begin at a still larger one, by a table. About
+L4 and L5 there are a short and a long oscillation in the plane, and one across it. Distant
+retrograde orbits are guessed as circles about the second body, and resonant ones as ellipses about
+the first, in the axes that turn.
 
 Reference: Richardson (1980), Celestial Mechanics 22, 241; Henon (1969), Astronomy and Astrophysics
-1, 223, for retrograde orbits.
+1, 223, for retrograde orbits; Szebehely (1967), Theory of Orbits, chapter 5, for L4 and L5.
 """
 
 import math
@@ -17,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import choice, fail, positive
+from jaxdyn._checks import array, choice, fail, positive, whole
 from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes.restricted import libration_point, restricted
 from orbits.discovery.seeds import Seed
@@ -27,12 +29,15 @@ _NEAR = 0.5  # of the radius of Hill's sphere: that of a distant retrograde orbi
 
 
 class _Guess(NamedTuple):
-    """A start (x, z, vy) across the plane xz, in units of the two bodies, and the period."""
+    """A start (x, y, z, vx, vy, vz), in units of the two bodies, and the period."""
 
-    x: float
-    z: float
-    vy: float
+    start: tuple[float, float, float, float, float, float]
     period: float
+
+
+def _across(x: float, z: float, vy: float, period: float) -> _Guess:
+    """An orbit that crosses the plane xz at a right angle."""
+    return _Guess((x, 0.0, z, 0.0, vy, 0.0), period)
 
 
 @check_first
@@ -47,22 +52,27 @@ def near_libration_point(
     """A guess of an orbit of a family near a libration point, or about the second body.
 
     ``orbits.find(scene.starting(seed.y0), period=seed.period, closing=orbits.closing.mirror(scene),
-    hold=...)`` finds the orbit, `orbits.continue_family` its family. Axial and other families
-    branch off these: `orbits.switch_branch`.
+    hold=...)`` finds the orbit, `orbits.continue_family` its family. Axial orbits are mirrored at
+    the axis, ``orbits.closing.mirror(scene, "x")``; those about L4 and L5 have no mirror. Other
+    families branch off these: `orbits.switch_branch`. Resonant orbits have `resonant`.
 
     Args:
       scene: `scenes.restricted_three_body_in_space`, in either units; in the plane for planar ones.
-      family: "halo", "lyapunov", "vertical", or "distant retrograde" (about the second body).
-      point: "L1", "L2" or "L3"; halo orbits of the first two.
-      amplitude: along x of Lyapunov orbits, along z of vertical and halo ones, distance from the
-        second body of retrograde ones, in the scene's unit; small by default.
-      southern: the mirror image of a halo orbit, of which most is below the plane.
+      family: "halo", "lyapunov", "vertical", "axial", "short period", "long period", or "distant
+        retrograde" (about the second body).
+      point: "L1", "L2" or "L3"; halo and axial orbits of the first two. "L4" or "L5" for the
+        vertical ones and those of short and long period.
+      amplitude: along x of planar orbits, along z of vertical and halo ones, distance from the
+        second body of retrograde ones, in the scene's unit; small by default. None for axial ones.
+      southern: the mirror image of a halo, vertical or axial orbit; most of a halo orbit is then
+        below the plane.
     Raises:
-      ValueError: another scene, family or point, or `amplitude` is not > 0.
+      ValueError: another scene, family or point, `amplitude` is not > 0, or `mu` is so large that
+        L4 and L5 are unstable.
     Limits: to second or third order in the amplitude: large ones are reached along the family.
       Orbits so small that rounding of the place of the point exceeds the goal of `find` need a
       larger one. About L3 both oscillations have nearly one period, and vertical orbits are not
-      told from others.
+      told from others. Axial ones for `mu` up to that of the Moon.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -73,20 +83,80 @@ def near_libration_point(
       >>> halo.ok, round(halo.period, 2)  # days
       (True, 12.17)
     """
-    system, k = restricted(scene), len(scene.y0)
-    made = _FAMILIES[choice("family", family, list(_FAMILIES))]
-    choice("point", point, ("L1", "L2", "L3"))
+    kind, k = _FAMILIES[choice("family", family, list(_FAMILIES))], len(scene.y0)
+    system = restricted(scene)
+    if choice("point", point, _POINTS) not in kind.points:
+        fitting = [name for name, other in _FAMILIES.items() if point in other.points]
+        remedy = f"Near {point} are {', '.join(fitting)} orbits."
+        raise fail("point", f"one of {', '.join(kind.points)} for {family} orbits", point, remedy)
     if amplitude is not None:
         positive("amplitude", amplitude, "It is a distance.")
-    if k == 4 and family in ("halo", "vertical"):
+        if not kind.sized:
+            raise fail("amplitude", f"none for {family} orbits", amplitude, "Follow the family.")
+    if k == 4 and not kind.planar:
         raise fail("family", "a planar one in a scene of the plane", family)
     units = np.asarray(getattr(system, "units", np.ones(k)))
-    mu, time = float(system.mu), float(getattr(system, "time", 1.0))
-    there = float(np.asarray(libration_point(scene, point))[0] / units[0])
-    guess = made(mu, there, None if amplitude is None else amplitude / float(units[0]))
-    z = -guess.z if southern else guess.z
-    start = [guess.x, 0.0, 0.0, guess.vy] if k == 4 else [guess.x, 0.0, z, 0.0, guess.vy, 0.0]
-    return Seed(np.array(start) * units, guess.period * time)
+    place = np.asarray(libration_point(scene, point))[:2] / units[:2]
+    size = None if amplitude is None else amplitude / float(units[0])
+    guess = kind.made(float(system.mu), place, size)
+    mirrored = [1, 1, -1, 1, 1, -1] if southern else [1] * 6
+    return _seed(scene, np.array(guess.start) * mirrored, guess.period)
+
+
+@check_first
+def resonant(
+    scene: Scene, turns: int, per: int, *, eccentricity: float = 0.2, towards: bool = True
+) -> Seed:
+    """A guess of an orbit about the first body that is in resonance with the second.
+
+    An ellipse on which the body turns about the first one `turns` times while the second one turns
+    `per` times, which in the turning axes is the period. It has its pericentre on the axis x, where
+    it crosses it at a right angle: ``closing=orbits.closing.mirror(scene)`` and ``hold="x"`` suit.
+
+    Args:
+      scene: `scenes.restricted_three_body_in_space` or `restricted_three_body`.
+      turns: of the body.
+      per: turns of the second body; no common divisor with `turns`.
+      eccentricity: of the ellipse, at least 0 and below 1.
+      towards: whether the pericentre at the start is on the side of the second body.
+    Raises:
+      ValueError: another scene, numbers of turns with a common divisor, or no such eccentricity.
+    Limits: the second body is ignored: for a large `mu`, or where the ellipse passes near it, the
+      guess is rough.
+    Example:
+      >>> import orbits
+      >>> from jaxdyn import scenes
+      >>> scene = scenes.restricted_three_body(mu=1e-3)
+      >>> seed = orbits.discovery.libration.resonant(scene, 2, 1, eccentricity=0.3)
+      >>> mirror = orbits.closing.mirror(scene, "x")
+      >>> found = orbits.find(scene, seed.y0, seed.period, closing=mirror, hold="x")
+      >>> bool(abs(found.period / (2 * math.pi) - 1) < 0.01)
+      True
+    """
+    mu = float(restricted(scene).mu)
+    p, q = whole("turns", turns), whole("per", per)
+    if math.gcd(p, q) > 1:
+        reduced = f"{p // math.gcd(p, q)}, {q // math.gcd(p, q)}"
+        raise fail("turns, per", "numbers without a common divisor", f"{p}, {q}", f"Say {reduced}?")
+    e = float(array("eccentricity", eccentricity, ()))
+    if not 0 <= e < 1:
+        raise fail("eccentricity", "at least 0 and below 1", e, "Others never return.")
+    # Kepler's third law, about the first body alone, in units in which the second one turns once
+    # in 2 pi at a distance of 1.
+    axis = (1 - mu) ** (1 / 3) * (q / p) ** (2 / 3)
+    near = axis * (1 - e)
+    speed = math.sqrt((1 - mu) * (1 + e) / near)
+    side = 1.0 if towards else -1.0
+    start = (side * near - mu, 0.0, 0.0, 0.0, side * (speed - near), 0.0)
+    return _seed(scene, np.array(start), 2 * math.pi * q)
+
+
+def _seed(scene: Scene, start: np.ndarray, period: float) -> Seed:
+    """A seed in the units of a scene, from a start (6,) and a period in those of the two bodies."""
+    k, system = len(scene.y0), scene.system
+    y = start if k == 6 else start[[0, 1, 3, 4]]
+    units = np.asarray(getattr(system, "units", np.ones(k)))
+    return Seed(y * units, period * float(getattr(system, "time", 1.0)))
 
 
 class _Linear(NamedTuple):
@@ -123,29 +193,67 @@ def _linear(mu: float, x: float) -> _Linear:
     return _Linear(gamma, (c2, c3, c4), turn, (square + 1 + 2 * c2) / (2 * turn))
 
 
-def _lyapunov(mu: float, x: float, amplitude: float | None) -> _Guess:
+def _lyapunov(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    x = float(place[0])
     point = _linear(mu, x)
     size = _FLAT * point.gamma if amplitude is None else amplitude
-    return _Guess(x - size, 0.0, point.k * point.turn * size, 2 * math.pi / point.turn)
+    return _across(x - size, 0.0, point.k * point.turn * size, 2 * math.pi / point.turn)
 
 
-def _vertical(mu: float, x: float, amplitude: float | None) -> _Guess:
+def _vertical(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    x, y = map(float, place)
+    if y:  # both bodies are at a distance of 1
+        size = _ACROSS if amplitude is None else amplitude
+        return _Guess((x, y, size, 0.0, 0.0, 0.0), 2 * math.pi)
     point = _linear(mu, x)
     size = _ACROSS * point.gamma if amplitude is None else amplitude
-    return _Guess(x, size, 0.0, 2 * math.pi / math.sqrt(point.c[0]))
+    return _across(x, size, 0.0, 2 * math.pi / math.sqrt(point.c[0]))
 
 
-def _retrograde(mu: float, x: float, amplitude: float | None) -> _Guess:
-    del x
+def _axial(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    """By the table, whose rows differ little in units of the distance from the second body."""
+    del amplitude
+    x = float(place[0])
+    gamma = abs(x - 1 + mu)
+    rows = np.array(_AXIAL["L1" if x < 1 - mu else "L2"])
+    across, vy, vz, period = (float(np.interp(gamma, rows[:, 0], row)) for row in rows.T[1:])
+    return _Guess((x + gamma * across, 0.0, 0.0, 0.0, gamma * vy, gamma * vz), period)
+
+
+def _short(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    return _triangular(mu, place, amplitude, 1)
+
+
+def _long(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    return _triangular(mu, place, amplitude, -1)
+
+
+def _triangular(mu: float, place: np.ndarray, amplitude: float | None, sign: int) -> _Guess:
+    """An oscillation in the plane about L4 or L5, from where it is farthest along x."""
+    root = 1 - 27 * mu * (1 - mu)
+    if root <= 0:
+        wanted = "one of less than 0.0385209, where L4 and L5 are stable"
+        raise fail("mu", wanted, mu, "There are no oscillations about them in the plane.")
+    x, y = map(float, place)
+    square = 0.5 * (1 + sign * math.sqrt(root))
+    turn, mixed = math.sqrt(square), 1.5 * y * (1 - 2 * mu)
+    # Of x'' - 2 y' = 3/4 x + mixed y, with x = exp(i turn t) and y = ratio exp(i turn t).
+    ratio = -(square + 0.75) / complex(mixed, 2 * turn)
+    size = _FLAT if amplitude is None else amplitude
+    along = size * ratio.real, -size * turn * ratio.imag
+    return _Guess((x + size, y + along[0], 0.0, 0.0, along[1], 0.0), 2 * math.pi / turn)
+
+
+def _retrograde(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
+    del place
     r = _NEAR * (mu / 3) ** (1 / 3) if amplitude is None else amplitude
     turn = math.sqrt(mu / r**3) + 1  # in the axes that turn the other way
-    return _Guess(1 - mu - r, 0.0, r * turn, 2 * math.pi / turn)
+    return _across(1 - mu - r, 0.0, r * turn, 2 * math.pi / turn)
 
 
-def _halo(mu: float, x: float, amplitude: float | None) -> _Guess:
+def _halo(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     """Richardson's series, at the crossing with the largest z."""
-    if x < -mu:
-        raise fail("point", "L1 or L2 for halo orbits", "L3", "They branch off Lyapunov orbits.")
+    x = float(place[0])
     point = _linear(mu, x)
     az = _ACROSS if amplitude is None else amplitude / point.gamma
     (c2, c3, c4), w, k = point.c, point.turn, point.k
@@ -191,7 +299,7 @@ def _halo(mu: float, x: float, amplitude: float | None) -> _Guess:
     # Of a northern orbit the part that is far from the second body is above the plane; this
     # crossing belongs to it about L1 only.
     gamma, north = point.gamma, 1 if x < 1 - mu else -1
-    return _Guess(
+    return _across(
         x + gamma * across,
         north * gamma * up,
         gamma * w * faster * speed,
@@ -199,9 +307,32 @@ def _halo(mu: float, x: float, amplitude: float | None) -> _Guess:
     )
 
 
-_FAMILIES: dict[str, Callable[[float, float, float | None], _Guess]] = {
-    "halo": _halo,
-    "lyapunov": _lyapunov,
-    "vertical": _vertical,
-    "distant retrograde": _retrograde,
+#: Axial orbits in units of the distance gamma of the point from the second body: gamma, then x from
+#: the point, vy, vz and the period where it crosses the axis x; of the Sun with the Earth, and of
+#: the Earth with the Moon [computed by this library along families of Lyapunov orbits].
+_AXIAL = {
+    "L1": ((0.00997, -0.29575, 2.54946, 1.0, 4.13944), (0.15093, -0.31792, 2.74424, 1.0, 3.96796)),
+    "L2": ((0.01003, -0.68310, 3.79091, 1.5, 4.14527), (0.16783, -0.74093, 3.95793, 1.5, 4.31569)),
+}
+
+_POINTS = ("L1", "L2", "L3", "L4", "L5")
+
+
+class _Family(NamedTuple):
+    """How a guess is made, near which points, whether in the plane, whether in any size."""
+
+    made: Callable[[float, np.ndarray, float | None], _Guess]
+    points: tuple[str, ...]
+    planar: bool = True
+    sized: bool = True
+
+
+_FAMILIES = {
+    "halo": _Family(_halo, _POINTS[:2], planar=False),
+    "lyapunov": _Family(_lyapunov, _POINTS[:3]),
+    "vertical": _Family(_vertical, _POINTS, planar=False),
+    "axial": _Family(_axial, _POINTS[:2], planar=False, sized=False),
+    "short period": _Family(_short, _POINTS[3:]),
+    "long period": _Family(_long, _POINTS[3:]),
+    "distant retrograde": _Family(_retrograde, _POINTS),
 }

@@ -13,7 +13,7 @@ To add a picture, write a file with one function, and a line below.
 """
 
 from orbits.drawing.about_centres import loops, rosette
-from orbits.drawing.basin_maps import basins
+from orbits.drawing.basin_maps import basin_fractions, basins
 from orbits.drawing.diagrams import diagram
 from orbits.drawing.families import family
 from orbits.drawing.graphs import graph
@@ -27,6 +27,7 @@ from orbits.drawing.unit_circle import multipliers
 
 __all__ = [
     "backbone",
+    "basin_fractions",
     "basins",
     "diagram",
     "family",

@@ -1,4 +1,4 @@
-"""A picture of basins of attraction, in one colour each, with the attractors."""
+"""Pictures of basins of attraction: a map with the attractors, and fractions over a parameter."""
 
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -8,7 +8,8 @@ from jaxdyn import _checks
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.image_files import picture_path
-from orbits.discovery.basins import CHAOTIC, Basins
+from orbits.discovery.settling import CHAOTIC, Basins
+from orbits.discovery.tipping import BasinFractions
 
 _NOWHERE = "#ffffff"
 _SIZE = 6.0  # [in]
@@ -47,15 +48,18 @@ def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:
         rasterized=True,
         shading="nearest",
     )
-    labels = [name for name, _ in found.scene.labels()]
-    units = dict(found.scene.labels())
+    labels = [name for name, _ in found.entries]
+    units = dict(found.entries)
     i, j = (labels.index(name) for name in found.names)
     for attractor in found.attractors:
         points = attractor.points[-_MOST_POINTS:]
-        mark = {"marker": ".", "ms": 1.5} if len(points) > 99 else {"marker": "o", "ms": 6}
-        line = "" if attractor.kind == CHAOTIC or len(points) < 99 else "-"
-        mark = {"lw": 1.2} if line else mark
-        ax.plot(points[:, i], points[:, j], line, color=INK, mec="white", mew=0.5, **mark)
+        if attractor.kind == CHAOTIC:
+            mark = {"ls": "", "marker": ".", "ms": 1.5, "mew": 0}
+        elif len(points) > 99:
+            mark = {"lw": 1.2}
+        else:
+            mark = {"ls": "", "marker": "o", "ms": 6, "mec": "white", "mew": 0.5}
+        ax.plot(points[:, i], points[:, j], color=INK, **mark)
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
     said = [f" [{units[name]}]" if units[name] != "1" else "" for name in found.names]
     ax.set(xlabel=f"{found.names[0]}{said[0]}", ylabel=f"{found.names[1]}{said[1]}")
@@ -65,5 +69,40 @@ def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:
     if found.fractions[-1] > 0:
         handles.append(Patch(fc=_NOWHERE, ec=INK, label=f"none: {100 * found.fractions[-1]:.1f} %"))
     figure.legend(handles=handles, loc="outside lower center", frameon=False, fontsize=9)
-    ax.set_title(found.scene.name if title is None else readable(title), fontsize=10)
+    ax.set_title(found.title if title is None else readable(title), fontsize=10)
+    return finish(figure, path)
+
+
+def basin_fractions(found: BasinFractions, path=None, *, title: str | None = None) -> Figure:
+    """A picture of the fractions of basins over a parameter, one band for each attractor.
+
+    Args:
+      found: what `orbits.basin_fractions` returned, for at least two values.
+      path: file to write, .png, .pdf or .svg.
+      title: its title; the name of the scene by default.
+    Raises:
+      ValueError: there is one value only, or `path` cannot be written.
+    """
+    path = picture_path(path)
+    if len(found.values) < 2:
+        raise _checks.fail("found", "at least two values", len(found.values))
+    count = len(found.attractors)
+    figure = blank(_SIZE + 0.5, _SIZE * 0.6 + 0.3 * (1 + count))
+    ax = figure.subplots()
+    style(ax)
+    colours = [*(PALETTE[i % len(PALETTE)] for i in range(count)), _NOWHERE]
+    first = [next(one for one in each if one is not None) for each in found.attractors]
+    names = [*(f"{i}: {one.said}" for i, one in enumerate(first)), "none"]
+    bands = ax.stackplot(found.values, 100 * found.fractions.T, colors=colours, alpha=0.75)
+    for point in found.tipping:
+        ax.axvspan(point.low, point.high, color=INK, alpha=0.12, lw=0)
+    shown = range(count + (found.fractions[:, -1] > 0).any())
+    handles = [Patch(fc=colours[i], ec=INK, label=names[i], alpha=0.75) for i in shown]
+    figure.legend(handles=handles, loc="outside lower center", frameon=False, fontsize=9)
+    for band in bands:
+        band.set_edgecolor(INK)
+        band.set_linewidth(0.8)
+    ax.set(xlabel="parameter", ylabel="share of the starts [%]", ylim=(0, 100))
+    ax.set(xlim=(found.values[0], found.values[-1]))
+    ax.set_title(found.found[0].title if title is None else readable(title), fontsize=10)
     return finish(figure, path)

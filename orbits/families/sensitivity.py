@@ -1,10 +1,13 @@
 """Derivatives of special points of families with respect to the numbers of their scenes.
 
 Along a family the test function of a special point, g(p, numbers) = 0, has derivatives by the
-implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. With the critical
-multiplier l, the test is l + 1 at a period doubling and |l|^2 - 1 at a torus point. At a fold,
-where orbits have no derivative with respect to the parameter, it is the part w F of the closing
-equations F that no change of the orbit moves, with w normal to the range of their Jacobian.
+implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. At a period doubling the
+test is det(M + 1), with M the derivative of the return map: the product of all l + 1 over the
+multipliers l. It is simple also where two multipliers of a conservative scene meet at -1, since
+(l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a torus point it is |l|^2 - 1,
+with the critical multiplier l. At a fold, where orbits have no derivative with respect to the
+parameter, it is the part w F of the closing equations F that no change of the orbit moves, with w
+normal to the range of their Jacobian.
 """
 
 import equinox as eqx
@@ -46,8 +49,7 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
     Raises:
       ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
         does not change with the parameter.
-    Limits: host only except for the numbers that make the scene; not for chains. A period doubling
-      of a conservative scene, where two multipliers are -1, is not generic.
+    Limits: host only except for the numbers that make the scene; not for chains.
     Example:
       >>> import jax, orbits
       >>> import jax.numpy as jnp
@@ -78,14 +80,17 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
 
         def test(scene: Scene) -> Array:
             return rows @ residual(posed.of(scene), posed.x, orbit.rtol)
+    elif point.kind == Kind.DOUBLING:
+
+        def test(scene: Scene) -> Array:
+            m = differentiable(scene, orbit, hold=hold).return_map()
+            return jnp.linalg.det(m + jnp.eye(len(m)))[None]
     else:
         which = _critical(point)
 
         def test(scene: Scene) -> Array:
             multiplier = differentiable(scene, orbit, hold=hold).multipliers()[which]
-            if point.kind == Kind.TORUS:
-                return (jnp.abs(multiplier) ** 2 - 1.0)[None]
-            return (multiplier.real + 1.0)[None]
+            return (jnp.abs(multiplier) ** 2 - 1.0)[None]
 
     scene, by_parameter = eqx.filter_jvp(make, (value,), (jnp.ones(()),))
     found = test(scene)
@@ -96,10 +101,8 @@ def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
 
 
 def _critical(point: Member) -> int:
-    """Index of the non-trivial multiplier that is -1, or on the unit circle with its conjugate."""
+    """Index of the non-trivial multiplier that is on the unit circle with its conjugate."""
     values = point.stability.nontrivial
-    if point.kind == Kind.DOUBLING:
-        return int(np.argmin(np.abs(values + 1.0)))
     return int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
 
 

@@ -224,7 +224,8 @@ def frequency_response(
         frequencies or levels are out of range.
       SearchError: no response was found to begin with.
     Limits: host only. Curves that do not reach the ends of the range (isolas, responses of another
-      period) are not found; `orbits.switch_branch` leads to those that branch off. A function as
+      period) are not found; `orbits.switch_branch` leads to those that branch off, `orbits.basins`
+      at one frequency to the stable ones of all. A function as
       the drive is compiled once for each level, and for each call if it defines the rate within.
     Example:
       >>> import jaxdyn, orbits

@@ -11,7 +11,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn._records.kinds import check_first
-from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.closings import PLAIN, Closing, symmetric_closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, pose
 from orbits.closing.sizes import sizes
@@ -125,9 +125,15 @@ def find(
     if effort.over and not orbit.ok:
         orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
     if throw and not orbit.ok:
-        raise SearchError(f"{orbit.message} {effort}")
+        raise SearchError(" ".join(filter(None, [orbit.message, str(effort), _hint(problem)])))
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
+
+
+def _hint(problem: Problem) -> str:
+    """What suits a symmetric guess better, where it was closed plainly; "" for others."""
+    way = "" if problem.closings != (PLAIN,) else symmetric_closing(problem.scene)
+    return way and f"The guess is symmetric: {way} needs half of the period and of the unknowns."
 
 
 def _of_flags(

@@ -4,6 +4,7 @@ import inspect
 import math
 import typing
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -186,9 +187,26 @@ def test_a_scene_takes_numbers_of_the_shape_of_its_defaults(make, name, default)
 
 def test_rows_of_a_chain_are_as_many_as_its_masses():
     make = catalogue.entries()["n_pendulum"].make
-    with pytest.raises(ValueError, match=r"^l: expected shape \(2,\), got .* each entry of m\.$"):
+    with pytest.raises(
+        ValueError, match=r"^length: expected shape \(2,\), got .* each entry of m\.$"
+    ):
         make(m=(1, 1), angles=(1, 1), rates=(0, 0))
-    make(m=(1, 1), l=[1, 2], angles=(1, 1), rates=(0, 0)).check()
+    make(m=(1, 1), length=[1, 2], angles=(1, 1), rates=(0, 0)).check()
+
+
+def test_the_old_name_of_a_length_warns():
+    with pytest.warns(DeprecationWarning, match="l of double_pendulum is now length"):
+        old = scenes.double_pendulum(l=(1.0, 0.5))  # pyright: ignore[reportCallIssue]
+    new = scenes.double_pendulum(length=(1.0, 0.5))
+    assert eqx.tree_equal(old, new)
+    with pytest.warns(DeprecationWarning, match="l of four_bar is now length"):
+        assert eqx.tree_equal(
+            catalogue.build("four_bar", {"l": "1, 2, 3"}), scenes.four_bar(length=(1, 2, 3))
+        )
+    with pytest.raises(ValueError, match=r"keyword of rimless_wheel: expected .*, got 'l'"):
+        scenes.rimless_wheel(l=1.0, length=2.0)  # pyright: ignore[reportCallIssue]
+    with pytest.raises(ValueError, match=r"keyword of pendulum: expected .*, got 'l'"):
+        scenes.pendulum(l=1.0)  # pyright: ignore[reportCallIssue]
 
 
 @pytest.mark.slow

@@ -32,8 +32,8 @@ def test_tables_and_pictures_name_them(tmp_path):
     assert "0 to 365.25 day" in repr(motion)
     jaxdyn.files.tables.write_csv(tmp_path / "year.csv", motion)
     assert (tmp_path / "year.csv").read_text().startswith("t [day],x_Sun [AU]")
-    axes = jaxdyn.drawing.time_series(motion, names=["x_Earth", "vx_Earth"]).axes
-    assert [ax.get_ylabel() for ax in axes] == ["[AU]", "[AU/day]"]
+    axes = jaxdyn.drawing.time_series(motion, names=["x_Earth", "vx_Earth", "total"]).axes
+    assert [ax.get_ylabel() for ax in axes] == ["[AU]", "[AU/day]", "energy"]
     assert axes[-1].get_xlabel() == "t [day]"
     assert jaxdyn.drawing.trajectory(motion).axes[0].get_xlabel() == "x [AU]"
     assert orbits.analysis.quantities.unit("energy", scene) == "1"

@@ -42,7 +42,7 @@ def test_regular_motions_agree_by_every_route(name):
 @pytest.mark.slow
 def test_pinned_chain_moves_alike_in_angles_and_as_bodies():
     # Three bars: the programs of the four-bar linkage.
-    numbers = {"m": (1.0, 0.5, 2.0), "l": (1.0, 1.5, 1.2), "angles": (0.3, 1.5, 2.4)}
+    numbers = {"m": (1.0, 0.5, 2.0), "length": (1.0, 1.5, 1.2), "angles": (0.3, 1.5, 2.4)}
     numbers |= {"rates": (0.5, 0.0, 0.0), "t1": 3.0}
     loop, bodies = (
         simulate(linkages.pinned_chain(**numbers, formulation=f), samples=9, rtol=1e-13).r

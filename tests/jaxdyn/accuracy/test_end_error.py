@@ -134,7 +134,7 @@ def test_what_was_not_reached_is_not_written():
 @pytest.mark.slow
 def test_a_motion_at_rest_has_its_digits():
     # Velocities that are nothing but rounding have no size by which digits could be lost.
-    scene, again = as_entry("four_bar", l=(2.0, 2.0, 2.0), angle=0.0)
+    scene, again = as_entry("four_bar", length=(2.0, 2.0, 2.0), angle=0.0)
     found = end_error(again(scene, 1e-10), again)
     labels = [name for name, _ in scene.labels()]
     written = dict(zip(labels, found.written(), strict=True))

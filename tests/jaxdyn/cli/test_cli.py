@@ -48,6 +48,25 @@ def test_words_of_the_field_find_scenes(jaxdyn):
     found = json.loads(jaxdyn("list", "constraint", "--json")[1])
     assert {"pendulum", "feynman_plate"} & found.keys()
     assert "shaken_pendulum" in json.loads(jaxdyn("list", "forcing", "--json")[1])
+    for word in ("damper", "rigid body", "three-body", "constraints"):
+        assert json.loads(jaxdyn("list", word, "--json")[1]), word
+
+
+@pytest.mark.parametrize(
+    ("word", "shown"),
+    [
+        ("halo", "26_libration_points.md"),
+        ("basins", "29_basins.md"),
+        ("damper", "oscillator"),
+        ("boundary condition", "closing"),
+        ("cannonballs", "jaxdyn course 27"),
+    ],
+)
+def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):
+    code, out, _ = jaxdyn("list", word)
+    assert code == 0
+    assert shown in out
+    assert "dumbbell" not in out
 
 
 def test_a_scene_can_be_listed_alone(jaxdyn):
@@ -188,7 +207,7 @@ MISUSE = [
     (["run", "cannonball", "--solver", "radau"], "got 'radau'. Did you mean 'radau9'?"),
     (["run", "cannonball", "--solver", "verlet"], "dt: expected a step, since those of Verlet"),
     (["run", "car", "--dt", "0.1"], "dt: expected none for a motion in phases, got 0.1"),
-    (["run", "cannonball", "--title", "A"], "--title: expected --plot, --series or"),
+    (["run", "cannonball", "--title", "A"], "--title: expected --plot, --series, --energies or"),
     (["run", "cannonball", "--at", "2"], "--at: expected --free-body with it"),
     (["accuracy", "cannonball", "--title", "A"], "--title: expected --plot with it"),
     (["run", "cannonball", "--seconds", "2"], "--seconds: expected --animate with it"),
@@ -276,10 +295,14 @@ def test_a_scene_becomes_a_page_on_which_it_runs(jaxdyn, tmp_path):
 
 def test_a_run_becomes_files(jaxdyn, tmp_path):
     picture, series, table = (tmp_path / name for name in ("a.svg", "b.svg", "c.csv"))
+    energies = tmp_path / "d.svg"
     words = ("--plot", picture, "--title", "Title of it", "--series", series, "--csv", table)
+    words += ("--energies", energies)
     code, out, _ = jaxdyn("run", "cannonball", "--samples", "3", *words)
     assert code == 0
-    assert f"drawn in {picture}\ndrawn over time in {series}\nwritten to {table}\n" in out
+    told = f"drawn in {picture}\ndrawn over time in {series}\nwith its energies in {energies}\n"
+    assert f"{told}written to {table}\n" in out
+    assert all(name in energies.read_text() for name in ("kinetic", "potential", "total"))
     assert "Title of it" in picture.read_text()
     assert "Title of it" in series.read_text()
     assert table.read_text().startswith("t [s],x [m],")

@@ -90,7 +90,10 @@ for words, message in {MISTAKES!r}.items():
 
 
 #: Commands that only show what there is.
-LISTS = ["jaxdyn list", "jaxdyn list three_body", "jaxdyn list --problems", "jaxdyn hard --list"]
+LISTS = [
+    *("jaxdyn list", "jaxdyn list three_body", "jaxdyn list --problems", "jaxdyn list friction"),
+    "jaxdyn hard --list",
+]
 
 
 def test_lists_are_shown_before_jax_is_loaded():

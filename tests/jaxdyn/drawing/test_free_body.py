@@ -118,7 +118,7 @@ def test_a_phase_has_its_own_forces():
 def test_too_many_bodies_are_refused():
     with pytest.raises(ValueError, match=r"^scene: expected at most 8 bodies, got 9"):
         drawing.free_body(
-            scenes.n_pendulum(m=(1.0,) * 9, l=(1.0,) * 9, angles=(0.1,) * 9, rates=(0.0,) * 9)
+            scenes.n_pendulum(m=(1.0,) * 9, length=(1.0,) * 9, angles=(0.1,) * 9, rates=(0.0,) * 9)
         )
 
 

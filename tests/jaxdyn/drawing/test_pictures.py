@@ -1,4 +1,5 @@
 import itertools
+import math
 from types import SimpleNamespace
 
 import equinox as eqx
@@ -314,6 +315,28 @@ def test_time_series_say_the_units():
     figure = drawing.time_series(simulate(scenes.cannonball(), 1.0, samples=3))
     assert [ax.get_ylabel() for ax in figure.axes] == ["[m]", "[m/s]"]
     assert figure.axes[-1].get_xlabel() == "t [s]"
+
+
+def test_time_series_of_energies_by_name():
+    v, angle, g = 10.0, math.pi / 4, 9.81
+    motion = simulate(scenes.cannonball(speed=v, angle=angle, m=2.0, g=g), 1.0, samples=3)
+    upper, lower = drawing.time_series(motion, names=["y", "total", "kinetic", "potential"]).axes
+    assert (upper.get_ylabel(), lower.get_ylabel()) == ("[m]", "energy [J]")
+    values = {line.get_label(): line.get_xydata().T for line in lower.lines}
+    assert list(values) == ["total", "kinetic", "potential"]
+    t, kinetic = values["kinetic"]
+    up = v * math.sin(angle) - g * t
+    np.testing.assert_allclose(kinetic, (v * math.cos(angle)) ** 2 + up**2, rtol=1e-12)
+    np.testing.assert_allclose(values["total"][1], v**2, rtol=1e-12)
+    np.testing.assert_allclose(values["potential"][1], v**2 - kinetic, rtol=0, atol=1e-11)
+
+
+def test_energies_that_a_scene_does_not_have_are_refused():
+    motion = simulate(scenes.lorenz(t1=1.0), samples=3)
+    with pytest.raises(ValueError, match=r"scene: expected one with an energy, .* energy= to"):
+        drawing.time_series(motion, names=["kinetic"])
+    with pytest.raises(ValueError, match=r"'kinetik'\. Did you mean 'kinetic'"):
+        drawing.time_series(simulate(scenes.cannonball(), samples=3), names=["kinetik"])
 
 
 def test_time_series_of_some_entries(eight):

@@ -80,6 +80,7 @@ def test_gaps_and_known_noise_weigh_the_rows(track):
 @pytest.mark.slow
 def test_the_profile_of_a_linear_model_is_its_interval(fitted):
     profile = fitted.profile("slope")
+    assert "profile" not in repr(fitted)
     assert np.allclose([profile.low, profile.high], fitted.interval("slope"), rtol=0, atol=1e-6)
     assert "slope" in refusal(lambda: fitted.profile("slop"))
 
@@ -90,6 +91,7 @@ def test_the_profile_of_an_exponential_is_that_of_a_scan():
     x = np.exp(-1.3 * TS[:8]) + 0.3 * rng.standard_normal(8)
     found = jaxdyn.fit(decaying, {"rate": 1.0}, {"t": TS[:8], "x": x}, noise=0.3, start=())
     profile = found.profile("rate")
+    assert "the Jacobian may change, which profile('rate') follows" in " ".join(repr(found).split())
 
     def chi(rate):
         return np.sum((x - np.exp(-rate * TS[:8])) ** 2) / 0.09

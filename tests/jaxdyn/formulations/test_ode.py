@@ -1,6 +1,7 @@
 """Differential equations as scenes: held to closed forms, through all that takes a scene."""
 
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -369,3 +370,104 @@ def test_a_network_is_a_parameter():
 
 def _learned(t, y, net):
     return net(y)
+
+
+def orbiting(t, y, p):
+    r = y["r"]
+    return {"v": -p * r / jnp.sum(r * r) ** 1.5, "r": y["v"]}
+
+
+def energy_of_orbit(t, y, p):
+    return 0.5 * jnp.sum(y["v"] ** 2) - p / jnp.sqrt(jnp.sum(y["r"] ** 2))
+
+
+def turned(y, p):
+    return {key: [-x[1], x[0]] for key, x in y.items()}
+
+
+def as_tree(mu=1.0, x=1.0):
+    start = {"v": [0.0, 1.2], "r": jnp.array([x, 0.0])}
+    return jaxdyn.ode(
+        *(orbiting, start, 5.0),
+        params=mu,
+        energy=energy_of_orbit,
+        generators={"turn in xy": turned},
+    )
+
+
+def flat(t, y, p):
+    rate = orbiting(t, {"r": y[:2], "v": y[2:]}, p)
+    return jnp.concatenate([rate["r"], rate["v"]])
+
+
+def test_a_state_may_be_a_pytree():
+    scene = as_tree()
+    assert [name for name, _ in scene.labels()] == ["r[0]", "r[1]", "v[0]", "v[1]"]
+    motion = jaxdyn.simulate(scene)
+    same = jaxdyn.simulate(jaxdyn.ode(flat, [1.0, 0.0, 0.0, 1.2], 5.0, params=1.0))
+    np.testing.assert_allclose(motion.ys, same.ys, rtol=1e-12, atol=1e-13)
+    states = scene.system.tree(motion.ys)
+    np.testing.assert_array_equal(states["r"][:, 1], motion["r[1]"])
+    assert states["v"].shape == (200, 2)
+    assert float(energy.drift(motion)) < 1e-12
+
+    def end(mu, x):
+        return jaxdyn.solve(as_tree(mu, x), 5.0).y1[0]
+
+    slopes = jax.grad(end, argnums=(0, 1))(1.0, 1.0)
+    for i, slope in enumerate(slopes):
+        off = [1e-5 * (i == j) for j in range(2)]
+        up, down = (end(1.0 + s * off[0], 1.0 + s * off[1]) for s in (1, -1))
+        np.testing.assert_allclose(slope, (up - down) / 2e-5, rtol=1e-6)
+    assert jaxdyn.analysis.energy.integrals(scene, 0.0, scene.y0).keys() == {"energy"}
+    turn = scene.system.generators(scene.y0)["turn in xy"]
+    np.testing.assert_array_equal(turn, [0.0, 1.0, -1.2, 0.0])
+
+
+class Pair(NamedTuple):
+    q: float
+    v: float
+
+
+def swing(t, y):
+    return Pair(q=y.v, v=-y.q)
+
+
+def test_a_named_tuple_keeps_its_order():
+    scene = jaxdyn.ode(swing, Pair(1.0, 0.0), 2.0, second_order=True)
+    assert [name for name, _ in scene.labels()] == ["q", "v"]
+    motion = jaxdyn.simulate(scene)
+    np.testing.assert_allclose(motion["q"], np.cos(motion.ts), atol=1e-9)
+    nested = jaxdyn.ode(halves, ({"a": 1.0}, jnp.ones(2)), names=["x", "y", "z"])
+    assert [name for name, _ in nested.labels()] == ["x", "y", "z"]
+    assert jax.tree.map(jnp.shape, nested.system.tree(nested.y0)) == ({"a": ()}, (2,))
+
+
+def halves(t, y):
+    return jax.tree.map(lambda x: -0.5 * x, y)
+
+
+@pytest.mark.parametrize(
+    ("y0", "rate", "said"),
+    [
+        (
+            {"x": 1.0, "v": 0.0},
+            lambda t, y: {"x": y["v"]},
+            r"rate: expected a pytree like y0, .*'v'",
+        ),
+        ({"x": 1.0}, lambda t, y: [y["x"]], r"rate: expected a pytree like y0, {'x': \*}, got \*"),
+        (
+            {"x": 1.0},
+            lambda t, y: {"x": jnp.ones(2)},
+            r"rate: expected shape \(\), got shape \(2,\)",
+        ),
+        ({"x": 1.0}, lambda t, y: None, "rate: expected an array .* got None"),
+        ({"x": "a"}, halves, "y0 x: expected numbers, got 'a'"),
+        ({"x": {"y": 1j}}, halves, r"y0 x\.y: expected real numbers"),
+        ({"x": jnp.nan}, halves, "y0: expected finite numbers"),
+        ({}, halves, "y0: expected at least one entry, got {}"),
+    ],
+)
+def test_wrong_pytrees_are_refused(y0, rate, said):
+    with pytest.raises(ValueError, match=said):
+        jaxdyn.ode(rate, y0)

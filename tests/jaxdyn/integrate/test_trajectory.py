@@ -12,7 +12,9 @@ ENDS = [
     (lambda: scenes.bead_on_cycloid(speed=9.0), r"The wire ends upright"),
     (lambda: scenes.top(1e-9, representation="euler"), r"Euler angles lock .* another sequence"),
     (
-        lambda: scenes.four_bar(l=(1.0, 2.0, 2.0), ground=4.5, rate=5.0, formulation="lagrange"),
+        lambda: scenes.four_bar(
+            length=(1.0, 2.0, 2.0), ground=4.5, rate=5.0, formulation="lagrange"
+        ),
         r"coupler and rocker are in line",
     ),
     (

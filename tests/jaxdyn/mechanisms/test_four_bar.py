@@ -16,7 +16,7 @@ SLOW = pytest.mark.slow
 @pytest.mark.slow
 def test_parallelogram_swings_as_a_pendulum():
     # Coupler without rotation: (m1/3 + m2 + m3/3) l theta'' = -(m1/2 + m2 + m3/2) g sin(theta).
-    numbers = {"m": (1.0, 2.0, 1.5), "l": (1.2, 2.0, 1.2), "ground": 2.0, "g": 3.0}
+    numbers = {"m": (1.0, 2.0, 1.5), "length": (1.2, 2.0, 1.2), "ground": 2.0, "g": 3.0}
     numbers |= {"crossed": True}  # hanging, the coupler lies right of the line to the far hinge
     a = -(0.5 + 2.0 + 0.75) * 3.0 * np.sin(0.7) / ((1.0 + 6.0 + 1.5) / 3 * 1.2)
     entries = {"newton_euler": (0,), "lagrange": (0,), "loop": (0, 2), "constrained": (2, 8)}
@@ -28,8 +28,8 @@ def test_parallelogram_swings_as_a_pendulum():
 
 
 def test_crossed_linkage_is_the_mirror_image():
-    scene = linkages.four_bar(ground=2.0, l=(1.0, 2.0, 2.0), angle=np.pi / 2)
-    crossed = linkages.four_bar(ground=2.0, l=(1.0, 2.0, 2.0), angle=np.pi / 2, crossed=True)
+    scene = linkages.four_bar(ground=2.0, length=(1.0, 2.0, 2.0), angle=np.pi / 2)
+    crossed = linkages.four_bar(ground=2.0, length=(1.0, 2.0, 2.0), angle=np.pi / 2, crossed=True)
     r, mirrored = (s.system.points(NOW, s.y0).r for s in (scene, crossed))
     assert gap(r, mirrored * jnp.array([[1.0, -1.0]])) < EXACT
 
@@ -41,10 +41,10 @@ def test_a_linkage_at_its_change_point_is_refused_by_name(formulation):
             ValueError, match=r"^angle: expected .* are not in line, got .*change poi"
         ):
             linkages.four_bar(
-                l=(1.0, 2.0, 1.0), ground=2.0, angle=angle, rate=rate, formulation=formulation
+                length=(1.0, 2.0, 1.0), ground=2.0, angle=angle, rate=rate, formulation=formulation
             )
     with pytest.raises(ValueError, match=r"^angle: expected .* reach the far hinge, got"):
-        linkages.four_bar(l=(2.0, 1.0, 1.5), ground=1.0, angle=-1.5, formulation=formulation)
+        linkages.four_bar(length=(2.0, 1.0, 1.5), ground=1.0, angle=-1.5, formulation=formulation)
 
 
 def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
@@ -59,7 +59,7 @@ def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
 def test_a_step_past_two_change_points_is_refused_too():
     # It turns evenly, so that a step of a Runge-Kutta pair takes it round by more than half a turn.
     scene = linkages.four_bar(
-        **{"l": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.1, "rate": 0.5},
+        **{"length": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.1, "rate": 0.5},
         crossed=True,
         formulation="loop",
     )
@@ -78,7 +78,7 @@ def test_a_motion_through_a_change_point_is_refused_there(formulation, crossed):
     # Without gravity the crossed start, a parallelogram, turns evenly: flat at 90 degrees.
     flat = (np.pi / 2 - 0.7) / 2
     scene = linkages.four_bar(
-        **{"l": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.7, "rate": 2.0},
+        **{"length": (1.0, 2.0, 1.0), "ground": 2.0, "g": 0.0, "angle": 0.7, "rate": 2.0},
         crossed=crossed,
         formulation=formulation,
     )

@@ -218,7 +218,7 @@ def test_energies_places_and_parameters():
         "model.data.parameters.map((x) => [x.name, x.unit])]",
         scene,
     )
-    other = scenes.double_pendulum(m=[2.0, 1.0], l=[0.5, 1.5], g=9.81)
+    other = scenes.double_pendulum(m=[2.0, 1.0], length=[0.5, 1.5], g=9.81)
     wanted = other.system.energies(jnp.zeros(()), jnp.array(y), other.effects)
     np.testing.assert_allclose(energies, wanted, rtol=1e-13)
     first = 0.5 * np.array([np.sin(0.3), -np.cos(0.3)])

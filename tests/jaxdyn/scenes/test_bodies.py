@@ -444,6 +444,20 @@ def test_an_antenna_traces_what_the_closed_form_of_a_steady_precession_says(repr
         antenna_trace(motion, "D")
 
 
+def test_the_ready_made_top_stays_up():
+    # From rest but for its spin cos(theta) stays between the roots of the potential of its lean:
+    # 2 m g d (c0 - c) I / (I3 spin)^2 = (c0 - c)^2 / (1 - c^2).
+    m, d, I3, g, spin = 0.1, 0.05, 5e-5, 9.81, 250.0
+    inertia, c0 = 1e-4 + m * d * d, math.cos(0.5)
+    k = 2 * m * g * d * inertia / (I3 * spin) ** 2
+    lowest = (1 - math.sqrt(1 + 4 * k * (k - c0))) / (2 * k)
+    motion = simulate(scenes.top(), samples=2000)
+    lean = np.mean(np.asarray(motion.r)[:, 4:, 2], axis=1) / d
+    assert lowest > 0.5
+    assert lean.min() == pytest.approx(lowest, abs=1e-4)
+    assert lean.max() == pytest.approx(c0, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

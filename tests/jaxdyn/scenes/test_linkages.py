@@ -14,8 +14,10 @@ NOW = jnp.zeros(())
 
 
 def test_links_that_cannot_close_are_refused():
-    with pytest.raises(ValueError, match=r"l: expected links that can close, got a longest side"):
-        linkages.four_bar(l=(1.0, 1.0, 5.0))
+    with pytest.raises(
+        ValueError, match=r"length: expected links that can close, got a longest side"
+    ):
+        linkages.four_bar(length=(1.0, 1.0, 5.0))
     with pytest.raises(ValueError, match=r"links that can close.*Shorten the longest link"):
         linkages.pinned_chain(span=4.5)
     with pytest.raises(ValueError, match=r"angles: expected shape \(4,\)"):
@@ -33,7 +35,7 @@ def test_links_that_cannot_close_are_refused():
         (lambda: scenes.pinned_chain(span=4.0), "span: expected links that can close"),
         (lambda: scenes.pinned_chain(span=math.nan), "span: expected finite numbers, got nan"),
         (lambda: scenes.four_bar(ground=9.0), "ground: expected links that can close"),
-        (lambda: scenes.four_bar(l=(9.0, 1.0, 1.0)), "l: expected links that can close"),
+        (lambda: scenes.four_bar(length=(9.0, 1.0, 1.0)), "length: expected links that can close"),
         (
             lambda: scenes.four_bar(ground=4.5, angle=0.0),
             "angle: expected an angle of the crank at which coupler and rocker reach",

@@ -33,7 +33,7 @@ def test_pendulum_returns_after_its_elliptic_period(formulation):
 
 
 def test_uniform_bar_is_a_pendulum_of_two_thirds_of_its_length():
-    scene = pendula.n_pendulum(m=(2.0,), l=(1.2,), angles=(2.0,), rates=(0.0,), g=5.0)
+    scene = pendula.n_pendulum(m=(2.0,), length=(1.2,), angles=(2.0,), rates=(0.0,), g=5.0)
     motion = simulate(scene, elliptic_period(0.8, 5.0, 2.0), samples=9, rtol=1e-13)
     assert gap(motion.ys[-1], scene.y0) < SOLVED * 10
 
@@ -73,12 +73,12 @@ def two_points(m, l, g):  # noqa: E741
     return rate
 
 
-POINTS = {"m": (1.3, 0.7), "l": (0.9, 1.1), "g": 2.0, "uniform": False}
+POINTS = {"m": (1.3, 0.7), "length": (0.9, 1.1), "g": 2.0, "uniform": False}
 
 
 @pytest.mark.slow
 def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
-    rate = two_points(POINTS["m"], POINTS["l"], POINTS["g"])
+    rate = two_points(POINTS["m"], POINTS["length"], POINTS["g"])
     for formulation in ("newton_euler", "lagrange"):
         scene = pendula.double_pendulum(**POINTS, formulation=formulation)
         for y in RANDOM:
@@ -99,7 +99,7 @@ def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
 def test_double_pendulum_of_point_masses_moves_as_by_another_integrator(formulation, relative):
     start = [1.0, 2.0, 0.1, -0.3]
     exact = solve_ivp(
-        two_points(POINTS["m"], POINTS["l"], POINTS["g"]),
+        two_points(POINTS["m"], POINTS["length"], POINTS["g"]),
         (0, 3.0),
         start,
         "DOP853",
@@ -110,7 +110,7 @@ def test_double_pendulum_of_point_masses_moves_as_by_another_integrator(formulat
         **POINTS, angles=start[:2], rates=start[2:], formulation=formulation, relative=relative
     )
     motion = simulate(scene, 3.0, samples=9, rtol=1e-13)
-    (a, b), (l1, l2) = exact[:2], POINTS["l"]
+    (a, b), (l1, l2) = exact[:2], POINTS["length"]
     first = np.array([l1 * np.sin(a), -l1 * np.cos(a)])
     ends = np.cumsum([first, [l2 * np.sin(b), -l2 * np.cos(b)]], axis=0)
     assert gap(motion.r[-1], ends) < 1e-10
@@ -119,7 +119,7 @@ def test_double_pendulum_of_point_masses_moves_as_by_another_integrator(formulat
 @pytest.mark.parametrize("n", [2, 3])
 def test_point_masses_hanging_in_a_row_have_the_frequencies_of_laguerre(n):
     # Of equal masses on equal rods: g / l times the zeros of Laguerre's polynomial of degree n.
-    numbers = {"m": (1.0,) * n, "l": (0.5,) * n, "angles": (0.0,) * n, "rates": (0.0,) * n}
+    numbers = {"m": (1.0,) * n, "length": (0.5,) * n, "angles": (0.0,) * n, "rates": (0.0,) * n}
     scene = pendula.n_pendulum(**numbers, g=2.0, uniform=False)
     found = np.linalg.eigvals(linearize(scene, scene.y0).jacobian)
     zeros = np.polynomial.laguerre.lagroots([0.0] * n + [1.0])
@@ -128,7 +128,7 @@ def test_point_masses_hanging_in_a_row_have_the_frequencies_of_laguerre(n):
 
 def test_double_pendulum_obeys_the_equations_of_the_books():
     m1, m2, l1, l2, g = 1.3, 0.7, 0.9, 1.1, 2.0
-    scene = pendula.double_pendulum(m=(m1, m2), l=(l1, l2), g=g)
+    scene = pendula.double_pendulum(m=(m1, m2), length=(l1, l2), g=g)
     for y in RANDOM:
         a, b, u, w = y
         rate = scene.rate(NOW, y)
@@ -175,10 +175,10 @@ def test_numbers_that_do_not_fit_are_refused():
         pendula.double_pendulum(angles=(1.0, 2.0, 3.0))
     with pytest.raises(ValueError, match=r"rates: expected shape \(2,\), got shape \(1,\)"):
         pendula.double_pendulum(rates=(1.0,))
-    with pytest.raises(ValueError, match=r"l: expected shape .* One for each entry of m"):
-        pendula.n_pendulum(m=(1.0,), l=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()
-    with pytest.raises(ValueError, match=r"l: expected > 0, got -1.0"):
-        pendula.double_pendulum(l=(1.0, -1.0)).check()
+    with pytest.raises(ValueError, match=r"length: expected shape .* One for each entry of m"):
+        pendula.n_pendulum(m=(1.0,), length=(1.0, 1.0), angles=(1.0,), rates=(0.0,)).check()
+    with pytest.raises(ValueError, match=r"length: expected > 0, got -1.0"):
+        pendula.double_pendulum(length=(1.0, -1.0)).check()
 
 
 @pytest.mark.slow

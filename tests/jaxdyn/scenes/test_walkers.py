@@ -27,10 +27,10 @@ def test_a_rimless_wheel_settles_to_the_published_gait():
     np.testing.assert_allclose(off[1:] / off[:-1], 0.5, rtol=1e-8)
 
 
-@pytest.mark.parametrize("numbers", [{"spokes": 10, "slope": 0.06, "l": 0.3, "g": 9.81}])
+@pytest.mark.parametrize("numbers", [{"spokes": 10, "slope": 0.06, "length": 0.3, "g": 9.81}])
 def test_its_gait_has_the_closed_form(numbers):
     a = math.pi / numbers["spokes"]
-    pull = numbers["g"] / numbers["l"]
+    pull = numbers["g"] / numbers["length"]
     omega = 2 / math.tan(2 * a) * math.sqrt(pull * math.sin(a) * math.sin(numbers["slope"]))
     scene = scenes.rimless_wheel(**numbers, omega=omega)
     step = _motion(scene, 50.0, samples=2, max_phases=1)
@@ -72,7 +72,7 @@ def test_its_equations_are_those_of_the_reference():
 
 @pytest.mark.parametrize("make", [scenes.rimless_wheel, scenes.simplest_walker])
 def test_energy_is_kept_in_a_step_and_gait_is_the_same_in_all_units(make):
-    plain, other = make(), make(l=0.2, g=9.81)
+    plain, other = make(), make(length=0.2, g=9.81)
     assert energy.drift(simulate(plain, 3.0)) < 1e-12
     time = math.sqrt(0.2 / 9.81)
     scaled = jnp.asarray([1.0] * (len(plain.y0) // 2) + [1 / time] * (len(plain.y0) // 2))
@@ -98,8 +98,8 @@ def test_the_swing_foot_is_on_the_ground_at_both_ends_of_a_step():
     ("call", "message"),
     [
         (lambda: scenes.rimless_wheel(spokes=4), "spokes: expected a whole number, at least 5"),
-        (lambda: scenes.rimless_wheel(l=0.0).check(), "l: expected > 0"),
-        (lambda: scenes.simplest_walker(l=-1.0).check(), "l: expected > 0"),
+        (lambda: scenes.rimless_wheel(length=0.0).check(), "length: expected > 0"),
+        (lambda: scenes.simplest_walker(length=-1.0).check(), "length: expected > 0"),
         (lambda: scenes.phases_of(scenes.pendulum()), "scene: expected one of BallOnTable, Car"),
         (lambda: scenes.phases_of(scenes.car(mu=0.0)), "a car with a locked axle"),
     ],

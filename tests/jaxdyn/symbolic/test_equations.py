@@ -240,7 +240,7 @@ def test_mathml_is_well_formed(name):
 
 
 def test_linearised_about_equilibria_against_derivatives():
-    hanging = scenes.double_pendulum(m=(1.0, 2.0), l=(1.0, 0.5), g=9.81)
+    hanging = scenes.double_pendulum(m=(1.0, 2.0), length=(1.0, 0.5), g=9.81)
     upright = [np.pi, 0.0, 0.0, 0.0]
     for scene, y in ((hanging, np.zeros(4)), (hanging, upright), (scenes.cart_pendulum(), None)):
         found = jaxdyn.equations(scene).linearised(y)

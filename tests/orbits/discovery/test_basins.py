@@ -1,5 +1,6 @@
 """Basins: symmetric wells, the fractions that Attractors.jl's tests state, resuming, messages."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -137,6 +138,126 @@ def test_what_reaches_nothing_has_no_label():
     assert found.labels.tolist() == [-1, -1]
     assert found.fractions.tolist() == [1.0]
     assert "two entries" in refusal(found.plot)
+
+
+@pytest.mark.slow
+def test_a_start_on_a_saddle_is_no_chaos():
+    scene = jaxdyn.ode(wells, [0.0, 0.0], 40.0, names=["x", "v"])
+    found = orbits.basins(scene, {"x": [-1.0, 0.0, 1.0]}, rounds=2)
+    assert [a.kind for a in found.attractors] == ["equilibrium"] * 2
+    assert found.labels.tolist() == [0, -1, 1]
+
+
+def newton(y):
+    """A step of Newton's method for z^3 = 1."""
+    z = jax.lax.complex(y[0], y[1])
+    z = z - (z**3 - 1) / (3 * z**2)
+    return [z.real, z.imag]
+
+
+def henon(y, a):
+    return [1 - a * y[0] ** 2 + y[1], 0.3 * y[0]]
+
+
+def test_newtons_method_has_three_basins_that_turn_into_each_other():
+    side = np.linspace(-1.97, 1.97, 40)
+    found = orbits.map_basins(newton, {"x": side, "y": side})
+    roots = np.exp(2j * np.pi * np.arange(3) / 3)
+    places = np.array([a.points[0] @ [1, 1j] for a in found.attractors])
+    assert [a.kind for a in found.attractors] == ["fixed point"] * 3
+    assert np.abs(places[:, None] - roots[None]).min(axis=1).max() < 1e-12
+    # Where each start goes, by complex numbers of NumPy.
+    z = side[:, None] + 1j * side[None, :]
+    for _ in range(300):
+        z = z - (z**3 - 1) / (3 * z**2)
+    assert np.abs(places[found.labels] - z).max() < 1e-9
+    upper, lower = np.argmax(places.imag), np.argmin(places.imag)
+    assert found.fractions[upper] == found.fractions[lower]  # the mirror image
+    assert found.fractions.sum() == pytest.approx(1)
+
+
+def test_henons_map_has_the_published_fraction_and_exponent(tmp_path):
+    side = np.linspace(-2, 2, 101)[:-1] + 0.02
+    found = orbits.map_basins(henon, {"x": side, "y": side}, params=1.4)
+    (chaos,) = found.attractors
+    assert chaos.kind == "chaotic"
+    assert abs(chaos.exponents[0] - 0.4192) < 2 * chaos.bars[0]  # Sprott (2003), appendix A
+    assert chaos.exponents.sum() == pytest.approx(np.log(0.3), abs=1e-9)
+    # Attractors.jl, test/mapping/attractor_mapping.jl: 0.451 of 1000 random starts.
+    bar = 1.96 * np.sqrt(0.25 / 1000)
+    assert abs(found.fractions[0] - 0.451) < found.bars[0] + bar
+    assert found.fractions[0] + found.fractions[1] == pytest.approx(1)
+    figure = found.plot(tmp_path / "henon.png")
+    assert figure.axes[0].get_title() == "henon"
+
+
+def test_a_cycle_of_a_map_has_its_period_and_multiplier():
+    side = np.linspace(-1, 1, 12)
+    found = orbits.map_basins(henon, {"x": side, "y": side}, params=0.6)
+    (cycle,) = found.attractors
+    assert (cycle.kind, len(cycle.points)) == ("cycle", 2)
+    assert "stable cycle of period 2" in repr(found)
+    # Of the second iterate: a^2 x^2 - (1 - b) a x + (1 - b)^2 - a = 0 for both points.
+    a, b = 0.6, 0.3
+    x = np.sort(np.roots([a**2, -(1 - b) * a, (1 - b) ** 2 - a]))
+    np.testing.assert_allclose(np.sort(cycle.points[:, 0]), x, atol=1e-12)
+    slopes = [np.array([[-2 * a * p, 1], [b, 0]]) for p in cycle.points[:, 0]]
+    size = np.abs(np.linalg.eigvals(slopes[1] @ slopes[0]))
+    np.testing.assert_allclose(np.exp(2 * cycle.exponents), np.sort(size)[::-1], atol=1e-12)
+
+
+def cubic(y, p):
+    """Steps of x' = p + x - x^3, which has a fold at p = 2 / 27^(1/2) = 0.385."""
+    return [y[0] + 0.1 * (p + y[0] - y[0] ** 3)]
+
+
+def test_an_attractor_that_ends_at_a_fold_is_a_tipping_point(tmp_path):
+    grid, values = {"x": np.linspace(-2.0, 2.0, 40)}, [-0.5, -0.3, 0.0, 0.2, 0.37, 0.4, 0.5]
+    found = orbits.basin_fractions(
+        lambda p: orbits.map_basins(cubic, grid, params=p, steps=2000), values
+    )
+    assert [tuple(point) for point in found.tipping] == [
+        (1, True, -0.5, -0.3),
+        (0, False, 0.37, 0.4),
+    ]
+    middle = np.flatnonzero(found.values == 0.0)[0]
+    assert found.fractions[middle].tolist() == [0.5, 0.5, 0.0]
+    assert found.fractions.sum(axis=1) == pytest.approx(np.ones(7))
+    for p, low, high in zip(found.values, *found.attractors, strict=True):
+        roots = np.roots([-1, 0, 1, p])
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        for one, place in ((low, real[0]), (high, real[-1])):
+            assert one is None or one.points[0, 0] == pytest.approx(place, abs=1e-9)
+    assert "attractor 0 ends between 0.37 and 0.4" in repr(found)
+    figure = found.plot(tmp_path / "tipping.png")
+    assert figure.axes[0].get_ylabel() == "share of the starts [%]"
+
+
+def test_misuse_of_maps_is_refused():
+    side = {"x": [0.0, 1.0]}
+
+    def of_map(step, grid=side, **options):
+        return refusal(lambda: orbits.map_basins(step, grid, **options))
+
+    assert "step: expected shape (1,)" in of_map(lambda y: [y[0], y[0]])
+    assert "step: expected a function of (y)" in of_map(cubic)
+    assert "values of entries by name" in of_map(newton, [1.0])
+    assert "steps" in of_map(newton, {"x": [0.0], "y": [1.0]}, steps=0)
+
+    def along(find, values, **options):
+        return refusal(lambda: orbits.basin_fractions(find, values, **options))
+
+    assert "values: expected ascending" in along(lambda p: None, [1.0, 0.0])
+    assert "find: expected a function that returns basins" in along(lambda p: None, [0.0])
+    assert "within" in along(lambda p: None, [0.0], within=0.0)
+
+    def other(p):
+        grid = {"x": [0.5]} if p < 0.5 else {"y": [0.5]}
+        return orbits.map_basins(cubic, grid, params=p)
+
+    assert "find: expected basins in" in along(other, [0.0, 1.0])
+    one = orbits.basin_fractions(lambda p: orbits.map_basins(cubic, side, params=p), [0.0])
+    assert "found: expected at least two values" in refusal(one.plot)
 
 
 def test_misuse_is_refused(scene):

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from orbits.discovery.libration import near_libration_point
+from orbits.discovery.libration import near_libration_point, resonant
 
 #: The largest Jacobi constants of halo orbits of L1 and L2 in JPL's catalogue.
 LARGEST = {"L1": 3.174, "L2": 3.152}
@@ -85,6 +85,70 @@ def test_a_distant_retrograde_orbit_goes_round_the_moon_and_is_stable():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("system", ["earth-moon", "sun-earth", "jupiter-europa"])
+@pytest.mark.parametrize("point", ["L1", "L2"])
+def test_axial_orbits_are_mirrored_at_the_axis_only(system, point):
+    scene = space(system)
+    seed = near_libration_point(scene, "axial", point)
+    mirror = orbits.closing.mirror(scene, "x")
+    orbit = orbits.find(scene, seed.y0, seed.period, closing=mirror, hold="vz")
+    assert_allclose(orbit.period, seed.period, rtol=1e-3)
+    motion = np.asarray(jaxdyn.simulate(orbit.scene, samples=201).ys)
+    # Half a turn about the axis and back in time it is itself, after a mirror at xz it is not.
+    turned = motion[::-1] * [1, -1, -1, -1, 1, 1]
+    assert_allclose(turned, motion, rtol=0, atol=1e-5 * np.abs(motion).max(axis=0).min())
+    crosses = np.flatnonzero(np.diff(np.sign(motion[:, 1])))
+    assert np.abs(motion[crosses, 5]).min() > 0.1 * np.abs(motion[:, 5]).max()
+    other = near_libration_point(scene, "axial", point, southern=True)
+    assert_allclose(other.y0, seed.y0 * [1, 1, -1, 1, 1, -1])
+
+
+#: Of the short and the long oscillation about L4 of the Earth and the Moon.
+TURNS = {"short period": 0.9545, "long period": 0.2982}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["short period", "long period", "vertical"])
+@pytest.mark.parametrize("point", ["L4", "L5"])
+def test_small_orbits_about_the_triangular_points_are_those_of_the_linear_modes(family, point):
+    scene = space("")
+    seed = near_libration_point(scene, family, point, amplitude=1e-3)
+    modes = jaxdyn.vibration.modes(scene, scenes.libration_point(scene, point))
+    turn = TURNS.get(family, 1.0)
+    assert_allclose(min(modes.damped_frequencies, key=lambda w: abs(w - turn)), turn, atol=1e-4)
+    assert_allclose(2 * np.pi / seed.period, turn, atol=1e-4)
+    hold = "z" if family == "vertical" else "x"
+    orbit = orbits.find(scene, seed.y0, seed.period, hold=hold)
+    assert_allclose(orbit.period, seed.period, rtol=1e-5)
+    assert orbit.shift < 1e-5
+    motion = np.asarray(jaxdyn.simulate(orbit.scene).ys)
+    assert np.abs(motion - np.asarray(scenes.libration_point(scene, point))[None]).max() < 3e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("turns", "per"), [(2, 1), (3, 1), (1, 2), (3, 2)])
+@pytest.mark.parametrize("towards", [True, False])
+def test_resonant_orbits_turn_as_often_as_they_should(turns, per, towards):
+    mu = 1e-5
+    flat = scenes.restricted_three_body(mu=mu)
+    seed = resonant(flat, turns, per, eccentricity=0.1, towards=towards)
+    mirror = orbits.closing.mirror(flat, "x")
+    orbit = orbits.find(flat, seed.y0, seed.period, closing=mirror, hold="x")
+    assert_allclose(orbit.period, 2 * np.pi * per, rtol=5e-3)
+    motion = jaxdyn.simulate(orbit.scene, samples=2001)
+    x, y = np.asarray(motion["x"]) + mu, np.asarray(motion["y"])
+    turned = np.unwrap(np.arctan2(y, x))
+    assert_allclose((turned[-1] - turned[0]) / (2 * np.pi), turns - per, atol=1e-9)
+    r = np.hypot(x, y)
+    assert_allclose(r[0], r.min(), rtol=1e-3)
+    assert_allclose(r.max() / r.min(), 1.1 / 0.9, rtol=0.02)
+    assert (x[0] > 0) == towards
+    whole = resonant(space(), turns, per, eccentricity=0.1, towards=towards)
+    days = float(space().system.time)
+    assert_allclose(whole.period, 2 * np.pi * per * days)
+
+
+@pytest.mark.slow
 def test_stability_indices_are_those_of_the_pairs():
     _, orbit = found(space(""), "halo", "L1", "z")
     known = orbits.stability(orbit)
@@ -99,8 +163,23 @@ def test_stability_indices_are_those_of_the_pairs():
     ("call", "said"),
     [
         (lambda: near_libration_point(space(), "hallo"), "family: expected one of"),
-        (lambda: near_libration_point(space(), point="L4"), "point: expected one of"),
-        (lambda: near_libration_point(space(), point="L3"), "point: expected L1 or L2 for halo"),
+        (lambda: near_libration_point(space(), point="L6"), "point: expected one of"),
+        (
+            lambda: near_libration_point(space(), point="L4"),
+            r"point: expected one of L1, L2 for halo orbits, got L4\. Near L4 are vertical, short",
+        ),
+        (lambda: near_libration_point(space(), "short period"), "point: expected one of L4, L5"),
+        (
+            lambda: near_libration_point(space(), "axial", amplitude=1e3),
+            "amplitude: expected none for axial orbits",
+        ),
+        (
+            lambda: near_libration_point(scenes.restricted_three_body(mu=0.1), "long period", "L4"),
+            "mu: expected one of less than 0.0385",
+        ),
+        (lambda: resonant(space(), 2, 2), r"turns, per: expected .* got 2, 2\. Say 1, 1"),
+        (lambda: resonant(space(), 2, 1, eccentricity=1.0), "eccentricity: expected at least 0"),
+        (lambda: resonant(scenes.pendulum(), 2, 1), "scene: expected a restricted"),
         (lambda: near_libration_point(space(), amplitude=0.0), "amplitude: expected > 0"),
         (
             lambda: near_libration_point(scenes.restricted_three_body(), "vertical"),

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from cycles import Bautin, Moebius, Torus, cycle
+from scipy.special import mathieu_a, mathieu_b
 
 import jaxdyn
 import orbits
@@ -65,6 +66,37 @@ def test_the_first_doubling_of_roesslers_cycle_by_its_other_number():
     # The orbit at the doubling, by the same number.
     orbit = orbits.differentiable(roessler(0.2)(point.parameter), point.orbit)
     assert np.isfinite(orbit.period)
+
+
+def mathieu(t, y, n):
+    return [y[1], -(n[0] - 2 * n[1] * jnp.cos(2 * t)) * y[0] - y[0] ** 3]
+
+
+def stiffened(q):
+    def make(a):
+        numbers = jnp.stack([jnp.asarray(a, float), jnp.asarray(q, float)])
+        return jaxdyn.ode(mathieu, [0.0, 0.0], np.pi, params=numbers)
+
+    return make
+
+
+@pytest.mark.slow
+def test_a_doubling_of_a_conservative_scene_is_on_mathieus_curve():
+    # At rest the two multipliers over the drive's period meet at -1 where a = b_1(q) or a_1(q).
+    q = 0.5
+    make = stiffened(q)
+    family = orbits.continue_family(orbits.find(make(0.3)), make, 0.3, within=(0.3, 2.0))
+    points = [x for x in family.special if x.kind == Kind.DOUBLING]
+    exact = {-1: lambda q: mathieu_b(1, q), 1: lambda q: mathieu_a(1, q)}
+    assert len(points) == 2
+    for point, curve in zip(points, exact.values(), strict=True):
+        assert point.parameter == pytest.approx(curve(q), abs=1e-9)
+        slope = jax.grad(lambda q, point=point: special_parameter(point, stiffened(q)))(q)
+        h = 1e-3
+        differences = (8 * (curve(q + h) - curve(q - h)) - curve(q + 2 * h) + curve(q - 2 * h)) / (
+            12 * h
+        )
+        assert slope == pytest.approx(differences, abs=1e-8)
 
 
 def test_points_without_such_derivatives_are_refused():

@@ -132,7 +132,7 @@ def test_phases_that_make_no_sense_are_refused(call, message):
 
 def test_orbits_are_the_same_in_other_units():
     unit = math.sqrt(1e-6 / 2e3)
-    roll = _found(scenes.rimless_wheel(l=2e3, g=1e-6, omega=0.4 * unit, t1=5 / unit))
+    roll = _found(scenes.rimless_wheel(length=2e3, g=1e-6, omega=0.4 * unit, t1=5 / unit))
     assert abs(float(roll.y0[1]) / unit - 0.3497543674325097) < 1e-13
 
 
@@ -204,7 +204,7 @@ def test_the_argument_of_the_version_before_warns_and_others_are_refused():
 def test_a_walker_in_other_units_has_the_same_gait_and_verdict():
     # Lengths by 1e9 and times by 1e6: closing compares angles and rates, of sizes 1 and 1e-6.
     plain, time = scenes.simplest_walker(), 1e6
-    other = scenes.simplest_walker(l=1e9, g=1e9 / time**2, t1=4.0 * time)
+    other = scenes.simplest_walker(length=1e9, g=1e9 / time**2, t1=4.0 * time)
     guess = np.asarray(plain.y0) * [1.0, 1.0, 1 / time, 1 / time]
     one = _found(plain)
     two = orbits.find_hybrid(scenes.phases_of(other), guess)
@@ -215,7 +215,7 @@ def test_a_walker_in_other_units_has_the_same_gait_and_verdict():
     np.testing.assert_allclose(known[0].multipliers, known[1].multipliers, rtol=0, atol=1e-10)
 
     def phases(slope):
-        walker = scenes.simplest_walker(slope=slope, l=1e9, g=1e9 / time**2, t1=4.0 * time)
+        walker = scenes.simplest_walker(slope=slope, length=1e9, g=1e9 / time**2, t1=4.0 * time)
         return scenes.phases_of(walker)
 
     family = orbits.continue_family(two, phases, 0.009, within=(0.0, 0.018))

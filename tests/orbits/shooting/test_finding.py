@@ -1,5 +1,6 @@
 """The finder on orbits known in closed form; every way a search can end; every misuse."""
 
+import re
 import time
 from typing import ClassVar
 
@@ -226,7 +227,35 @@ def test_a_search_that_fails_raises_what_it_tried(outcome):
         orbits.find(scene, **options)
     said = f"{outcome.message} {hint}".strip()
     assert str(caught.value).startswith(f"{said} Tried: ")
-    assert str(caught.value).endswith(" of compiling.")
+    assert " of compiling." in str(caught.value)
+
+
+SYMMETRIC = {
+    "mirror": (
+        scenes.restricted_three_body_in_space(),
+        orbits.closing.mirror,
+        'The guess is symmetric: closing=orbits.closing.mirror(scene, "xz") needs half',
+    ),
+    "reversal": (
+        scenes.pendulum(t1=3.0),
+        lambda scene: orbits.reversal(orbits.time_reversal(2)),
+        "The guess is symmetric: closing=orbits.reversal(orbits.time_reversal(2)) needs half",
+    ),
+}
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIC)
+def test_a_search_that_fails_suggests_the_closing_of_a_symmetric_guess(symmetry):
+    scene, closing, hint = SYMMETRIC[symmetry]
+    with pytest.raises(orbits.SearchError, match=re.escape(hint)):
+        orbits.find(scene, max_iterations=0)
+    for other, options in (
+        (scene, {"closing": closing(scene)}),
+        (scene.starting(scene.y0 + 0.01), {}),  # no longer symmetric
+    ):
+        with pytest.raises(orbits.SearchError) as caught:
+            orbits.find(other, max_iterations=0, **options)
+        assert "symmetric" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("growth", "found"), [(3.0, True), (6.0, False)])

@@ -1,0 +1,89 @@
+"""What is about a word: scenes, guides, problems of the course, words of the conventions.
+
+All are searched as text, before JAX is loaded. Words of the field that the texts do not use stand
+for those that they do.
+"""
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+import jaxdyn
+from jaxdyn.cli.docstrings import SceneText
+
+#: Words of the field beside those in the texts: how these begin there.
+_SYNONYMS = {
+    "constraint": ("tie", "constrained", "rod", "roll"),
+    "forcing": ("drive", "driven", "shak", "pulse", "force f cos"),
+    "input": ("drive", "driven", "shak", "force f cos", "transfer function"),
+    "actuator": ("motor", "drive", "driven", "shak"),
+    "damping": ("damp", "drag", "friction"),
+    "damper": ("damp", "drag"),
+    "rigid": ("box", "plate", "satellite", "spinning top"),
+    "rigid body": ("box", "plate", "satellite", "spinning top"),
+    "boundary condition": ("closing",),
+    "halo": ("restricted", "libration"),
+    "attractor": ("basin",),
+    "estimation": ("fit",),
+    "regression": ("fit",),
+    "optimisation": ("design",),
+    "optimization": ("design",),
+    "frf": ("frequency response", "transfer function"),
+    "mode": ("mode", "vibration", "backbone"),
+}
+
+_GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
+_LINES = 3  # of a guide that is about a word, which need not be in a heading
+
+
+def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:
+    """The names of the scenes with a word in their texts."""
+    return [name for name, scene in zoo.items() if _is_in(word, _text(name, scene))]
+
+
+def guides(word: str) -> dict[str, str]:
+    """The titles of the guides that are about a word, by their files in `jaxdyn/gallery/guides`."""
+    found = {}
+    for path in sorted(_GUIDES.glob("*.md")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        headings = " ".join(line for line in lines if line.startswith("#"))
+        if _is_in(word, headings) or sum(_is_in(word, line, ()) for line in lines) >= _LINES:
+            found[path.name] = lines[0].removeprefix("# ")
+    return found
+
+
+def problems(word: str) -> dict[int, str]:
+    """The titles of the problems of the course with a word in them."""
+    listed = jaxdyn.course.problems()
+    return {n: problem.title for n, problem in listed.items() if _is_in(word, problem.title)}
+
+
+def meanings(word: str) -> dict[str, str]:
+    """Our words that are, or are explained by, a word."""
+    return {ours: meaning for ours, meaning in _words() if _is_in(word, f"{ours}: {meaning}", ())}
+
+
+@cache
+def _words() -> tuple[tuple[str, str], ...]:
+    """Our words with their meanings, from the tables of the guide to conventions."""
+    (guide,) = _GUIDES.glob("*_conventions.md")
+    rows = re.findall(r"^\| ([^|`]+) \| ([^|]+) \|$", guide.read_text(encoding="utf-8"), re.M)
+    return tuple(rows)
+
+
+def _is_in(word: str, text: str, same: tuple[str, ...] | None = None) -> bool:
+    """Whether a word, in the singular, is in a text, or a word begins there that means the same."""
+    word, text = _plain(word), _plain(text)
+    one = word.removesuffix("s") if len(word) > 3 else word
+    same = _SYNONYMS.get(word, _SYNONYMS.get(one, ())) if same is None else same
+    return one in text or any(re.search(rf"\b{re.escape(other)}", text) for other in same)
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[_-]", " ", text).casefold()
+
+
+def _text(name: str, scene: SceneText) -> str:
+    meanings = (p.meaning for p in scene.parameters.values())
+    return " ".join([name, scene.summary, *scene.parameters, *meanings])
