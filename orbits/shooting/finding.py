@@ -79,7 +79,7 @@ def find(
         segments, if that is larger; `Orbit.residual` says which it was.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
-      seconds: time after which the search ends, with all that it tries. An evaluation that has
+      seconds: time after which the search ends, with all that it tries. An integration that has
         begun is completed; compiling does not count, and is named where the search fails.
       report: called with an `Iteration` after each step, those of the descent too.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.
