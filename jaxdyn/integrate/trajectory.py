@@ -265,14 +265,15 @@ _BESIDE = 1e-6
 
 
 def explanation(status: Status, scene: Scene) -> str:
-    """What a status means; for a singularity, also the singularities of the scene."""
+    """What a status means; where a singularity may be near, also those of the scene."""
     if status == Status.NOT_FINITE and _is_removable(scene):
         return (
             f"{status.message} The rate is 0/0 at the start and finite beside it. Write the "
             "quotient so that it is defined there: x / expm1(x) as jnp.where(x == 0, 1.0, s / "
             "jnp.expm1(s)) with s = jnp.where(x == 0, 1.0, x)."
         )
-    singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
+    # Rounding decides whether steps collapse at a singularity or become too many near it.
+    singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE, Status.STEP_LIMIT)
     return f"{status.message} {scene.singular}".strip() if singular else status.message
 
 

@@ -25,7 +25,11 @@ MAX_STEPS = 5000
 _SCREENING, _REFINING = 1e-9, 1e-11  # tolerances
 _ROWS = 512  # of the compiled program's queue
 _BLOCK = 64  # guesses of one batch of Newton's method: one shape, one compilation
-_ITERATIONS = 20
+#: Units of the period, as shares of its guess, of one run of Newton's method after the other. In
+#: radians it stays near the guess; where errors hardly grow the way to an orbit is long, and what
+#: is still on its way after the first run arrives with the period's own size.
+_UNITS = (1 / (2 * np.pi), 1.0)
+_ITERATIONS = 20  # of each run
 _DIFFERENCE = 1e-6  # relative; the Jacobian is accurate to some 1e-4, enough for Newton's method
 _SOLVED = 1e-7  # closing error below which differences do not help
 _NEAR = 1e-6  # closing error below which `find` converges to this orbit
@@ -169,10 +173,10 @@ def _newton_step(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     x = np.concatenate([base[:, closing.free(base.shape[1])], periods[:, None]], axis=1)
     path, size = batch.path(x, base), np.abs(base / each).max(axis=1)
     free = np.broadcast_to(each[closing.free(base.shape[1])], (_BLOCK, x.shape[1] - 1))
-    units = np.concatenate([free, periods[:, None] / (2 * np.pi)], axis=1)
     f, jac = batch(x, base)
     damping = np.full(_BLOCK, _DAMPING)
-    for _ in range(_ITERATIONS):
+    for unit in np.repeat(_UNITS, _ITERATIONS):
+        units = np.concatenate([free, unit * periods[:, None]], axis=1)
         norm = np.linalg.norm(f, axis=1)
         busy = np.isfinite(norm) & (np.abs(f).max(axis=1) > _SOLVED) & (damping < _HOPELESS)
         if not busy.any():

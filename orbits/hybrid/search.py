@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import check_untraced, fail, positive, whole
+from jaxdyn._checks import check_untraced, fail
+from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.spans import tolerances
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, check_scene
 from orbits.closing.given import driven
@@ -25,8 +25,7 @@ from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.deflation import SAME, Deflated, Walk, away
-from orbits.shooting.effort import Effort
-from orbits.shooting.finding import GOAL, RTOL
+from orbits.shooting.effort import GOAL, RTOL, SECONDS, Effort
 from orbits.shooting.multiple import Shooting
 
 # ---- Distances of chains of legs from known ones, for deflation
@@ -109,6 +108,7 @@ def find_hybrid(
     goal: float = GOAL,
     rtol: float = RTOL,
     max_iterations: int = 60,
+    seconds: float = SECONDS,
     report: Callable[[newton.Iteration], None] = lambda iteration: None,
     throw: bool = True,
     unlike: Sequence[HybridOrbit] = (),
@@ -132,6 +132,7 @@ def find_hybrid(
         their sizes.
       rtol: tolerance of the integrations.
       max_iterations: largest number of Newton steps.
+      seconds: time after which the search ends, as for `find`.
       report: called with an `Iteration` after each step; its period is the last leg's span.
       throw: raise if none was found.
       unlike: deprecated; use ``strategy=orbits.Deflated(known)``.
@@ -172,16 +173,18 @@ def find_hybrid(
         spans = durations if spans is None else spans
     legs = legs_of(legs, path)
     start, times = _start_and_times(legs, y0, spans)
-    positive("goal", goal, "It is the largest closing error of an orbit.")
-    tolerances(rtol, None)  # checked here: inside jit it cannot be
-    whole("max_iterations", max_iterations, least=0)
+    effort = Effort(
+        goal=goal, rtol=rtol, max_iterations=max_iterations, report=report, seconds=seconds
+    )
+    effort.check()
     closes = Comes(legs[0].scene) if closes is None else closes
-    effort = Effort(goal, rtol, max_iterations, report)
     found = _solve(
         Chain(legs, closes, path=path), start, times, effort, _deflated_chains(strategy, unlike)
     )
+    if effort.over and not found.ok:
+        found = dataclasses.replace(found, outcome=Outcome.TIME_LIMIT)
     if throw and not found.ok:
-        raise SearchError(found.message)
+        raise SearchError(f"{found.message} {effort}")
     return found
 
 
@@ -223,9 +226,11 @@ def _solve(
     bounds = shortest, np.full(len(x), np.inf)
     squares = None
     if known:
+        effort.begin("Newton's method with the known chains deflated")
         squares = Squares(chain, known, each[0])
         walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
         x = away(walk, x).x
+    effort.begin(f"Newton's method on {number_of(len(chain.legs), 'leg')}")
     result = newton.solve(
         evaluated,
         x,
@@ -233,6 +238,7 @@ def _solve(
         upper=bounds[1],
         goal=effort.goal,
         max_iterations=effort.max_iterations,
+        over=lambda: effort.over,
         report=effort.report,
         units=units,
     )

@@ -127,7 +127,14 @@ class Deflated(Strategy):
         problem, effort, equations = search.problem, search.effort, search.equations
         several = known_orbits(self.known, problem.scene)
         guess = problem.guess
-        cuts = cut_into_segments(equations, guess, effort.rtol, search.segments, search.angle)
+        cuts = cut_into_segments(
+            equations,
+            guess,
+            effort.rtol,
+            search.segments,
+            search.angle,
+            limits=effort.limits(),
+        )
         effort.begin("Newton's method with the known orbits deflated")
         x = cuts.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
         found = deflate(problem, cuts, x, several, effort)
@@ -186,7 +193,8 @@ def deflate(
     lower[-1] = max(lower[-1], min(_SHORTEST * x[-1], upper[-1]))
     if equations.driven:  # the period is that of the drive
         lower[-1] = upper[-1] = x[-1]
-    closed, trouble = InUnits(equations, x, _LOOSE, _MAX_STEPS), Trouble(equations, x)
+    closed = InUnits(equations, x, _LOOSE, effort.limits(_MAX_STEPS))
+    trouble = Trouble(equations, x)
     walk = Walk(
         closed=closed,
         units=closed.units.x,

@@ -129,7 +129,7 @@ def descend(
       upper: (n,) bounds of x.
       effort: the limit of time, and what is called with each step.
     """
-    closed = InUnits(equations, x, _RTOL, _MAX_STEPS)
+    closed = InUnits(equations, x, _RTOL, effort.limits(_MAX_STEPS))
     units, each = closed.units.x, closed.sizes
     path, _ = _path(equations, x, each)
     lengths = np.append(units[:-1], x[-1])  # the period by its own size

@@ -9,6 +9,7 @@ from jaxdyn._progress import report_progress
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.integrate.spans import tolerances
 from orbits.shooting.newton import Iteration
+from orbits.shooting.segment import MAX_STEPS, Limits
 
 RTOL = 1e-14
 GOAL = 1e-12
@@ -38,9 +39,13 @@ class Effort:
     def over(self) -> bool:
         """Whether the time is up.
 
-        This is asked between evaluations, which are not interrupted. Compiling does not count.
+        This is asked between integrations, which are not interrupted. Compiling does not count.
         """
         return self.clock.seconds - self.clock.compiling > self.seconds
+
+    def limits(self, max_steps: int = MAX_STEPS) -> Limits:
+        """The limits of the evaluations that it pays for."""
+        return Limits(max_steps, lambda: self.over)
 
     def share(self, part: float) -> "Effort":
         """The same effort, limited to a part of the time that is left."""

@@ -11,7 +11,7 @@ linear in x.
 """
 
 import dataclasses
-import functools
+import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, Status
 from jaxdyn._checks import as_float
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing
@@ -30,7 +30,7 @@ from orbits.closing.given import drive, driven
 from orbits.motion import advance
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import steps
-from orbits.shooting.segment import MAX_STEPS, Make, Piece, linearise_end, scene_of
+from orbits.shooting.segment import UNTIMED, Limits, Make, Piece, linearise_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -250,18 +250,18 @@ class Equations(eqx.Module):
 
         return on_x(lower, -np.inf), on_x(upper, np.inf)
 
-    def __call__(self, x: np.ndarray, rtol: float, max_steps: int = MAX_STEPS) -> Evaluation:
+    def __call__(self, x: np.ndarray, rtol: float, limits: Limits = UNTIMED) -> Evaluation:
         """The residual and the Jacobian at x; NaN where the motion of a segment ends early."""
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
-        ends, status, slopes = self.pass_segments(here, rtol, max_steps)
+        ends, status, slopes = self.pass_segments(here, rtol, limits)
         residual, jacobian = map(np.asarray, linearise(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )
 
-    def pass_segments(self, here: Piece, rtol: float, max_steps: int = MAX_STEPS):
+    def pass_segments(self, here: Piece, rtol: float, limits: Limits = UNTIMED):
         """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a `Piece`)."""
         if self.collocated:
             found, slopes = steps.linearise_steps(self.scene, here, make=self.make)
@@ -269,13 +269,17 @@ class Equations(eqx.Module):
         # One compiled program for any number of segments, run in threads on all cores.
         count = len(here.span)
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(count)]
-        integrate = functools.partial(
-            linearise_end, self.scene, rtol=rtol, max_steps=max_steps, make=self.make
-        )
+
+        def integrate(piece: Piece):
+            if limits.over():
+                return _unfinished(len(piece.start))
+            found = linearise_end(self.scene, piece, rtol, limits=limits, make=self.make)
+            return jax.block_until_ready(found)
+
         if count == 1:  # starting a thread takes as long as a few integrations
             found = [integrate(each[0])]
         else:
-            with ThreadPoolExecutor(count) as threads:
+            with ThreadPoolExecutor(min(count, os.cpu_count() or count)) as threads:
                 found = list(threads.map(integrate, each))
         return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
@@ -284,6 +288,12 @@ class Equations(eqx.Module):
         n, k = ends.shape
         none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
         return np.asarray(linearise(self, x, here, ends, none)[0])
+
+
+def _unfinished(k: int):
+    """What `linearise_end` returns for a segment that is not integrated."""
+    slopes = Piece(np.full((k, k), np.nan), *np.full((3, k), np.nan))
+    return np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), slopes
 
 
 @jax.jit

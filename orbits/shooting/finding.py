@@ -80,7 +80,7 @@ def find(
         segments takes its place where that is larger. `Orbit.residual` is the closing error.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
-      seconds: time limit of the search, for all that it tries. An evaluation that has begun is
+      seconds: time limit of the search, for all that it tries. An integration that has begun is
         completed; compiling does not count, and is stated where the search fails.
       report: called with an `Iteration` after each step, those of the descent included.
       throw: raise if no orbit was found; with False look at `Orbit.outcome`.

@@ -33,16 +33,17 @@ _ROUNDING_STALLS = 1e-6
 
 
 def finer(
-    equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, rtol: float
+    equations: Equations, cuts: Equations, guess: np.ndarray, orbit: Orbit, effort: Effort
 ) -> Equations:
     """The equations in more segments, since close encounters inside one amplify rounding.
 
     The guess is cut as long as the orbit is near it, else the orbit.
     """
     left = cuts.s_period is not None and _other_motion(orbit.s_period, cuts.s_period)
-    here = np.append(orbit.y0, orbit.period) if left else guess
+    here, rtol = np.append(orbit.y0, orbit.period) if left else guess, effort.rtol
     x = equations.spread(here[:-1], here[-1], rtol, orbit.angle)
-    finer = with_segments(equations, x, rtol, segments_needed(equations, x, rtol))
+    needed = segments_needed(equations, x, rtol, effort.limits())
+    finer = with_segments(equations, x, rtol, needed)
     if finer.segments <= cuts.segments and not _other_motion(finer.s_period, cuts.s_period):
         finer = with_segments(equations, x, rtol, min(2 * cuts.segments, SEGMENTS_MOST))
     return finer
@@ -135,19 +136,24 @@ class Shooting(Strategy):
         """The orbit near the guess, or the best iterate and the reason."""
         problem, equations, effort = search.problem, search.equations, search.effort
         guess, rtol = problem.guess, effort.rtol
-        cuts = cut_into_segments(equations, guess, rtol, search.segments, search.angle)
+        limits = effort.limits()
+        cuts = cut_into_segments(
+            equations, guess, rtol, search.segments, search.angle, limits=limits
+        )
         x = cuts.spread(guess[:-1], guess[-1], rtol, angle=search.angle)
         lower, upper = cuts.bounds(problem.lower, problem.upper)
-        closed = InUnits(cuts, x, rtol)
+        closed = InUnits(cuts, x, rtol, limits)
         x = retime(closed, x, lower=lower, upper=upper, effort=effort)
         orbit = _solution(closed, x, search)
         for _ in range(0 if search.segments else _RECUTS_MOST):
             enough = cuts.segments >= SEGMENTS_MOST or effort.over
             if enough or not gains_from_cutting(orbit, cuts, effort.goal):
                 break
-            cuts = finer(equations, cuts, guess, orbit, rtol)
+            cuts = finer(equations, cuts, guess, orbit, effort)
+            if effort.over:
+                break
             x = cuts.spread(orbit.y0, orbit.period, rtol, angle=orbit.angle)
-            again = _solution(InUnits(cuts, x, rtol), x, search)
+            again = _solution(InUnits(cuts, x, rtol, limits), x, search)
             if orbit.ok and not (again.ok and again.residual < orbit.residual):
                 break
             orbit = eqx.tree_at(lambda o: o.iterations, again, orbit.iterations + again.iterations)

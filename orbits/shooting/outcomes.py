@@ -118,7 +118,7 @@ def outcome_of(closed: InUnits, result: Result, trouble: Trouble) -> Outcome:
             if equations.collocated:  # the intervals are too long for its steps
                 other = Outcome.MESH_LIMIT
             else:  # the tangents take too many steps, or overflow
-                status = equations(result.x, rtol).status
+                status = closed.status(result.x)
         if int(status) == Status.STEP_LIMIT:
             return Outcome.STEP_LIMIT
         # At an unstable equilibrium the growth of errors is why there is no residual.

@@ -19,6 +19,22 @@ from orbits.motion import advance
 MAX_STEPS = 200_000
 
 
+class Limits(NamedTuple):
+    """What ends the integrations of segments early.
+
+    Attributes:
+      max_steps: largest number of steps of one segment.
+      over: whether the time is up; asked before each segment, which is not interrupted.
+    """
+
+    max_steps: int = MAX_STEPS
+    over: Callable[[], bool] = lambda: False
+
+
+#: Of evaluations whose time is not limited.
+UNTIMED = Limits()
+
+
 @dataclasses.dataclass(frozen=True)
 class OwnNumber:
     """A number of the scene itself as the parameter of a family.
@@ -69,14 +85,14 @@ def end_of(
 
 
 def linearise_end(
-    scene: Scene, piece: Piece, rtol, *, max_steps: int = MAX_STEPS, make: Make | None = None
+    scene: Scene, piece: Piece, rtol, *, limits: Limits = UNTIMED, make: Make | None = None
 ):
     """A segment's end (k,), its status, and the end's derivatives in each field (a `Piece`).
 
     The search for an orbit, its growth of errors and its stability all use this one program.
     """
     piece, rtol = jax.tree.map(host_floats, (piece, rtol))
-    return compiled_end(scene, piece, rtol, max_steps, make=make)
+    return compiled_end(scene, piece, rtol, limits.max_steps, make=make)
 
 
 @functools.partial(jax.jit, static_argnames="make")

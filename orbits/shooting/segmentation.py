@@ -16,6 +16,7 @@ from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, quick_solve
 from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.segment import UNTIMED, Limits
 from orbits.shooting.units import sizes_at
 
 #: Largest growth of errors in the start over a motion in one segment: rounding of 1e-16 then stays
@@ -38,11 +39,19 @@ _CUT_RTOL = 1e-10  # tolerance of the times at which segments begin
 
 
 def cut_into_segments(
-    equations: Equations, guess, rtol, segments: int | None, angle=0.0, parameter=0.0, least=1
+    equations: Equations,
+    guess,
+    rtol,
+    segments: int | None,
+    angle=0.0,
+    parameter=0.0,
+    least=1,
+    limits: Limits = UNTIMED,
 ):
     """The equations in a number of segments.
 
-    With None there are as many as the growth of errors requires, and at least `least`.
+    With None there are as many as the growth of errors requires, and at least `least`; one if the
+    time is up before that is known.
     """
     if equations.collocated:
         if segments is not None:
@@ -50,13 +59,15 @@ def cut_into_segments(
         return equations
     x = equations.spread(guess[:-1], guess[-1], rtol, angle, parameter)
     if segments is None:
-        found = map_in_units(equations(x, rtol).transitions, sizes_at(equations, x))
+        found = map_in_units(equations(x, rtol, limits).transitions, sizes_at(equations, x))
         growth = float(np.linalg.norm(found[0]))
         # NaN means a collision, or encounters that take too many steps in plain time.
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             segments = least
         else:
-            segments = max(least, segments_needed(equations, x, rtol))
+            segments = max(least, segments_needed(equations, x, rtol, limits))
+        if limits.over():
+            return equations
     if whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:
         return equations
     return with_segments(equations, x, rtol, segments)
@@ -92,17 +103,22 @@ def recut(
     return None if same else new
 
 
-def segments_needed(equations: Equations, x: np.ndarray, rtol) -> int:
-    """Number of segments for which rounding anywhere in a segment grows little up to its end."""
-    maps = _fine_maps(equations, x, rtol, sizes_at(equations, x))
+def segments_needed(equations: Equations, x: np.ndarray, rtol, limits: Limits) -> int:
+    """Number of segments for which rounding anywhere in a segment grows little up to its end.
+
+    It is the largest number where the time is up before that is known.
+    """
+    maps = _fine_maps(equations, x, rtol, sizes_at(equations, x), limits)
     fits = (n for n in _NUMBERS if _growth(maps, n) <= _GROWTH_INSIDE_MOST)
     return next(fits, SEGMENTS_MOST)
 
 
-def _fine_maps(equations: Equations, x: np.ndarray, rtol, each: np.ndarray) -> np.ndarray:
+def _fine_maps(
+    equations: Equations, x: np.ndarray, rtol, each: np.ndarray, limits: Limits = UNTIMED
+) -> np.ndarray:
     """(n, k, k) derivatives of the ends of `SEGMENTS_MOST` segments in their starts, in sizes."""
     fine = with_segments(equations, x, rtol, SEGMENTS_MOST)
-    found = fine(equations.move_to(x, fine, rtol), rtol).transitions
+    found = fine(equations.move_to(x, fine, rtol), rtol, limits).transitions
     return map_in_units(np.asarray(found), each)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxdyn.analysis.eigenvalues import map_in_units
 from orbits.closing.sizes import PHASES, sizes
 from orbits.shooting.equations import Equations, Evaluation
-from orbits.shooting.segment import MAX_STEPS
+from orbits.shooting.segment import UNTIMED, Limits
 
 #: A value below this share of an entry's size is rounding.
 _ROUNDING = 1e-9
@@ -110,11 +110,11 @@ class InUnits:
         equations: Equations,
         x: np.ndarray,
         rtol: float,
-        max_steps: int = MAX_STEPS,
+        limits: Limits = UNTIMED,
         lengths: Lengths | None = None,
     ):
-        self.equations, self.rtol, self._max_steps = equations, rtol, max_steps
-        self._last = x, equations(x, rtol, max_steps)
+        self.equations, self.rtol, self._limits = equations, rtol, limits
+        self._last = x, equations(x, rtol, limits)
         lengths = lengths or Lengths(sizes_at(equations, x))
         self.sizes = lengths.sizes
         self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), lengths)
@@ -131,7 +131,11 @@ class InUnits:
         """(segments, k, k) derivatives of ends of segments with respect to starts, in the sizes."""
         return map_in_units(np.asarray(self._at(x).transitions), self.sizes)
 
+    def status(self, x: np.ndarray) -> int:
+        """The worst `Status` code of the integrations at x."""
+        return int(self._at(x).status)
+
     def _at(self, x: np.ndarray) -> Evaluation:
         if not np.array_equal(x, self._last[0]):
-            self._last = x, self.equations(x, self.rtol, self._max_steps)
+            self._last = x, self.equations(x, self.rtol, self._limits)
         return self._last[1]

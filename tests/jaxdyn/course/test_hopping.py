@@ -133,7 +133,7 @@ def test_numbers_of_the_cylinder_do_not_matter_for_its_corner():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("inertia", [0.4, 1e-5])
+@pytest.mark.parametrize("inertia", [0.4, 1e-5, 3e-6])
 def test_a_cylinder_whose_mass_is_near_its_centre_hops_too(inertia):
     hop = cylinder.hop(scenes.cylinder_on_ramp(slope=0.0, m=100.0, r=10.0, d=3.0, inertia=inertia))
     a = corner(1)

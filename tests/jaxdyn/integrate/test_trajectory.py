@@ -24,16 +24,19 @@ ENDS = [
 ]
 
 
-# Its rounding is that of programs as users compile them.
-@pytest.mark.long
+ENDED = (Status.STEP_COLLAPSED, Status.NOT_FINITE, Status.STEP_LIMIT)  # rounding may decide
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "says"), ENDS, ids=[says[:20] for _, says in ENDS])
 def test_a_motion_that_ends_in_a_singularity_says_which_ones_its_scene_has(make, says):
     scene = make()
-    motion = simulate(scene, 5.0, samples=2, rtol=1e-8, throw=False)
-    assert motion.status_code in (Status.STEP_COLLAPSED, Status.NOT_FINITE)
+    few = {"samples": 2, "rtol": 1e-8, "max_steps": 20_000}
+    motion = simulate(scene, 5.0, **few, throw=False)
+    assert motion.status_code in ENDED
     assert motion.message.startswith(motion.status_code.message)
     assert re.search(says, motion.message)
     others = [other for _, other in ENDS if other != says]
     assert not any(re.search(other, motion.message) for other in others)
     with pytest.raises(IntegrationError, match=says):
-        simulate(scene, 5.0, samples=2, rtol=1e-8)
+        simulate(scene, 5.0, **few)

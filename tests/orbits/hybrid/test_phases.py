@@ -179,6 +179,22 @@ def test_where_there_is_no_other_that_is_said():
         _found(wheel, strategy=orbits.Deflated([roll]))
 
 
+def test_a_search_ends_when_its_time_is_up():
+    walker = scenes.simplest_walker(slope=0.009)
+    ended = _found(walker, seconds=1e-9, throw=False)
+    assert ended.outcome == orbits.Outcome.TIME_LIMIT
+    assert ended.iterations == 0
+    np.testing.assert_array_equal(ended.y0, walker.y0)
+    known = orbits.Deflated([_found(walker)])
+    assert _found(walker, seconds=1e-9, strategy=known, throw=False).outcome == ended.outcome
+    tried = r"raise seconds=\. Tried: Newton's method on 1 leg\. In .* s of compiling\.$"
+    with pytest.raises(orbits.SearchError, match=tried):
+        _found(walker, seconds=1e-9)
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(ValueError, match=r"^seconds: expected > 0, got"):
+            _found(walker, seconds=wrong)
+
+
 @pytest.mark.parametrize(
     ("known", "message"),
     [

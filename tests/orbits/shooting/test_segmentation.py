@@ -1,6 +1,7 @@
 """Where a motion is cut into segments, and the same motion in other segments."""
 
 import dataclasses
+import os
 
 import numpy as np
 import odes
@@ -9,7 +10,8 @@ import pytest
 import jaxdyn
 import orbits
 from orbits.shooting.equations import Equations
-from orbits.shooting.segmentation import recut, with_segments
+from orbits.shooting.segment import Limits, linearise_end
+from orbits.shooting.segmentation import cut_into_segments, recut, with_segments
 from orbits.shooting.units import InUnits
 
 RTOL = 1e-12
@@ -61,3 +63,28 @@ def test_cuts_are_those_of_the_motion_however_it_is_given(cycle):
     parts, y = in_pieces(cycle, (0.3, 0.7))
     one, two = (with_segments(*known, RTOL, 8) for known in ((whole, x), (parts, y)))
     np.testing.assert_allclose(one.shares, two.shares, rtol=1e-3)
+
+
+def test_no_segment_is_integrated_when_the_time_is_up(cycle, monkeypatch):
+    whole, guess = Equations.of(cycle), np.append(cycle.y0, cycle.period)
+    parts, x = in_pieces(cycle, (0.125,) * 8)
+    begun = []
+
+    def counted(*args, **options):
+        begun.append(args)
+        return linearise_end(*args, **options)
+
+    monkeypatch.setattr("orbits.shooting.equations.linearise_end", counted)
+    over = Limits(over=lambda: len(begun) >= 3)
+    found = parts(x, RTOL, over)
+    assert 3 <= len(begun) <= 2 + os.cpu_count()  # those that had begun
+    assert np.isnan(found.residual).any()
+    assert found.status == jaxdyn.Status.STEP_LIMIT
+    begun.clear()
+    unstable = dataclasses.replace(whole, scene=lorenz(28.0))
+    assert cut_into_segments(unstable, guess, RTOL, None, least=4).segments == 4
+    begun.clear()
+    assert cut_into_segments(unstable, guess, RTOL, None, least=4, limits=over).segments == 4
+    begun[:] = [None] * 3
+    assert cut_into_segments(unstable, guess, RTOL, None, least=4, limits=over).segments == 1
+    assert len(begun) == 3
