@@ -360,8 +360,6 @@ class Scene(Record):
             raise _checks.fail("units", wanted, repr(self.units))
         self.check_functions()
         _checks.refuse_made_before("scene", self.y0, *self.system.converted)
-        for effect in self.effects:
-            _checks.refuse_made_before(type(effect).__name__, *effect.converted)
         system = self.system
         named = system.labels()
         if not named:
@@ -380,6 +378,7 @@ class Scene(Record):
             )
         for effect in self.effects:
             _check_accepted(system, effect)
+            _checks.refuse_made_before(type(effect).__name__, *effect.converted)
         if _checks.is_traced(self):
             _shapes.check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return

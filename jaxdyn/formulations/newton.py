@@ -22,8 +22,8 @@ from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
 
 _AXES = "xyz"
-#: Of the largest float: 1 / sqrt(m) of a test particle [kg^-1/2], so that any force on it exceeds
-#: all numbers, and none stays 0.
+#: 1 / sqrt(m) of a test particle [kg^-1/2], as a part of the largest float: any force on it exceeds
+#: all numbers, and no force stays 0.
 _NO_MASS = 1e-8
 
 

@@ -54,7 +54,7 @@ _LONGEST_LOOP = 100
 _LONGEST_ROW = 20
 #: Operations on floats whose conditions are not read.
 _UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
-#: Of the largest float: the margin of a condition without one, such as at infinity.
+#: Margin of a condition that has none, such as at infinity, as a part of the largest float.
 _FAR = 1e-8
 
 
