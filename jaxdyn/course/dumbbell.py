@@ -72,7 +72,7 @@ def solve(page: Page) -> None:
         figure,
         "Projection keeps the length but not the rate of turning: here its places are worse.",
     )
-    page.play(loose, "Loosely integrated, the two turn at slightly different rates.")
+    page.play(loose, "Loosely integrated, the two turn at slightly different rates.", inexact=True)
 
 
 if __name__ == "__main__":

@@ -155,7 +155,7 @@ def of_motions(motions: Mapping[str, Any], choose: str = "", notes: Sequence[str
       notes: as in `Choices`.
     Raises:
       ValueError: a motion cannot run on a page: it is a batch, did not arrive, began at another
-        time than 0, or has phases that no ready-made scene has.
+        time than 0, was integrated in equal steps, or has phases that no ready-made scene has.
     """
     return Choices({name: _scene_of(one) for name, one in motions.items()}, choose, notes)
 
@@ -171,6 +171,8 @@ def _scene_of(motion: Any) -> Scene:
         raise _checks.fail("motion", "all phases of a ready-made scene, if any", "others", _PLAYED)
     single(first)
     t0, t1 = float(first.ts[0]), float(last.ts[-1])
+    if first.dt is not None:
+        raise _checks.fail("motion", "one of controlled steps", "one of equal ones", _PLAYED)
     if not (t0 == 0 < t1 and np.isfinite(last.ys[-1]).all()):
         raise _checks.fail("motion", "one from time 0 to its end", f"{t0} to {t1}", _PLAYED)
     return Scene(

@@ -50,17 +50,19 @@ class Drawing(NamedTuple):
 
 
 class Played(NamedTuple):
-    """Motions for the player, by name: shown together, or one of them chosen by a slider.
+    """Motions for a browser, by name: shown together, or one of them chosen by a slider.
 
     Attributes:
       motions: trajectories by name.
       look: a sentence that says what to see.
       choose: the parameter that the slider changes, with its unit; empty to show all together.
+      inexact: whether the errors of the motions are what there is to see.
     """
 
     motions: Mapping[str, Any]
     look: str
     choose: str = ""
+    inexact: bool = False
 
 
 class Page:
@@ -116,17 +118,21 @@ class Page:
         """Add a picture (what the functions of `drawing` return), and what to see in it."""
         self.drawings.append(Drawing(figure, look))
 
-    def play(self, motions: Any, look: str, *, choose: str = "") -> None:
-        """Add a motion, or several by name, to be played.
+    def play(self, motions: Any, look: str, *, choose: str = "", inexact: bool = False) -> None:
+        """Add a motion, or several by name, for a browser: as a scene that runs if it can.
 
         Args:
           motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them.
           look: what to see.
           choose: the parameter, with its unit, of which the names are values: a slider then
             chooses one of them. By default they are shown together.
+          inexact: whether the errors of the motions are what there is to see: they are played as
+            they were computed.
         """
         named = motions if isinstance(motions, Mapping) else {"": motions}
-        self.played.append(Played({str(name): one for name, one in named.items()}, look, choose))
+        self.played.append(
+            Played({str(name): one for name, one in named.items()}, look, choose, inexact)
+        )
 
     def ask(
         self, question: str, answer: str, scenes: Scene | Mapping[str, Scene] | None = None

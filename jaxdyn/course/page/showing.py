@@ -58,6 +58,8 @@ def displays(page: Page) -> list[Display]:
 def _display(played: Played, asks: Sequence[player.Ask]) -> Display:
     data = player.export(played.motions, choose=played.choose)
     computed = player.fragment(data, played.look.replace("`", ""))
+    if played.inexact:
+        return Display(played.look, computed, runs=False)
     try:
         running = fragment(of_motions(played.motions, played.choose), asks=asks)
     except ValueError:  # its phases, its kinds of scenes or its formulas are none for a page

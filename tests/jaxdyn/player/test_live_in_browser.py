@@ -216,6 +216,7 @@ def test_an_angle_crosses_a_level_at_each_turn(window, tmp_path):
     np.testing.assert_allclose(turns, np.arange(len(turns)), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_effects_and_impacts_are_switched_off_where_there_are_corners(window, tmp_path):
     scene = scenes.cylinder_on_cylinder(theta=0.5)
     opened(window, scene, tmp_path)
