@@ -54,6 +54,12 @@ TOPIC = "constraints"
 _SAMPLES = 201
 
 
+def squared_stretch(t, y):
+    """The square of how much longer than 1 m a spring is [m^2]."""
+    del t
+    return (y[1] - y[0] - 1.0) ** 2
+
+
 def solve(page: Page) -> None:
     """Push the rod and springs; compare lengths, centres and steps (`compare` takes the times)."""
     joined = {"rod": joined_by_rod(drift="raw")}
@@ -65,9 +71,6 @@ def solve(page: Page) -> None:
         page.number(f"steps for 20 s, {name}", motion.steps)
         page.equal(f"The centre of mass is right, {name}", (x1 + 2 * x2) / 3, exact, within=1e-9)
     rod, stiff = motions["rod"], motions["spring of 1e+06 N/m"]
-
-    def squared_stretch(t, y):
-        return (y[1] - y[0] - 1.0) ** 2
 
     for name in list(motions)[1:]:
         stretch = largest(joined[name], squared_stretch, rtol=1e-9)
