@@ -157,8 +157,8 @@ class _Iterates(Settling):
 
     def ends(self, y0s):
         ys = np.asarray(_after(self.step, jnp.asarray(y0s), self.span))
-        gone = ~(np.abs(ys) < self.far).all(axis=1)
-        return np.where(gone[:, None], np.nan, ys)
+        stays = (np.abs(ys) < self.far).all(axis=1, keepdims=True)
+        return np.where(stays, ys, np.nan)
 
     def largest(self, y0s):
         sizes = np.abs(y0s).max(axis=0, initial=0.0)

@@ -118,12 +118,12 @@ def basin_fractions(
       >>> [(point.begins, point.low, point.high) for point in found.tipping]  # 2 / 27^(1/2) = 0.385
       [(False, 0.3, 0.5)]
     """
-    values = np.asarray(_checks.host_array("values", values, (None,)))
-    if not (len(values) and (np.diff(values) > 0).all()):
-        raise _checks.fail("values", "ascending ones, at least one", values)
+    at = np.asarray(_checks.host_array("values", values, (None,)))
+    if not (len(at) and (np.diff(at) > 0).all()):
+        raise _checks.fail("values", "ascending ones, at least one", at)
     _checks.positive("within", within)
     found, tracks = [], []
-    for i, value in enumerate(values.tolist()):
+    for i, value in enumerate(at.tolist()):
         basins = find(value)
         if not isinstance(basins, Basins):
             raise _checks.fail("find", "a function that returns basins", type(basins).__name__)
@@ -139,14 +139,14 @@ def basin_fractions(
                 tracks.append([None] * i + [attractor])
             else:
                 tracks[same[number]][-1] = attractor
-    fractions, bars = (np.zeros((len(values), len(tracks) + 1)) for _ in range(2))
+    fractions, bars = (np.zeros((len(at), len(tracks) + 1)) for _ in range(2))
     for i, basins in enumerate(found):
         fractions[i, -1], bars[i, -1] = basins.fractions[-1], basins.bars[-1]
         for j, track in enumerate(tracks):
             if track[i] is not None:
                 number = next(n for n, one in enumerate(basins.attractors) if one is track[i])
                 fractions[i, j], bars[i, j] = basins.fractions[number], basins.bars[number]
-    return BasinFractions(values, fractions, bars, tuple(map(tuple, tracks)), tuple(found))
+    return BasinFractions(at, fractions, bars, tuple(map(tuple, tracks)), tuple(found))
 
 
 def _same(last: list[Attractor | None], basins: Basins, within: float) -> dict[int, int]:

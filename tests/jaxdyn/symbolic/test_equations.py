@@ -23,7 +23,7 @@ ROUNDING = 1e-13
 STATES = 4
 
 #: Of a four-bar linkage, so that nothing cancels.
-UNEQUAL = {"m": (1.0, 2.0, 3.0), "l": (1.0, 2.5, 2.2), "angle": 1.0, "rate": 0.7, "g": 9.81}
+UNEQUAL = {"m": (1.0, 2.0, 3.0), "length": (1.0, 2.5, 2.2), "angle": 1.0, "rate": 0.7, "g": 9.81}
 
 #: Scenes beyond the defaults of the catalogue: other formulations, and effects of all kinds.
 BESIDES = {
