@@ -150,6 +150,7 @@ def test_the_friction_of_a_locked_axle_acts_at_the_axle():
 BOTH = ["pendulum", "cart_pendulum", "double_pendulum", "bead_on_parabola", "four_bar", "dumbbell"]
 
 
+@pytest.mark.sample("pendulum", "bead_on_parabola", "four_bar")
 @pytest.mark.parametrize("name", BOTH)
 def test_forces_from_the_balance_are_the_multipliers(name):
     make = scenes.catalogue.entry(name).make
