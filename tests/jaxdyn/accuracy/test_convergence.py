@@ -44,7 +44,7 @@ def test_problem_3_d_estimated_errors_are_the_errors(name, method, first, order)
     assert table.steps.tolist() == [first * 2**i for i in range(5)]
 
 
-@pytest.mark.sample("oscillator", "lorenz")
+@pytest.mark.sample("lorenz")
 @pytest.mark.parametrize("name", SCENES)
 def test_problem_3_e_the_error_follows_the_tolerance(name):
     scene, t1 = SCENES[name]

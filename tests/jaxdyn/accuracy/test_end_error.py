@@ -4,6 +4,7 @@ import re
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -154,7 +155,7 @@ def test_what_has_died_away_is_measured_by_what_it_was():
 
 def test_a_batch_is_refused():
     motion = simulate(scenes.oscillator(), samples=3)
-    batch = jax.vmap(lambda y: simulate(scenes.oscillator().starting(y), samples=3))(motion.ys)
+    batch = jax.tree.map(lambda x: jnp.stack([x, x]), motion)
     with pytest.raises(ValueError, match="motion: expected one motion"):
         end_error(batch, runner(1.0))
 

@@ -111,6 +111,7 @@ def test_the_repeated_condition_may_repeat_only_on_the_constraints():
     assert gap(motion["theta"], np.zeros(5)) < 1e-10
 
 
+@pytest.mark.slow
 def test_skates_on_a_common_normal_are_one():
     at, headings = jnp.array([[0.2, 0.0], [0.2, 1.5]]), jnp.zeros(2)
     both, one = Skated(1.0, 0.5, at, headings), Skated(1.0, 0.5, at[:1], headings[:1])
@@ -213,6 +214,7 @@ def test_forces_of_motions_without_rods_are_refused():
         constraints.multipliers(simulate(scenes.pendulum(), 0.1, samples=2))
 
 
+@pytest.mark.slow
 def test_the_ties_of_textbooks_drift_differently():
     how = {"formulation": "constrained", "drift": "raw"}
     off = {}

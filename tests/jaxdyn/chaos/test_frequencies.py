@@ -58,6 +58,7 @@ def quartic(t, y):
     return [y[2], y[3], -pull * y[0], -pull * y[1]]
 
 
+@pytest.mark.slow
 def test_a_rosette_has_the_frequencies_of_its_quadratures():
     x, v = 1.0, 0.7
     energy, momentum = 0.5 * v**2 + x**2 / 2 + x**4 / 4, x * v

@@ -368,6 +368,7 @@ def test_numbers_of_the_wrong_shape_are_named():
         ensemble.run(scene, y0s, params=params)
 
 
+@pytest.mark.slow
 def test_long_motions_keep_their_energy_to_rounding():
     scene = ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 1.0)
     starts = np.random.default_rng(0).uniform(0.5, 2.0, (4, 2))

@@ -1,4 +1,7 @@
-"""A part of the site is built; every page is complete, linked, found, and opens in a browser."""
+"""A part of the site is built; every page is complete, linked, found, and opens in a browser.
+
+The default run builds it with the page of one problem, the slow one with several.
+"""
 
 import contextlib
 import html.parser
@@ -19,6 +22,7 @@ from sphinx.search.en import SearchEnglish
 from sphinx.util.inventory import InventoryFile
 
 from jaxdyn import gallery, hard, scenes
+from jaxdyn.course import simple_pendulum
 from jaxdyn.gallery import (
     docstrings,
     exhibits,
@@ -34,8 +38,10 @@ from jaxdyn.player.model import model
 from jaxdyn.player.pages import script
 from jaxdyn.scenes import catalogue
 
-#: Cheap problems, in the plane and in space, with sliders, several motions, none.
-CHOSEN = (7, 16, 22, 54)
+#: A cheap problem.
+ONE = (22,)
+#: In the plane and in space, with sliders, several motions, none.
+SEVERAL = (7, 16, 22, 54, "tutorials/first_motion")
 MOST_BYTES = 2_000_000  # of a page
 
 
@@ -70,12 +76,17 @@ def _others_may_deprecate():
         yield
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The site with four problems and a tutorial, built in processes as a user would."""
-    only = (*CHOSEN, "tutorials/first_motion")
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(ONE, id="one page"),
+        pytest.param(SEVERAL, id="several", marks=pytest.mark.slow),
+    ],
+)
+def site(request, tmp_path_factory):
+    """The site with these problems and tutorials, built in processes as a user would."""
     with _others_may_deprecate():
-        found = gallery.build(tmp_path_factory.mktemp("site"), only=only, workers=2)
+        found = gallery.build(tmp_path_factory.mktemp("site"), only=request.param, workers=2)
     assert not found.failed
     assert not found.untrue
     return found
@@ -161,6 +172,7 @@ def _shown(site):
     return [page for page in site.pages if page not in listed] + listed[::20]
 
 
+@pytest.mark.sample("one page-390")
 @pytest.mark.parametrize("width", [390, 1280])
 def test_every_page_opens_without_a_message_and_fits(site, width):
     window = chromium.start()
@@ -255,19 +267,28 @@ def test_scenes_run_and_motions_are_played_on_the_pages_of_the_course(site):
         window.quit()
 
 
-def test_only_pages_whose_sources_changed_run_again(site, monkeypatch):
-    def never(*_):
-        raise AssertionError
-
-    path = site.folder / ".records" / "circling_bodies.json"
+@pytest.mark.slow
+def test_a_site_is_built_again_without_running_its_pages(site):
+    path = site.folder / ".records" / "simple_pendulum.json"
     before = path.stat().st_mtime_ns
     with _others_may_deprecate():
-        again = gallery.build(site.folder, only=[16], workers=1)
+        again = gallery.build(site.folder, only=[22], workers=1)
     assert again.pages == site.pages
     assert path.stat().st_mtime_ns == before
+
+
+def test_only_pages_whose_sources_changed_run_again(site, monkeypatch):
+    def never():
+        raise AssertionError
+
+    def again():
+        source = Path(simple_pendulum.__file__)
+        records.keep(site.folder, "simple_pendulum", source, never)
+
+    again()
     monkeypatch.setattr(records, "digest", lambda source: "another")
     with pytest.raises(AssertionError):
-        records.keep(site.folder, "circling_bodies", path, never)
+        again()
 
 
 def test_a_record_is_made_again_where_it_is_damaged_or_lacks_a_picture(tmp_path, monkeypatch):

@@ -103,6 +103,7 @@ def test_derivatives_of_states_are_along_the_event_and_follow_its_level():
     assert gap(jax.jacrev(states)(level), np.stack([np.ones(4), -4 * 0.5 / v], -1)) < SOLVED
 
 
+@pytest.mark.slow
 def test_derivatives_are_zero_in_rows_without_a_crossing():
     slopes = jax.jacfwd(lambda k: released(k, 1.0).ts)(jnp.asarray(4.0))
     assert gap(slopes[1:], np.zeros(7)) == 0.0

@@ -88,6 +88,7 @@ def test_derivatives_at_a_span_of_zero():
     assert gap(jax.jacfwd(end)(x), wanted) < EXACT
 
 
+@pytest.mark.slow
 def test_the_monodromy_matrix_is_symplectic(monodromy):
     zero, one = np.zeros((6, 6)), np.eye(6)
     J = np.block([[zero, one], [-one, zero]])  # unit masses: velocities are momenta

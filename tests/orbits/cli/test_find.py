@@ -4,7 +4,6 @@ import functools
 import json
 import re
 
-import jax
 import numpy as np
 import pytest
 import typer
@@ -12,8 +11,6 @@ from rich.console import Console
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from jaxdyn.files import codec
-from jaxdyn.scenes import catalogue
 from orbits import PLAIN, find
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
@@ -256,13 +253,3 @@ def test_an_energy_is_claimed_only_where_it_is_kept(scene, energy):
     assert what.energy == energy
     assert what.angular_momentum is None
     assert what.choreography is None
-
-
-@pytest.mark.parametrize("name", catalogue.entries())
-def test_every_scene_can_be_kept_in_a_file(name):
-    scene = catalogue.entries()[name].make()
-    text = json.dumps(codec.encode(scene))
-    read = codec.decode_scene(json.loads(text), "")
-    assert jax.tree.structure(read) == jax.tree.structure(scene)
-    for one, two in zip(jax.tree.leaves(read), jax.tree.leaves(scene), strict=True):
-        np.testing.assert_array_equal(one, two)

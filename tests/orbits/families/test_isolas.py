@@ -35,6 +35,7 @@ def heights(family):
     return np.array([np.linalg.norm(member.orbit.y0) for member in family.members])
 
 
+@pytest.mark.sample("False")
 @pytest.mark.parametrize("down", [False, True])
 def test_a_family_of_cycles_ends_where_it_began(down):
     first = orbits.find(circles_at(0.2), [1.2, 0.0], 5.0)

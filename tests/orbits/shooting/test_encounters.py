@@ -80,6 +80,7 @@ def test_an_orbit_far_from_its_guess_is_cut_again_where_it_is():
     assert far.residual < 1e-13  # 5e-13 where the cuts stay those of the guess
 
 
+@pytest.mark.slow
 def test_members_of_a_family_know_their_own_logarithmic_time(close):
     last = orbits.continue_family(close, members=3, step=0.3).members[-1].orbit
     assert abs(last.s_period / close.s_period - 1) > 1e-3
