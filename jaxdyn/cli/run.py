@@ -14,6 +14,7 @@ from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     AnimateOption,
     AtOption,
+    EnergiesOption,
     FreeBodyOption,
     JsonOption,
     LiveOption,
@@ -21,6 +22,7 @@ from jaxdyn.cli.shared import (
     PlotOption,
     SceneArgument,
     SecondsOption,
+    SeriesOption,
     SetOption,
     SpanOption,
     TitleOption,
@@ -29,7 +31,6 @@ from jaxdyn.cli.shared import (
     open_page,
     output_option,
 )
-from jaxdyn.files.image_files import picture_path
 from jaxdyn.files.output_files import archive_path, table_path
 
 STOPPED = 1  # exit code: the motion did not reach its end
@@ -53,13 +54,8 @@ def run_command(
         float | None, number("Step [s] of a solver of equal steps, such as verlet.")
     ] = None,
     plot: PlotOption = None,
-    series: Annotated[
-        Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
-    ] = None,
-    energies: Annotated[
-        Path | None,
-        output_option(picture_path, "Draw its energies over time (.png, .pdf, .svg)."),
-    ] = None,
+    series: SeriesOption = None,
+    energies: EnergiesOption = None,
     title: TitleOption = None,
     animate: AnimateOption = None,
     seconds: SecondsOption = None,

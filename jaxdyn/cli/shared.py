@@ -83,6 +83,12 @@ SetOption = Annotated[
 ]
 SpanOption = Annotated[float | None, number("End of the span; the scene's own.")]
 PlotOption = Annotated[Path | None, output_option(picture_path, "Draw it (.png, .pdf, .svg).")]
+SeriesOption = Annotated[
+    Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
+]
+EnergiesOption = Annotated[
+    Path | None, output_option(picture_path, "Draw its energies over time (.png, .pdf, .svg).")
+]
 AnimateOption = Annotated[Path | None, output_option(animation_path, "Animate it (.gif, .mp4).")]
 SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
 FreeBodyOption = Annotated[

@@ -137,10 +137,9 @@ class Stoermer(Method):
         start, length = wide(t), wide(h)
         wider = (x.reshape(*x.shape[:2], *(1,) * rank, *x.shape[2:]) for x in self.schedule)
         table, weights = wider
-        table = jnp.asarray(table)
 
         def substep(k, carry):
-            row = lax.dynamic_index_in_dim(table, k, keepdims=False)
+            row = lax.dynamic_index_in_dim(jnp.asarray(table), k, keepdims=False)
             step, since, begins = length * row[0], length * row[1], row[2] > 0
             slot = row[3].ravel()[0].astype(int)
             # The displacement beyond v times the time, and the change of v, both since t.

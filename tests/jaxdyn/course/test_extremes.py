@@ -44,7 +44,7 @@ def test_it_may_be_at_an_end():
 
 def test_of_several_entries_the_largest_counts():
     found = largest(SWING, several, 2.0)
-    assert found.value == pytest.approx(1.0, abs=1e-12)
+    assert found.value == pytest.approx(1.0, abs=1e-14)
     assert found.t == pytest.approx(np.pi / 2, abs=1e-10)
 
 
