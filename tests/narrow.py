@@ -44,7 +44,7 @@ def many(rtol: float) -> np.ndarray:
     """(n, k) ends of motions that are stepped side by side."""
     scene = scenes.pendulum()
     starts = np.asarray(scene.y0) * np.linspace(0.5, 1.0, 5)[:, None]
-    return ensemble.run(scene, starts, 3.0, rtol=rtol).y1
+    return np.asarray(ensemble.run(scene, starts, 3.0, rtol=rtol).y1)
 
 
 def derivative(rtol: float) -> np.ndarray:
