@@ -51,7 +51,7 @@ from benchmarks import (
 from benchmarks._timing import Curves, Row
 from benchmarks.picture import STORED
 from jaxdyn._checks import choice, fail
-from jaxdyn.files.input_files import MAX_BYTES, content, parsed
+from jaxdyn.files.input_files import MAX_BYTES, content, parse_json
 from jaxdyn.files.output_files import replace, writable
 
 MISUSE = 2  # exit code: invalid input
@@ -129,7 +129,7 @@ def _before(path: Path) -> dict:
     remedy = "Name a new file, or one that a benchmark has written."
     if not writable(path, "--json").is_file():
         return {}
-    found = parsed(content(path, MAX_BYTES, remedy, "--json"), "results of benchmarks", remedy)
+    found = parse_json(content(path, MAX_BYTES, remedy, "--json"), "results of benchmarks", remedy)
     if not isinstance(found, dict):
         raise fail("--json", "results of benchmarks", f"'{path}' with something else", remedy)
     return found

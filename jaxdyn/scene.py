@@ -196,7 +196,7 @@ class Scene(Record):
       >>> print(scenes.oscillator(k=2.0))
       Scene oscillator
         system   FreePoints(m = (1,) kg, d = 1)
-        effects  Spring(k = 2 N/m, length = 0 m, anchor = 0)
+        effects  Spring(k = 2 N/m, length = 0 m, anchor = 0 m)
         start    x = 1 m, vx = 0 m/s
         span     10 s
     """

@@ -62,7 +62,7 @@ class Constrained(MechanismSystem):
 
     mechanism: Mechanism
     drift: str = eqx.field(static=True, default="projection")
-    pull: Array = eqx.field(default_factory=lambda: jnp.asarray(10.0), converter=jnp.asarray)
+    pull: Array = eqx.field(default=10.0, converter=_checks.as_float)
 
     def rate(self, t, y, effects):
         a, _ = _accelerations(self, t, y, effects)

@@ -192,7 +192,7 @@ def n_pendulum(
     drift="projection",
     t1=10.0,
 ) -> Scene:
-    """Uniform bars or point masses hinged in a row, as many as there are masses (problems 31, 43).
+    """Uniform bars or point masses hinged in a row, as many as there are masses (problem 43).
 
     Args:
       m: masses [kg].

@@ -173,7 +173,7 @@ def _rule(scene: Scene, rtol) -> tuple[Method, str]:
     """The default, and the reason for it."""
     found = series_of(scene.field, scene.y0, longest=_LONGEST)
     known = None if _checks.is_traced(rtol) else float(rtol)
-    eps = float(np.finfo(scene.y0.dtype).eps)
+    eps = float(np.finfo(_checks.as_float(scene.y0).dtype).eps)  # starts may be integers
     return _method_of_rule(found, scene.second_order, len(scene.y0), known, eps)
 
 

@@ -50,7 +50,7 @@ def test_every_ready_made_scene_is_shown_with_its_numbers(name):
 def test_numbers_have_the_units_of_their_class():
     assert lines(effects.UniformGravity(9.81)) == ["UniformGravity(g = 9.81 m/s^2)"]
     assert lines(effects.Spring(10.0, 0.5, j=1)) == [
-        "Spring(k = 10 N/m, length = 0.5 m, anchor = 0, j = 1)"
+        "Spring(k = 10 N/m, length = 0.5 m, anchor = 0 m, j = 1)"
     ]
     # A world without units has none.
     assert "PairGravity(G = 1)" in str(scenes.three_body())
