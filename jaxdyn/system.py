@@ -96,7 +96,7 @@ class Effect(Record):
 
     @property
     def acts(self) -> frozenset[str]:
-        """What its methods act on: "force" stands for points, "generalized" for coordinates.
+        """What its methods act on, "force" for points, "generalized" for coordinates.
 
         A potential is a force on points. The answer follows from what a class overrides.
         """

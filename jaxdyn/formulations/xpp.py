@@ -174,7 +174,7 @@ class Maker:
 
     @property
     def defaults(self) -> dict[str, float]:
-        """What it takes: parameters, the start of each state by its name, and the span `total`."""
+        """The parameters, the start of each state by its name, and the span `total`."""
         found = model(self.text)
         return {**found.numbers, **found.starts, _SPAN: found.span}
 

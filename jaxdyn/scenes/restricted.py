@@ -105,7 +105,7 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
 
     @property
     def units(self) -> Array:
-        """(6,) the units of the state: the distance, and its product with the angular velocity."""
+        """(6,) units of the state, the distance and its product with the angular velocity."""
         speed = self.distance / self.time
         return jnp.stack([*[self.distance] * 3, *[speed] * 3])
 

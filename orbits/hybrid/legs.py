@@ -102,7 +102,7 @@ class HybridOrbit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(n,) names of the legs: those of their phases, or numbered ones."""
+        """(n,) names of the legs, those of their phases or numbered ones."""
         found = tuple(name for name, _ in self.path)
         return found or tuple(f"leg {i + 1}" for i in range(len(self.legs)))
 
