@@ -1,12 +1,12 @@
-"""Sums of products of powers: expressions as printed equations have them.
+"""Sums of products of powers: the form of expressions in printed equations.
 
 An `Expression` is a sum of terms, each a rational coefficient and powers of atoms: a `Symbol`, a
 `Call` of a function, or a `Group`, a sum in brackets. Products of sums are multiplied out, so that
-equal terms meet and cancel, except for differences such as x - a or x2 - x1: these stay in brackets
-and are what a reader looks for.
+equal terms cancel, except for differences such as x - a or x2 - x1: these stay in brackets, as a
+reader expects.
 
 Exponents are rational: a root is the power 1/2, a quotient the power -1. Points at which an
-expression is not defined, such as r = 0 in x / r, are left out of consideration, as on paper.
+expression is not defined, such as r = 0 in x / r, are ignored, as on paper.
 """
 
 import functools
@@ -17,7 +17,7 @@ from typing import Any
 
 from jaxdyn import _checks
 
-#: A rational number; a float where none with a small denominator is meant.
+#: A rational number; a float if it does not stand for one with a small denominator.
 Coefficient = Fraction | float
 #: Atoms and their exponents, sorted.
 Monomial = tuple[tuple["Atom", Fraction], ...]
@@ -40,14 +40,14 @@ class Symbol:
     """A quantity with a name.
 
     Attributes:
-      name: told from all others by it.
+      name: unique name that identifies it.
       kind: "parameter", "time", "coordinate", "velocity", "acceleration", "rate" (the derivative of
         an entry that has no second one), "multiplier" or "short" (an abbreviation).
-      rank: its place among those of its kind.
-      stem: of its name in print, such as "theta".
+      rank: its position among the symbols of its kind.
+      stem: stem of its printed name, such as "theta".
       index: its subscript, such as "1" or "12".
-      dots: number of derivatives by time.
-      positive: whether it is known to be.
+      dots: number of time derivatives.
+      positive: whether it is known to be positive.
     """
 
     __slots__ = ("dots", "index", "key", "kind", "name", "positive", "rank", "stem")
@@ -105,7 +105,7 @@ class Call:
 
 
 class Group:
-    """A sum in brackets, of which the first term is positive."""
+    """A sum in brackets whose first term is positive."""
 
     __slots__ = ("key", "sum")
 
@@ -249,17 +249,17 @@ class Expression:
 
     @property
     def is_number(self) -> bool:
-        """Whether it is without atoms."""
+        """Whether it contains no atoms."""
         return not self.terms or set(self.terms) == {()}
 
     @property
     def number(self) -> Coefficient:
-        """Of one without atoms, its value."""
+        """The value of an expression without atoms."""
         return self.terms.get((), Fraction(0))
 
     @property
     def is_difference(self) -> bool:
-        """Whether it stays in brackets: symbols of one size, some of the state, and a number."""
+        """Whether it stays in brackets: a sum of symbols with equal coefficients and a number."""
         if len(self.terms) < 2:
             return False
         plain = [(m, c) for m, c in self.terms.items() if m]
@@ -269,7 +269,7 @@ class Expression:
 
     @property
     def leading(self) -> Coefficient:
-        """The coefficient of the first term: of a difference, of its symbol of the state."""
+        """The coefficient of the first term; in a difference, of its first symbol of the state."""
         if self.is_difference:
             state = {m: c for m, c in self.terms.items() if m and _is_of_state(m[0][0])}
             return min(state.items(), key=_place)[1]
@@ -277,7 +277,7 @@ class Expression:
 
     @property
     def content(self) -> Coefficient:
-        """The largest positive rational number by which all coefficients are whole multiples."""
+        """The largest positive rational number of which all coefficients are integer multiples."""
         found = [Fraction(c) for c in self.terms.values() if isinstance(c, Fraction)]
         if len(found) < len(self.terms):
             return ONE
@@ -285,7 +285,7 @@ class Expression:
         return Fraction(whole, math.lcm(*(c.denominator for c in found)))
 
     def in_brackets(self) -> "Expression":
-        """Of a difference, a number times a `Group`."""
+        """A difference as a number times a `Group`."""
         c = self.leading
         return Expression({((Group(self / c), ONE),): c})
 
@@ -294,7 +294,7 @@ class Expression:
         return {s for m in self.terms for a, _ in m for s in symbols_of(a)}
 
     def replace(self, what: Callable[[Atom], "Expression | None"]) -> "Expression":
-        """With other expressions for atoms, where `what` has one; inside of others too."""
+        """Atoms replaced by expressions where `what` returns one, also inside other atoms."""
         found = number(0)
         for m, c in self.terms.items():
             term = number(c)
@@ -315,7 +315,7 @@ class Expression:
         return found
 
     def expand(self) -> "Expression":
-        """With all brackets multiplied out, of whole positive powers."""
+        """All brackets with positive integer powers multiplied out."""
         found: dict[Monomial, Coefficient] = {}
         for m, c in self.terms.items():
             term = {(): c}
@@ -330,7 +330,7 @@ class Expression:
         return Expression(found)
 
     def over_one_line(self) -> "Expression":
-        """With all terms over common denominators that are sums, divided by these if possible."""
+        """All terms over common denominators that are sums, cancelled where possible."""
         found = self
         lines = {a for m in found.terms for a, e in m if _is_line(a, e)}
         for line in sorted(lines, key=lambda a: a.key):
@@ -368,7 +368,7 @@ def as_expression(x: "Expression | Atom | Coefficient | int") -> Expression:
 
 
 def number(x: Coefficient | int) -> Expression:
-    """A number: the rational one that a float stands for, if it is one with few digits."""
+    """A number as an expression: the rational one that a float stands for, if that is simple."""
     found = rational(x)
     if isinstance(found, float):
         for power in (1, 2, -1):
@@ -389,7 +389,7 @@ def rational(x: Coefficient | int) -> Coefficient:
 
 
 def function(op: str, *args: Expression) -> Expression:
-    """A call of a function, with what is known of its values."""
+    """A call of a function, simplified where its value is known."""
     (a, *others) = args
     if op in ("sin", "cos", "tan", "sinh", "tanh", "atan", "asin") and not others:
         if not a:
@@ -415,7 +415,7 @@ def function(op: str, *args: Expression) -> Expression:
 
 
 def _quarters(a: Expression) -> int | None:
-    """How often an angle is a quarter turn, if that is whole."""
+    """The number of quarter turns in an angle, if it is an integer."""
     halves = a.terms.get(((PI, ONE),), None) if len(a.terms) == 1 else None
     if isinstance(halves, Fraction) and (2 * halves).denominator == 1:
         return int(2 * halves)
@@ -485,7 +485,7 @@ def _product(m: Monomial, n: Monomial) -> Expression:
         for a, e in plain
         if isinstance(a, Group) and e.denominator == 1 and e > 0 and not a.sum.is_difference
     ]
-    if brackets:  # as where a root is squared
+    if brackets:  # for example when a root is squared
         plain = tuple(x for x in plain if x not in brackets)
         for a, e in brackets:
             factor = factor * a.sum**e
@@ -497,7 +497,7 @@ def _is_line(a: Atom, e: Fraction) -> bool:
 
 
 def _divide(above: Expression, below: Expression) -> Expression | None:
-    """The quotient of two sums of whole powers, if it has no remainder."""
+    """The quotient of two sums of integer powers, if it has no remainder."""
     lead = _highest(below)
     found, left = number(0), above
     while left:
@@ -512,7 +512,7 @@ def _divide(above: Expression, below: Expression) -> Expression | None:
 
 
 def _highest(x: Expression) -> Monomial:
-    """The first monomial in an order that products keep: by powers of one atom after another."""
+    """The leading monomial in a monomial order, by powers of one atom after another."""
     atoms = sorted({a for m in x.terms for a, _ in m}, key=lambda a: a.key)
     return max(x.terms, key=lambda m: [dict(m).get(a, Fraction(0)) for a in atoms])
 
@@ -530,7 +530,7 @@ def _multiply(
 
 
 def _place(term: tuple[Monomial, Coefficient]) -> tuple:
-    """Of a term in a sum whose first term has to be the same in every process."""
+    """Sort key of a term: the first term of a sum has to be the same in every process."""
     return tuple((a.key, -e) for a, e in term[0])
 
 
@@ -586,7 +586,7 @@ def _derivative(a: Atom, by: Symbol) -> Expression:
             "equations",
             "functions whose derivative is known",
             a.op,
-            "jaxdyn.symbolic.code(scene, 'python') has the rate with it.",
+            "jaxdyn.symbolic.code(scene, 'python') can write this rate.",
         )
     (x,) = a.args
     return _SLOPES[a.op](x) * x.differentiate(by)
@@ -654,12 +654,12 @@ _FUNCTIONS: dict[str, Callable] = {
 
 
 def in_order(powers: Mapping[Atom, Fraction]) -> Monomial:
-    """The monomial of some powers."""
+    """The monomial with these powers, sorted."""
     return tuple(sorted(((a, e) for a, e in powers.items() if e), key=lambda x: x[0].key))
 
 
 def times(m: Monomial, n: Monomial) -> Monomial:
-    """The product of two monomials, whose brackets stay as they are."""
+    """The product of two monomials without multiplying out brackets."""
     powers = dict(m)
     for a, e in n:
         powers[a] = powers.get(a, Fraction(0)) + e

@@ -1,6 +1,6 @@
-"""Sums as a reader wants them: equal factors in front of brackets, lengths with names of their own.
+"""Readable sums: common factors in front of brackets, and names for lengths.
 
-Results of these functions are for print and for evaluation. Further arithmetic would multiply
+The results of these functions are for printing and evaluation; further arithmetic would multiply
 their brackets out again.
 """
 
@@ -32,12 +32,12 @@ _OUTER = ("acceleration", "rate", "multiplier")
 
 
 def depends_on_state(a: Atom) -> bool:
-    """Whether an atom moves with the state."""
+    """Whether an atom depends on the state."""
     return any(s.kind in _OF_STATE for s in symbols_of(a))
 
 
 def collect(x: Expression) -> Expression:
-    """Terms with the same motion united, their coefficients in brackets: (m1 + m2) x''."""
+    """Terms with the same moving factor collected, with coefficients in brackets: (m1 + m2) x''."""
     x = _with_closing_speeds(_with_squares(x))
     for key in (_outer, _motion, _lengths, _beside_velocities):
         x = _unite(_alike(x), key)
@@ -65,7 +65,7 @@ def _with_squares(x: Expression) -> Expression:
 
 
 def _with_closing_speeds(x: Expression) -> Expression:
-    """Of dampers along lines: c x^2 x' / r^2 + c x y y' / r^2 as c (x x' + y y') x / r^2."""
+    """Terms of dampers along lines: c x^2 x' / r^2 + c x y y' / r^2 as c (x x' + y y') x / r^2."""
     parts: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
@@ -87,7 +87,7 @@ def _with_closing_speeds(x: Expression) -> Expression:
 
 
 def _beside_own_velocity(m: Monomial) -> Monomial | None:
-    """A velocity in a term with its own coordinate; or differences of two of each."""
+    """A velocity together with its coordinate in a term, or such differences of two of each."""
     moving = [(a, e) for a, e in m if _of_kind(a, "velocity")]
     if len(moving) != 1 or moving[0][1] != 1:
         return None
@@ -117,7 +117,7 @@ def _root_of(m: Monomial) -> Monomial | None:
 
 
 def _with_steady(x: Expression) -> Expression:
-    """Beside terms that move, what those that do not share in front of brackets."""
+    """Factors that the constant terms share, in front of brackets, beside the moving terms."""
     steady = {m: c for m, c in x.terms.items() if _is_fixed(m)}
     if not 1 < len(steady) < len(x.terms):
         return x
@@ -129,19 +129,19 @@ def _with_steady(x: Expression) -> Expression:
 
 
 def of_energy(x: Expression) -> Expression:
-    """An energy: squares of velocities with their coefficients, and squares with one together."""
+    """An energy, by squares of velocities, with squares that share a coefficient together."""
     for key in (_velocities, _motion, _lengths):
         x = _unite(x, key)
     return gather_squares(_with_halves(x))
 
 
 def of_momentum(x: Expression) -> Expression:
-    """A momentum: each velocity with all that is beside it."""
+    """A momentum, by velocities, each with its whole coefficient."""
     return _unite(x, lambda m: tuple((a, e) for a, e in m if _is_velocity(a)) or None)
 
 
 def _with_halves(x: Expression) -> Expression:
-    """Of brackets before the square of a velocity, a half in front: m (1 + a) x'^2 / 2."""
+    """A half taken out of brackets before the square of a velocity: m (1 + a) x'^2 / 2."""
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
         brackets = [a for a, e in m if isinstance(a, Group) and e == 1]
@@ -155,7 +155,7 @@ def _with_halves(x: Expression) -> Expression:
 
 
 def factor_common(x: Expression) -> Expression:
-    """What all terms share in front of brackets with the rest."""
+    """The factor that all terms share, in front of brackets with the rest."""
     if len(x.terms) < 2:
         return collect(x)
     content, common, inner = split_common(x)
@@ -178,7 +178,7 @@ def _lengths(m: Monomial) -> Monomial | None:
 
 
 def _alike(x: Expression) -> Expression:
-    """Places with one coefficient in brackets: k (x2 - x1)."""
+    """Positions with equal coefficients in brackets: k (x2 - x1)."""
     parts: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
@@ -206,13 +206,13 @@ def _outer(m: Monomial) -> Monomial | None:
 
 
 def _motion(m: Monomial) -> Monomial | None:
-    """What moves in a term, without lengths and their powers."""
+    """The moving factors of a term, without lengths and their powers."""
     found = tuple((a, e) for a, e in m if depends_on_state(a) and not _is_length(a, e))
     return found or None
 
 
 def _beside_velocities(m: Monomial) -> Monomial | None:
-    """What is beside velocities in a term, of several factors."""
+    """The coefficient of velocities in a term, if it has several factors."""
     left = tuple((a, e) for a, e in m if not _is_velocity(a))
     return left if len(left) > 1 and len(left) < len(m) and _outer(m) is None else None
 
@@ -222,12 +222,12 @@ def _is_velocity(a: Atom) -> bool:
 
 
 def _is_length(a: Atom, e: Fraction) -> bool:
-    """Whether a factor is a root, or below the line."""
+    """Whether a factor is a root, or in the denominator."""
     return isinstance(a, Group) and (e.denominator > 1 or e < 0)
 
 
 def _unite(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Expression:
-    """Terms with an equal part in front of brackets with the rest."""
+    """Terms that share a part collected: the part in front of brackets with the rest."""
     parts: dict[Monomial, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
@@ -251,7 +251,7 @@ def _unite(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Express
 
 
 def _partition(terms: dict[Monomial, Coefficient]) -> list[dict[Monomial, Coefficient]]:
-    """Coefficients as they belong together: k with -k l0 / r, and other powers of lengths apart."""
+    """Groups of related coefficients: k with -k l0 / r, other powers of lengths separately."""
     lengths = {m: tuple((a, e) for a, e in m if _is_short(a, e)) for m in terms}
     if not any(lengths.values()):
         return [terms]
@@ -289,7 +289,7 @@ def split_common(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
 
 
 def shared_number(x: Expression) -> Coefficient:
-    """A number that a reader takes out of a sum: the same in all terms, a whole one, a half."""
+    """The number to take out of a sum: equal in all terms, an integer, or a half."""
     sizes = {abs(c) for c in x.terms.values()}
     if len(sizes) == 1:
         return sizes.pop()
@@ -300,7 +300,7 @@ def shared_number(x: Expression) -> Coefficient:
 
 
 def gather_squares(x: Expression) -> Expression:
-    """Squares with one factor together: m (x'^2 + y'^2) / 2."""
+    """Squares with equal factors collected: m (x'^2 + y'^2) / 2."""
     squares: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
@@ -328,7 +328,7 @@ def shared_factor(sums: Sequence[Expression]) -> Expression:
     steady = {a for m in powers for a in m if not symbols_of(a) or _is_steady(a)}
     least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
     common = in_order(least)
-    # Terms of any monomials that differ: only the numbers matter.
+    # The monomials are arbitrary but different: only the numbers matter.
     row = Expression({((_numbered(i), ONE),): c for i, c in enumerate(numbers)})
     return Expression({common: shared_number(row)})
 
@@ -336,7 +336,7 @@ def shared_factor(sums: Sequence[Expression]) -> Expression:
 def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
     """Sums without the number and the powers of parameters that all their terms share.
 
-    Of parameters that may be 0 these are no factors of an equation that is to hold.
+    Parameters that may be 0 are kept: an equation must not be divided by them.
     """
     terms = [(m, c) for x in sums for m, c in x.terms.items()]
     powers = [dict(m) for m, _ in terms]
@@ -350,7 +350,7 @@ def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
 
 
 def _is_nonzero(a: Atom) -> bool:
-    """Whether an atom is made of parameters so that it cannot be 0."""
+    """Whether an atom consists of parameters and cannot be 0."""
     if isinstance(a, Group):
         signs = {c > 0 for c in a.sum.terms.values()}
         return len(signs) == 1 and all(_is_nonzero(b) for m in a.sum.terms for b, _ in m)
@@ -358,17 +358,17 @@ def _is_nonzero(a: Atom) -> bool:
 
 
 def _numbered(i: int) -> Symbol:
-    """One of symbols that differ from each other."""
+    """The i-th of a sequence of distinct symbols."""
     return Symbol(f"{i}", "time")
 
 
 def _shared_power(powers: list[Fraction]) -> Fraction:
-    """The power that is a factor of all, above or below the line."""
+    """The power that divides all powers, in the numerator or the denominator."""
     return max(min(powers), Fraction(0)) + min(max(powers), Fraction(0))
 
 
 def _is_fixed(m: Monomial) -> bool:
-    """Whether only parameters are in a term."""
+    """Whether a term contains only parameters."""
     return all(s.kind == "parameter" for a, _ in m for s in symbols_of(a))
 
 
@@ -411,7 +411,7 @@ class Lengths:
     """Names for roots of sums that occur more than once: r for sqrt(x^2 + y^2).
 
     Attributes:
-      definitions: their symbols and what they stand for.
+      definitions: their symbols, with the expressions that these stand for.
     """
 
     def __init__(self, sums: Sequence[Expression], taken: Iterable[Symbol]):
@@ -437,7 +437,7 @@ class Lengths:
             self.definitions.append((symbol, x ** Fraction(1, 2)))
 
     def __call__(self, x: Expression) -> Expression:
-        """An expression with the names in place of the roots."""
+        """An expression with the roots replaced by their names."""
 
         def inside(a: Atom) -> Expression | None:
             return (

@@ -1,7 +1,7 @@
 """Formulas as the source of a function, in several languages.
 
-Arrays are taken apart: what is written is arithmetic on numbers, each repeated one once, so that
-the function needs no library but that of elementary functions.
+Arrays are split into numbers: the code consists of arithmetic on numbers, with each repeated
+expression computed once, so that it needs only a library of elementary functions.
 """
 
 import dataclasses
@@ -29,12 +29,12 @@ from jaxdyn.solvers.formulas.graph import (
 from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.symbolic.parameters import parameters, rebuild
 
-#: Nodes above which no function is written.
+#: The largest number of nodes for which code is written.
 _MOST_NODES = 20_000
-#: Characters up to which a number that is needed once is written where it is needed.
+#: Up to this many characters, an expression that is used once is written where it is used.
 _LONGEST = 60
 
-#: How tightly the parts of an expression hold together; a condition least.
+#: Operator precedences; a condition has the lowest.
 _CHOICE, _LOGIC, _COMPARISON, _SUM, _PRODUCT, _SIGN, _WHOLE = range(7)
 
 
@@ -43,15 +43,15 @@ class Language:
     """How formulas are written in a language.
 
     Attributes:
-      calls: for each operation that is a call, or anything in parentheses, its text.
-      choice: one of two, by a condition: the text for condition, yes and no.
-      logic: of "and", "or" and "not".
-      constants: of infinity, minus infinity, NaN, True and False.
-      let: a number with a name; {kind} is "double" or "int".
-      layout: of a function; {body} are the lines that compute its {results}.
-      comment: begins a line that is not read.
-      first: the first place of an array.
-      lines: how a result is returned.
+      calls: the text of each operation that is a call, or that is written in parentheses.
+      choice: the text of a conditional expression, from condition, yes and no.
+      logic: the texts of "and", "or" and "not".
+      constants: the texts of infinity, minus infinity, NaN, True and False.
+      let: the text that assigns a number to a name; {kind} is "double" or "int".
+      layout: the text of a function; {body} has the lines that compute its {results}.
+      comment: the beginning of a comment line.
+      first: the first index of an array.
+      lines: the text that returns the results.
     """
 
     calls: Mapping[str, str]
@@ -117,7 +117,7 @@ LANGUAGES = {
         logic=("", "", ""),
         constants=("np.inf", "-np.inf", "np.nan", "True", "False"),
         let="        {name} = {value}",
-        # Both sides of a choice are computed.
+        # Both branches of a condition are evaluated.
         layout="import numpy as np\n\n\ndef {name}(t, y, p):\n{comments}"
         '    with np.errstate(all="ignore"):\n{body}'
         "        return np.stack(np.broadcast_arrays({results}))\n",
@@ -200,19 +200,19 @@ def code(
 ) -> str:
     """The source of a function (t, y, p) of a scene, with all its parameters as inputs.
 
-    The function takes the time, the state and the `parameters`, arrays of floats in this order,
-    and returns an array; in C it fills the array `rates`. In NumPy the entries of y and of p may be
-    arrays, for many states at once. It is the rate as it is, with all conditions: at a switch it
-    takes the side on which the state lies.
+    The function takes the time, the state and the `parameters`, in this order, the latter two as
+    arrays of floats, and returns an array; in C it fills the array `rates`. In NumPy the entries of
+    y and of p may be arrays, for many states at once. Conditions of the rate are kept: at a switch
+    the function uses the side on which the state lies.
 
     Args:
-      scene: its structure; its numbers are not in the source.
+      scene: only its structure is used; its parameters are inputs of the code.
       language: "python", "numpy", "javascript", "c" or "julia".
-      of: another function of (scene, t, y), whose results are put into one row.
-      name: of the function.
+      of: another function of (scene, t, y); its results are flattened into one array.
+      name: name of the function.
     Raises:
-      ValueError: there is no such language; `of` contains what has no formulas, such as a loop
-        whose length is not known or a callback, or a function that the language does not have.
+      ValueError: the language is unknown; or `of` contains something without formulas, such as a
+        loop of unknown length or a callback, or a function that the language does not have.
     Limits: plain Python raises an exception where a rate is not a number.
     Example:
       >>> from jaxdyn import scenes
@@ -266,7 +266,7 @@ def code(
 def _lines(
     graph: Graph, results: list[Number], inputs: dict[Node, str], to: Language, language: str
 ) -> tuple[list[str], list[str]]:
-    """The lines that compute some numbers, and the texts of these."""
+    """The lines of code that compute some numbers, and the expressions for these."""
     nodes = topological_order(graph, results)
     uses = _uses(results)
     texts: dict[Node, tuple[str, int]] = {node: (text, _WHOLE) for node, text in inputs.items()}
@@ -290,7 +290,7 @@ def _lines(
 
 
 def _uses(results: list[Number]) -> Counter:
-    """How often each node is needed."""
+    """How often each node is used."""
     uses: Counter = Counter(x for x in results if isinstance(x, Node))
     waiting = list(uses)
     while waiting:
@@ -305,7 +305,7 @@ def _uses(results: list[Number]) -> Counter:
 
 
 def _operation(node: Node, at: Callable, to: Language, language: str) -> tuple[str, int]:
-    """The text of a node, and how tightly it holds."""
+    """The text of a node, and its precedence."""
     op, args = node.op, node.args
     if op in ("sum", "add"):
         pairs = (
@@ -323,7 +323,7 @@ def _operation(node: Node, at: Callable, to: Language, language: str) -> tuple[s
         sign = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}[op]
         return f"{at(args[0], _SUM)} {sign} {at(args[1], _SUM)}", _COMPARISON
     if op == "pow" and not isinstance(args[1], Node) and args[1] + 0.5 in (0.0, -1.0, -2.0):
-        # Faster than the power, and more accurate.
+        # A product is faster than the power, and more accurate.
         base = at(args[0], _WHOLE)
         factors = [base] * int(-args[1] - 0.5) + [to.calls["sqrt"].format(base)]
         below = " * ".join(factors)
@@ -362,7 +362,7 @@ def _sum(pairs: list[tuple[Number, Node | None]], at: Callable) -> str:
 
 
 def _negate(text: str) -> str:
-    # Two signs in a row are another operation in C.
+    # Two minus signs in a row are a decrement in C.
     return f"-({text})" if text.startswith("-") else f"-{text}"
 
 

@@ -1,11 +1,11 @@
-"""The equations of motion of each kind of system, as a person derives them.
+"""The equations of motion of each kind of system, derived as on paper.
 
-Free points obey Newton's law, a mechanism Lagrange's equations of its energies, with multipliers
-where it is tied, a rigid body Newton's law and Euler's equations. Other systems are given by their
-rates, which are read as they stand.
+Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers for their
+constraints, and rigid bodies Newton's law and Euler's equations. Other systems are given by their
+rates, which are printed as they are.
 
 An equation is a sum that is zero. It is linear in the derivatives and in the multipliers, so that
-`equations` can solve what is printed and compare.
+`equations` can solve the printed equations and compare the result with the rate.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,21 +56,22 @@ class Derived(NamedTuple):
     """The equations of motion of a scene, before they are arranged.
 
     Attributes:
-      symbols: of the scene.
-      law: what they are called.
+      symbols: the symbols of the scene.
+      law: the name of the equations.
       equations: sums that are zero, linear in the unknown derivatives and multipliers.
-      multipliers: their symbols.
-      forces: the parts of the first equations that are forces without a potential, which stand on
-        the right.
+      multipliers: the symbols of the multipliers.
+      forces: the parts of the first equations that are forces without a potential; these are
+        printed on the right-hand side.
       energies: T and V, or L, by name, where there are any.
-      conserved: momenta that are, by the names of their coordinates.
-      conditions: what constrains the motion, sums that are zero: of places, and of velocities.
-      values: of symbols that stand for functions of the parameters, such as moments of inertia.
-      solved: whether they are given as derivatives of each entry.
-      alone: whether the derivatives stand alone on the left.
-      kinematic: number of equations at the end that are those of the attitude.
+      conserved: conserved momenta, by the names of their coordinates.
+      conditions: the constraints on positions and velocities, as sums that are zero.
+      values: values of symbols that stand for functions of the parameters, such as moments of
+        inertia.
+      solved: whether the equations give the derivative of each entry.
+      alone: whether the derivatives are alone on the left-hand side.
+      kinematic: number of equations at the end that belong to the attitude.
       followers: coordinates that follow from the free ones, if there are any.
-      notes: what symbols stand for that a reader cannot guess.
+      notes: meanings of symbols that a reader cannot guess.
     """
 
     symbols: Symbols
@@ -89,7 +90,7 @@ class Derived(NamedTuple):
     notes: tuple[Note, ...] = ()
 
     def slope(self, x: Expression, by: Symbol) -> Expression:
-        """The derivative of an expression by an entry of the state, with what follows from it."""
+        """The derivative of an expression by an entry of the state, including its followers."""
         return self.followers.slope(x, by) if self.followers else x.differentiate(by)
 
 
@@ -167,7 +168,7 @@ def _lagrange(scene: Scene) -> Derived:
 
     phi, rolling = _conditions(scene, found)
     conditions = [by_time(x) for x in phi] + rolling
-    # Differentiated twice, the square of a distance is shorter; and the distance is a known one.
+    # The square of a distance has the shorter second derivative, and the distance is known.
     distances = [_distance(x) for x in phi]
     squares = [
         as_expression(d[0]) * Fraction(1, 2) if d else x
@@ -211,12 +212,12 @@ _MULTIPLIERS = "the force or the moment of each constraint, in their order"
 
 
 def _any_of(symbols: Sequence[Symbol]) -> Symbol:
-    """The one symbol, or that of all of them: without an index."""
+    """The only symbol, or one without an index that stands for all of them."""
     return Symbol(symbols[0].stem, symbols[0].kind)
 
 
 def _linkage(scene: Scene) -> Derived:
-    """Lagrange's equations of the free coordinates, with others that follow from them."""
+    """Lagrange's equations of the free coordinates, from which the other coordinates follow."""
     found = symbols(scene, halves(scene))
     of = opened_coordinates(scene, found)
     rates = dict(zip((*of.q, *of.v, found.time), (*of.v, *of.a, 1), strict=True))
@@ -254,7 +255,7 @@ def _linkage(scene: Scene) -> Derived:
 
 
 def _distance(x: Expression) -> tuple[Expression, Expression] | None:
-    """Of a tie sqrt(s) - l: s and l."""
+    """The terms s and l of a constraint sqrt(s) - l."""
     for m, c in x.terms.items():
         if c == 1 and len(m) == 1 and isinstance(m[0][0], Group) and m[0][1] == Fraction(1, 2):
             length = Expression({m: c}) - x
@@ -264,7 +265,7 @@ def _distance(x: Expression) -> tuple[Expression, Expression] | None:
 
 
 def _with_lengths(x: Expression, lengths: Mapping[Expression, Expression]) -> Expression:
-    """With the length of a rod in place of the distance of its ends."""
+    """The distance of the ends of a rod replaced by its length."""
     found = number(0)
     for m, c in x.terms.items():
         term = number(c)
@@ -278,7 +279,7 @@ def _with_lengths(x: Expression, lengths: Mapping[Expression, Expression]) -> Ex
 def _lagrangian(
     scene: Scene, found: Symbols
 ) -> tuple[Expression, dict[str, Expression], dict[Symbol, float]]:
-    """L, the energies that it is made of, and the values of further symbols in them."""
+    """L, the energies in it, and the values of further symbols in them."""
     system: Any = scene.system
     values: dict[Symbol, float] = {}
     if isinstance(getattr(system, "mechanism", None), EulerBody) and all(
@@ -319,7 +320,7 @@ def _of_points(mechanism: Mechanism, effects, t, q, v) -> tuple:
 
 
 def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict[Symbol, float]]:
-    """The energies of a body by Euler angles, in its moments of inertia, and their values."""
+    """The energies of a body by Euler angles, with its moments of inertia and their values."""
     system: Any = scene.system
     matter = _Matter(system.mechanism.matter)
 
@@ -346,7 +347,7 @@ def _with_potential(scene: Scene, field) -> tuple[tuple, tuple]:
 
 
 def _forces(scene: Scene, found: Symbols) -> list[Expression]:
-    """Generalised forces of what has no potential."""
+    """Generalised forces of the effects without a potential."""
 
     def forces(field, t, y):
         q, v = jnp.split(y, 2)
@@ -360,7 +361,7 @@ def _forces(scene: Scene, found: Symbols) -> list[Expression]:
 
 
 def _conditions(scene: Scene, found: Symbols) -> tuple[list[Expression], list[Expression]]:
-    """Ties, and rolling conditions on the velocities."""
+    """Holonomic constraints, and rolling conditions on the velocities."""
     system: Any = scene.system
     if not isinstance(system, Constrained | LagrangeSkates):
         return [], []
@@ -452,13 +453,15 @@ def _rigid(scene: Scene) -> Derived:
 
 
 class _Matter:
-    """The mass, the centre and the inertia of a body as symbols: 0 where they are, equal likewise.
+    """The mass, the centre and the inertia of a body as symbols.
+
+    Values that are 0 have no symbol, and equal values share one.
 
     Attributes:
       mass: m.
-      arm: (3) of the centre, from the origin of the body's axes.
-      inertia: (3, 3) about that origin.
-      values: of the symbols.
+      arm: (3) position of the centre, from the origin of the body's axes.
+      inertia: (3, 3) inertia about that origin.
+      values: values of the symbols.
     """
 
     def __init__(self, matter: MaterialPoints):
@@ -495,7 +498,7 @@ class _Matter:
         return as_expression(found)
 
 
-#: Largest centre, and product of inertia, that is 0 but for rounding.
+#: Coordinates of the centre and products of inertia up to this size are 0 up to rounding.
 _ROUNDED = 1e-14
 
 
@@ -517,7 +520,7 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
 
     R, *gravity = read(scene, found, attitude)
     if isinstance(scene.system.attitude, Quaternion):
-        # Its length is 1, which the program of the matrix leaves open.
+        # Its length is 1, which the program of the matrix does not assume.
         square = total(as_expression(s) ** 2 for s in found.state[3 * free : 3 * free + 4])
         one = {Group(square): number(1)}
         R = objects([simplify(x.replace(one.get)) for x in R.ravel()], (3, 3))
@@ -531,7 +534,7 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         potential = potential + weight * ((as_expression(found.state[2]) if free else 0) + height)
 
     def others(field, t, y):
-        """Of all other effects, by the points on which they act."""
+        """The loads of all other effects, from the points on which they act."""
         system = field.system
         effects = tuple(e for e, yes in zip(field.effects, heavy, strict=True) if not yes)
         r, v, m = system.points(t, y)
@@ -553,10 +556,10 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
 
 
 _CONTACT = ("normal force of the surface", "friction, along the surface")
-#: Of a body by a quaternion.
+#: Notes for a body with a quaternion.
 _ATTITUDE = (
     ("omega", "angular velocity, along the axes of the body"),
-    ("q", "the unit quaternion that turns the axes of the body from the fixed ones"),
+    ("q", "the unit quaternion that rotates the fixed axes to those of the body"),
 )
 
 
@@ -599,7 +602,7 @@ def _as_given(scene: Scene) -> Derived:
     (rates,) = read(scene, plain, lambda field, t, y: field.rate(t, y))
     entries = [as_expression(s) for s in plain.state]
     of_others = {entries.index(rate): i for i, rate in enumerate(rates.tolist()) if rate in entries}
-    # An entry that is the derivative of one whose own derivative is another's is none.
+    # An entry that is a derivative counts as a velocity only if its own derivative is not an entry.
     pairs = {v: q for v, q in of_others.items() if v not in of_others.values() and v != q}
     found = symbols(scene, pairs)
     names = {a: as_expression(b) for a, b in zip(plain.state, found.state, strict=True)}

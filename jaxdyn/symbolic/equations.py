@@ -37,12 +37,12 @@ from jaxdyn.symbolic.matrices import Matrices
 from jaxdyn.symbolic.sections import Line, Printed, Section, functions_in
 from jaxdyn.symbolic.to_sympy import ToSympy
 
-#: Coordinates from which on a mass matrix that is not diagonal is shown by its entries.
+#: From this many coordinates on, a mass matrix that is not diagonal is shown by its entries.
 _MATRIX_FROM = 3
 
 
 class _Row(NamedTuple):
-    """What a printed equation says: the sum of coefficients times unknowns is `rest`."""
+    """The content of a printed equation: the sum of coefficients times unknowns equals `rest`."""
 
     coefficients: dict[Symbol, Expression]
     rest: Expression
@@ -52,9 +52,9 @@ class Equations(Printed):
     """The equations of motion of a scene, with its parameters as symbols; see `equations`.
 
     Attributes:
-      scene: whose they are.
-      sections: "motion", "constraints", "lengths" (what stands for lengths and ratios), "energies",
-        "momenta", "symbols" (what symbols and functions mean) and "parameters".
+      scene: the scene.
+      sections: "motion", "constraints", "lengths" (names for lengths and ratios), "energies",
+        "momenta", "symbols" (meanings of symbols and functions) and "parameters".
       parameters: the symbols of parameters in print, and their values in the scene.
     """
 
@@ -119,7 +119,7 @@ class Equations(Printed):
         return Section("motion", law, tuple(lines))
 
     def _line(self, whole: Expression, force: Expression) -> Line:
-        """One equation: what moves on the left, forces without a potential on the right."""
+        """One equation: terms with the motion on the left, forces without a potential right."""
         found = self._derived
         whole, force = self._lengths(whole), self._lengths(force)
         parts = {s: whole.differentiate(s) for s in self._unknowns}
@@ -178,7 +178,7 @@ class Equations(Printed):
 
     @property
     def _followed(self) -> tuple[tuple[Symbol, Expression], ...]:
-        """What stands for the derivatives of coordinates that follow from others."""
+        """The expressions for the derivatives of coordinates that follow from others."""
         followers = self._derived.followers
         return followers.definitions if followers else ()
 
@@ -190,12 +190,12 @@ class Equations(Printed):
     def equilibria(self) -> Printed:
         """The conditions of equilibrium: equations for the coordinates and the multipliers.
 
-        `jaxdyn.equilibria` finds the states that fulfil them. Conditions that hold at rest
-        everywhere are left out, and so are factors that are never 0, such as masses.
+        `jaxdyn.equilibria` finds the states that satisfy them. Conditions that always hold at rest
+        are left out, and so are factors that are never 0, such as masses.
 
         Raises:
-          ValueError: the equations depend on time; something moves steadily or falls; or a force
-            has no value at rest, such as dry friction.
+          ValueError: the equations depend on time; a motion is steady or a fall, without
+            equilibrium; or a force has no value at rest, such as dry friction.
         """
         found, short = self._derived, self._lengths
         at_rest = self._at_rest()
@@ -231,7 +231,7 @@ class Equations(Printed):
         return Printed([*parts, *(part for part in more if part.lines or part.notes)])
 
     def _condition_of_rest(self, whole: Expression) -> Line:
-        """A law at rest: loads on the left, the forces of constraints on the right."""
+        """A law at rest: loads on the left, constraint forces on the right."""
         slopes = ((s, whole.differentiate(s)) for s in self._derived.multipliers)
         reactions = total(x * as_expression(s) for s, x in slopes)
         left, right = collect(whole - reactions), collect(-reactions)
@@ -239,7 +239,7 @@ class Equations(Printed):
         return Line(*drop_steady_factors(line))
 
     def _at_rest(self) -> dict[Atom, Expression]:
-        """What is 0 at rest: velocities, derivatives, and what is made of these."""
+        """Everything that is 0 at rest: velocities, derivatives, and expressions of these."""
         found = self._derived
         moving = {"velocity", "acceleration", "rate"}
         named = (*found.symbols.state, *found.symbols.rates, *(s for s, _ in self._followed))
@@ -254,9 +254,9 @@ class Equations(Printed):
         return self._derived.symbols.values | self._derived.values
 
     def at(self, t: float, y: Sequence[float]) -> dict[Symbol, Any]:
-        """The values of all symbols at a state, but for derivatives that it does not contain.
+        """The values of all symbols at a state, except derivatives that it does not contain.
 
-        With them ``line.right.value(values)`` is the value of what is in print.
+        With these, ``line.right.value(values)`` evaluates a printed expression.
 
         Args:
           t: () time.
@@ -273,9 +273,9 @@ class Equations(Printed):
         return values
 
     def rate(self, t: float, y: Sequence[float]) -> np.ndarray:
-        """(k,) the rate by the equations in print, which are solved for the derivatives.
+        """(k,) the rate from the printed equations, which are solved for the derivatives.
 
-        It is the same as that of the scene to rounding, and slow: to check what is printed.
+        It equals that of the scene to rounding, but is slow; it serves to check the equations.
 
         Args:
           t: () time.
@@ -289,15 +289,15 @@ class Equations(Printed):
                 matrix[i, unknowns.index(s)] = x.value(values)
         rest = np.array([row.rest.value(values) for row in self._rows])
         scale = np.abs(matrix).max(axis=1, keepdims=True)
-        # Of multipliers that are not determined, the smallest.
+        # If multipliers are not determined, the smallest ones are taken.
         solution = np.linalg.lstsq(matrix / scale, rest / scale[:, 0], rcond=_RANK)[0]
         values |= dict(zip(unknowns, solution.tolist(), strict=True))
         return np.array([values[s] for s in found.rates])
 
     def sympy(self) -> list[Any]:
-        """The equations of motion as equations of SymPy: coordinates are functions of its t.
+        """The equations of motion as equations of SymPy, with coordinates as functions of t.
 
-        Where they are shown by the entries of matrices, M q'' = h row by row.
+        If they are printed as the entries of matrices, these are the rows of M q'' = h.
 
         Raises:
           ValueError: SymPy is not installed, or has no such function.
@@ -337,8 +337,8 @@ class Equations(Printed):
         """The derivatives J of the rate by the state, with symbols as entries.
 
         Raises:
-          ValueError: derivatives do not stand alone in their equations: then the Jacobian is too
-            long to be read.
+          ValueError: some equation contains more than one highest derivative; the Jacobian would be
+            too long to read.
         """
         return jacobian(self._derived)
 
@@ -347,21 +347,22 @@ class Equations(Printed):
         return f"Equations{name}\n{self.text()}"
 
 
-#: Smallest singular value of conditions that do not depend on each other.
+#: Smallest singular value of independent conditions.
 _RANK = 1e-12
 
 
 def equations(scene: Scene) -> Equations:
-    """The equations of motion of a scene as a person writes them, with its numbers as symbols.
+    """The equations of motion of a scene as in a textbook, with symbols for its parameters.
 
-    Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers where they are
-    tied or roll, rigid bodies Euler's equations; the equations of other systems are their rates. In
-    print are also the constraints, the energies, momenta that are conserved since their coordinate
-    is in none of the energies, and the values of the symbols.
+    Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers for constraints
+    and rolling conditions, rigid bodies Euler's equations; the equations of other systems are their
+    rates. The constraints, the energies, the momenta of cyclic coordinates and the values of the
+    symbols are printed as well.
 
-    A parameter that is 0 in the scene is left out. So are single points where a formula has no
-    value, such as the direction of a spring of length 0. Quaternions have length 1, and distances
-    that a rod keeps are its length. What stabilises constraints numerically is not shown.
+    Terms with a parameter that is 0 in the scene are left out. Isolated points where a formula is
+    undefined, such as the direction of a spring of length 0, are ignored. Quaternions have length
+    1, and the distance of the ends of a rod is written as its length. Numerical stabilisation of
+    constraints is not shown.
 
     Args:
       scene: any that has formulas.
@@ -369,8 +370,8 @@ def equations(scene: Scene) -> Equations:
       `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `equilibria()`,
       `linearised()`, `jacobian()`.
     Raises:
-      ValueError: the scene is invalid, or its rate contains what has no formulas: a loop whose
-        length is not known, a callback, a function without a known derivative in an energy.
+      ValueError: the scene is invalid, or its rate contains something without formulas: a loop of
+        unknown length, a callback, a function without a known derivative in an energy.
     Limits: the equations of many hinged bars fill pages.
     Example:
       >>> import jaxdyn
@@ -385,7 +386,7 @@ def equations(scene: Scene) -> Equations:
 
 
 def _divisor(whole: Expression, others: Expression) -> Expression:
-    """What all terms of an equation share, and what all terms without accelerations are over."""
+    """The common factor of an equation, and the common denominator of the other terms."""
     shared = shared_factor([whole])
     if len(others.terms) > 1:
         for m in shared_factor([others]).terms:
@@ -396,7 +397,7 @@ def _divisor(whole: Expression, others: Expression) -> Expression:
 
 
 def _condition(x: Expression) -> Line:
-    """A constraint: what moves on the left, lengths on the right."""
+    """A constraint: coordinates on the left, lengths on the right."""
     fixed = {m: -c for m, c in x.terms.items() if _is_parameter(Expression({m: c}))}
     right = Expression(fixed)
     return _positive(collect(x + right), collect(right))
@@ -416,7 +417,7 @@ def _is_parameter(x: Expression) -> bool:
 
 
 def _is_physical(x: Expression) -> bool:
-    """Whether parameters are in it."""
+    """Whether it contains parameters."""
     return any(s.kind == "parameter" for m in x.terms for a, _ in m for s in symbols_of(a))
 
 

@@ -1,4 +1,4 @@
-"""The equations of a mechanism whose coordinates follow from some free ones, as in a linkage.
+"""The equations of a mechanism whose coordinates follow from a few free ones, as in a linkage.
 
 The `opened_form` has constraints phi(q, s) = 0 of the free coordinates q and the followers s.
 Velocities and accelerations follow by ratios kappa,
@@ -6,12 +6,12 @@ Velocities and accelerations follow by ratios kappa,
     s' = kappa q',    s'' = kappa q'' + sigma,    kappa = -(dphi/ds)^-1 dphi/dq,
 
 and with Lagrange's equations of the opened form, M_qq q'' + M_qs s'' = h_q and M_sq q'' + M_ss s''
-= h_s, the second added kappa^T times leaves the multipliers out:
+= h_s, adding kappa^T times the second equation to the first eliminates the multipliers:
 
     (M_qq + M_qs kappa + kappa^T M_sq + kappa^T M_ss kappa) q'' = h_q + kappa^T h_s - (M_qs +
         kappa^T M_ss) sigma.
 
-kappa and sigma have names, so that what is in print stays short.
+kappa and sigma have names, so that the printed equations stay short.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,15 +27,16 @@ from jaxdyn.symbolic.symbols import Symbols, moving_coordinate
 
 
 class Followers(NamedTuple):
-    """Coordinates that follow from the free ones, and what stands for their derivatives.
+    """Coordinates that follow from the free ones, and the expressions for their derivatives.
 
     Attributes:
       coordinates: the symbols of the followers.
       place: (t, y) -> their values at a state.
-      slopes: of each follower its derivatives by the free coordinates, by the symbols of these.
-      definitions: of the ratios, the velocities of the followers, and the parts of their
-        accelerations that velocities make: each in terms of those before.
-      accelerations: of the followers, by these.
+      slopes: for each follower, its derivatives with respect to the free coordinates, by the
+        symbols of these.
+      definitions: definitions of the ratios, the velocities of the followers, and the parts of
+        their accelerations that depend on velocities, each in terms of the previous ones.
+      accelerations: accelerations of the followers in terms of these.
     """
 
     coordinates: tuple[Symbol, ...]
@@ -65,10 +66,10 @@ class Opened(NamedTuple):
     """The coordinates of an opened mechanism: the free ones, then the followers.
 
     Attributes:
-      q: the symbols of all coordinates.
-      v: of their velocities.
-      a: of their accelerations.
-      free: number of the free ones.
+      q: symbols of all coordinates.
+      v: symbols of their velocities.
+      a: symbols of their accelerations.
+      free: number of free coordinates.
     """
 
     q: tuple[Symbol, ...]
@@ -144,7 +145,7 @@ def eliminate_followers(
     Args:
       all_: the coordinates.
       found: the followers.
-      laws: of each coordinate a sum that is zero but for the forces of constraints.
+      laws: for each coordinate, a sum that is zero up to the constraint forces.
     """
     n = all_.free
     followed = dict(found.accelerations)

@@ -1,6 +1,7 @@
 """Derivatives of the equations of motion, with symbols as entries.
 
-Near an equilibrium they are M x'' + C x' + K x = 0; the Jacobian is that of the rate anywhere.
+Near an equilibrium the equations are M x'' + C x' + K x = 0; the Jacobian of the rate is valid at
+any state.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ from jaxdyn.symbolic.deriving import Derived
 from jaxdyn.symbolic.matrices import Matrices, Rows
 from jaxdyn.symbolic.simplifying import simplify
 
-#: Largest force at an equilibrium, as a displacement relative to the coordinates.
+#: Largest force at an equilibrium, expressed as a displacement relative to the coordinates.
 _AT_REST = 1e-9
 
 
@@ -20,7 +21,7 @@ class Linear(Matrices):
     """The linearised equations of motion, M x'' + C x' + K x = 0 of x = q - q0.
 
     Attributes:
-      rows: of M, of C (damping and gyroscopic terms) and of K, (n, n) expressions each.
+      rows: rows of M, of C (damping and gyroscopic terms) and of K, (n, n) expressions each.
       coordinates: (n) symbols of q.
       at: (n) their values q0.
     """
@@ -55,7 +56,7 @@ class Linear(Matrices):
         super().__init__({name: _in_print(rows) for name, rows in slopes.items()})
 
     def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M, C and K (n, n) with the numbers of the scene."""
+        """M, C and K, each (n, n), with the parameters of the scene."""
         m, c, k = self.values(self._values)
         return m, c, k
 
@@ -65,10 +66,10 @@ class Linear(Matrices):
 
 
 def jacobian(found: Derived) -> Matrices:
-    """The derivatives of the rate by the state.
+    """The derivatives of the rate with respect to the state.
 
     Raises:
-      ValueError: a derivative does not stand alone in its equation.
+      ValueError: an equation contains more than one highest derivative.
     """
     symbols = found.symbols
     solved: dict[Symbol, Expression] = {}
@@ -97,7 +98,7 @@ def _in_print(rows: Rows) -> Rows:
 def _check_rest(
     found: Derived, y: np.ndarray, at: dict[Atom, Expression], values: dict[Symbol, float]
 ) -> None:
-    """Raise ValueError unless nothing moves, and nothing begins to."""
+    """Raise ValueError unless nothing moves and all accelerations vanish."""
     q = found.symbols.coordinates
     timed = any(found.symbols.time in x.symbols() for x in found.equations)
     moving = bool(np.any(y[len(q) :] != 0))

@@ -1,4 +1,4 @@
-"""Matrices with expressions as entries, in print and as numbers."""
+"""Matrices with expressions as entries, for printing and evaluation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,20 +15,20 @@ class Matrices:
     """Some matrices by name.
 
     Attributes:
-      rows: of each, expressions.
+      rows: the rows of each matrix, of expressions.
     """
 
     def __init__(self, rows: Mapping[str, Rows]):
         self.rows = dict(rows)
 
     def values(self, at: Mapping[Symbol, Any]) -> tuple[np.ndarray, ...]:
-        """Each with numbers in place of the symbols."""
+        """Each matrix with numbers in place of the symbols."""
         return tuple(
             np.array([[x.value(at) for x in row] for row in rows]) for rows in self.rows.values()
         )
 
     def text(self) -> str:
-        """Plain text, one entry a line; those that are not there are 0."""
+        """Plain text, one entry per line; entries that are left out are 0."""
         lines = []
         for name, rows in self.rows.items():
             for i, row in enumerate(rows):

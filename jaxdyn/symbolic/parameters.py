@@ -1,8 +1,8 @@
 """The parameters of a scene: its numbers one by one, with names, for formulas and for players.
 
-A parameter is a number of the system or of an effect; the start and the span are none. Its name is
-the shortest end of its path that no other parameter shares, with places in arrays in brackets, from
-0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` where two effects have a `k`.
+A parameter is a number of the system or of an effect; the initial state and the span are not
+parameters. Its name is the shortest end of its path that no other parameter shares, with array
+indices in brackets, from 0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` if two effects have a `k`.
 """
 
 from collections import Counter
@@ -21,8 +21,8 @@ class Parameters(NamedTuple):
     """The parameters of a scene.
 
     Attributes:
-      names: (n) of each.
-      values: (n,) of each.
+      names: (n) names.
+      values: (n,) values.
     """
 
     names: tuple[str, ...]
@@ -30,13 +30,14 @@ class Parameters(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """An array of parameters: the parts of its path, its values, and where these begin.
+    """An array of parameters: the parts of its path, its values, and the index of the first.
 
     Attributes:
-      path: names of attributes, keys and places, from the field on.
+      path: names of attributes, keys and indices, from the field on.
       value: the array.
       start: number of parameters before it.
-      is_fixed: whether it is a default of a class that no scene sets, such as the side of a line.
+      is_fixed: whether it is a default value of a class that no scene sets, such as the side of a
+        line.
     """
 
     path: tuple[str, ...]
@@ -107,13 +108,13 @@ def _is_parameter(x: Any) -> bool:
 
 
 def _part(key: Any) -> str:
-    """A step of a path: a name, or a place in brackets."""
+    """A part of a path: a name, or an index in brackets."""
     name = getattr(key, "name", getattr(key, "key", None))
     return f"[{getattr(key, 'idx', name)}]" if not isinstance(name, str) else name
 
 
 def _stems(found: list[Leaf]) -> list[str]:
-    """For each array the shortest end of its path that no other one has."""
+    """For each array, the shortest end of its path that no other array shares."""
     ends = [[_join(leaf.path[i:]) for i in reversed(_beginnings(leaf.path))] for leaf in found]
     counts = Counter(end for mine in ends for end in set(mine))
     return [next((end for end in mine if counts[end] == 1), mine[-1]) for mine in ends]

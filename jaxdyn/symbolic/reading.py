@@ -18,25 +18,25 @@ from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols
 from jaxdyn.symbolic.trigonometry import deeply_shortened
 
-#: Numbers of a program above which it is not read: nobody reads its equations either.
+#: Largest number of operations of a program that is read; longer equations would be unreadable.
 _MOST_NODES = 20_000
 
 
 def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -> list[np.ndarray]:
     """A quantity of a scene as expressions.
 
-    Points at which a formula has another case, such as the direction of a spring of length 0, are
-    left out.
+    Isolated points at which another formula holds, such as the direction of a spring of length 0,
+    are ignored.
 
     Args:
-      scene: its structure.
+      scene: only its structure is used.
       of: its symbols.
       quantity: a function of (field, t, y), and of arrays of further symbols; returns arrays.
-      more: lists of these.
+      more: lists of the further symbols.
     Returns:
-      Its leaves, arrays of expressions.
+      The leaves of the quantity, arrays of expressions.
     Raises:
-      ValueError: it contains what has no formulas.
+      ValueError: it contains something without formulas.
     """
     graph = Graph(expanding=False, smooth=False, most=_MOST_NODES)
     meant: dict[Node, Expression] = {}
@@ -64,7 +64,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
             "equations",
             "a scene whose rate has formulas",
             str(error),
-            "Loops whose length is not known, callbacks and solvers of the user have none.",
+            "Loops of unknown length, callbacks and solvers of the user have none.",
         ) from error
     nodes = topological_order(graph, [x for array in found for x in np.ravel(array).tolist()])
     for node in nodes:
@@ -113,7 +113,7 @@ def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
 def _select(node: Node, which: Expression, no: Expression, yes: Expression) -> Expression:
     condition = node.args[0]
     op = condition.op if isinstance(condition, Node) else ""
-    if op == "eq" or _is_nan(yes):  # at single points only, or nowhere
+    if op == "eq" or _is_nan(yes):  # true at isolated points only, or nowhere
         return no
     if op == "ne" or _is_nan(no):
         return yes

@@ -17,7 +17,7 @@ class Line(NamedTuple):
 
 
 class Note(NamedTuple):
-    """What a symbol or a function stands for, in words."""
+    """The meaning of a symbol or a function, in words."""
 
     symbol: Expression
     meaning: str
@@ -27,8 +27,8 @@ class Section(NamedTuple):
     """Lines that belong together.
 
     Attributes:
-      name: by which it is chosen, such as "motion".
-      title: what they are.
+      name: the name by which it is selected, such as "motion".
+      title: the title.
       lines: the lines.
       notes: explanations below them.
     """
@@ -107,7 +107,7 @@ class Printed:
         return self.text()
 
 
-#: Functions that not every reader knows by their names.
+#: Functions whose names not every reader knows.
 _FUNCTIONS = {
     "sign": "the sign of u: 1, -1, or 0 where u = 0",
     "step": "the unit step: 0 where u < 0, and 1 from u = 0 on",
@@ -115,7 +115,7 @@ _FUNCTIONS = {
 
 
 def functions_in(lines: Iterable[Line]) -> list[Note]:
-    """What the functions in some lines mean that not every reader knows."""
+    """Notes on the functions in some lines that not every reader knows."""
     used = {op for line in lines for x in line for op in _operations(x)}
     argument = as_expression(Symbol("u", "short"))
     return [

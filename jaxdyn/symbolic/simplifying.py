@@ -7,8 +7,8 @@ from jaxdyn.symbolic.trigonometry import deeply_shortened
 def simplify(x: Expression) -> Expression:
     """An expression with the fewest terms.
 
-    Of the forms with differences in brackets, multiplied out, and over common denominators; in
-    each, sums that stand in brackets elsewhere are put into brackets.
+    The candidates are the forms with differences in brackets, multiplied out, and over common
+    denominators; in each, sums that occur in brackets elsewhere are put into brackets.
     """
     plain = deeply_shortened(x)
     forms = [plain, deeply_shortened(plain.expand())]
@@ -17,7 +17,7 @@ def simplify(x: Expression) -> Expression:
 
 
 def recognize_differences(x: Expression) -> Expression:
-    """k x1 - k x2 as k (x1 - x2), where x1 - x2 stands in brackets elsewhere."""
+    """k x1 - k x2 as k (x1 - x2), if x1 - x2 occurs in brackets elsewhere."""
     for bracket in sorted(_differences(x), key=lambda x: x.key):
         while found := with_sum(x, bracket.sum):
             cofactor, rest, c = found
@@ -28,7 +28,7 @@ def recognize_differences(x: Expression) -> Expression:
 
 
 def with_sum(x: Expression, part: Expression) -> tuple[Monomial, Expression, object] | None:
-    """A factor and a number that all terms of a sum have in another, and the rest of this."""
+    """The factor and number by which a sum occurs in another one, and the rest of the latter."""
     first, *others = part.terms.items()
     for m, c in x.terms.items():
         cofactor = _quotient(m, first[0])

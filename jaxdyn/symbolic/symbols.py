@@ -1,7 +1,7 @@
 """The symbols of a scene: its parameters and the entries of its state, as a textbook writes them.
 
-A parameter called `length` is an l, one called `frequency` an Omega; where two effects have a
-stiffness these are k_1 and k_2. Coordinates keep their labels, and velocities are their
+A parameter called `length` becomes l, one called `frequency` Omega; if two effects have a
+stiffness, these are k_1 and k_2. Coordinates keep their labels, and velocities are their
 derivatives.
 """
 
@@ -52,13 +52,13 @@ _SPELLED = {
     "load": ("N", ""),
     "ahead": ("b", ""),
 }
-#: Of an effect: a spring has a rest length.
+#: The same for effects: a spring has a rest length.
 _OF_EFFECTS = {"length": ("l", "0")}
 #: Fields whose entries are components along the axes.
 _VECTORS = frozenset({"anchor", "wind", "belt", "F", "end", "at"})
-#: Fields that are points: where several are the same they have one symbol.
+#: Fields that are points; equal ones share a symbol.
 _FIXED_POINTS = frozenset({"anchor"})
-#: Places in a product, by stem: m g l, k x, G m_1 m_2.
+#: Order in a product, by stem: m g l, k x, G m_1 m_2.
 _RANKS = {
     **dict.fromkeys(("G",), 0),
     **dict.fromkeys(("k", "c", "mu"), 1),
@@ -76,11 +76,11 @@ class Symbols(NamedTuple):
 
     Attributes:
       time: t.
-      state: (k) of the entries of the state.
-      rates: (k) of their derivatives; where one is another entry, that one.
-      parameters: (n) of the parameters; 0 for one that is 0 in the scene.
-      values: of those that are not.
-      names: likewise, see `parameters`.
+      state: (k) symbols of the entries of the state.
+      rates: (k) symbols of their derivatives; if one is another entry, the symbol of that entry.
+      parameters: (n) symbols of the parameters; 0 for one that is 0 in the scene.
+      values: values of the parameters that are not 0.
+      names: names of these, see `parameters`.
     """
 
     time: Symbol
@@ -92,7 +92,7 @@ class Symbols(NamedTuple):
 
     @property
     def unknowns(self) -> tuple[Symbol, ...]:
-        """The derivatives that are no entries of the state."""
+        """The derivatives that are not entries of the state."""
         return tuple(s for s in self.rates if s not in self.state)
 
     @property
@@ -108,7 +108,8 @@ def symbols(scene: Scene, velocities: Mapping[int, int]) -> Symbols:
 
     Args:
       scene: any.
-      velocities: the places of entries of the state that are derivatives of others, and of these.
+      velocities: for each entry of the state that is a derivative, its index and that of the
+        entry whose derivative it is.
     """
     labels = [name for name, _ in scene.labels()]
     state: list[Symbol] = [_entry(name, i)[0] for i, name in enumerate(labels)]
@@ -122,7 +123,7 @@ def symbols(scene: Scene, velocities: Mapping[int, int]) -> Symbols:
 
 
 def halves(scene: Scene) -> dict[int, int]:
-    """Of a state [q, v]: the places of the velocities, and of their coordinates."""
+    """The indices of the velocities in a state [q, v], with those of their coordinates."""
     n = len(scene.labels()) // 2
     return {n + i: i for i in range(n)}
 
@@ -195,7 +196,7 @@ def _parameters(
 
 
 def _same_place(all_: list[Leaf], i: int) -> int | None:
-    """Which place before it is the same, as where a spring and a dashpot begin at one point."""
+    """The earlier array for the same point, as where a spring and a dashpot begin at one point."""
     leaf = all_[i]
     return next(
         (
@@ -218,7 +219,7 @@ def _spelling(leaf: Leaf) -> tuple[str, str]:
 
 
 def _places(leaf: Leaf) -> Iterable[str]:
-    """What tells the entries of an array apart: numbers from 1, or axes."""
+    """The indices of the entries of an array: numbers from 1, or axes."""
     shape = leaf.value.shape
     field = next(part for part in reversed(leaf.path) if not part.startswith("["))
     axes = "xyz" if field in _VECTORS or len(shape) == 2 else ""

@@ -1,4 +1,4 @@
-"""Expressions as those of SymPy, which is optional."""
+"""Conversion of expressions to SymPy, which is optional."""
 
 import importlib
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ from jaxdyn.symbolic.symbols import Symbols
 
 
 class ToSympy:
-    """Expressions as those of SymPy.
+    """Conversion of expressions to SymPy.
 
-    Coordinates are functions of its symbol t, velocities their derivatives.
+    Coordinates are functions of the symbol t, velocities their derivatives.
 
     Args:
       found: the symbols of a scene.
-      lengths: what symbols with a definition stand for.
+      lengths: the definitions of symbols that have one.
     Raises:
       ValueError: SymPy is not installed.
     """
@@ -61,7 +61,7 @@ class ToSympy:
                 if a.kind == "coordinate":  # one that follows from others
                     self._known[a] = self._sympy.Function(a.name)(self._t)
                     return self._known[a]
-                # `positive=False` would say that it is not.
+                # `positive=False` would mean that it is not positive.
                 given = {"positive": True} if a.positive else {"real": True}
                 self._known[a] = self._sympy.Symbol(a.name, **given)
             return self._known[a]

@@ -1,4 +1,4 @@
-"""Sums shortened by the theorems of trigonometry: Pythagoras', and those of sums of angles."""
+"""Sums shortened by trigonometric identities: Pythagoras', and those for sums of angles."""
 
 from collections.abc import Iterator
 from fractions import Fraction
@@ -16,10 +16,10 @@ from jaxdyn.symbolic.algebra import (
 
 
 def shorten(x: Expression) -> Expression:
-    """The sum with pairs of terms united until none is left that can be.
+    """The sum with pairs of terms combined until no pair is left that can be.
 
-    sin^2 a + cos^2 a is 1, 1 - sin^2 a is cos^2 a, and products of the sines and cosines of two
-    angles are the sine or cosine of their sum or difference where two terms make one.
+    sin^2 a + cos^2 a becomes 1, 1 - sin^2 a becomes cos^2 a, and two products of sines and cosines
+    of two angles become the sine or cosine of their sum or difference.
     """
     terms = dict(x.terms)
     for rule in (_squares, _angles, _from_one):
@@ -35,7 +35,7 @@ def shorten(x: Expression) -> Expression:
 
 
 def deeply_shortened(x: Expression) -> Expression:
-    """The same in brackets and arguments too."""
+    """The same, applied inside brackets and arguments too."""
 
     def inside(a: Atom) -> Expression | None:
         if isinstance(a, Group):
@@ -45,7 +45,7 @@ def deeply_shortened(x: Expression) -> Expression:
     return shorten(x.replace(inside))
 
 
-#: The monomials that go, and what comes for them.
+#: The monomials that are removed, and the terms that replace them.
 _Found = tuple[tuple[Monomial, ...], Expression]
 
 

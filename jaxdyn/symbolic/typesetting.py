@@ -1,8 +1,8 @@
 """Expressions in print: as plain text, in LaTeX, and in MathML.
 
-What stands where in a product and in a sum is decided here, once for all of them: numbers,
-parameters, brackets, coordinates, velocities, functions; and terms with the highest derivatives
-first.
+The order of factors and terms is decided here, for all three formats: in a product numbers,
+parameters, brackets, coordinates, velocities, functions; in a sum the terms with the highest
+derivatives first.
 """
 
 import abc
@@ -26,7 +26,7 @@ _PLACES = {
     **{"parameter": 0, "multiplier": 1, "time": 3, "coordinate": 3, "short": 3},
     **{"velocity": 5, "rate": 6, "acceleration": 6},
 }
-#: Functions stand last: x'' cos(theta).
+#: Functions come last: x'' cos(theta).
 _BRACKET, _MOVING_BRACKET, _FUNCTION = 2, 4, 7
 _SIGNS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "=", "ne": "!="}
 
@@ -39,11 +39,11 @@ class Style(abc.ABC):
 
     @abc.abstractmethod
     def number(self, x: Coefficient) -> str:
-        """A positive number that is whole, or a float."""
+        """A positive integer, or a float."""
 
     @abc.abstractmethod
     def fraction(self, above: str, below: str, single: bool, last: bool) -> str:
-        """A quotient; `single` if there is one factor below, `last` if nothing follows."""
+        """A quotient; `single` if the denominator is one factor, `last` if nothing follows."""
 
     @abc.abstractmethod
     def power(self, base: str, exponent: str) -> str: ...
@@ -84,7 +84,7 @@ class Style(abc.ABC):
                 terms.insert(0, terms.pop(first))
         return self.sum([(c < 0, self._term(m, abs(c))) for m, c in terms])
 
-    #: Whether lines of quotients hold what is above and below together.
+    #: Whether fraction bars group numerator and denominator.
     bars = True
 
     def _term(self, m: Monomial, c: Coefficient) -> str:
@@ -164,7 +164,7 @@ def _is_symbol(x: Expression) -> bool:
 
 
 def _sizes(x: Expression) -> set[Monomial]:
-    """The terms of an expression that are absolute values, which have brackets of their own."""
+    """The terms of an expression that are absolute values, which need no further brackets."""
     return {m for m in x.terms if len(m) == 1 and isinstance(m[0][0], Call) and m[0][0].op == "abs"}
 
 
@@ -183,7 +183,7 @@ def _turn(m: Monomial, c: Coefficient) -> tuple[Monomial, Coefficient]:
 
 
 def _factor_place(factor: tuple[Atom, Fraction]) -> tuple:
-    """Where a factor stands in a product."""
+    """Sort key of a factor in a product."""
     a, _ = factor
     if isinstance(a, Symbol):
         return _PLACES[a.kind], a.rank, a.name
@@ -192,7 +192,7 @@ def _factor_place(factor: tuple[Atom, Fraction]) -> tuple:
         inside = a.sum.symbols()
         if moves or any(s.kind == "short" for s in inside):
             return (_MOVING_BRACKET if moves else _BRACKET), 0, repr(a)
-        # (m1 + m2) g l: before lengths, where a mass would stand.
+        # (m1 + m2) g l: before lengths, in the position of a mass.
         return 0, min((s.rank for s in inside), default=0), ""
     return _FUNCTION, 0, repr(a)
 
@@ -209,7 +209,7 @@ def _degree(m: Monomial) -> tuple:
 
 
 def _term_place(m: Monomial) -> tuple:
-    """Where a term stands in a sum: by derivatives, by what moves, by parameters."""
+    """Sort key of a term in a sum: by derivatives, by moving factors, by parameters."""
     factors = sorted(m, key=_factor_place)
     kinds = {s.kind for a, _ in m for s in symbols_of(a)}
     linear = any(isinstance(a, Symbol) and a.kind == "time" for a, _ in m)
@@ -367,7 +367,7 @@ class MathML(Style):
         name = f"&{s.stem};" if greek else html.escape(s.stem)
         stem = f"<mi>{name}</mi>"
         if s.dots:
-            # Not as accents, which lie on the letter where no font for mathematics is installed.
+            # Not as accents, which overlap the letter if no mathematical font is installed.
             stem = f'<mover>{stem}<mo stretchy="false">{"." * s.dots}</mo></mover>'
         if not s.index:
             return stem
