@@ -1,11 +1,11 @@
-"""Models fitted to data: parameters and starts of a scene from measured times and entries.
+"""Models fitted to data: parameters and initial states of a scene from measurements.
 
-`fit` is the call, `measurements` the tables that it takes, `segments` the motion cut into pieces,
-`multiple_shooting` the least squares over all of them, `result` what is known then.
+`fit` has the call, `measurements` the tables that it accepts, `segments` the segments of the
+motion, `multiple_shooting` the least-squares problem over all of them, and `result` the result.
 
 May import: `integrate`.
 
-One more kind of measurement is one more case of `measurements.Column`.
+To add a kind of measurement, add a case to `measurements.Column`.
 """
 
 from jaxdyn.fitting.fit import fit

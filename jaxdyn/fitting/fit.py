@@ -41,41 +41,41 @@ def fit(
     max_steps: int = MAX_STEPS,
     throw: bool = True,
 ) -> Fit:
-    """Parameters and a start for which a scene moves as was measured, by least squares.
+    """Parameters and an initial state that fit a scene to measurements, by least squares.
 
-    Multiple shooting: the motion is cut into short segments whose starts are unknowns as well, and
-    which join in the end. Neither a wrong phase nor chaos makes local minima then; the guess need
-    not be near.
+    The method is multiple shooting: the motion is cut into short segments whose initial states are
+    additional unknowns, and which join in the solution. Therefore neither a wrong phase nor chaos
+    creates local minima, and the guess need not be close.
 
     Args:
-      make: of the parameters, returns the scene, such as `scenes.pendulum`.
-      guess: of the parameters: a dictionary by the names of `make`'s arguments, which are passed by
-        name, or any pytree of numbers, which is the one argument.
+      make: function of the parameters that returns the scene, such as `scenes.pendulum`.
+      guess: initial values of the parameters: a dictionary, whose entries are passed to `make` by
+        name, or any pytree of numbers, which is its only argument.
       data: times "t" and measured columns by name, NaN for gaps: a mapping of arrays, a DataFrame,
-        a Trajectory, what `jaxdyn.read_csv` returns. A column has the name of an entry of the
-        state, or "x", "y", "z" of the scene's point ("x1", "y1", "x2", ... of several).
-      start: names of entries of the start that are estimated too; by default all of them where no
-        parameter changes the start of the scene, else none.
-      columns: those that are used; all by default.
-      noise: standard deviation of the measurements: one number, one for each column by name, each
-        () or (s,). By default it is estimated, one for each column, from the residuals.
+        a Trajectory, or the result of `jaxdyn.read_csv`. A column is named after an entry of the
+        state, or "x", "y", "z" for the scene's point ("x1", "y1", "x2", ... if there are several).
+      start: names of entries of the initial state that are estimated too; by default all of them if
+        no parameter changes the initial state of the scene, otherwise none.
+      columns: the columns that are used; all by default.
+      noise: standard deviation of the measurements: one number, or one for each column by name,
+        each () or (s,). By default that of each column is estimated from the residuals.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
-      t0: time of the start; by default the first measured time where all of the start is
-        estimated, else 0.
-      segments: how many; one for ten times by default, at most 64.
+      t0: time of the initial state; by default the first measured time if the whole initial state
+        is estimated, otherwise 0.
+      segments: number of segments; by default one for every ten times, at most 64.
       rtol: relative tolerance of a step.
       solver: see `simulate`.
       max_steps: largest number of steps of a segment.
-      throw: raise on any status but CONVERGED; with False look at `Fit.status`.
+      throw: raise on any status but CONVERGED; with False check `Fit.status`.
     Returns:
-      Estimates with 95 % intervals from the Jacobian (Student's t where the noise is estimated),
-      correlations, residuals; `profile`, `predict`, `propagate` and `plot` go on from there.
+      Estimates with 95 % intervals from the Jacobian (Student's t if the noise is estimated),
+      correlations and residuals, with the methods `profile`, `predict`, `propagate` and `plot`.
     Raises:
-      ValueError: `make` returns no scene, a column is that of nothing, times lie before `t0`, there
-        are fewer measured numbers than unknowns, or an argument is out of range.
+      ValueError: `make` does not return a scene, a column has an unknown name, times lie before
+        `t0`, there are fewer measured numbers than unknowns, or an argument is out of range.
       FitError: it did not converge, or the data do not determine a parameter (``throw=True``).
-    Limits: noise is taken to be independent and normal, times to be exact, and the motion to be
-      without noise of its own. A scene in phases (bounces) cannot be fitted.
+    Limits: noise is assumed to be independent and normal, times to be exact, and the motion to be
+      deterministic. A scene with phases (impacts) cannot be fitted.
     Reference: Bock (1983), Recent advances in parameter identification techniques for O.D.E.
     Example:
       >>> import jaxdyn, numpy as np
@@ -147,7 +147,7 @@ def _by_name(make: Callable, guess: Any) -> bool:
     known = [name for name in guess if name in parameters]
     near = [name for name in guess if difflib.get_close_matches(str(name), parameters, n=1)]
     if not (known or near or takes_any) and len(parameters) == 1:
-        return False  # the dictionary is the one argument
+        return False  # the dictionary is the only argument
     for name in () if takes_any else guess:
         _checks.choice("guess", name, parameters)
     return True
@@ -171,7 +171,7 @@ def _t0(model: Model, table: measurements.Measured) -> float:
 
 
 def _names(leaves: Any, scene: Scene, model: Model) -> tuple[str, ...]:
-    """Of the parameters, and of the estimated entries of the start."""
+    """Names of the parameters, and of the estimated entries of the start."""
     found = []
     for path, x in jax.tree_util.tree_flatten_with_path(leaves)[0]:
         key = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
@@ -266,7 +266,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
 
 
 def _of_table(x, table: measurements.Measured) -> np.ndarray:
-    """(s, c) what belongs to each measurement, NaN for gaps."""
+    """(s, c) the values that belong to each measurement, NaN for gaps."""
     x, s = np.asarray(x), len(table.ts)
     parts = np.array_split(np.arange(s), len(x))
     found = np.concatenate([x[i, : len(part)] for i, part in enumerate(parts)])
@@ -274,6 +274,6 @@ def _of_table(x, table: measurements.Measured) -> np.ndarray:
 
 
 def _as_given(model: Model, flat: np.ndarray):
-    """Numbers of all parameters as the guess was given; single ones as floats."""
+    """The parameters in the structure of the guess, with single numbers as floats."""
     params = model.params(jnp.asarray(flat))
     return jax.tree.map(lambda x: float(x) if eqx.is_array(x) and x.ndim == 0 else x, params)

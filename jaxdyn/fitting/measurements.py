@@ -1,8 +1,8 @@
-"""Measured tables: times, and columns that are entries of a state, places of points, or functions.
+"""Measured tables: times, and columns of entries of the state, positions of points, or functions.
 
-A column is known by its name. That of an entry of the state is the entry; "x", "y" and "z" are
-otherwise the place of a scene's point, numbered ("x1", "y2") where there are several; any other
-name needs a function (`observe=`). Gaps are NaN.
+A column is identified by its name: the name of an entry of the state means that entry. Otherwise
+"x", "y" and "z" mean the position of the scene's point, numbered ("x1", "y2") if there are several;
+any other name needs a function (`observe=`). Gaps are NaN.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,8 +25,8 @@ class Measured(NamedTuple):
     """A table: times (s,) in order and columns (s, c), NaN where nothing was measured.
 
     Attributes:
-      rows: (s,) where each row was in the data, whose empty rows are left out.
-      count: how many rows the data had.
+      rows: (s,) index of each row in the data, whose empty rows are left out.
+      count: number of rows of the data.
     """
 
     ts: np.ndarray
@@ -37,12 +37,12 @@ class Measured(NamedTuple):
 
 
 class Column(NamedTuple):
-    """What a column measures: one of the three; static.
+    """The quantity that a column measures, which is one of three kinds; static.
 
     Attributes:
-      name: of the column.
-      unit: of an entry of the state; "1" for others.
-      entry: number of the entry of the state.
+      name: name of the column.
+      unit: unit of an entry of the state; "1" for others.
+      entry: index of the entry of the state.
       place: point and axis.
       function: (scene, t, y) -> ().
     """
@@ -64,15 +64,15 @@ class Column(NamedTuple):
 
 
 def read_measurements(data: Any, columns: Any = None) -> Measured:
-    """The table in one of the forms that data have.
+    """The table of measurements from data in any of the accepted forms.
 
     Args:
       data: columns by name with the times as "t": a mapping of arrays, a DataFrame (whose index may
         be the times), a Trajectory.
-      columns: names of those to be used; all but "t" by default.
+      columns: names of the columns to use; all except "t" by default.
     Raises:
-      ValueError: there are no times or no columns, lengths differ, a time is no number, or nothing
-        is measured.
+      ValueError: there are no times or no columns, lengths differ, a time is not a number, or
+        nothing is measured.
     """
     if isinstance(data, Trajectory):
         names = [name for name, _ in data.scene.labels()]
@@ -113,10 +113,10 @@ def _numbers(name: str, given: Any, count: int) -> np.ndarray:
 def columns_of(
     scene: Scene, names: tuple[str, ...], observe: Mapping[str, Callable] | None
 ) -> tuple[Column, ...]:
-    """What each column measures of a scene.
+    """The quantity of a scene that each column measures.
 
     Raises:
-      ValueError: a name is that of nothing the scene has.
+      ValueError: the scene has nothing of that name.
     """
     labels, functions = scene.labels(), dict(observe or {})
     entries = {name: (i, unit) for i, (name, unit) in enumerate(labels)}

@@ -1,11 +1,11 @@
-"""Least squares over parameters and the starts of all segments, with continuity as a constraint.
+"""Least squares over parameters and initial states of all segments, with continuity constraints.
 
 Each iteration linearises all segments at once, compresses the rows of each by an orthogonal
-factorisation, and takes the step of Gauss and Newton within the null space of the constraints,
-damped as by Levenberg and Marquardt. There directions do not grow with the motion, so that nothing
-overflows where it is chaotic, and the singular values tell what the data determine. A step is
-accepted if it lowers the misfit plus the constraints' violation, weighted by more than their
-multipliers (an exact penalty).
+factorisation, and takes the Gauss-Newton step within the null space of the constraints, damped as
+in the Levenberg-Marquardt method. In this null space perturbations do not grow with the motion, so
+that nothing overflows where it is chaotic, and the singular values show which parameters the data
+determine. A step is accepted if it lowers an exact penalty function, which is the misfit plus the
+violation of the constraints with weights above their multipliers.
 """
 
 from typing import NamedTuple
@@ -20,24 +20,24 @@ from jaxtyping import Array
 from jaxdyn.fitting.segments import Model, Segments
 from jaxdyn.scales import Groups, groups
 
-#: Singular values below this part of the largest are those of directions that nothing determines:
-#: derivatives of a motion at the default tolerance are right to about 1e-9.
+#: Directions with singular values below this fraction of the largest are undetermined:
+#: derivatives of a motion at the default tolerance are accurate to about 1e-9.
 UNDETERMINED = 1e-7
 _FIRST, _MORE, _LESS, _NONE = 1e-3, 10.0, 0.1, 1e-10  # damping, relative to the largest direction
 _MOST_DAMPING = 1e12
 #: Steps are small below this many standard errors, or relative to the sizes of all unknowns.
 _OF_A_BAR, _OF_SIZE = 1e-4, 1e-9
-_CLOSED = 1e-7  # of the sizes: violation of a constraint at the end
+_CLOSED = 1e-7  # relative to the sizes: largest violation of a constraint in a solution
 _ITERATIONS = 100
-#: Of the spread of a column: noise that is assumed until residuals tell.
+#: Relative to the spread of a column: the noise that is assumed until residuals are known.
 _FIRST_NOISE = 0.05
-_ROUNDS = 5  # in which the noise of several columns is estimated from residuals
-_FILTER = 8  # steps for the start of each segment in turn
-_RELATIVE_NOISE = 1e-12  # of a column's size: the least noise
+_ROUNDS = 5  # rounds in which the noise of several columns is estimated from residuals
+_FILTER = 8  # steps for the initial state of each segment in turn
+_RELATIVE_NOISE = 1e-12  # relative to the size of a column: the smallest noise
 
 
 class Unknowns(NamedTuple):
-    """Parameters (p,) and the starts (m, k) of all segments."""
+    """Parameters (p,) and the initial states (m, k) of all segments."""
 
     theta: Array
     nodes: Array
@@ -49,9 +49,9 @@ class Linear(NamedTuple):
     Attributes:
       cost: () half the sum of squares of whitened residuals.
       rows: (m, q + 1, q + 1) compressed derivatives and residuals of each; q = p + k.
-      violation: (r,) of the constraints, relative to sizes.
-      constraints: (r, p + m k) their derivatives by the scaled unknowns.
-      residuals: (m, n, c) what is seen minus what was measured.
+      violation: (r,) violation of the constraints, relative to sizes.
+      constraints: (r, p + m k) their derivatives with respect to the scaled unknowns.
+      residuals: (m, n, c) computed minus measured values.
     """
 
     cost: Array
@@ -66,12 +66,12 @@ class Solution(NamedTuple):
 
     Attributes:
       x: the unknowns.
-      sizes: (p + m k,) of all of them.
-      factor: (p + m k, q) a factor of their covariance: F F^T.
-      singular: (q,) singular values of the misfit in the null space, for unknowns of their sizes.
+      sizes: (p + m k,) their sizes.
+      factor: (p + m k, q) a factor F of their covariance F F^T.
+      singular: (q,) singular values of the misfit in the null space, in scaled unknowns.
       directions: (p + m k, q) the scaled directions of these.
-      noise: (c,) standard deviation of each column, where it was estimated; 1 where it was given.
-      residuals: (m, n, c) what is seen minus what was measured.
+      noise: (c,) standard deviation of each column if it was estimated, 1 if it was given.
+      residuals: (m, n, c) computed minus measured values.
       cost: () half the sum of squares of whitened residuals.
       iterations: () number of steps.
       converged: () whether the last step was small.
@@ -102,14 +102,14 @@ def estimate(
     """The best fit from a guess.
 
     Args:
-      model: what is fitted.
+      model: the model that is fitted.
       segments: the measurements.
       sigma: (m, n, c) standard deviations; None to estimate one for each column.
       theta: (p,) guess of the parameters.
       start: (k,) guess of the start.
       pin: (p,) weights of a combination of parameters, relative to their sizes, that keeps its
         value; None for none.
-      nodes: (m, k) starts of the segments, if they are known.
+      nodes: (m, k) initial states of the segments, if they are known.
     """
     system, c = model.scene(theta).system, len(model.columns)
     group = groups(system)
@@ -178,10 +178,10 @@ def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) 
 def _filter_starts(
     model: Model, segments: Segments, weights: Array, theta: Array, start: Array, sizes: Array
 ) -> Array:
-    """(m, k) starts of the segments, one after another at the guessed parameters.
+    """(m, k) initial states of the segments, one after another at the guessed parameters.
 
-    Each is fitted to the data of its segment, from where the segment before ended, which also says,
-    weakly, what the data do not.
+    Each is fitted to the data of its segment, beginning at the end of the previous segment, which
+    also serves as a weak prior for what the data do not determine.
     """
 
     def of_segment(predicted, one):
@@ -278,7 +278,7 @@ def _linear(
 
 
 class _Step:
-    """The damped step of Gauss and Newton within the constraints, in scaled unknowns."""
+    """The damped Gauss-Newton step within the constraints, in scaled unknowns."""
 
     def __init__(self, linear: Linear, p: int, shape: tuple[int, int], damping: Array):
         m, k = shape
@@ -289,7 +289,7 @@ class _Step:
         basis, triangle = jnp.linalg.qr(linear.constraints.T, mode="complete")
         along, self.null = basis[:, :r], basis[:, r:]
         triangle = triangle[:r]
-        # A damped step also closes gaps in part only.
+        # A damped step also closes the gaps only partially.
         wanted = -linear.violation / (1.0 + damping)
         fixed = along @ solve_triangular(triangle, wanted, trans="T") if r else jnp.zeros(total)
         left = b - a @ fixed
@@ -317,7 +317,7 @@ class _Carry(NamedTuple):
 
 
 def _next_damping(damping: Array, better: Array) -> Array:
-    """() less after a step that came closer, down to none, more after one that did not."""
+    """() smaller after a step that improved the fit, down to 0, larger after one that did not."""
     less = jnp.where(damping * _LESS < _NONE, 0.0, damping * _LESS)
     return jnp.where(better, less, jnp.maximum(damping, _FIRST) * _MORE)
 
@@ -331,7 +331,7 @@ def _minimum(
     k_sizes: Array,
     pin: Array | None,
 ) -> tuple[Linear, Unknowns, Array, Array]:
-    """The linearised problem at the minimum, its unknowns, the steps taken, and if it converged."""
+    """The linearised problem at the minimum, its unknowns, the steps, and whether it converged."""
     p, shape = x.theta.shape[0], x.nodes.shape
     measured = jnp.maximum(jnp.sum(segments.there), 1.0)
     blank = jax.eval_shape(lambda: _linear(model, segments, weights, x, sizes, k_sizes, pin))

@@ -1,4 +1,4 @@
-"""What a fit found: estimates with bars, what they follow from, and what follows from them."""
+"""The result of a fit: estimates with error bars, residuals, profiles and predictions."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ from jaxdyn.fitting.segments import Model, Segments
 from jaxdyn.scene import Scene
 from jaxdyn.status import Code
 
-LEVEL = 0.95  # of all bars
-_GRID = 15  # values of a profile
-_WIDENINGS = 4  # times that it is made twice as wide
-_NAMED = 0.1  # of the largest weight: parameters that a combination names
+LEVEL = 0.95  # confidence level of all bars
+_GRID = 15  # number of values of a profile
+_WIDENINGS = 4  # how often its range is doubled
+_NAMED = 0.1  # relative to the largest weight: parameters that a combination names
 _CORRELATED = 4.0  # standard errors of the correlation of residuals in time
-_WIDE = 0.25  # of an estimate: an interval over which the Jacobian may change
+_WIDE = 0.25  # relative to an estimate: an interval over which the Jacobian may change
 _UNLIKELY = 1e-3  # probability of the misfit below which the model is doubted
 
 
@@ -54,19 +54,19 @@ class FitError(RuntimeError):
 
 
 class Propagated(NamedTuple):
-    """A quantity that follows from a fit, and the half-width of its 95 % interval: pytrees."""
+    """A quantity derived from a fit, and the half-width of its 95 % interval, as pytrees."""
 
     value: Any
     bar: Any
 
 
 class Prediction(NamedTuple):
-    """What a fit predicts.
+    """The prediction of a fit.
 
     Attributes:
       ts: (s,) times.
-      names: of the columns, and of entries of the state that are none.
-      values: (s, c) of each.
+      names: names of the columns, and of the entries of the state that are not columns.
+      values: (s, c) values of each.
       bars: (s, c) half-widths of their 95 % intervals, of the motion without noise.
     """
 
@@ -82,13 +82,13 @@ class Prediction(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """The misfit along one parameter, with all others at their best for each value of it.
+    """The misfit along one parameter, minimised over all others for each value of it.
 
     Attributes:
-      name: of the parameter.
-      values: (n,) of it.
-      rise: (n,) of twice the misfit, in units of the noise, above its minimum.
-      low: lower end of the 95 % interval; -inf where the misfit stays below its limit.
+      name: name of the parameter.
+      values: (n,) its values.
+      rise: (n,) increase of twice the misfit above its minimum, in units of the noise.
+      low: lower end of the 95 % interval; -inf if the misfit stays below its limit.
       high: upper end; inf likewise.
     """
 
@@ -101,19 +101,19 @@ class Profile(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """Parameters and a start that explain measurements.
+    """Parameters and an initial state that explain measurements.
 
     Attributes:
-      params: the estimates, as the guess was given.
-      bars: half-widths of their 95 % intervals, likewise; NaN where the data do not tell.
-      scene: the scene of the estimates, from the estimated start.
+      params: the estimates, in the structure of the guess.
+      bars: half-widths of their 95 % intervals, likewise; NaN if the data do not determine them.
+      scene: the scene with the estimates, from the estimated initial state.
       names: of all estimated numbers: parameters, then entries of the start as "theta(t0)".
-      covariance: (q, q) of these.
+      covariance: (q, q) covariance of these.
       residuals: (s, c) measured minus fitted, NaN for gaps.
       noise: standard deviation of each column by name: given, or estimated.
       dof: degrees of freedom: measured numbers minus estimated ones.
       status: how the fit ended.
-      undetermined: combinations of parameters that the data do not tell, in words.
+      undetermined: combinations of parameters that the data do not determine, in words.
       warning: doubts about the model and the bars; empty if there are none.
     """
 
@@ -159,7 +159,7 @@ class Fit:
 
     @property
     def t0(self) -> float:
-        """Time of the start."""
+        """Time of the initial state."""
         return float(self.segments.begin[0])
 
     def interval(self, name: str) -> tuple[float, float]:
@@ -169,11 +169,11 @@ class Fit:
         return float(self.values[i] - half), float(self.values[i] + half)
 
     def profile(self, name: str, count: int = _GRID) -> Profile:
-        """The profile likelihood of a parameter: its interval where the Jacobian does not tell.
+        """The profile likelihood of a parameter, which does not rely on the Jacobian.
 
         Args:
-          name: of the parameter, one of `names`, not of the start.
-          count: how many values; the range widens until the misfit passes its limit.
+          name: name of a parameter, one of `names`, but not an entry of the initial state.
+          count: number of values; the range is widened until the misfit exceeds its limit.
         """
         p = len(self.solution.x.theta)
         i = self.names.index(_checks.choice("name", name, self.names[:p]))
@@ -204,7 +204,7 @@ class Fit:
         return thetas[:, i], np.where(np.asarray(closed), rise, np.nan)
 
     def _crossings(self, values: np.ndarray, rise: np.ndarray) -> tuple[float, float]:
-        """Where the rise passes its limit, by its root, which is straight for a parabola."""
+        """Where the rise exceeds its limit, by its square root, which is linear for a parabola."""
         limit, best = self.quantile, self.values[0] * 0 + np.mean(values)
         found = []
         for side in (-1.0, 1.0):
@@ -226,7 +226,7 @@ class Fit:
 
         Args:
           ts: (s,) times, not before the start; 400 from the first to the last measurement by
-            default. Beyond the last measurement the bands show what the data say of the future.
+            default. Beyond the last measurement the bands show what the data say about the future.
         """
         first, last = self.t0, float(self.segments.end[-1])
         ts = np.linspace(first, last, 400) if ts is None else _checks.host_array("ts", ts, (None,))
@@ -255,14 +255,14 @@ class Fit:
     def propagate(
         self, function: Callable[[Scene], Any], draws: int | None = None, seed: int = 0
     ) -> Propagated:
-        """What follows from the fit, with its bars: a period, multipliers, a range.
+        """A quantity derived from the fit, with its bars: a period, multipliers, a range.
 
         Args:
-          function: of a scene; returns a number or a pytree of numbers.
-          draws: None to push the bars through its derivative, for functions that JAX
-            differentiates; else the number of scenes drawn from the estimates' normal
-            distribution, for functions that search, as `orbits.find`, or are not nearly linear.
-          seed: of the draws.
+          function: function of a scene that returns a number or a pytree of numbers.
+          draws: None to propagate the bars by its derivative, for functions that JAX can
+            differentiate; otherwise the number of scenes drawn from the normal distribution of
+            the estimates, for functions that search, such as `orbits.find`, or are nonlinear.
+          seed: seed of the draws.
         Returns:
           Its value at the estimates, and the half-widths of its 95 % intervals.
         Raises:
@@ -353,7 +353,7 @@ class Fit:
         return _text.table(f"Fit of {_text.title_of(self.scene)}, with 95 % intervals", rows)
 
     def _wide(self) -> str:
-        """Parameters whose interval is so wide that the Jacobian may not tell it; "" for none."""
+        """A remark on intervals that may be too wide for the Jacobian; "" if there are none."""
         sd, values = np.sqrt(np.diag(self.covariance)), self.values
         p = len(self.solution.x.theta)
         wide = self.quantile * sd[:p] > _WIDE * np.abs(values[:p])
@@ -371,7 +371,7 @@ def _profile(model, segments, sigma, pin, thetas, starts):
         found = estimate(model, segments, sigma, theta, nodes[0], pin, nodes)
         return found.cost, found.converged
 
-    # Not side by side, where LAPACK's batches in two of XLA's threads wait for each other for ever
+    # Not in parallel: there, batches of LAPACK in two of XLA's threads wait for each other for ever
     # on two cores [jaxlib 0.10, in fits of a double pendulum], and all wait for the slowest.
     return jax.lax.map(one, (thetas, starts))
 
@@ -396,7 +396,7 @@ def _bands(model: Model, segments: Segments, solution: Solution, ts, columns):
 
 
 def with_bar(value: float, bar: float) -> str:
-    """A number and the half-width of its interval, to two digits of that.
+    """A number and the half-width of its interval, to two digits of the latter.
 
     Example:
       >>> with_bar(9.81234, 0.0321), with_bar(1.0, float("nan"))

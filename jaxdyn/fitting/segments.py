@@ -1,10 +1,11 @@
-"""A motion cut into segments, each with its own start: what multiple shooting solves for.
+"""A motion cut into segments, each with its own initial state, for multiple shooting.
 
-Over one long segment the misfit of an oscillation has a local minimum for each period that it may
-be out of phase, and that of a chaotic motion too many to count. Each segment is so short that its
-start and the parameters determine it nearly linearly; that the end of each is the start of the
-next is a constraint (Bock, H. G., 1983, Recent advances in parameter identification techniques for
-O.D.E.; for chaos Baake, Baake, Bock and Briggs, 1992, Phys. Rev. A 45, 5524).
+Over one long segment the misfit of an oscillation has a local minimum for each period by which it
+may be out of phase, and that of a chaotic motion has innumerable ones. Therefore each segment is so
+short that it depends almost linearly on its initial state and the parameters; a constraint makes
+the end of each segment the start of the next (Bock, H. G., 1983, Recent advances in parameter
+identification techniques for O.D.E.; for chaos Baake, Baake, Bock and Briggs, 1992, Phys. Rev. A
+45, 5524).
 """
 
 from collections.abc import Callable
@@ -21,19 +22,19 @@ from jaxdyn.integrate.simulation import solve
 from jaxdyn.scene import Scene
 
 _RAD = "rad"
-#: Samples of a segment, and the most segments that are chosen by default.
+#: Samples of a segment, and the largest number of segments by default.
 _SAMPLES, _MOST = 10, 64
 
 
 class Segments(NamedTuple):
-    """The cut table: m segments of at most n times, padded by the last one.
+    """The table in m segments of at most n times, padded with the last time.
 
     Attributes:
       begin: (m,) times at which segments begin.
-      end: (m,) and end.
+      end: (m,) times at which they end.
       ts: (m, n) measured times.
-      values: (m, n, c) what was measured; 0 where nothing was.
-      there: (m, n, c) 1 where something was, else 0.
+      values: (m, n, c) measured values; 0 for gaps.
+      there: (m, n, c) 1 for measured values, 0 for gaps.
     """
 
     begin: Array
@@ -66,17 +67,17 @@ def cut(table: Measured, t0: float, count: int | None) -> Segments:
 
 
 class Model(eqx.Module):
-    """How unknown numbers become what is measured; static but for numbers within `rest`.
+    """The map from unknowns to measured quantities; static except for numbers within `rest`.
 
     Attributes:
-      make: of the parameters, returns the scene.
+      make: function of the parameters that returns the scene.
       by_name: whether it takes them as keywords.
       tree: structure of the parameters.
-      shapes: of its leaves.
-      rest: the parameters' leaves that are no numbers.
-      columns: what is measured.
-      free: whether each entry of the start is estimated; others are those of the scene.
-      options: of `solve`.
+      shapes: shapes of its leaves.
+      rest: leaves of the parameters that are not numbers.
+      columns: the measured quantities.
+      free: whether each entry of the initial state is estimated; others are those of the scene.
+      options: options of `solve`.
     """
 
     make: Callable = eqx.field(static=True)
@@ -89,19 +90,19 @@ class Model(eqx.Module):
     options: tuple[tuple[str, Any], ...] = eqx.field(static=True)
 
     def params(self, theta: Array) -> Any:
-        """The parameters, as the guess was given, of a flat vector (p,) of their numbers."""
+        """The parameters, in the structure of the guess, from a flat vector (p,)."""
         sizes = [int(np.prod(shape)) for shape in self.shapes]
         parts = jnp.split(theta, np.cumsum(sizes)[:-1]) if sizes else []
         leaves = [x.reshape(shape) for x, shape in zip(parts, self.shapes, strict=True)]
         return eqx.combine(jax.tree.unflatten(self.tree, leaves), self.rest)
 
     def scene(self, theta: Array) -> Scene:
-        """The scene of a flat vector (p,) of parameters."""
+        """The scene for a flat vector (p,) of parameters."""
         params = self.params(theta)
         return self.make(**params) if self.by_name else self.make(params)
 
     def run(self, theta: Array, start: Array, begin, end, ts, columns=None):
-        """What is seen (n, c) at times ts (n,) of a motion from a start (k,), and its end (k,)."""
+        """The measured quantities (n, c) at times ts (n,) of a motion, and its end (k,)."""
         scene = self.scene(theta).starting(start)
         out = solve(scene, end, t0=begin, ts=ts, **dict(self.options))
         seen = self.columns if columns is None else columns
@@ -112,7 +113,7 @@ class Model(eqx.Module):
         return jax.vmap(see)(ts, out.ys), out.y1
 
     def misfit(self, seen: Array, values: Array) -> Array:
-        """What is seen minus what was measured (..., c); angles differ by at most half a turn."""
+        """Computed minus measured values (..., c); angles differ by at most half a turn."""
         angles = np.array([c.unit == _RAD and c.entry is not None for c in self.columns])
         d = seen - values
         if not angles.any():

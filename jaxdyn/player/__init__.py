@@ -1,16 +1,16 @@
 """Motions in a browser: pages that play them, and pages on which a scene itself runs.
 
-`export` writes what `drawing.paths` finds, and the energy along the motion, as compact JSON;
-`pages` puts it into a page with the script `player.js` and its look `player.css`, which need no
-other files and no network. `model` writes a scene as a program in JavaScript, its rate and what is
-drawn of it, with the starts and questions of `choices`; `live` puts that into a page with the
-scripts `motion.js`, which moves it by the integrator `dop853.js`, and `live.js`. Both draw by
-`canvas.js`.
+`export` writes the paths from `drawing.paths`, and the energy along the motion, as compact JSON;
+`pages` puts it into a page with the script `player.js` and the style sheet `player.css`, which
+needs no other files and no network. `model` writes a scene as a program in JavaScript, with its
+rate, its drawing, and the initial states and questions of `choices`; `live` puts that into a page
+with the scripts `live.js` and `motion.js`, which uses the integrator `dop853.js`. Both kinds of
+pages draw with `canvas.js`.
 
 May import: `drawing`, `symbolic`.
 
-One more kind of shape is one more case of ``stroke`` in `canvas.js`; the files beside this one are
-the same for pages, notebooks and the gallery.
+To add a kind of shape, add a case to ``stroke`` in `canvas.js`. Pages, notebooks and the gallery
+use the same files.
 """
 
 from jaxdyn.player.choices import Ask

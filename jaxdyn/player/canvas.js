@@ -1,4 +1,4 @@
-// What the pages of motions draw with: a view of a plane or of space, axes, and the strokes of shapes.
+// Drawing on the pages of motions: a view of a plane or of space, axes, and the strokes of shapes.
 // No dependencies.
 "use strict";
 
@@ -6,7 +6,7 @@ var JaxdynCanvas = (() => {
   const COILS = 9, LEAD = 0.12; // of a drawn spring
   const HUNG = [[0, 0], [-0.6, 0.9], [-1, 0.9], [1, 0.9], [0.6, 0.9]];
 
-  // How a box in space is looked at: turned about the vertical, tilted, and enlarged.
+  // The view of a box in space: rotated about the vertical, tilted, and enlarged.
   class Turn {
     constructor() {
       Object.assign(this, { azimuth: 0.6, height: 0.4, zoom: 1 });
@@ -20,7 +20,7 @@ var JaxdynCanvas = (() => {
     }
   }
 
-  // From space to the canvas [px]: axes to one scale or two, or a box that can be turned.
+  // From space to the canvas [px]: axes with one scale or two, or a box that can be rotated.
   class View {
     constructor(box, equal, width, height, turn) {
       const [lo, hi] = this.box = box;
@@ -50,7 +50,7 @@ var JaxdynCanvas = (() => {
       const [x, y, z] = this.rows.map((row) => row.reduce((sum, r, d) => sum + r * off[d], 0));
       return [this.centre[0] + this.scale * x, this.centre[1] - this.scale * y, z];
     }
-    // A place moved along the canvas by some pixels, in the depth that it has.
+    // A position moved on the canvas by some pixels, at constant depth.
     moved(place, across, down) {
       if (this.dim === 2) return [place[0] + across / this.scales[0], place[1] - down / this.scales[1]];
       return place.map((x, d) => x + (across * this.rows[0][d] - down * this.rows[1][d]) / this.scale);
@@ -67,13 +67,13 @@ var JaxdynCanvas = (() => {
     return [found, found.every((x) => Math.abs(x) < 1e5) ? Math.max(0, digits) : digits];
   }
 
-  // A tick with the digits that tell it from its neighbours.
+  // A tick with enough digits to distinguish it from its neighbours.
   const written = (x, digits) => {
     if (x === 0 || (Math.abs(x) < 1e5 && digits <= 6)) return x.toFixed(Math.min(6, Math.max(0, digits)));
     return x.toExponential(Math.min(15, Math.max(0, digits + Math.floor(Math.log10(Math.abs(x))))));
   };
 
-  // From behind to before.
+  // From back to front.
   const KINDS = ["area", "pin", "spring", "dashpot", "line", "solid"];
 
   // A canvas with the colours of the element that it stands in, cleared.
@@ -146,7 +146,7 @@ var JaxdynCanvas = (() => {
       else this.cage(view, labels);
     }
 
-    // What is drawn from now on stays within the axes of a plane.
+    // From now on, drawing is clipped to the axes of a plane.
     clip(view) {
       if (!view.frame) return;
       this.pen.beginPath();
@@ -160,11 +160,11 @@ var JaxdynCanvas = (() => {
       line(this.pen, corners);
     }
 
-    // A path that ends where a body is: fading, or as a whole.
+    // A path that ends at a body: fading, or whole.
     tail(corners, colour, whole) {
       const { pen } = this, parts = whole ? 1 : 12;
       pen.lineWidth = 2;
-      pen.lineCap = "butt"; // round ends of faint parts would overlap and show as beads
+      pen.lineCap = "butt"; // round ends of faint parts would overlap and look like beads
       pen.strokeStyle = colour;
       for (let p = 0; p < parts; p++) {
         pen.globalAlpha = whole ? 0.7 : (p + 1) / parts;
@@ -175,7 +175,7 @@ var JaxdynCanvas = (() => {
       pen.lineCap = "round";
     }
 
-    // One line of a shape of a kind by its corners on the canvas.
+    // One line of a shape of a kind, from its corners on the canvas.
     stroke(view, kind, corners, colour) {
       const { pen } = this, solid = view.dim === 3;
       pen.strokeStyle = colour || this.colour("ink");
@@ -198,7 +198,7 @@ var JaxdynCanvas = (() => {
       this.head([x1, y1], [ux, uy], head, colour);
     }
 
-    // The head of an arrow, with its tip at a place.
+    // The head of an arrow, with its tip at a position.
     head([x, y], [ux, uy], size, colour) {
       const { pen } = this;
       pen.fillStyle = colour;
@@ -207,7 +207,7 @@ var JaxdynCanvas = (() => {
       pen.fill();
     }
 
-    // A moment in the plane of the picture: an arc that goes round a place by a share of the longest.
+    // A moment in the plane of the picture: an arc around a point, relative to the longest one.
     moment([x, y], share, colour) {
       const { pen } = this, radius = 26, sweep = 1.5 * Math.PI * share, away = Math.sign(share);
       if (!(Math.abs(sweep) > 0.02)) return;
@@ -217,7 +217,7 @@ var JaxdynCanvas = (() => {
       pen.beginPath();
       pen.arc(x, y, radius, 0, end + (0.7 * head * away) / radius, share > 0);
       pen.stroke();
-      // Against the clock it goes up at the right; the head is turned by half of what it covers.
+      // Counterclockwise it goes up on the right; the head is rotated by half the angle it covers.
       const way = end + (0.5 * head * away) / radius;
       this.head([x + radius * Math.cos(end), y + radius * Math.sin(end)], [Math.sin(way) * away, -Math.cos(way) * away], head, colour);
     }
@@ -282,14 +282,14 @@ var JaxdynCanvas = (() => {
     ];
   }
 
-  // The pixels of a canvas, of which a point of the page may have several.
+  // The pixels of a canvas; a point of the page may have several.
   function fitted(canvas) {
     const ratio = window.devicePixelRatio || 1;
     canvas.width = Math.round(canvas.clientWidth * ratio);
     canvas.height = Math.round(canvas.clientHeight * ratio);
   }
 
-  // Draw again when the page turns light or dark: the system does so, or a switch of the page.
+  // Draw again when the page becomes light or dark, by the system or by a switch of the page.
   const themed = (draw) => {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
     new MutationObserver(draw).observe(document.documentElement, { attributeFilter: ["data-theme"] });

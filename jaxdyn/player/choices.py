@@ -1,4 +1,4 @@
-"""What a page on which a scene runs offers besides it: other starts and numbers, and questions."""
+"""Alternatives and questions on a page on which a scene runs: initial states and parameters."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -19,13 +19,13 @@ _ONE_KIND = "scenes that differ in their numbers, their starts and in effects le
 
 
 class Ask(NamedTuple):
-    """A question beside a scene that runs, with its answer folded.
+    """A question beside a running scene, with its answer folded.
 
     Attributes:
-      question: as of a course: "What happens when it starts upright?"
-      answer: what does.
-      scenes: the same scene with the start and the numbers that show it, or several by name to run
-        beside each other, perhaps without some effects; None where the page as it stands shows it.
+      question: such as "What happens when it starts upright?"
+      answer: the answer.
+      scenes: the same scene with the initial state and parameters that show it, or several by name
+        to run side by side, perhaps without some effects; None if the page itself shows it.
     """
 
     question: str
@@ -34,13 +34,13 @@ class Ask(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Two numbers of each scene of several, to be drawn over each other and to choose from.
+    """Two numbers for each of several scenes, as points of a plot in which one is selected.
 
     Attributes:
-      labels: of the number across and of that upwards, with units.
-      across: (n) of each.
-      up: (n) of each.
-      kinds: (n) words, each of which has a colour.
+      labels: labels of the horizontal and the vertical axis, with units.
+      across: (n) horizontal coordinates.
+      up: (n) vertical coordinates.
+      kinds: (n) words that determine the colours.
     """
 
     labels: tuple[str, str]
@@ -50,14 +50,14 @@ class Curve(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """Scenes of one kind to choose from by a slider, or to run beside each other.
+    """Scenes of one kind, selected by a slider or running side by side.
 
     Attributes:
-      scenes: by name.
-      choose: what the names are values of, with its unit; empty where all run together.
-      notes: what is said of each; () for nothing.
-      whole: whether the path of each over its span, that of an orbit, is drawn at once.
-      curve: a picture to choose from, or None.
+      scenes: scenes by name.
+      choose: the parameter whose values are the names, with its unit; empty if all run together.
+      notes: a remark on each; () for none.
+      whole: whether the path of each over its span is drawn at once, as for an orbit.
+      curve: a plot to select from, or None.
     """
 
     scenes: Mapping[str, Scene]
@@ -68,10 +68,10 @@ class Choices(NamedTuple):
 
 
 def complete(choices: Choices) -> Scene:
-    """The first of the scenes that has the most effects: the others lack some of these.
+    """The first of the scenes with the most effects, of which the others lack some.
 
     Raises:
-      ValueError: there is none, one is invalid, they are not of one kind, or those that run
+      ValueError: there are no scenes, one is invalid, they are not of one kind, or scenes that run
         together lack different effects.
     """
     if not choices.scenes:
@@ -86,31 +86,31 @@ def complete(choices: Choices) -> Scene:
 def starts_together(
     whole: Scene, scenes: Mapping[str, Scene], notes: Sequence[str] = ()
 ) -> list[dict]:
-    """The starts of scenes that run beside each other.
+    """The initial states of scenes that run side by side.
 
     Raises:
       ValueError: one is not of the kind of `whole`, or they lack different effects.
     """
     found = starts(whole, scenes, notes)
     if any(one["off"] != found[0]["off"] for one in found):
-        remedy = "Name what they differ in: choose=."
+        remedy = "Name the parameter in which they differ: choose=."
         wanted = "scenes with the same effects, to run together"
         raise _checks.fail("scenes", wanted, "different ones", remedy)
     return found
 
 
 def starts(whole: Scene, scenes: Mapping[str, Scene], notes: Sequence[str] = ()) -> list[dict]:
-    """What makes scenes of another one, each with what is said of it."""
+    """The differences of scenes from another one, each with its remark."""
     said = notes or [""] * len(scenes)
     named = zip(scenes.items(), said, strict=True)
     return [start(whole, scene, name, note) for (name, scene), note in named]
 
 
 def start(whole: Scene, scene: Scene, name: str, note: str = "") -> dict[str, Any]:
-    """What makes a scene of another one: start, span, parameters, and which effects are off.
+    """The difference of a scene from another one: start, span, parameters, effects that are off.
 
     Raises:
-      ValueError: it is not of its kind.
+      ValueError: the scenes are not of the same kind.
     """
     off = _missing(whole.effects, scene.effects)
     if off is None or not _alike(whole.system, scene.system) or len(whole.y0) != len(scene.y0):
@@ -129,7 +129,7 @@ def start(whole: Scene, scene: Scene, name: str, note: str = "") -> dict[str, An
 
 
 def _missing(whole: Sequence[Effect], kept: Sequence[Effect]) -> frozenset[int] | None:
-    """The places of the effects that are left out of the whole; None where others are added."""
+    """The indices of the effects that are left out of the whole; None if others are added."""
     off, left = [], list(kept)
     for i, effect in enumerate(whole):
         if left and _alike(effect, left[0]):
@@ -140,33 +140,33 @@ def _missing(whole: Sequence[Effect], kept: Sequence[Effect]) -> frozenset[int] 
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two objects differ in nothing but numbers."""
+    """Whether two objects differ only in numbers."""
     same = jax.tree.structure(one) == jax.tree.structure(other)
     sizes = ([np.shape(x) for x in jax.tree.leaves(each)] for each in (one, other))
     return same and next(sizes) == next(sizes)
 
 
 def of_motions(motions: Mapping[str, Any], choose: str = "", notes: Sequence[str] = ()) -> Choices:
-    """The scenes of computed motions, from their starts over their spans.
+    """The scenes of computed motions, with their initial states and spans.
 
     Args:
-      motions: by name, what `simulate` or `simulate_phases` returned.
+      motions: results of `simulate` or `simulate_phases`, by name.
       choose: as in `Choices`.
       notes: as in `Choices`.
     Raises:
-      ValueError: a motion cannot run on a page: it is a batch, did not arrive, began at another
-        time than 0, was integrated in equal steps, or has phases that no ready-made scene has.
+      ValueError: a motion cannot run on a page: it is a batch, ended early, began at a time other
+        than 0, was integrated with equal steps, or has phases that no ready-made scene has.
     """
     return Choices({name: _scene_of(one) for name, one in motions.items()}, choose, notes)
 
 
 def _scene_of(motion: Any) -> Scene:
-    """The scene of a motion, with its start and span."""
+    """The scene of a motion, with its initial state and span."""
     check_kind("motion", motion, (Trajectory, HybridTrajectory))
     pieces = pieces_of(motion)
     first, last = pieces[0], pieces[-1]
     smooth = isinstance(motion, Trajectory)
-    # A smooth motion of a scene that has corners leaves these out, and a page would not.
+    # A smooth motion of a scene with corners ignores these, but a page would not.
     if has_corners(first.scene) == smooth:
         raise _checks.fail("motion", "all phases of a ready-made scene, if any", "others", _PLAYED)
     single(first)

@@ -1,7 +1,7 @@
-// An integrator for smooth rates: the pair of order 8 of Dormand and Prince with the estimates of
-// error of orders 5 and 3 and the dense output of order 7 of Hairer, Norsett and Wanner (Solving
+// An integrator for smooth rates: the pair of order 8 of Dormand and Prince with the error
+// estimates of orders 5 and 3 and the dense output of order 7 of Hairer, Norsett and Wanner (Solving
 // Ordinary Differential Equations I, section II.5; the coefficients are those of their DOP853).
-// No dependencies; a page and Node run it alike.
+// No dependencies; it runs on a page and in Node.
 "use strict";
 
 var Dop853 = (() => {
@@ -33,23 +33,23 @@ var Dop853 = (() => {
     [[0, -25.69393346270375], [5, -154.18974869023643], [6, -231.5293791760455], [7, 357.6391179106141], [8, 93.40532418362432], [9, -37.45832313645163], [10, 104.0996495089623], [11, 29.8402934266605], [12, -43.53345659001114], [13, 96.32455395918828], [14, -39.17726167561544], [15, -149.72683625798564]],
   ];
   const STAGES = 12, ALL = 16;
-  const SAFETY = 0.9, LEAST = 1 / 3, MOST = 6; // of the change of a step
-  const FIRST = 0.01; // of the time in which the state changes by its size: the first step
-  const SHORTEST = 1e-15; // of the span: a singularity is nearer than a shorter step
-  const LONGEST = 1 / 50; // of the span: a pulse may lie within a longer step
-  const SOON = 1e-3; // of the span: what is zero has the size that its rate gives it in this time
-  // A rate that jumps where the motion is leaves no step short enough: one is taken as it is. Where
-  // it jumps again and again, as that of dry friction does where it sticks, some longer ones are
-  // taken: after so many tiny steps, in parts of the span, each of which was cut so many times. In a
-  // close encounter steps are tiny too, but their length is foreseen. Not where the rate is so many
-  // times what it was: there a singularity is near.
+  const SAFETY = 0.9, LEAST = 1 / 3, MOST = 6; // for the change of the step size
+  const FIRST = 0.01; // the first step, relative to the time in which the state changes by its size
+  const SHORTEST = 1e-15; // of the span: shorter steps mean that a singularity is near
+  const LONGEST = 1 / 50; // of the span: a longer step could pass over a pulse
+  const SOON = 1e-3; // of the span: an entry that is zero gets the size that it reaches in this time
+  // At a jump of the rate no step is short enough, so one is taken whatever its error. Where the rate
+  // jumps again and again, as in dry friction that sticks, longer steps (parts of the span) are taken
+  // after so many tiny ones, each of which was cut so many times. In a close encounter steps are tiny
+  // too, but their length was predicted. Where the rate has grown so many times, a singularity is
+  // near, and no such step is taken.
   const OVER = 1e-12, TINY = 1e-9, CUTS = 4, PATIENCE = 7, CRAWL = 1e-5, CRAWLS = 200, STEEP = 100;
 
   class Dop853 {
     // The motion of dy/dt = rate(t, y) from y at t.
-    // span: a time in which something happens, of which steps are parts; its sign does not matter.
-    // groups: {of: (k) the kind of each entry, most: (k) the largest size of it or null}; what is
-    //   of one kind is compared with the largest of it. project: (t, y) onto constraints, or null.
+    // span: the time scale of the motion, with either sign; steps are fractions of it.
+    // groups: {of: (k) the kind of each entry, most: (k) the largest size of it or null}; entries
+    //   of a kind are compared with the largest of them. project: (t, y) onto constraints, or null.
     // rough: whether the rate has conditions.
     constructor(rate, t, y, { span = 1, groups = null, project = null, rough = false, rtol = 1e-13 } = {}) {
       const k = y.length;
@@ -68,11 +68,11 @@ var Dop853 = (() => {
       this.rough = rough;
       this.speeds = new Array(k).fill(0); // of each kind, at steps that are not tiny
       this.jumps = this.crawls = 0;
-      this.crawled = null; // since when it has crawled
+      this.crawled = null; // the time since which it has crawled
       this.steps = this.rejected = 0;
       this.now = rate(t, this.y);
       this.grow(this.y);
-      this.grow(this.now.map((x) => SOON * this.span * x)); // what is near zero by chance soon is not
+      this.grow(this.now.map((x) => SOON * this.span * x)); // an entry near zero by chance soon is not
       this.quicken();
       this.h = this.first();
       if (!this.now.every(Number.isFinite)) this.failed = "not a number";
@@ -97,7 +97,7 @@ var Dop853 = (() => {
       return h;
     }
 
-    // A sum of stages with weights, of one entry.
+    // A weighted sum of stages, for one entry.
     static sum(weights, stages, i) {
       let sum = 0;
       for (const [s, a] of weights) sum += a * stages[s][i];
@@ -109,7 +109,7 @@ var Dop853 = (() => {
       if (this.failed) return false;
       const { y, t, stages } = this, k = y.length, way = end < t ? -1 : 1;
       let h = Math.min(this.h, LONGEST * this.span), cuts = 0;
-      let blind = false; // whether it is taken whatever its error
+      let blind = false; // whether the step is accepted whatever its error
       if (this.jumps >= PATIENCE) this.crawl();
       for (;;) {
         if (this.crawls || h < SHORTEST * this.span) {
@@ -134,7 +134,7 @@ var Dop853 = (() => {
             this.accept(there, next, dt, cuts);
             if (this.crawls) this.crawls--;
             const factor = error ? SAFETY * error ** (-1 / 8) : MOST;
-            // A step that was cut short says nothing of longer ones.
+            // A step that was cut short says nothing about longer ones.
             const proposed = Math.abs(dt) * Math.min(cuts ? 1 : MOST, Math.max(LEAST, factor));
             this.h = last ? Math.max(proposed, Math.min(h, this.h)) : proposed;
             return true;
@@ -147,7 +147,7 @@ var Dop853 = (() => {
       }
     }
 
-    // The estimate of the error of a step over what is tolerated.
+    // The error estimate of a step, relative to the tolerance.
     error(next, dt) {
       const { y, stages, rtol } = this, k = y.length;
       let fifth = 0, third = 0;
@@ -163,12 +163,12 @@ var Dop853 = (() => {
       return size ? (Math.abs(dt) * fifth) / Math.sqrt(size * k) : size;
     }
 
-    // Whether the rate is far more than it was.
+    // Whether the rate has become far larger than it was.
     steep() {
       return this.now.some((v, i) => Math.abs(v) > STEEP * this.speeds[this.of[i]]);
     }
 
-    // Take some steps as they are.
+    // Accept some steps whatever their error.
     crawl() {
       this.crawls = CRAWLS;
       this.jumps = 0;
@@ -183,7 +183,7 @@ var Dop853 = (() => {
       this.before = this.t;
       this.from = this.y;
       this.dt = dt;
-      this.until = y; // before it is projected: the dense output is that of the step
+      this.until = y; // before projection, since the dense output is that of the step
       this.dense = null;
       this.steps++;
       this.t = t;
@@ -215,7 +215,7 @@ var Dop853 = (() => {
       });
     }
 
-    // Go to a time, or as far as `most` steps reach; the state there, or null if it failed.
+    // Go to a time, or as far as `most` steps reach; returns the state there, or null on failure.
     to(t, most = Infinity) {
       for (let n = 0; this.t < t && n < most; n++) if (!this.step(t)) return null;
       return this.y;

@@ -1,10 +1,10 @@
-"""What the player draws of motions, as one JSON object.
+"""The data of motions for the player, as one JSON object.
 
-Positions are shares of the box of their motion in 16 bits, finer than any screen; times and the
-change of the energy are doubles. Both are little-endian and written in base64, a fifth of the size
-of decimal numbers. The frames are states of the curve that `paths` finds, at evenly spaced times;
-there are as many as the size allows. Of a shape that moves as a rigid body only the first frame is
-kept, and the linear map and the shift that take it to each of the others.
+Positions are fractions of the box of their motion in 16 bits, finer than any screen; times and the
+change of the energy are doubles. Both are little-endian and written in base64, which takes a fifth
+of the size of decimal numbers. The frames are states of the curve from `paths` at evenly spaced
+times, as many as the size allows. For a shape that moves as a rigid body, only the first frame is
+stored, with the linear map and the shift that take it to each of the others.
 """
 
 import base64
@@ -28,20 +28,20 @@ from jaxdyn.integrate.trajectory import Trajectory, single
 
 VERSION = 2
 _MOST_BYTES = 400_000  # of all positions of an export
-_FRAMES = 60, 900  # fewest and most of a motion
+_FRAMES = 60, 900  # smallest and largest number for a motion
 _ENERGIES = 500  # samples of the energy
-_SHARES = 65535  # the largest whole number of 16 bits
-_STILL = 1e-9  # of its box: a shape that moves less does not move
+_SHARES = 65535  # the largest integer with 16 bits
+_STILL = 1e-9  # relative to its box: a shape that moves less counts as fixed
 
 
 def export(motions: Any, path=None, *, choose: str = "") -> dict[str, Any]:
-    """What the player shows of a motion, or of several, as an object that JSON can hold.
+    """The data of a motion, or of several, for the player, as an object for JSON.
 
     Args:
-      motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them, all
-        in one plane or one space.
+      motions: a result of `simulate` or `simulate_phases`, or a mapping of names to such, all in a
+        plane or all in space.
       path: a file to write it to, .json.
-      choose: a parameter and its unit, of which the names are values: a slider then chooses one
+      choose: a parameter with its unit, whose values are the names: a slider then selects one
         motion. By default several are shown together.
     Returns:
       The object: axes, and for each motion its times, paths, shapes and energy.
@@ -79,7 +79,7 @@ def export(motions: Any, path=None, *, choose: str = "") -> dict[str, Any]:
 
 
 def _by_name(motions: Any, choose: str) -> dict[str, Trajectory | HybridTrajectory]:
-    """The motions by name; "" is that of a single one."""
+    """The motions by name; a single one is called ""."""
     if not isinstance(motions, Mapping):
         motions = {"": motions}
     if choose and len(motions) < 2:
@@ -112,8 +112,8 @@ def _check(drawn: Mapping[str, Paths]) -> None:
 
 
 def _motion(name: str, motion: Trajectory | HybridTrajectory, drawn: Paths, most: int) -> dict:
-    """One motion: its frames, with at most this many bytes of positions."""
-    # Of every sample: a corner outside of the box would wrap around in its 16 bits.
+    """The data of one motion, with at most this many bytes of positions."""
+    # The box contains every sample: a corner outside would wrap around in its 16 bits.
     everywhere = [drawn.xyz, *(x.at for x in drawn.shapes if x.kind != "ground")]
     ends = np.concatenate([one.reshape(-1, drawn.xyz.shape[-1]) for one in everywhere])
     lo, hi = ends.min(axis=0), ends.max(axis=0)
@@ -166,9 +166,9 @@ def _is_still(at: np.ndarray, size: np.ndarray) -> bool:
 
 
 def _rigid_maps(at: np.ndarray, size: np.ndarray) -> np.ndarray | None:
-    """(s, d + 1, d) linear maps and shifts that take the first frame to each; None if none do.
+    """(s, d + 1, d) linear maps and shifts from the first frame to each; None if there are none.
 
-    They are also None where they would take more bytes than the places themselves.
+    Also None if they would take more bytes than the positions themselves.
     """
     frames, d = at.reshape(len(at), -1, at.shape[-1]), at.shape[-1]
     if 2 * (d + 1) * d > frames[0].size or not np.isfinite(frames).all():

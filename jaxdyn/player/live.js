@@ -1,4 +1,4 @@
-// A scene that runs on its page: moved by `motion.js` from the functions that
+// A scene that runs on a page: integrated by `motion.js` from the functions that
 // `jaxdyn.player.model` wrote, drawn by `canvas.js`. Pages put [element, model] into `liveScenes`;
 // the element's `live` has play(), pause(), step(), reset(), seek(t), set(name, value),
 // enter(i, value), switched(i, on), several(count), choose(i), cut(section), drag(mark, place) and
@@ -12,24 +12,24 @@
   const LONG = 12;
   const BEAT = 1 / 240; // [s] between two samples of a trail and a plot, at pace 1
   const MOST_SAMPLES = 6000;
-  const MOST_DRAWN = 1500; // samples of a curve
-  const FRAME = 12; // [ms] of work between two pictures
+  const MOST_DRAWN = 1500; // samples of a curve that are drawn
+  const FRAME = 12; // [ms] of computation between two pictures
   const LOOK = 250; // [ms] to look ahead for the box of the motion
-  const REACH = { mouse: 26, touch: 44, pen: 30 }; // [px] at which a body is caught
-  const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
+  const REACH = { mouse: 26, touch: 44, pen: 30 }; // [px] distance at which a body is caught
+  const TURN = Math.PI / 24, ZOOM = 1.15; // per key press
   const MARGIN = 1.12, LEAST_SHARE = [0, 0, 0.25, 0.5]; // as `drawing.panels.limits`
   const COUNTS = [1, 2, 3, 4, 5, 10, 20];
-  const NUDGE = 1e-6; // of an entry, for differences
-  const STILL = 1e-3; // of its size: an entry that changes less is not plotted by itself
-  const STEP = 1e-5; // of the span, for differences in time
-  const ARROW = 0.2; // of the picture: the longest vector
-  const SHOWN_ALONE = 6; // numbers of an array of parameters: more are folded away
-  const SEEN = 200, SEEN_WHOLE = 600; // samples of the look ahead; of a path that is drawn
-  const LOOKS = 8, HALVINGS = 60; // times within a step at which a section is looked for; of their distance, where it is found
+  const NUDGE = 1e-6; // relative to an entry, for finite differences
+  const STILL = 1e-3; // relative to its size: an entry that changes less is not plotted by default
+  const STEP = 1e-5; // relative to the span, for differences in time
+  const ARROW = 0.2; // relative to the picture: the longest vector
+  const SHOWN_ALONE = 6; // numbers in an array of parameters; larger ones are folded
+  const SEEN = 200, SEEN_WHOLE = 600; // samples of the look ahead, and of a path that is drawn
+  const LOOKS = 8, HALVINGS = 60; // evaluations of a section within a step; bisections of a crossing
   const MOST_CROSSINGS = 20000; // of a motion
-  const STEADY = 1e-9; // of a rate: one that changes less is constant
-  const NARROW = 760; // [px] below which all stands in one column
-  const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "either way"]];
+  const STEADY = 1e-9; // relative to a rate: one that changes less is constant
+  const NARROW = 760; // [px] width below which everything is in one column
+  const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "both ways"]];
 
   const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const short = (x, digits = 6) => {
@@ -38,7 +38,7 @@
     return figure && Math.abs(figure) < 1e-3 ? figure.toExponential() : String(figure);
   };
   const distance = (a, b) => Math.hypot(...a.map((x, d) => x - b[d]));
-  // A round number that is not smaller.
+  // The next round number that is not smaller.
   const round = (x) => { const power = 10 ** Math.floor(Math.log10(x)); return [1, 2, 5, 10].find((k) => k * power >= x * (1 - 1e-12)) * power; };
 
   // The box of points with a margin, not too narrow, not empty.
@@ -85,7 +85,7 @@
     for (let k = 1; k <= LOOKS; k++) {
       const late = k === LOOKS ? to : from + (k / LOOKS) * (to - from), after = off(late);
       const [rises, falls] = [before < 0 && after >= 0, before > 0 && after <= 0];
-      // An angle that passes half a turn from the level jumps there, and does not cross it.
+      // An angle wraps half a turn from the level, which is not a crossing.
       if (((rises && way >= 0) || (falls && way <= 0)) && !(angle && Math.abs(after - before) > Math.PI)) {
         let [low, high] = [early, late];
         for (let n = 0; n < HALVINGS; n++) {
@@ -107,8 +107,8 @@
     // From a start, with parameters p.
     constructor(scene, start, p) {
       this.scene = scene;
-      this.samples = []; // of the whole motion, for plots: the longer it is, the fewer in a time
-      this.recent = []; // all of the last ones, for the trail
+      this.samples = []; // of the whole motion, for plots; thinned as it gets longer
+      this.recent = []; // the last ones without thinning, for the trail
       this.stride = 1;
       this.pushed = 0;
       this.crossings = [];
@@ -119,7 +119,7 @@
     begin(t, y, p) {
       const { model, on, span } = this.scene;
       this.p = p;
-      this.crossings = this.crossings.filter((one) => one.t <= t); // steps go on ahead of the picture
+      this.crossings = this.crossings.filter((one) => one.t <= t); // steps run ahead of the picture
       this.motion = new JaxdynMotion(model, p, on, t, y, { span, passed: (from, to) => this.cross(from, to) });
       this.now = y;
     }
@@ -152,7 +152,7 @@
       const d = this.data;
       this.choice = 0;
       this.hold(this.givenStarts());
-      this.flat = d.axes.named.length; // directions that the functions know
+      this.flat = d.axes.named.length; // dimensions of the functions
       this.dim = Math.max(2, this.flat);
       this.labels = this.flat === 1 ? [...d.axes.named, ""] : d.axes.named;
       this.turn = new Turn();
@@ -171,7 +171,7 @@
       this.resize();
     }
 
-    // The functions of the model with the parameters and the effects as they are now.
+    // The functions of the model with the current parameters and effects.
     rate(t, y) { return this.runs[0].motion.phase.rate(t, y, this.p); }
     energies(t, y, p = this.p) { return this.data.terms.length ? JaxdynMotion.variant(this.model, this.on).energies(t, y, p) : []; }
     consistent(y, t = 0, p = this.p) { return this.model.consistent ? this.model.consistent(t, y, p) : y; }
@@ -194,7 +194,7 @@
     reset() {
       this.t = 0;
       this.beats = 0;
-      this.runs = []; // the first one is there when the others measure how far they are from it
+      this.runs = []; // filled in order, since the others measure their distance from the first
       for (let i = 0; i < this.count; i++) this.runs.push(this.makeRun(i));
       this.say(this.failure());
       this.draw();
@@ -207,10 +207,10 @@
       return new Run(this, i ? this.consistent(y, 0, p) : y, p);
     }
 
-    // The parameters of a motion: those that were changed are changed for all.
+    // The parameters of a motion; changes apply to all motions.
     numbersOf(i) { return this.together && i ? this.starts[i].parameters.map((x, j) => (this.changed.has(j) ? this.p[j] : x)) : this.p; }
 
-    // Go on from where the motion is, with other parameters or effects.
+    // Continue from the current state with other parameters or effects.
     goOn() {
       if (this.t === 0) { this.start = this.consistent(this.start); this.fields(); this.reset(); return; }
       this.runs.forEach((run, i) => { const p = this.numbersOf(i); run.begin(this.t, this.consistent(run.now, this.t, p), p); });
@@ -237,16 +237,16 @@
       for (const run of this.runs) run.now = run.motion.at(this.t);
     }
 
-    // Why and where a motion is no longer what it was; empty while it is.
+    // Why and where a motion ended or became inexact; empty otherwise.
     failure() {
       const motions = this.runs.map((run) => run.motion), failed = motions.find((motion) => motion.failed);
       const rough = motions.find((motion) => motion.crawled !== null), ended = motions.find((motion) => motion.ended && motion.ended.t <= this.t);
       if (failed) {
-        const why = { "not a number": "the rate is not a number there", "impacts without end": "more and more impacts follow each other, ever faster" }[failed.failed] || "a singularity is near";
+        const why = { "not a number": "the rate is not a number there", "impacts without end": "impacts follow each other faster and faster" }[failed.failed] || "a singularity is near";
         return `The motion ends at t = ${short(failed.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;
       }
-      if (rough) return `From t = ${short(rough.crawled, 4)} on a condition changes sides at each step, as that of dry friction does where it sticks: the motion is only as exact as the picture.`;
-      return ended ? `It came to its end at t = ${short(ended.ended.t, 6)}.` : "";
+      if (rough) return `From t = ${short(rough.crawled, 4)} on, a condition switches at each step, as in dry friction that sticks: the motion is only as accurate as the picture shows.`;
+      return ended ? `The motion came to its end at t = ${short(ended.ended.t, 6)}.` : "";
     }
 
     play() {
@@ -294,7 +294,7 @@
       this.draw();
     }
 
-    // ------------------------------------------------------------------ what can be changed
+    // ------------------------------------------------------------------ changes
 
     set(name, value) {
       const i = this.data.parameters.findIndex((one) => one.name === name);
@@ -322,23 +322,22 @@
       this.goOn();
     }
 
-    // So many from starts aside of the first, or those that are given, with 0.
+    // The number of motions, from starts near the first one; 0 for the given ones.
     several(count) { this.together = !count; this.count = count || this.starts.length; this.reset(); }
 
-    // The numbers and effects of some starts hold, without anything being shown yet: they run beside
-    // each other.
+    // Adopt the parameters and effects of some starts, which run side by side, without drawing yet.
     hold(starts) {
       const [{ start, span, parameters, off }] = this.starts = starts;
       this.together = starts.length > 1;
       this.count = this.together ? starts.length : this.data.motions;
       this.p = [...parameters];
-      this.changed = new Set(); // which of them are no longer those of the starts
+      this.changed = new Set(); // parameters that differ from those of the starts
       this.span = span;
       this.on = this.data.switches.reduce((on, { effects }, i) => (effects.length && effects.every((e) => off.includes(e)) ? on : on | (1 << i)), 0);
       this.start = this.consistent([...start]);
     }
 
-    // The starts of the page, or the one that is chosen.
+    // The starts of the page, or the selected one.
     givenStarts() { return this.data.choose ? [this.data.starts[this.choice]] : this.data.starts; }
 
     take(starts) {
@@ -367,8 +366,8 @@
       this.draw();
     }
 
-    // The start that brings a marked point to a place, or as near as it gets: Gauss-Newton on the
-    // coordinates, those of least change, on the constraints; the velocities are those of the start.
+    // The start that brings a marked point to a position, or as near as possible: Gauss-Newton for
+    // the smallest change of the coordinates on the constraints; the velocities are kept.
     drag(mark, place) {
       const d = this.flat, k = this.start.length;
       const at = (y) => this.places(0, y).marks[mark].slice(0, d);
@@ -402,7 +401,7 @@
       this.begin(Array.from({ length: k }, (_, i) => y[i]));
     }
 
-    // A body is caught as it is now: its coordinates are those of the start from now on.
+    // A body is caught where it is now: the current coordinates become those of the start.
     grab() {
       const now = this.runs[0].now, all = (y) => this.places(this.t, y).marks.flat();
       this.movers = now.map((x, i) => {
@@ -412,7 +411,7 @@
       this.held = [...now];
     }
 
-    // The box of the motion over its span, as far as a look ahead sees; the marked points on the way.
+    // The box of the motion over its span, from a look ahead, and the path of the marked points.
     fit() {
       const looks = Array.from({ length: this.together ? this.count : 1 }, (_, i) => this.makeRun(i)), until = performance.now() + LOOK, points = [], count = this.data.whole ? SEEN_WHOLE : SEEN;
       const seen = this.start.map(Math.abs), least = [...this.start], most = [...this.start], rates = [];
@@ -435,8 +434,8 @@
       return loop;
     }
 
-    // The section at first: the phase of a drive has a value, or the first entry that moves, and
-    // another one is drawn with its velocity.
+    // The initial section: at a value of the phase of a forcing, or of the first entry that moves;
+    // another entry is drawn with its velocity.
     plane() {
       const { entries } = this.data, k = entries.length, moving = entries.map((_, i) => i).filter((i) => this.moves[i]);
       const drive = moving.find((i) => entries[i].unit === "rad" && this.steady[i]), entry = drive ?? (k % 2 ? moving.at(-1) : moving[0]) ?? 0;
@@ -445,13 +444,13 @@
       return { entry, level: drive === undefined ? this.middle[entry] : 0, way: 1, angle: entries[entry].unit === "rad", across: 1 + one, up: 1 + pair };
     }
 
-    // A thousandth, in round numbers, of the first entry that moves.
+    // A thousandth, rounded, of the first entry that moves.
     aside() {
       const entry = Math.max(0, this.moves.indexOf(true)), size = Math.min(this.size(entry), this.data.groups.most[entry] ?? Infinity);
       return { entry, size: 10 ** (Math.floor(Math.log10(size || 1)) - 3) };
     }
 
-    // The largest entry of a kind that the look ahead saw.
+    // The largest entry of a kind in the look ahead.
     size(i) {
       const { of } = this.data.groups;
       return Math.max(...this.seen.filter((_, j) => of[j] === of[i]));
@@ -480,7 +479,7 @@
       if (data.starts.length > 1 && data.choose) this.chooser(stage);
       this.canvas = this.make("canvas", { className: "stage", tabIndex: 0 }, stage);
       this.canvas.setAttribute("role", "application");
-      this.canvas.setAttribute("aria-label", `${data.name}, drawn. ${this.keys()} The fields under Start and Parameters do what dragging does.`);
+      this.canvas.setAttribute("aria-label", `${data.name}, drawn. ${this.keys()} The fields under Start and Parameters replace dragging.`);
       const bar = this.make("div", { className: "controls" }, stage);
       this.button = this.press("Play", () => this.toggle(), bar);
       this.press("Step", () => this.step(), bar);
@@ -549,7 +548,7 @@
       return { row, set, range, around };
     }
 
-    // What to choose from by a slider.
+    // The slider for the choice of scenes.
     chooser(parent) {
       const { choose, starts } = this.data, row = this.make("div", { className: "chooser" }, parent), id = `live-${ids++}`;
       this.make("label", { htmlFor: id, textContent: choose }, row);
@@ -565,7 +564,7 @@
       this.showChoice();
     }
 
-    // Questions with their answers folded; the page shows what they ask for.
+    // Questions with their answers folded, and buttons that set up the situation.
     askPanel(parent) {
       const panel = this.panel("What happens when ...?", parent);
       for (const { question, answer, starts } of this.data.asks) {
@@ -582,8 +581,8 @@
       const panel = this.panel("Start", parent, this.data.entries.length <= 12);
       this.entries = this.data.entries.map((entry, i) => this.field(entry, this.start[i], (x) => this.enter(i, x), panel));
       const bar = this.make("div", { className: "controls" }, panel);
-      this.press("Start from here", () => { this.pause(); this.begin([...this.runs[0].now]); this.say("This is the start now."); }, bar);
-      this.press("Original", () => { this.take(this.givenStarts()); this.say("Everything is as it was."); }, bar);
+      this.press("Start from here", () => { this.pause(); this.begin([...this.runs[0].now]); this.say("This is the new start."); }, bar);
+      this.press("Original", () => { this.take(this.givenStarts()); this.say("Everything is reset."); }, bar);
     }
 
     parameterPanel(parent) {
@@ -592,7 +591,7 @@
       if (!parameters.length) return;
       const few = parameters.some((one) => one.used && one.of <= SHOWN_ALONE), panel = few ? this.panel("Parameters", parent) : null;
       const rest = parameters.some((one) => one.used && one.of > SHOWN_ALONE) ? this.panel(few ? "More parameters" : "Parameters", parent, false) : null;
-      // What nothing depends on in this scene, such as the phase of a drive at rest, is not shown.
+      // Parameters without effect in this scene are not shown, such as the phase of a constant force.
       this.numbers = parameters.map((one, i) => {
         if (!one.used) return { set() {}, around() {} };
         const field = this.field({ name: one.label, unit: one.unit }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
@@ -638,13 +637,13 @@
       this.apart = this.make("p", { className: "said" }, panel);
     }
 
-    // What is shown is what holds.
+    // Update all fields to the current values.
     fields() {
       this.entries.forEach((field, i) => field.set(this.start[i]));
       this.numbers.forEach((field, i) => field.set(this.p[i]));
     }
 
-    // The ranges of the sliders of the start, by what its motion reaches.
+    // The ranges of the sliders of the start, from the extent of the motion.
     ranges() {
       this.data.entries.forEach((entry, i) => {
         const far = entry.unit === "rad" ? Math.PI : round(1.2 * (this.size(i) || 1));
@@ -654,7 +653,7 @@
     }
 
     keys() {
-      return this.flat === 3 ? "space plays, s steps, r resets, arrows or dragging turn it, [ and ] zoom." : "space plays, s or the right arrow steps, r resets.";
+      return this.flat === 3 ? "space plays, s steps, r resets, arrows or dragging rotate the view, [ and ] zoom." : "space plays, s or the right arrow steps, r resets.";
     }
 
     say(text) { if (this.status.textContent !== text) this.status.textContent = text; }
@@ -665,7 +664,7 @@
       this.canvas.addEventListener("keydown", (event) => this.key(event));
       this.pointers();
       new ResizeObserver(() => { this.root.classList.toggle("narrow", this.root.clientWidth < NARROW); this.resize(); }).observe(this.root);
-      // On a phone the plots are mostly out of sight: they cost as much as the rest.
+      // On a phone the plots are mostly out of view, and cost as much as the rest.
       const seen = new IntersectionObserver((entries) => {
         for (const { target, isIntersecting } of entries) this.plots.find((plot) => plot.canvas === target).visible = isIntersecting;
         if (!this.playing) this.draw();
@@ -697,7 +696,7 @@
       this.draw();
     }
 
-    // The marked point of the first motion at a place of the canvas, and where it is.
+    // The marked point of the first motion at a position on the canvas, with its own position.
     caught(event) {
       const box = this.canvas.getBoundingClientRect(), view = this.view, px = [event.clientX - box.left, event.clientY - box.top];
       const { marks } = this.places(this.t, this.runs[0].now);
@@ -758,7 +757,7 @@
       paper.pen.save();
       paper.clip(view);
       if (this.data.whole) this.loop[0]?.forEach((_, j) => paper.tail(this.loop.map((marks) => view.map(marks[j])), paper.colour("ground"), true));
-      // The first one last: it is in front of the others.
+      // The first one is drawn last, in front of the others.
       for (let k = this.runs.length - 1; k >= 0; k--) this.motion(paper, view, this.runs[k], many ? k : null);
       this.vectorsOn(paper, view);
       paper.pen.restore();
@@ -783,13 +782,13 @@
       marks.forEach((mark, j) => { const [x, y] = view.map(mark); if (Number.isFinite(x + y)) disc(paper.pen, x, y, 5.5, own(j), paper.colour("paper")); });
     }
 
-    // The chosen vectors of the first motion: [place, components] for each kind; in a plane a moment
-    // has one component.
+    // The selected vectors of the first motion: [position, components] for each kind; in a plane a
+    // moment has one component.
     arrows() {
       const { t, data } = this, y = this.runs[0].now, h = STEP * this.span, found = [], after = 2 + data.forces.length;
       const [wanted, forces, spins] = [[0, 2], [2, after], [after]].map((part) => this.vectors.slice(...part).some((box) => box.checked));
       if (wanted) {
-        // Differences along the motion: exact enough for a picture.
+        // Finite differences along the motion are accurate enough for a picture.
         const f = this.rate(t, y), [g, e] = [1, -1].map((s) => this.rate(t + s * h, y.map((x, i) => x + s * h * f[i])));
         const at = (s) => this.places(t + s * h, y.map((x, i) => x + s * h * f[i] + (h * (g[i] - e[i])) / 4)).marks;
         const [before, here, after] = [-1, 0, 1].map((s) => (s ? at(s) : this.places(t, y).marks));
@@ -829,7 +828,7 @@
 
     lines(shape, corners) { return Array.from({ length: shape.lines }, (_, m) => corners.slice(m * shape.corners, (m + 1) * shape.corners)); }
 
-    // A straight ground goes through the whole picture.
+    // A straight ground extends through the whole picture.
     extended(corners, view) {
       if (corners.length !== 2 || view.dim === 3) return corners;
       const [a, b] = corners, length = distance(a, b) || 1, far = distance(...view.box) + distance(a, view.middle);
@@ -846,15 +845,15 @@
         entries.push(`energy ${short(sum(energies), 6)}${unit}${this.t && first.length ? `, changed by ${(sum(energies) - sum(first)).toExponential(1)}${unit}` : ""}`);
       }
       if (runs[0].motion.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
-      this.said.textContent = entries.join("; ") + (this.late ? " (slower than asked: it takes longer to compute)" : "");
+      this.said.textContent = entries.join("; ") + (this.late ? " (slower than requested, since it takes longer to compute)" : "");
       const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
       this.showLegend(this.legend, named.length > 8 ? [] : named.filter(Boolean));
-      this.apart.textContent = runs.length > 1 && !this.together ? `The second one is ${distance(runs[1].now, now).toExponential(2)} from the first one; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
+      this.apart.textContent = runs.length > 1 && !this.together ? `The distance of the second motion from the first is ${distance(runs[1].now, now).toExponential(2)}; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
     }
 
     // ------------------------------------------------------------------ plots
 
-    // What can be plotted: names, and the value of a sample or several; the last one is that of
+    // The quantities that can be plotted: names, and the values of a sample; the last one needs
     // several motions.
     quantities() {
       const { data } = this, entries = data.entries.map((one, i) => ({ name: one.unit ? `${one.name} [${one.unit}]` : one.name, values: (s) => [s.y[i]], angle: one.unit === "rad" }));
@@ -864,11 +863,11 @@
         found.push({ name: `energy${unit}`, values: (s) => [total(s)] });
         if (data.terms.length > 1) found.push({ name: `energies${unit}`, values: (s) => [...s.energies, total(s)], names: [...data.terms, "sum"] });
       }
-      found.push({ name: "log10 of the distance apart", values: (s) => [s.apart ? Math.log10(s.apart) : NaN] });
+      found.push({ name: "log10 of the distance", values: (s) => [s.apart ? Math.log10(s.apart) : NaN] });
       return found;
     }
 
-    // Energies over time, and a coordinate that moves with its velocity, or the next that moves.
+    // By default, energies over time, and a moving coordinate with its velocity, or the next one.
     chosen(which, all) {
       const k = this.data.entries.length, first = Math.max(0, this.moves.indexOf(true)), energies = all.length - 2;
       if (!which && this.count > 1 && !this.together) return { across: 0, up: all.length - 1 };
@@ -903,7 +902,7 @@
           for (const s of kept) {
             const p = [turn(across, across.values(s)[0]), turn(up, up.values(s)[j])], last = part[part.length - 1];
             if (!p.every(Number.isFinite)) continue;
-            // An angle that passes half a turn begins on the other side.
+            // An angle that passes half a turn reappears on the other side.
             if (last && ((across.angle && Math.abs(p[0] - last[0]) > Math.PI) || (up.angle && Math.abs(p[1] - last[1]) > Math.PI))) lines[lines.length - 1].parts.push((part = []));
             part.push(p);
             points.push(p);
@@ -922,7 +921,7 @@
       this.showLegend(plot.legend, (!many && up.names) || []);
     }
 
-    // A canvas with axes around points, and no view where there are none.
+    // A canvas with axes around points, and no view if there are no points.
     chart({ canvas }, points, labels) {
       const paper = new Paper(this.root, canvas);
       if (!points.length) return { paper };
@@ -943,7 +942,7 @@
       }));
     }
 
-    // The canvas of one more plot, and how it is drawn.
+    // The canvas of a further plot, and its drawing function.
     further(parent, label, shown, plot = {}) {
       plot.canvas = this.make("canvas", {}, parent);
       plot.canvas.setAttribute("role", "img");
@@ -976,20 +975,20 @@
         const parts = this.runs.map((run) => run.crossings.filter((s) => s.t <= this.t).map((s) => [value(across, s), value(up, s)]));
         const count = parts.reduce((sum, part) => sum + part.length, 0), { paper, view } = this.chart(plot, parts.flat(), [across.name, up.name]);
         plot.canvas.setAttribute("aria-label", `${up.name} over ${across.name} at ${count} crossings`);
-        said.textContent = count ? `${count} crossings.` : "No crossing yet: let it run, faster perhaps.";
+        said.textContent = count ? `${count} crossings.` : "No crossing yet: let the motion run, perhaps faster.";
         if (!view) return;
         // The newest one is larger.
         parts.forEach((part, r) => part.forEach((p, i) => { const [x, y] = view.map(p); disc(paper.pen, x, y, i === part.length - 1 ? 4 : 1.8, paper.colour(`path-${r % 7}`), paper.colour(i === part.length - 1 ? "paper" : `path-${r % 7}`)); }));
       });
     }
 
-    // A picture of all that can be chosen: one of them by a touch.
+    // A plot of all choices, in which one is selected by a click.
     curve(parent) {
       const box = this.make("div", { className: "plot" }, parent), { labels, across, up, kinds } = this.data.curve, points = across.map((x, i) => [x, up[i]]), known = [...new Set(kinds)];
-      const plot = this.further(box, "all to choose from", () => {
+      const plot = this.further(box, "all choices", () => {
         const { paper, view } = this.chart(plot, points, labels), at = (i) => view.map(points[i]).slice(0, 2);
         plot.at = at;
-        plot.canvas.setAttribute("aria-label", `${labels[1]} over ${labels[0]}; chosen: ${this.data.starts[this.choice].name}`);
+        plot.canvas.setAttribute("aria-label", `${labels[1]} over ${labels[0]}; selected: ${this.data.starts[this.choice].name}`);
         paper.pen.strokeStyle = paper.colour("ground");
         line(paper.pen, points.map((_, i) => at(i)));
         points.forEach((_, i) => disc(paper.pen, ...at(i), i === this.choice ? 6.5 : 3, paper.colour(`path-${known.indexOf(kinds[i]) % 7}`), paper.colour(i === this.choice ? "ink" : "paper")));

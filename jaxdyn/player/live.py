@@ -1,4 +1,4 @@
-"""Pages on which a scene runs: integrated in the browser, with all its numbers to be changed."""
+"""Pages on which a scene runs, integrated in the browser, with adjustable parameters."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from jaxdyn.scene import Scene
 
 _MOST_BYTES = 200_000  # of a page
 _MOST_MOTIONS = 20
-#: What a page needs besides `canvas`, in this order.
+#: The scripts that a page needs besides `canvas`, in order.
 SCRIPTS = ("dop853", "motion", "live")
 
 
@@ -27,29 +27,30 @@ def live(
     choose: str = "",
     asks: Sequence[Ask] = (),
 ) -> Playing:
-    """A page on which a scene runs: one file, without other files and without the network.
+    """A page on which a scene runs, as a single file that needs no other files and no network.
 
-    Its parameters and its start have sliders and fields, bodies are dragged to set the start,
-    effects are switched off by checkboxes, several motions start beside each other, energies and
-    entries of the state are plotted over each other, and a section is drawn. A change of a
-    parameter or an effect holds from then on, in the middle of the motion.
+    Parameters and initial state have sliders and fields, bodies can be dragged to set the initial
+    state, and effects have checkboxes. Several motions can start close to each other, energies and
+    entries of the state are plotted against time or each other, and a section is drawn. A change of
+    a parameter or an effect in the middle of the motion holds from then on.
 
-    The motion is that of this library's formulas, in JavaScript, by the pair of order 8 of Dormand
-    and Prince at a tolerance of 1e-13. Conditions of the rate are taken as they stand at each
-    stage, so that steps are cut where they change. Ready-made scenes with impacts and changes of
-    contact run through their phases (`scenes.phases_of`), each of which can be switched off.
+    The page evaluates the formulas of this library in JavaScript, and integrates them with the pair
+    of order 8 of Dormand and Prince at a tolerance of 1e-13. Conditions of the rate are evaluated
+    at each stage, so that steps are cut where they change. Ready-made scenes with impacts and
+    changes of contact run through their phases (`scenes.phases_of`), whose exits can be switched
+    off.
 
     Args:
-      scene: system, effects, start; or several of one kind by name, which differ in their numbers
-        and starts, and may lack effects.
+      scene: a scene; or several of one kind by name, which differ in parameters and initial states,
+        and may lack effects.
       path: a file to write the page to, .html.
       title: its heading; the name of the scene by default.
-      motions: how many run at first, 1 to 20, the others from starts a thousandth apart.
-      choose: a parameter and its unit, of which the names of the scenes are values: a slider then
-        chooses one. By default they run beside each other.
-      asks: questions that stand beside it, with their answers folded.
+      motions: number of motions at first, 1 to 20; their initial states differ by a thousandth.
+      choose: a parameter with its unit, whose values are the names of the scenes: a slider then
+        selects one. By default they run side by side.
+      asks: questions beside it, with their answers folded.
     Returns:
-      The page; as the last value of a notebook's cell it is shown.
+      The page; a notebook shows it as the last value of a cell.
     Raises:
       ValueError: `motions` is out of range, the scenes are not of one kind, the rate has no
         formulas (a loop of unknown length, a callback, linear algebra), the page is longer than
@@ -72,7 +73,7 @@ def write_page(
     motions: int = 1,
     asks: Sequence[Ask] = (),
 ) -> Playing:
-    """The page of scenes to choose from, also as a file."""
+    """The page for a choice of scenes, also written as a file."""
     shown = fragment(choices, motions=motions, asks=asks)
     name = title or _text.title_of(complete(choices)).replace("_", " ").capitalize()
     text = page(name, look("player", "live"), shown, script(*SCRIPTS))
@@ -87,7 +88,7 @@ def write_page(
 
 
 def fragment(choices: Choices, *, motions: int = 1, asks: Sequence[Ask] = ()) -> str:
-    """The part of a page on which scenes run, where `canvas` and `SCRIPTS` are on the page."""
+    """The part of a page on which scenes run; the page must contain `canvas` and `SCRIPTS`."""
     _text.whole("motions", motions, most=_MOST_MOTIONS)
     text = model(complete(choices), motions, choices, asks)
     return (

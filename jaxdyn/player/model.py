@@ -1,11 +1,11 @@
-"""A scene as a program for browsers: its rate and all that a page draws of it, in JavaScript.
+"""A scene as a program for browsers: its rate and its drawing, in JavaScript.
 
 The functions take the time, the state and the parameters of the scene, so that all of these can be
-changed while it runs. An effect that is switched off is absent, as it is from a scene without it:
-there is a rate for each choice of effects.
+changed while it runs. An effect that is switched off is absent, as in a scene without it: there is
+a rate for each combination of effects.
 
-Of a shape with many corners only so many are computed from the state as determine the others, which
-are sums of these with fixed weights: of a body that moves in the plane three, in space four.
+For a shape with many corners, only as many are computed from the state as determine the others,
+which are sums of these with fixed weights: three for a body in the plane, four in space.
 """
 
 import itertools
@@ -33,12 +33,12 @@ from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import leaves, parameters, rebuild
 from jaxdyn.system import Effect, Points, System
 
-#: Effects up to which each can be switched by itself: there are two to this power rates.
+#: Up to this many effects have switches of their own; the number of rates is two to this power.
 _MOST_SWITCHED = 4
-#: Of the size of a shape: its corners follow from some of them to this share.
+#: Relative to the size of a shape: how accurately its corners must follow from some of them.
 _FOLLOWS = 1e-9
-_SAMPLES = 16  # states and parameters at which that is tried
-#: What may change sides in a rate.
+_SAMPLES = 16  # states and parameters at which that is tested
+#: The conditions of a rate.
 _CONDITIONS = re.compile(r"\?|%|Math\.(?:sign|floor|ceil|max|min)\(")
 _PARAMETER = re.compile(r"\bp\[(\d+)\]")
 _REMEDY = "Play a computed motion instead: jaxdyn.simulate(scene).play(path)."
@@ -48,11 +48,11 @@ class Outline(NamedTuple):
     """A shape of a page.
 
     Attributes:
-      kind: as of a `sketch.Shape`.
-      lines: of several corners each.
-      corners: of each line.
-      computed: which of all its corners are computed.
-      weights: (corners, computed) of the computed ones in all; None where all are.
+      kind: kind of the `sketch.Shape`.
+      lines: number of lines, of several corners each.
+      corners: number of corners of each line.
+      computed: the corners that are computed.
+      weights: (corners, computed) weights of the computed corners in all; None if all are computed.
     """
 
     kind: str
@@ -69,23 +69,23 @@ class Function(str):
 def model(
     scene: Scene, motions: int = 1, choices: Choices | None = None, asks: Sequence[Ask] = ()
 ) -> str:
-    """A scene as an object of JavaScript, of which at first so many motions run.
+    """A scene as an object in JavaScript, with the number of motions that run at first.
 
-    Its functions take (t, y, p). `variants` has one scene for each choice of effects, in the order
-    of the binary numbers whose digits say which are on: its `energies`, and its `phases`, each with
-    its `rate`, its exits, and `consistent`, the nearest state on the constraints, or null. `places`
-    are those of the marked points and then of the computed corners of the shapes; `forces` are the
-    material points and then the force of each effect on each of them, `spin` the angular momentum
-    about the origin, the mass centre, and the angular momentum about it, or null each. The rest is
-    data.
+    Its functions take (t, y, p). `variants` has one scene for each combination of effects, in the
+    order of the binary numbers whose digits say which are on: its `energies`, and its `phases`,
+    each with its `rate`, its exits, and `consistent`, the nearest state on the constraints, or
+    null. `places` returns the positions of the marked points, followed by those of the computed
+    corners of the shapes. `forces` returns the material points, followed by the force of each
+    effect on each of them. `spin` returns the angular momentum about the origin, the mass centre,
+    and the angular momentum about it, or null for each. The rest is data.
 
     Args:
       scene: the scene.
-      motions: how many run at first.
-      choices: scenes to choose from, or to run beside each other; the scene alone by default.
-      asks: questions that stand beside it.
+      motions: number of motions that run at first.
+      choices: scenes to select from, or to run side by side; only the scene itself by default.
+      asks: questions beside it.
     Raises:
-      ValueError: the scene is invalid, or its rate, or what ends a phase of it, has no formulas.
+      ValueError: the scene is invalid, or its rate or an exit of a phase has no formulas.
     """
     scene = check_scene(scene)
     outlines, marks, drawn = _drawing(scene)
@@ -117,7 +117,7 @@ def model(
 
 
 def _expression(found: Any, functions: dict[str, int]) -> str:
-    """Data in JavaScript; each function is written once, with its number in `functions`."""
+    """Data in JavaScript; each function is written once, under its number in `functions`."""
     if isinstance(found, Function):
         return f"f[{functions.setdefault(found, len(functions))}]"
     if isinstance(found, dict):
@@ -138,7 +138,7 @@ def _functions(found: Any) -> Iterator[Function]:
 
 
 def _data(scene: Scene, marks: list[str], outlines: list[Outline]) -> dict[str, Any]:
-    """What a page says and draws of a scene."""
+    """The texts and the drawing of a scene, as data."""
     return {
         "name": _text.title_of(scene),
         "entries": _entries(scene),
@@ -168,13 +168,13 @@ def _javascript(scene: Scene, of: Callable[[Scene, Array, Array], Array]) -> Fun
     except ValueError as error:
         what = str(error).partition(", got ")[2] or str(error)
         raise _checks.fail("live", "a scene with formulas", what.rstrip("."), _REMEDY) from error
-    # Without the comments: names are a user's, and may contain anything.
+    # Without comments, since names come from the user and may contain anything.
     lines = source.splitlines()
     return Function("\n".join(line for line in lines if not line.startswith("  // ")))
 
 
 def _names(scene: Scene) -> list[str]:
-    """A name for each effect: its class, with a number where there are several."""
+    """A name for each effect: its class, with a number if there are several."""
     kinds = [type(effect).__name__ for effect in scene.effects]
     return [
         f"{kind} {kinds[: i + 1].count(kind)}" if kinds.count(kind) > 1 else kind
@@ -188,7 +188,7 @@ def _words(name: str) -> str:
 
 
 def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
-    """Which effects can be switched off: words and the effects, one each, or of many a kind."""
+    """The switches of effects: a name and the effects, one each, or a kind if there are many."""
     if len(scene.effects) <= _MOST_SWITCHED:
         return [(_words(name), (i,)) for i, name in enumerate(_names(scene))]
     alike: dict[str, list[int]] = {}
@@ -199,13 +199,13 @@ def _switches(scene: Scene) -> list[tuple[str, tuple[int, ...]]]:
 
 
 def _corners(scene: Scene) -> list[str]:
-    """Which exits of phases can be switched off: what they are called."""
+    """The names of the exits of phases that can be switched off."""
     exits = [way for phase in _phases(scene).values() for way in phase.exits]
     return [name for name in dict.fromkeys(way.event.called for way in exits) if name]
 
 
 def _choices_of(switches: list[tuple[str, tuple[int, ...]]]) -> Iterator[frozenset[int]]:
-    """The effects that are off, for each choice of what is switched on."""
+    """The effects that are off, for each combination of switches."""
     for on in range(2 ** len(switches)):
         off = (effects for s, (_, effects) in enumerate(switches) if not on >> s & 1)
         yield frozenset(itertools.chain.from_iterable(off))
@@ -230,7 +230,7 @@ def _variant(scene: Scene, off: frozenset[int], corners: list[str]) -> dict[str,
 
 
 def _offers(scene: Scene, choices: Choices, asks: Sequence[Ask]) -> dict[str, Any]:
-    """The starts to choose from, and the questions, as data."""
+    """The initial states to select from, and the questions, as data."""
 
     def together(of: Scene | Mapping[str, Scene] | None) -> list[dict]:
         named = of if isinstance(of, Mapping) else {"": of} if of else {}
@@ -258,7 +258,7 @@ def _forces(scene: Scene, t: Array, y: Array) -> Array:
 
 
 def _spins(scene: Scene) -> list[str]:
-    """About what there is an angular momentum; of one point it is zero about the mass centre."""
+    """The points of reference of angular momenta; a single point has none about the centre."""
     n, d = jax.eval_shape(lambda y: scene.system.points(jnp.zeros(()), y).r, scene.y0).shape
     return ["origin", "mass centre"][: min(n, 2)] if d > 1 else []
 
@@ -286,7 +286,7 @@ def _row(parts) -> Array:
 
 
 def _terms(scene: Scene) -> list[str]:
-    """Names of the terms of the energy, whose sum is the energy."""
+    """The names of the terms whose sum is the energy."""
     energies = scene.system.energies
     n = len(jax.eval_shape(lambda y: energies(jnp.zeros(()), y, scene.effects), scene.y0))
     named = ["kinetic energy", "potential energy"]
@@ -294,12 +294,12 @@ def _terms(scene: Scene) -> list[str]:
 
 
 def _phases(scene: Scene) -> dict[str, Phase]:
-    """The phases of the motion; a smooth one has a single one, without exits."""
+    """The phases of the motion; a smooth motion has a single one, without exits."""
     return phases_of(scene) if has_corners(scene) else {"": Phase(scene, ())}
 
 
 def _phase(scene: Scene, off: frozenset[int], name: str, corners: list[str]) -> dict[str, Any]:
-    """A phase of a scene without some of its effects; phases are numbered, the end is -1."""
+    """A phase of a scene without some of its effects; phases are numbered, and the end is -1."""
 
     def phases(moved: Scene) -> dict[str, Phase]:
         return _phases(_without(moved.starting(scene.y0), off))
@@ -346,13 +346,13 @@ def _phase(scene: Scene, off: frozenset[int], name: str, corners: list[str]) -> 
 
 
 def _consistent(scene: Scene, off: frozenset[int], name: str) -> Function | None:
-    """The function that takes a state to the nearest one on the constraints of a phase, if any."""
+    """The function that maps a state to the nearest one on the constraints of a phase, if any."""
     if type(_phases(_without(scene, off))[name].scene.system).project is System.project:
         return None
 
     def nearest(moved: Scene, t: Array, y: Array) -> Array:
         system = _phases(_without(moved.starting(scene.y0), off))[name].scene.system
-        # Also where steps do not: a start that is dragged is to be on them.
+        # Also if steps are not projected, since a start that is dragged has to be on them.
         return system.nearest(t, y) if isinstance(system, Constrained) else system.project(t, y)
 
     return _javascript(scene, nearest)
@@ -366,7 +366,7 @@ def _projects(system: System) -> bool:
 
 
 def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
-    """The shapes, the names of the marked points, and the function of all their places."""
+    """The shapes, the names of the marked points, and the function for all their positions."""
     shapes = eqx.filter_eval_shape(scene.sketch, jnp.zeros(()), scene.y0)
     named = [shape.name for shape in shapes if shape.kind == "trace"]
     n, d = jax.eval_shape(lambda y: scene.system.points(jnp.zeros(()), y).r, scene.y0).shape
@@ -390,7 +390,7 @@ def _drawing(scene: Scene) -> tuple[list[Outline], list[str], Callable]:
 
 
 def _outlines(scene: Scene) -> list[Outline]:
-    """The shapes of a scene but its traces, with the corners that determine the others."""
+    """The shapes of a scene except traces, with the corners that determine the others."""
     rng = np.random.default_rng(0)
     y0, p0 = np.asarray(scene.y0), parameters(scene).values
     ys = y0 + 0.3 * (1.0 + np.abs(y0)) * rng.standard_normal((_SAMPLES, len(y0)))
@@ -411,7 +411,7 @@ def _outlines(scene: Scene) -> list[Outline]:
 
 
 def _outline(kind: str, at: np.ndarray) -> Outline:
-    """A shape by its corners (s, ..., k, d) at some states."""
+    """A shape from its corners (s, ..., k, d) at some states."""
     *_, k, d = at.shape
     flat = np.moveaxis(at.reshape(_SAMPLES, -1, d), 0, 1).reshape(-1, _SAMPLES * d)
     n = len(flat)
@@ -419,7 +419,7 @@ def _outline(kind: str, at: np.ndarray) -> Outline:
     size = np.abs(flat).max(initial=0.0)
     if n <= d + 1 or not 0 < size < np.inf:
         return everything
-    # The corners that are least dependent on those before.
+    # Choose the corners that depend least on those chosen before.
     factors: Any = scipy.linalg.qr(flat.T, mode="economic", pivoting=True)
     _, triangle, order = factors
     sizes = np.abs(np.diag(triangle))
@@ -444,7 +444,7 @@ def _shape(outline: Outline) -> dict:
 
 
 def _axes(scene: Scene) -> dict:
-    """Names and units of the directions, how many there are, and whether they have one scale."""
+    """Names and units of the axes, their number, and whether they have equal scales."""
     labels = scene.labels()
     d = jax.eval_shape(lambda y: scene.system.points(jnp.zeros(()), y).r, scene.y0).shape[1]
     if not scene.has_points:
@@ -471,7 +471,7 @@ def _groups(scene: Scene) -> dict:
 
 
 def _parameters(scene: Scene) -> list[dict]:
-    """Name, label, value and unit of each parameter, and how many belong to its array."""
+    """Name, label, value and unit of each parameter, and the size of its array."""
     units = any(unit != "1" for _, unit in scene.labels())
     found = [
         {"unit": _unit(scene, leaf.path) if units else "", "of": leaf.value.size}
@@ -486,12 +486,12 @@ def _parameters(scene: Scene) -> list[dict]:
 
 
 def _label(name: str, effects: list[str]) -> str:
-    """A parameter as people call it: that of an effect with the words for this in front."""
+    """The label of a parameter: the name of its effect, if any, in front."""
     return re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
 
 
 def _unit(scene: Scene, path: tuple[str, ...]) -> str:
-    """The unit of a parameter, from the docstring of the class that has it; "" if it says none."""
+    """The unit of a parameter, from the docstring of its class; "" if there is none."""
     owner: Any = scene.field
     unit = ""
     for part in path:

@@ -1,26 +1,26 @@
-// The motion of a scene from the functions that `jaxdyn.player.model` wrote, by `dop853.js`: through
-// phases, each of which is smooth and ends by one of its exits. A page and Node run it alike.
+// The motion of a scene from the functions that `jaxdyn.player.model` wrote, with `dop853.js`:
+// through phases, each of which is smooth and ends at one of its exits. It runs on a page and in Node.
 "use strict";
 
 var JaxdynMotion = (() => {
-  const LOOKS = 8; // times within a step at which exits are looked at
-  const HALVINGS = 60; // of the part of a step in which an exit is found
-  const ROUNDINGS = 256 * 2 ** -52; // of all that enters a value: it is zero within these
-  const ON = 1e-10; // of a state's largest entry: on a constraint, it is moved by no more
-  const AT_ONCE = 1e-9, MOST_AT_ONCE = 60; // of the span, of exits one after the other
+  const LOOKS = 8; // times within a step at which exits are evaluated
+  const HALVINGS = 60; // of the part of a step that contains an exit
+  const ROUNDINGS = 256 * 2 ** -52; // a value below this relative rounding of its inputs is zero
+  const ON = 1e-10; // of a state's largest entry: projection moves a state on a constraint less
+  const AT_ONCE = 1e-9, MOST_AT_ONCE = 60; // part of the span, and number of exits, in succession
 
   // The scene of a model with the switches whose binary digits are 1: those of effects come first.
   const variant = (model, on) => model.variants[on % model.variants.length];
 
   class Motion {
     // From y at t, with the parameters p and the switches that are on. `passed` is called after each
-    // step with the times between which it went; its states are those of at(t).
+    // step with its first and last time; at(t) returns its states.
     constructor(model, p, on, t, y, { rtol, span = model.data.span, passed = null } = {}) {
       Object.assign(this, { model, p, on, rtol, span, passed });
       this.crawled = null;
       this.failed = "";
-      this.hurried = 0; // exits one after the other
-      // An exit that is switched off is no bound either: the phase goes on beyond it.
+      this.hurried = 0; // exits in succession
+      // An exit that is switched off is not a bound either: the phase continues beyond it.
       const corners = Math.floor(on / model.variants.length), stays = (exit) => exit.switch < 0 || (corners >> exit.switch) & 1;
       const phases = this.phases = variant(model, on).phases.map((phase) => ({ ...phase, exits: phase.exits.filter(stays) }));
       const first = phases.length > 1 ? this.following(phases.map((_, i) => i), -1, t, y) : 0;
@@ -32,7 +32,7 @@ var JaxdynMotion = (() => {
     // The time that is reached, and whether it has crawled.
     get t() { return this.ended ? Infinity : this.pending ? this.pending.t : this.solver.t; }
 
-    // Begin a phase; -1 is the end, where the state stays as it is.
+    // Begin a phase; -1 is the end, where the state no longer changes.
     enter(t, y, index) {
       const { p, span, rtol } = this, { data } = this.model;
       this.pending = null;
@@ -47,7 +47,7 @@ var JaxdynMotion = (() => {
       if (!phase.exits.length) return;
       const beyond = this.beyond(phase, t, y).indexOf(true);
       if (beyond >= 0) { this.pending = { t, y, exit: beyond }; return; }
-      // An exit is armed once its value is off zero, on the near side where it has one.
+      // An exit is armed once its value is not zero, and on the near side if it has one.
       this.armed = phase.exits.map(() => 0);
       this.arm(t, y);
     }
@@ -60,7 +60,7 @@ var JaxdynMotion = (() => {
       });
     }
 
-    // What a value of a state changes by roundings of all that enters it.
+    // The change of a value of a state by the roundings of its inputs.
     noise(phase, f, t, y) {
       const rate = phase.rate(t, y, this.p), here = f(t, y, this.p)[0];
       let sum = 0;
@@ -81,8 +81,8 @@ var JaxdynMotion = (() => {
       });
     }
 
-    // The first phase of some that a state fits, the one that is left only if no other does, else
-    // the first on whose constraints it is; the end fits always.
+    // The first of some phases that a state fits, preferably not the current one; otherwise the first
+    // whose constraints it satisfies. The end always fits.
     following(candidates, left, t, y) {
       const ranks = candidates.map((index) => {
         if (index < 0) return 7;
@@ -105,7 +105,7 @@ var JaxdynMotion = (() => {
           const side = this.armed[i], value = (at) => (side || exit.side) * exit.value(at, solver.at(at), this.p)[0];
           let [low, high] = [before, t];
           if (!side) {
-            // It began at the bound, to rounding, and went beyond it.
+            // The motion began at the bound, to rounding, and went beyond it.
             if (exit.side && value(t) < -this.noise(phase, exit.value, t, y)) high = before;
             else return;
           } else if (value(t) > 0) return;
@@ -121,10 +121,10 @@ var JaxdynMotion = (() => {
       }
     }
 
-    // A state between the ends of a step, where it is on the constraints.
+    // A state within a step, projected onto the constraints.
     onto(t, y) { return this.phase.projects ? this.phase.consistent(t, y, this.p) : y; }
 
-    // Through the exit that is next.
+    // Pass through the next exit.
     leave() {
       const { t, y, exit: number } = this.pending, { p } = this, exit = this.phase.exits[number], since = this.entered ?? -Infinity;
       this.hurried = t - since < AT_ONCE * this.span ? this.hurried + 1 : 0;
@@ -136,7 +136,7 @@ var JaxdynMotion = (() => {
       return true;
     }
 
-    // To a time, unless the clock runs out; whether it got there.
+    // Go to a time, unless the clock runs out; returns whether it got there.
     to(t, until = Infinity) {
       while (!this.ended) {
         if (this.failed || this.solver.failed) { this.failed ||= this.solver.failed; return false; }
@@ -155,7 +155,7 @@ var JaxdynMotion = (() => {
       return true;
     }
 
-    // The state at a time up to which it has gone, within the last step.
+    // The state at a time within the last step.
     at(t) {
       if (this.ended) return this.ended.y;
       return t >= this.solver.t || t < this.solver.before ? this.solver.y : this.solver.at(t);

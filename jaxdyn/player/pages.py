@@ -1,4 +1,4 @@
-"""Pages that play motions: one file, without other files and without the network."""
+"""Pages that play motions, as single files that need no other files and no network."""
 
 import functools
 import html
@@ -38,7 +38,7 @@ h1 {{ font-size: 1.2rem; font-weight: 600; }}
 
 
 class Playing:
-    """A page that plays motions: a notebook shows it, `text` is its HTML."""
+    """A page that plays motions; a notebook shows it, `text` is its HTML."""
 
     def __init__(self, text: str):
         self.text = text
@@ -47,7 +47,7 @@ class Playing:
         return f"Playing({len(self.text) // 1000} kB of HTML): a notebook shows it"
 
     def _repr_html_(self) -> str:
-        """A frame of its own, so that the notebook's styles and the player's stay apart."""
+        """A frame, which keeps the styles of the notebook and of the player separate."""
         held = html.escape(self.text, quote=True)
         style = f"width: 100%; height: {_FRAME}px; border: 0"
         return f'<iframe srcdoc="{held}" style="{style}" title="player"></iframe>'
@@ -57,12 +57,12 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
     """A page that plays a motion, or several together, in a notebook or a browser.
 
     Args:
-      motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them.
+      motions: a result of `simulate` or `simulate_phases`, or a mapping of names to such.
       path: a file to write the page to, .html; it needs no other file.
-      title: its heading; the scene with its numbers by default.
+      title: its heading; the scene with its parameters by default.
       choose: as in `export`.
     Returns:
-      The page; as the last value of a notebook's cell it is shown.
+      The page; a notebook shows it as the last value of a cell.
     Raises:
       ValueError: as `export`, or `path` cannot be written.
     Example:
@@ -81,12 +81,12 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
 
 
 def page(title: str, look: str, fragment: str, script: str) -> str:
-    """The HTML of a page with a heading and what stands below it, a style sheet and a script."""
+    """The HTML of a page with a heading, the contents below it, a style sheet and a script."""
     return _PAGE.format(title=html.escape(title), look=look, fragment=fragment, script=script)
 
 
 def fragment(shown: Mapping[str, Any], label: str = "A motion.") -> str:
-    """The part of a page that becomes a player of an export, where `script` is on the page."""
+    """The part of a page that becomes a player of an export; the page must contain `script`."""
     return (
         f'<div class="player" data-label="{html.escape(label, quote=True)}">'
         f'<script type="application/json">{embed(shown)}</script></div>'
@@ -94,7 +94,7 @@ def fragment(shown: Mapping[str, Any], label: str = "A motion.") -> str:
 
 
 def embed(found: Any) -> str:
-    """JSON that can stand in a script of a page, whatever its texts contain.
+    """JSON that can be written into a script of a page, whatever its texts contain.
 
     A "<" could begin a tag that ends the script, or a comment that keeps it from ending.
     """
@@ -103,7 +103,7 @@ def embed(found: Any) -> str:
 
 @functools.cache
 def script(*names: str) -> str:
-    """The player's script, or others of this folder, after the one by which they draw."""
+    """The player's script, or others of this folder, after the one that they draw with."""
     files = ("canvas", *(names or ("player",)))
     return "\n".join((_HERE / f"{name}.js").read_text() for name in files)
 

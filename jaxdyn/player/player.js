@@ -1,26 +1,26 @@
-// The player of motions: draws what `jaxdyn.player.export` wrote, by `canvas.js`.
+// The player of motions: draws the data that `jaxdyn.player.export` wrote, with `canvas.js`.
 // Every element with class "player" that holds a script of type "application/json" becomes one;
 // the element's `player` has play(), pause(), seek(t), choose(i) and state().
 "use strict";
 
 (() => {
   const { KINDS, Paper, Turn, View, disc, fitted, line, themed } = JaxdynCanvas;
-  const FLOOR = 1e-17; // of the energy's relative change, on its logarithmic axis
+  const FLOOR = 1e-17; // lower end of the logarithmic axis of the relative change of the energy
   const PACES = [0.1, 0.25, 0.5, 1, 2, 4];
-  const LONGEST = 12, SHORTEST = 4; // [s] a motion is shown in, at pace 1; 1 to 12 s in real time
-  const SMALL = 1 / 8; // of the common box: a chosen motion that is smaller has a box of its own
-  const TURN = Math.PI / 24, ZOOM = 1.15; // of a key
+  const LONGEST = 12, SHORTEST = 4; // [s] duration of a motion at pace 1; 1 to 12 s in real time
+  const SMALL = 1 / 8; // of the common box: a selected motion that is smaller has its own box
+  const TURN = Math.PI / 24, ZOOM = 1.15; // per key press
 
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const doubles = (text) => new Float64Array(bytes(text));
 
-  // (frames, places, dim) numbers that are stored as shares of the motion's box in 16 bits.
+  // (frames, places, dim) numbers that are stored as fractions of the motion's box in 16 bits.
   const places = (text, lo, hi) => {
     const shares = new Uint16Array(bytes(text)), dim = lo.length;
     return Float64Array.from(shares, (u, i) => lo[i % dim] + ((hi[i % dim] - lo[i % dim]) * u) / 65535);
   };
 
-  // (frames, places, dim) places that a linear map and a shift take from the first frame to each.
+  // (frames, places, dim) positions, from the first frame by a linear map and a shift for each.
   function carried(first, text, dim) {
     const maps = new Float32Array(bytes(text)), size = dim * (dim + 1), n = first.length / dim;
     const found = new Float64Array((maps.length / size) * first.length);
@@ -49,7 +49,7 @@
     };
   }
 
-  // The frame before a time, and the share of the way to the next one.
+  // The frame before a time, and the fraction of the way to the next one.
   function frame(ts, t) {
     let low = 0, high = ts.length - 1;
     while (high - low > 1) {
@@ -61,7 +61,7 @@
     return [low, span ? Math.min(1, Math.max(0, (t - ts[low]) / span)) : 0];
   }
 
-  // A place of frames (s, n, dim) between two frames; those of one frame stay where they are.
+  // Positions (s, n, dim) interpolated between two frames; a single frame is constant.
   function at(data, n, dim, i, f, j) {
     if (data.length === n * dim) i = f = 0;
     const here = (i * n + j) * dim, next = f ? here + n * dim : here;
@@ -79,7 +79,7 @@
       this.pace = 1;
       this.trail = 0.25;
       this.playing = false;
-      this.asked = false; // whether anyone has played or paused it: then it does not begin by itself
+      this.asked = false; // whether a reader has played or paused it: then it does not autoplay
       this.measure();
       this.box = this.boxed();
       this.t = this.begin;
@@ -87,7 +87,7 @@
       this.resize();
     }
 
-    // The span of all that is shown, and how much of it passes in a second.
+    // The span of all motions shown, and how much of it passes in a second.
     measure() {
       this.begin = Math.min(...this.shown.map((m) => m.ts[0]));
       this.end = Math.max(...this.shown.map((m) => m.ts[m.ts.length - 1]));
@@ -95,8 +95,8 @@
       this.rate = span >= 1 && span <= LONGEST ? 1 : span / (span > LONGEST ? LONGEST : SHORTEST);
     }
 
-    // The box of what is shown: the common one, in which chosen motions can be compared, unless
-    // the chosen one would be a dot in it.
+    // The box of the picture: the common one, so that motions can be compared, unless the selected
+    // motion would be a dot in it.
     boxed() {
       const { box, choose, equal } = this.data, { lo, hi } = this.shown[0], [low, high] = box;
       const sizes = hi.map((x, d) => x - lo[d]), across = Math.max(...sizes);
@@ -134,9 +134,9 @@
 
     get turns() { return this.data.box[0].length === 3; }
 
-    // What the keys do once the picture is chosen by a click or by Tab.
+    // The keys that work while the picture has the focus.
     keys() {
-      if (this.turns) return "space plays, arrows or dragging turn it, Shift with the left and right ones steps, [ and ] zoom.";
+      if (this.turns) return "space plays, arrows or dragging rotate the view, Shift with left or right steps, [ and ] zoom.";
       return "space plays, the left and right arrows step, + and - change the speed.";
     }
 
@@ -147,7 +147,7 @@
       return list;
     }
 
-    // A slider that chooses one of the precomputed motions.
+    // A slider that selects one of the precomputed motions.
     chooser(make) {
       const row = make("label", { className: "chooser" });
       make("span", { textContent: this.data.choose }, row);
@@ -161,7 +161,7 @@
       });
     }
 
-    // The names of what is shown, and why a motion stopped early.
+    // The names of the motions, and why one stopped early.
     legend() {
       const named = this.several ? this.motions.map((m) => m.name) : this.shown[0].names;
       this.names.replaceChildren(...(named.length > 8 ? [] : named).map((name, i) => {
@@ -230,7 +230,7 @@
       this.paces.value = this.pace;
     }
 
-    // Dragging turns a picture in space, the wheel with Ctrl or two fingers enlarge it.
+    // Dragging rotates a picture in space; the wheel with Ctrl, or two fingers, zoom.
     dragging() {
       if (!this.turns) return;
       const held = new Map();
@@ -266,7 +266,7 @@
       this.button.textContent = "Pause";
       let last = performance.now();
       const step = (now) => {
-        // A hidden page is not drawn: the motion goes on where it was.
+        // A hidden page is not drawn; the motion continues later from where it was.
         this.t += Math.min(0.1, Math.max(0, (now - last) / 1000)) * this.rate * this.pace;
         last = now;
         this.waiting = requestAnimationFrame(step);
@@ -296,7 +296,7 @@
       this.seek(this.t);
     }
 
-    // What is shown now: the time, and the places of the paths of each motion.
+    // The current picture: the time, and the positions on the paths of each motion.
     state() {
       const points = this.shown.map((m) => {
         const [i, f] = frame(m.ts, this.t);
@@ -338,7 +338,7 @@
       pen.restore();
     }
 
-    // Paths up to now, fading; the whole path if so chosen.
+    // Paths up to now, fading, or whole paths.
     tails(paper, view, motion, i, f, own) {
       if (!this.trail) return;
       const whole = this.trail >= 1, since = this.t - this.trail * (this.end - this.begin);
@@ -390,13 +390,13 @@
       this.said.textContent = known.map((m) => {
         const [i, f] = frame(m.energy.ts, this.t), c = m.energy.change, now = c[i] + f * ((c[i + 1] ?? c[i]) - c[i]);
         const name = this.several ? `${m.name}: ` : "";
-        return `${name}energy ${(m.energy.start + now * m.energy.size).toPrecision(6)}${m.energy.unit}, changed by ${now.toExponential(1)} of its size`;
+        return `${name}energy ${(m.energy.start + now * m.energy.size).toPrecision(6)}${m.energy.unit}, relative change ${now.toExponential(1)}`;
       }).join("; ");
     }
   }
 
-  // A motion begins to move when it comes into sight, unless the reader prefers stillness or has
-  // played or paused it before: a page is in sight only some time after it was read.
+  // A motion starts when it scrolls into view, unless the reader prefers reduced motion or has
+  // played or paused it before.
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const watch = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries)

@@ -1,17 +1,17 @@
-"""Linear vibrations of any scene about an equilibrium, and what drives a scene.
+"""Linear vibrations of any scene about an equilibrium, and forced scenes.
 
 `natural` has natural frequencies, damping ratios and mode shapes, with M, C and K; `transfer` the
 transfer functions from an input to an output and the frequency response functions that engineers
-name: receptance, mobility, accelerance, transmissibility. `inputs` says where something acts on a
-scene (a force, a moving base, a parameter), `signals` how it changes in time (a sine, a step, a
-pulse, a sweep, a table), `outputs` what is looked at; `driven` makes a scene with an input, for
-everything that takes a scene. The nonlinear responses of such a scene over frequency are
+name: receptance, mobility, accelerance, transmissibility. `inputs` has the ways to act on a scene
+(a force, a moving base, a parameter), `signals` their dependence on time (a sine, a step, a pulse,
+a sweep, a table), `outputs` the measured quantities; `driven` makes a scene with an input, for all
+functions that take a scene. The nonlinear responses of such a scene over frequency are
 `orbits.frequency_response`.
 
 May import: `analysis`, `effects`.
 
-One more input is a subclass of `Input` in `inputs`, one more signal one of `Signal` in `signals`,
-and a line below.
+To add an input, write a subclass of `Input` in `inputs`; to add a signal, one of `Signal` in
+`signals`; and add a line below.
 """
 
 from jaxdyn.vibration.driven import driven, struck

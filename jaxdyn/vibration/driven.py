@@ -15,9 +15,9 @@ from jaxdyn.vibration.signals import Signal, check_signal
 
 
 class Driven(Extended):
-    """A system with an input that follows a signal; its state is that of the system inside.
+    """A system with an input that follows a signal; its state is that of the inner system.
 
-    The energy is that of the system without the drive.
+    The energy is that of the system without the input.
 
     Attributes:
       input: where the signal acts.
@@ -58,17 +58,17 @@ def derivatives(signal: Signal, t: Array, order: int) -> Array:
 
 @check_first
 def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
-    """A scene with an input that follows a signal: for `simulate` and all that takes a scene.
+    """A scene with an input that follows a signal, for `simulate` and other functions of scenes.
 
     Args:
-      scene: the scene without it.
+      scene: the scene without the input.
       input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
         `Base`, `Motion` or `Parameter`.
       signal: how it changes in time: `vibration.Harmonic`, `Step`, `Pulse`, `Sweep`, `Table`.
-      t1: () span; that of the scene by default.
+      t1: () time span; that of the scene by default.
     Returns:
-      The same scene with the input; its numbers, and those of the signal, may be differentiated
-      and mapped over.
+      The same scene with the input. `jax.grad` and `jax.vmap` apply to its parameters and to those
+      of the signal.
     Raises:
       ValueError: the input does not suit the scene, or a number of the signal is invalid.
     Example:
@@ -88,14 +88,14 @@ def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
 
 @check_first
 def struck(scene: Scene, input: str | Input, impulse) -> Scene:
-    """A scene just after an impulse: its response to it is the motion from there.
+    """A scene just after an impulse, so that its motion is the impulse response.
 
     Args:
-      scene: the scene, which starts as it is when it is struck, e.g. in equilibrium.
-      input: where; see `driven`.
+      scene: the scene, with the initial state just before the impulse, e.g. an equilibrium.
+      input: where the impulse acts; see `driven`.
       impulse: () the integral of the input over the short time in which it acts, e.g. [N s].
     Returns:
-      The same scene from the state (k,) after it.
+      The same scene with the state (k,) after the impulse.
     Raises:
       ValueError: the input does not suit the scene, or depends on the rate of the signal.
     Example:

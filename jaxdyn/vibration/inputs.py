@@ -1,7 +1,7 @@
-"""Where something acts on a scene from outside: the inputs of transfer functions and drives.
+"""Ways to act on a scene from outside: the inputs of transfer functions and of forced scenes.
 
-An input says what the rate of a scene is while it has a value u; the signal that u follows in time
-is another matter (`signals`). An input may also depend on the rate of u, as a base on a dashpot.
+An input determines the rate of a scene for a value u; how u depends on time is defined separately
+(`signals`). An input may also depend on the derivative of u, as a base with a dashpot does.
 """
 
 import abc
@@ -22,22 +22,22 @@ from jaxdyn.scene import Effect, Field, Scene
 
 
 class Input(Record):
-    """Where something acts on a scene.
+    """An input of a scene.
 
-    A new input overrides `rate`, and `check` for what it cannot act on.
+    A new input overrides `rate`, and `check` if it does not suit all scenes.
 
     Attributes:
-      order: how many derivatives of the signal it depends on.
+      order: number of derivatives of the signal that it depends on.
     """
 
     order: ClassVar[int] = 0
 
     @abc.abstractmethod
     def rate(self, field: Field, t: Array, y: Array, u: Array) -> Array:
-        """(k,) the rate of a scene while the input and its derivatives are u (order + 1,)."""
+        """(k,) the rate of a scene for an input and its derivatives u (order + 1,)."""
 
     def check(self, scene: Scene) -> None:
-        """Raise ValueError unless it can act on a scene."""
+        """Raise ValueError unless the input suits a scene."""
         del scene
 
 
@@ -99,13 +99,13 @@ class Force(Input):
 
 
 class Base(Input):
-    """An acceleration of the base along a direction: of the ground, of the room, of a table.
+    """An acceleration of the base (the ground, a room, a table) along a direction.
 
-    The places of the scene are then those relative to the base: anchors, pins and guides move with
-    it, and each point feels minus its mass times the acceleration.
+    The positions of the scene are then relative to the base: anchors, pins and guides move with it,
+    and an inertial force, minus the mass times the acceleration, acts on each point.
 
     Attributes:
-      direction: (d,) of the acceleration, of length 1 for one in m/s^2.
+      direction: (d,) direction of the acceleration; of length 1 if the signal is in m/s^2.
     """
 
     direction: Array = eqx.field(converter=as_float)
@@ -120,11 +120,11 @@ class Base(Input):
 
 
 class Parameter(Input):
-    """A number of the scene that changes in time.
+    """A parameter of the scene that changes in time.
 
     Attributes:
-      make: the scene for each value of the number; its start and span do not matter.
-      value: () that of the scene; the input is what is added to it.
+      make: the scene for each value of the parameter; its initial state and span do not matter.
+      value: () the value in the scene; the input is added to it.
     """
 
     make: Callable = eqx.field(static=True)
@@ -140,7 +140,7 @@ class Parameter(Input):
 
 
 class Motion(Input):
-    """A displacement on which the scene depends, with its velocity: a road, a table, a cam.
+    """A displacement with its velocity on which the scene depends: a road, a table, a cam.
 
     Attributes:
       make: the scene for each displacement and velocity (u, du/dt).
@@ -194,7 +194,7 @@ class _Inertia(Effect):
 
 
 def check_input(scene: Scene, given: str | Input) -> Input:
-    """The input that is meant, where a name is a force on that coordinate, if it suits a scene.
+    """The given input, or the force on the coordinate of that name, if it suits a scene.
 
     Raises:
       ValueError: it does not.
@@ -209,7 +209,7 @@ def check_input(scene: Scene, given: str | Input) -> Input:
 
 
 def _points_of(scene: Scene, name: str, remedy: str) -> int:
-    """The number of dimensions of a scene's points, which forces move."""
+    """The number of dimensions of the points of a scene on which forces act."""
     if "force" not in scene.system.accepts:
         got = f"{type(scene.system).__name__}, which has none"
         raise _checks.fail(name, "a scene with material points that forces move", got, remedy)

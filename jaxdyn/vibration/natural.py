@@ -1,9 +1,9 @@
 """Natural frequencies, damping ratios and mode shapes of any scene about an equilibrium.
 
-Near an equilibrium y = y* + x the motion is dx/dt = A x. An eigenvalue -zeta w +- i w sqrt(1 -
-zeta^2) of A is a mode with the natural angular frequency w and the damping ratio zeta. Where the
-state is [q, v] with dq/dt = v, the same is M x'' + C x' + K x = 0; forces need not be conservative,
-nor damping small or proportional.
+Near an equilibrium y = y* + x the motion obeys dx/dt = A x. An eigenvalue -zeta w +- i w sqrt(1 -
+zeta^2) of A belongs to a mode with the natural angular frequency w and the damping ratio zeta. If
+the state is [q, v] with dq/dt = v, this is equivalent to M x'' + C x' + K x = 0. Forces need not be
+conservative, and damping need not be small or proportional.
 """
 
 import cmath
@@ -28,12 +28,12 @@ class NaturalModes:
     """The modes of a scene about an equilibrium, the slowest first.
 
     Attributes:
-      eigenvalues: (m,) complex, one of each pair of conjugates [1/s]; those of motions that do not
-        oscillate are real.
-      vectors: (k, m) complex: the entries of the state in each mode.
+      eigenvalues: (m,) complex, one of each conjugate pair [1/s]; real for motions that do not
+        oscillate.
+      vectors: (k, m) complex; the entries of the state in each mode.
       a: (k, k) the Jacobian at the equilibrium.
-      mass: (n, n) mass matrix M; the identity where the masses are not known, as in a plain `ode`;
-        None where the state is not [q, v].
+      mass: (n, n) mass matrix M; the identity if the masses are not known, as in a plain `ode`;
+        None if the state is not [q, v].
       labels: (name, unit) of the entries of the state.
     """
 
@@ -45,25 +45,25 @@ class NaturalModes:
 
     @property
     def frequencies(self) -> Array:
-        """(m,) natural angular frequencies |eigenvalue| [rad/s], as without damping."""
+        """(m,) natural angular frequencies |eigenvalue| [rad/s]."""
         return jnp.abs(self.eigenvalues)
 
     @property
     def damped_frequencies(self) -> Array:
-        """(m,) angular frequencies of the free oscillations [rad/s]; 0 where there is none."""
+        """(m,) angular frequencies of the free oscillations [rad/s]; 0 without oscillation."""
         return jnp.abs(jnp.imag(self.eigenvalues))
 
     @property
     def damping_ratios(self) -> Array:
-        """(m,) shares of critical damping [1]; negative where a mode grows, NaN at frequency 0."""
+        """(m,) damping ratios [1]; negative if a mode grows, NaN at frequency 0."""
         w = self.frequencies
         return jnp.where(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0), jnp.nan)
 
     @property
     def shapes(self) -> Array:
-        """(n, m) complex coordinates, a column for each mode, the largest of them 1.
+        """(n, m) complex coordinates, a column for each mode, whose largest entry is 1.
 
-        Of a state that is not [q, v] all its entries.
+        If the state is not [q, v], all its entries.
         """
         x = self.vectors if self.mass is None else self.vectors[: len(self.mass)]
         top = jnp.argmax(jnp.abs(x), axis=0)
@@ -71,12 +71,12 @@ class NaturalModes:
 
     @property
     def damping(self) -> Array | None:
-        """(n, n) matrix C of damping and gyroscopic forces; None where the state is not [q, v]."""
+        """(n, n) matrix C of damping and gyroscopic forces; None if the state is not [q, v]."""
         return self._times_mass(slice(-1, None))
 
     @property
     def stiffness(self) -> Array | None:
-        """(n, n) stiffness matrix K; None where the state is not [q, v]."""
+        """(n, n) stiffness matrix K; None if the state is not [q, v]."""
         return self._times_mass(slice(None, 1))
 
     def _times_mass(self, side: slice) -> Array | None:
@@ -115,7 +115,7 @@ def _entry(x: complex, real: bool) -> str:
     return f"{_text.brief(abs(x), digits=4)} at {math.degrees(cmath.phase(x)):.0f} deg"
 
 
-_REAL = 1e-9  # imaginary part of a shape that is rounding
+_REAL = 1e-9  # imaginary parts of a shape up to this are rounding
 
 
 @check_first
@@ -123,14 +123,14 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
     """The natural frequencies, damping ratios and mode shapes of a scene about an equilibrium.
 
     Args:
-      scene: any scene, a plain `jaxdyn.ode` too; damped and gyroscopic ones too.
-      y: (k,) an equilibrium; the scene's start by default.
-      t: () time [s] at which the scene is looked at, if it depends on time.
+      scene: any scene, also a plain `jaxdyn.ode`, with damping or gyroscopic forces.
+      y: (k,) an equilibrium; the scene's initial state by default.
+      t: () time [s] at which a time-dependent scene is evaluated.
     Raises:
       ValueError: y is not an equilibrium, or of another shape.
-    Limits: differentiable in the scene's numbers, where eigenvalues are distinct. Inside jit, grad
-      and vmap there are k / 2 modes, NaN for those that do not oscillate, since their number is not
-      known. Of a mechanism with constraints, each adds modes of frequency 0.
+    Limits: differentiable with respect to the scene's parameters if eigenvalues are distinct.
+      Inside jit, grad and vmap there are k / 2 modes, with NaN for those that do not oscillate,
+      since their number is not known. Each constraint of a mechanism adds modes of frequency 0.
     Reference: Meirovitch (2001), Fundamentals of Vibrations, chapter 7.
     Example:
       >>> from jaxdyn import scenes, vibration
@@ -165,7 +165,7 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
 
 
 def _clear_noise(values: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """(k,) eigenvalues with parts that are within their error bars of 0 set to 0."""
+    """(k,) eigenvalues; real and imaginary parts that are 0 within their bars become 0."""
     known = rate_eigenvalues(a)
     near = np.abs(values[:, None] - known.values).argmin(axis=1)
     bars = known.bars[near]

@@ -1,4 +1,4 @@
-"""What is looked at in a response: an entry of the state, or a function of time and state."""
+"""The output of a response: an entry of the state, or a function of time and state."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ Output = str | Callable[[Array, Array], Array]
 
 
 def output(name: str, what: Output, scene: Scene) -> Callable[[Array, Array], Array]:
-    """The function (t, y) -> () or (m,) that is meant by the name of an entry, or is given.
+    """The output as a function (t, y) -> () or (m,), from the name of an entry or a function.
 
     Raises:
       ValueError: there is no such entry, or the function returns neither of these.

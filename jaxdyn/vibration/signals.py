@@ -1,4 +1,4 @@
-"""How an input changes in time: a sine, a step, a pulse, a sweep, a table of measured values."""
+"""Signals, which inputs follow: a sine, a step, a pulse, a sweep, a table of measured values."""
 
 import abc
 
@@ -17,7 +17,7 @@ class Signal(Record):
 
     @abc.abstractmethod
     def __call__(self, t: Array) -> Array:
-        """() its value at time t ()."""
+        """() the value at time t ()."""
 
     def check(self) -> None:
         """Raise ValueError if a number is invalid."""
@@ -45,7 +45,7 @@ class Step(Signal):
 
 
 class Pulse(Signal):
-    """Half a sine of a height, from the time t_on [s] for a duration [s]: a hammer, a bump."""
+    """A half sine with a height, from time t_on [s] for a duration [s]: a hammer, a bump."""
 
     height: Array = eqx.field(converter=as_float)
     duration: Array = eqx.field(converter=as_float)
@@ -61,7 +61,7 @@ class Pulse(Signal):
 
 
 class Sweep(Signal):
-    """A sine whose angular frequency goes evenly from low to high [rad/s] over a duration [s]."""
+    """A sine whose angular frequency goes linearly from low to high [rad/s] in a duration [s]."""
 
     amplitude: Array = eqx.field(converter=as_float)
     low: Array = eqx.field(converter=as_float)
@@ -81,14 +81,14 @@ class Sweep(Signal):
 
 
 class Table(Signal):
-    """Values at times, with straight lines between them; before and after the end values.
+    """Values at times with linear interpolation, constant before the first and after the last.
 
-    Steps of the integration end at the times of the table, where the lines have corners, so it is
-    as accurate as a smooth signal.
+    Integration steps end at the times of the table, where the slope jumps, so that the result is as
+    accurate as for a smooth signal.
 
     Attributes:
       ts: (n,) times [s], increasing.
-      values: (n,) of the signal.
+      values: (n,) values of the signal.
     """
 
     ts: Array = eqx.field(converter=as_float)
@@ -108,7 +108,7 @@ def check_signal(given: Signal) -> Signal:
     """The signal, if it is one.
 
     Raises:
-      ValueError: it is none, or a number of it is invalid.
+      ValueError: it is not a signal, or one of its numbers is invalid.
     """
     if not isinstance(given, Signal):
         remedy = "Such as vibration.Harmonic, vibration.Step, vibration.Table."

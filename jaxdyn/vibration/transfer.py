@@ -4,8 +4,8 @@ Near an equilibrium y = y* + x, with an input u and an output z,
 
     dx/dt = A x + B0 u + B1 du/dt,   z = C x,   H(s) = C (s - A)^-1 (B0 + s B1),
 
-exactly: each number is a derivative of the rate or of the output. At s = i omega it is the ratio of
-the complex amplitudes of z and u in forced vibration with e^(i omega t).
+where all matrices are exact derivatives of the rate and the output. At s = i omega, H is the ratio
+of the complex amplitudes of z and u in a forced vibration with e^(i omega t).
 """
 
 import jax
@@ -22,7 +22,7 @@ from jaxdyn.vibration.outputs import Output, output
 
 
 class TransferFunction(Record):
-    """H(s) from an input to an output: called with complex numbers s (...).
+    """H(s) from an input to an output, a function of complex numbers s (...).
 
     Attributes:
       a: (k, k) A.
@@ -68,14 +68,14 @@ def transfer_function(
       scene: any scene.
       input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
         `Base`, `Motion` or `Parameter`.
-      to: what is looked at: the name of an entry of the state, or a function (t, y) that returns
-        () or (m,).
+      to: the output: the name of an entry of the state, or a function (t, y) that returns () or
+        (m,).
       y: (k,) an equilibrium; the scene's start by default.
-      t: () time [s] at which the scene is looked at, if it depends on time.
+      t: () time [s] at which a time-dependent scene is evaluated.
     Raises:
       ValueError: y is not an equilibrium, the input does not suit the scene, or there is no such
         output.
-    Limits: differentiable in all numbers, and under jit and vmap.
+    Limits: differentiable with respect to all numbers, also under jit and vmap.
     Example:
       >>> from jaxdyn import scenes, vibration
       >>> h = vibration.transfer_function(scenes.oscillator(k=4.0, x=0.0), "x", "x")
@@ -109,20 +109,20 @@ def receptance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> A
       omega: (...) angular frequencies [rad/s].
       y: (k,) an equilibrium; the scene's start by default.
     Returns:
-      (..., *outputs) complex: ``abs`` is the magnitude, minus ``angle`` how far it is behind.
+      (..., *outputs) complex; ``abs`` is the magnitude, and minus ``angle`` the phase lag.
     """
     return transfer_function(scene, input, to, y).at(omega)
 
 
 @check_first
 def mobility(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
-    """Velocity over force: i omega times the `receptance`, whose arguments it has."""
+    """Velocity over force: i omega times the `receptance`, with the same arguments."""
     return _rates(1, scene, input, to, omega, y)
 
 
 @check_first
 def accelerance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> Array:
-    """Acceleration over force: -omega^2 times the `receptance`, whose arguments it has."""
+    """Acceleration over force: -omega^2 times the `receptance`, with the same arguments."""
     return _rates(2, scene, input, to, omega, y)
 
 
@@ -130,12 +130,12 @@ def accelerance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> 
 def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) -> Array:
     """Displacement of a material point over that of the base on which the scene stands.
 
-    Both are absolute and along the direction. What is held to the base moves with it: anchors,
-    pins, dashpots to the ground.
+    Both are absolute displacements along the direction. Everything attached to the base moves with
+    it: anchors, pins, dashpots to the ground.
 
     Args:
-      scene: one with material points, whose places are those relative to the base.
-      direction: (d,) of the motion of the base.
+      scene: a scene with material points, whose positions are relative to the base.
+      direction: (d,) direction of the motion of the base.
       omega: (...) angular frequencies [rad/s].
       point: number of the material point.
       y: (k,) an equilibrium; the scene's start by default.

@@ -137,7 +137,7 @@ def test_keys_turn_and_enlarge_a_picture_in_space_and_the_page_says_so(window, t
     assert chromium.player(window, "t") == pytest.approx(0.01)
     hint = window.find_element("css selector", ".player .hint")
     assert hint.is_displayed()
-    assert "arrows or dragging turn it" in hint.text
+    assert "arrows or dragging rotate the view" in hint.text
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -312,7 +312,7 @@ def test_what_is_not_one_scene_is_refused_with_what_to_do():
     assert "at least one scene" in refusal(lambda: player.live({}))
     weightless = swing.without(effects.UniformGravity)
     said = refusal(lambda: player.live({"on Earth": swing, "in space": weightless}))
-    assert said.endswith("Name what they differ in: choose=.")
+    assert said.endswith("Name the parameter in which they differ: choose=.")
     assert "at most 20, got 21" in refusal(lambda: player.live(swing, motions=21))
 
 
