@@ -8,6 +8,6 @@ that the first argument of a public function is a record, or another result, of 
 
 May import: `_text`.
 
-One more kind of record is a subclass of `Record`; an entry point that takes one calls its
+To add a kind of record, write a subclass of `Record`; an entry point that takes one calls its
 `check_functions`.
 """

@@ -7,7 +7,7 @@ here.
 
 May import: nothing.
 
-One more kind of text is a function in the file of its kind, and its name below.
+To add a kind of text, write a function in the file of its kind, and its name below.
 """
 
 from jaxdyn._text.html import html, with_picture

@@ -1,4 +1,4 @@
-"""How accurate a number is, what each digit costs, and for how long digits are correct.
+"""The accuracy of numbers, the cost of each digit, and how long digits stay correct.
 
 `estimates` bounds the error of any solution without knowing the exact one (its arithmetic, which
 `simulate(digits=...)` shares, is in `jaxdyn/integrate/errors/error_estimate.py`), `convergence`
@@ -8,8 +8,8 @@ shows it for equal steps and their halves, `end_error` gives the certain digits 
 
 May import: `analysis`.
 
-One more estimate is a function of a `Trajectory` in `estimates`, or a file of its own, and one
-line below.
+To add an estimate, write a function of a `Trajectory` in `estimates`, or in a file of its own, and
+a line below.
 """
 
 from jaxdyn.accuracy import convergence, end_error, horizon, quantities, work_precision

@@ -1,10 +1,10 @@
 """The certain digits of a motion's final state, for anything that can be run again.
 
 A motion is run again at a thousandth of its tolerance, and a third time with all numbers of its
-scene also changed in their last digit. The changes of each entry of the end estimate its error:
-the first shows the error of the tolerance, the difference of the two that of rounding. Where
-nearby motions diverge so far that an entry has no certain digit, none is written. Motions that are
-far apart may agree in an entry by chance; then it is compared with several, at other tolerances.
+scene also changed in their last digit. The changes of each entry of the end estimate its error: the
+first shows the error of the tolerance, the difference of the two that of rounding. Where nearby
+motions diverge so far that an entry has no certain digit, none is written. Motions that are far
+apart may agree in an entry by chance; then it is compared with several, at other tolerances.
 
 It is the cheap test of the end of a motion, one smooth piece or a chain of phases; `accuracy`
 covers all times of a smooth motion and measures rounding more carefully.
@@ -60,7 +60,8 @@ class EndError:
       scale: (k,) the reference of errors: the largest entry of the same unit in the motion, or the
         entry alone without a unit. For a rate it is at least what would change a quantity by its
         scale over the span, for an angle at least 1 rad.
-      doubt: what neither this motion nor others could see of the rate, and the remedy; or empty.
+      doubt: parts of the rate that neither this motion nor the others could detect, and the remedy;
+        or empty.
     """
 
     y: np.ndarray
@@ -90,7 +91,7 @@ class EndError:
         if math.isnan(self.least):
             return (
                 "No digit is certain: run again at a tighter tolerance, the motion does not reach "
-                "this end, or not through the same phases."
+                "this end, or reaches it through other phases."
             )
         if self.most < 1:
             return (
@@ -173,13 +174,13 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     known = groups(scene.system)
     angles = np.isfinite(known.most)
     sizes = np.asarray(known.largest(jnp.asarray(np.where(angles, np.maximum(sizes, 1.0), sizes))))
-    # A rate is at least what would change a quantity by its size over the span.
+    # The scale of a rate is at least what would change a quantity by its size over the span.
     first, last = np.asarray(pieces[0].ts)[0], np.asarray(pieces[-1].ts)[-1]
     span = abs(float(last - first)) or math.inf
     of = {unit: size for (_, unit), size in zip(labels, sizes.tolist(), strict=True)}
     rates = [of.get(unit.removesuffix("/s"), 0.0) / span for _, unit in labels]
     sizes = np.where([unit.endswith("/s") for _, unit in labels], np.maximum(sizes, rates), sizes)
-    # An entry that stays at 0 has the size that the others make of it.
+    # An entry that stays at 0 gets a size from the others.
     return np.where(sizes > 0, sizes, sizes_at_start(scene)) if (sizes == 0).any() else sizes
 
 

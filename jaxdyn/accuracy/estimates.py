@@ -1,4 +1,4 @@
-"""How accurate a solution is, without the exact one: problem 3 d and e of the course.
+"""Error estimates without the exact solution: problem 3 d and e of the course.
 
 There are four independent ways, each of which gives an `Estimate` with its basis:
 

@@ -7,7 +7,7 @@ the one from its start.
 
 The time reported is measured, not predicted: it is where two solutions differ in the requested
 digits, including the effect of rounding (`error_estimate`). The growth rate, from the tangent map,
-tells what a tighter tolerance would bring.
+says how much a tighter tolerance would gain.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""What solvers are compared by: the end state, energy drift, constraints, a gradient, an event."""
+"""Quantities to compare solvers: end state, energy drift, constraints, a gradient, an event."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,8 @@
 """Fair timing: interleaved runs, compared at equal error, with compile time separate.
 
 All methods of a question run in turn in one process, so that other load on the machine affects
-them alike; the minimum is what the method needs, the median what a user sees.
+them alike; the minimum is the time that the method needs, the median the time that a user
+experiences.
 """
 
 import functools
@@ -94,7 +95,7 @@ def interleave(runs: Mapping, rounds: int, slow: float = 1e-3) -> dict:
         for key, run in runs.items():
             if i % every[key] == 0:
                 if every[key] == 1:
-                    # The processor's caches hold code and data of the run before.
+                    # The processor's caches still hold code and data of the previous run.
                     run()
                 seconds[key].append(seconds_of(run))
     return {key: Times(min(s), float(np.median(s))) for key, s in seconds.items()}

@@ -1,4 +1,4 @@
-"""What accuracy costs: error against time and against right-hand sides, for any scene.
+"""The cost of accuracy: error against time and right-hand sides, for any scene.
 
 `work_precision` runs a scene with several solvers at many tolerances, and reports the time that
 a given error takes, compile time apart. Errors are those of the end state, or of any other

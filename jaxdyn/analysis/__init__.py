@@ -10,7 +10,7 @@ functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`, `balls`.
 
-One more analysis is one file that takes a `Scene` or a `Trajectory`, and one line below.
+To add an analysis, write a file with a function of a `Scene` or a `Trajectory`, and a line below.
 """
 
 from jaxdyn.analysis import (

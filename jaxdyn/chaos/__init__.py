@@ -7,7 +7,7 @@ its frequencies.
 
 May import: `ensemble`, `analysis`.
 
-One more measure of chaos is one file with a function of a `Scene` that returns a `Record`, and one
+To add a measure of chaos, write a file with a function of a `Scene` that returns a `Record`, and a
 line below.
 """
 

@@ -37,8 +37,9 @@ class Frequencies(Record):
 
     Attributes:
       frequencies: (m,) angular frequencies [rad/s]; for a real signal the positive ones and 0.
-      bars: (m,) their uncertainty [rad/s]: the change with a weaker window, and what the rest
-        can shift them by. Errors of the samples that look like oscillations are not seen.
+      bars: (m,) their uncertainty [rad/s]: the change with a weaker window, and the possible shift
+        by the rest of the signal. Errors of the samples that look like oscillations are not
+        included.
       amplitudes: (m,) complex, at t = 0 of the samples' times, in the unit of the signal; if the
         signal is real, it is the real part of the sum.
       residual: () largest difference of the signal from the sum, relative to the largest sample:
@@ -61,18 +62,19 @@ def frequencies(
 
     Args:
       signal: a motion with equally spaced samples, or samples (n,), real or complex. A complex
-        signal such as q - i p / w tells the sense of turning, and has half as many oscillations.
-        For an angle that turns take exp(i angle).
+        signal such as q - i p / w shows the sense of rotation, and has half as many oscillations.
+        For a rotating angle use exp(i angle).
       entry: name of the entry of the state to analyse; for a motion only.
       dt: () time between samples [s]; for samples only.
       count: largest number of oscillations; there are fewer if the rest is rounding.
     Returns:
-      Frequencies, amplitudes, uncertainties, and what is left.
+      Frequencies, amplitudes, uncertainties, and the residual.
     Raises:
       ValueError: fewer than 16 samples, samples that are not finite or not equally spaced, no such
         entry, or `dt` missing or not positive.
     Limits: host only. It needs two samples in the shortest period, some ten of the longest periods
-      in the time, and a time in which close frequencies part by two turns.
+      in the time, and a time in which oscillations of close frequencies get out of phase by two
+      turns.
     Reference: Laskar (1990), Icarus 88, 266; Laskar (2003), arXiv:math/0305364; Gomez, Mondelo &
       Simo (2010), Discrete Contin. Dyn. Syst. B 14, 41 (joint refinement).
     Example:

@@ -1,4 +1,4 @@
-"""Indicators that tell regular from chaotic motions, for many starts at once, on all cores.
+"""Indicators that distinguish regular and chaotic motions, for many starts at once, on all cores.
 
 `megno` is the quickest for a map, since it has the same value, 2, for all regular motions; `sali`
 and `gali` fall to zero exponentially for chaotic motions. All are functions of a finite time: a
@@ -98,7 +98,7 @@ def _variational(field: Field) -> Variational:
     return Variational(field, jax.tree.map(lambda _: None, field))
 
 
-# ---- Indicators that tell regular from chaotic motions, for many starts at once, on all cores
+# ---- Indicators that distinguish regular and chaotic motions, for many starts, on all cores
 
 #: Default relative tolerance of a step.
 RTOL = 1e-10

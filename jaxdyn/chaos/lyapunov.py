@@ -1,4 +1,4 @@
-"""Lyapunov exponents of a motion: the mean rates at which nearby motions part or approach.
+"""Lyapunov exponents of a motion: the mean rates at which nearby motions diverge or converge.
 
 Tangents are integrated with the motion and orthonormalised at short intervals (`stretching`). The
 logarithms of their stretching are summed in `BATCHES` equal parts of the time: their mean is the
@@ -29,7 +29,7 @@ from jaxdyn.status import Status
 
 #: Default relative tolerance of a step: the statistical error is far larger than that of the steps.
 RTOL = 1e-9
-_TRANSIENT = 0.1  # part of the time that is left out by default
+_TRANSIENT = 0.1  # fraction of the time that is skipped by default
 _STEPS_OF_A_CHUNK = 3.0  # with more, digits of the smallest factor are lost; fewer take more time
 
 
@@ -71,7 +71,7 @@ def lyapunov_exponents(
         (`scales.Groups`).
       solver: see `simulate`.
       max_steps: largest number of steps of a chunk, and of the transient.
-      throw: raise on any status but OK; with False look at `LyapunovSpectrum.status`.
+      throw: raise on any status but OK; with False check `LyapunovSpectrum.status`.
     Returns:
       The exponents, their bars, the sums that must hold, the Kaplan-Yorke dimension.
     Raises:
@@ -156,7 +156,7 @@ def _spectrum(
     """The result from times (4,): start, end, transient, and the chunk or 0."""
     t0, t1, transient, given = times
     direction = jnp.where(t1 > t0, 1.0, -1.0)
-    # First the motion alone, which tells how long its steps are, then with its tangents.
+    # First the motion alone, which gives the length of its steps, then with its tangents.
     half = 0.5 * transient
     alone = flow(field, y0, t0, t0 + direction * half, jnp.zeros(0), limits, method=method)
     mean = _STEPS_OF_A_CHUNK * half / jnp.maximum(alone.steps.astype(float), 1.0)

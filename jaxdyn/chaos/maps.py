@@ -61,7 +61,7 @@ class ChaosMap(Record):
 
     @property
     def chaotic(self) -> np.ndarray:
-        """(a, b) whether each motion is chaotic; a longer time may show it of more of them."""
+        """(a, b) whether each motion is chaotic; a longer time may reveal more chaotic ones."""
         return self.mean > self.CHAOTIC
 
     def as_dict(self) -> dict[str, Any]:

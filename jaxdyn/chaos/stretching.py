@@ -1,4 +1,4 @@
-"""Orthonormal tangents carried along a motion, and how much they stretch.
+"""Orthonormal tangents carried along a motion, and the factors by which they are stretched.
 
 A frame Q of orthonormal tangents is integrated with the motion over a short chunk and then
 orthonormalised again, V = Q' R. The diagonal of R contains the factors by which the chunk stretches

@@ -1,4 +1,4 @@
-"""The command `jaxdyn accuracy`: what each digit of a scene costs."""
+"""The command `jaxdyn accuracy`: the cost of each digit for a scene."""
 
 import math
 from typing import Annotated
@@ -25,12 +25,12 @@ def accuracy_command(
     name: SceneArgument,
     settings: SetOption = None,
     t1: SpanOption = None,
-    digits: Annotated[float, number("How many digits to recommend a solver for.")] = 9,
+    digits: Annotated[float, number("Digits for which to recommend a solver.")] = 9,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Time that each digit of a scene costs; a solver and a tolerance for the wanted digits."""
+    """The time that each digit costs; a solver and a tolerance for the requested digits."""
     check_title(title, plot)
     if not 1 <= digits <= 15:
         raise fail("digits", "between 1 and 15", digits, "64-bit floats have just under 16.")

@@ -1,4 +1,4 @@
-"""The command `jaxdyn chaos`: Lyapunov exponents of a motion, or a map of where it is chaotic."""
+"""The command `jaxdyn chaos`: Lyapunov exponents of a motion, or a map of chaotic motions."""
 
 from typing import Annotated, NamedTuple
 
@@ -22,11 +22,11 @@ from jaxdyn.cli.shared import (
 )
 
 STOPPED = 1  # exit code: the motion did not reach its end
-_MOST_VALUES = 1000  # each way
+_MOST_VALUES = 1000  # in each direction
 
 
 class _Range(NamedTuple):
-    """A number that a map varies: its name, and where it begins and ends."""
+    """A number that a map varies: its name and its range."""
 
     name: str
     low: float
@@ -38,24 +38,24 @@ def chaos_command(
     settings: SetOption = None,
     t1: SpanOption = None,
     transient: Annotated[
-        float | None, number("Time left out at the start; a tenth of the span.")
+        float | None, number("Time to skip at the start; a tenth of the span.")
     ] = None,
     ranges: Annotated[
         list[str] | None,
         typer.Option(
             "--map",
             metavar="NAME=LOW:HIGH",
-            help="Map the MEGNO over this number; twice, the second goes across.",
+            help="Map the MEGNO over this number; give two, the second is horizontal.",
         ),
     ] = None,
-    size: Annotated[int, typer.Option(help="How many values each way in a map.")] = 40,
+    size: Annotated[int, typer.Option(help="Number of values in each direction of a map.")] = 40,
     plot: PlotOption = None,
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Lyapunov exponents of a motion with error bars, or a map of regular and chaotic motions.
 
-    What a map varies are parameters of the scene or entries of its start.
+    A map varies parameters of the scene or entries of its initial state.
     """
     check_title(title, plot)
     chosen, varied = scene_settings(name, settings), _ranges(ranges)
@@ -110,7 +110,7 @@ def _map(
     t1: float | None,
     out: Screen,
 ) -> "tuple[jaxdyn.chaos.ChaosMap, list[str]]":
-    """A map, printed; and its two numbers with their units."""
+    """Print a map; returns it, and its two numbers with their units."""
     make, labels = jaxdyn.scenes.catalogue.function_of_numbers(
         name, chosen, [one.name for one in varied]
     )

@@ -1,4 +1,4 @@
-"""The command `jaxdyn course`: runs the page of a problem: numbers, checks, pictures."""
+"""The command `jaxdyn course`: runs the page of a problem, with numbers, checks, pictures."""
 
 import textwrap
 from pathlib import Path
@@ -31,7 +31,7 @@ def course_command(
     play: PlayOption = False,
     live: Annotated[
         Path | None,
-        output_option(page_path, "Write it as a page with its motions, one file (.html)."),
+        output_option(page_path, "Write it as a page with its motions, a single file (.html)."),
     ] = None,
     code: Annotated[bool, typer.Option("--code", help="Print the page's code as well.")] = False,
     check: Annotated[
@@ -39,7 +39,7 @@ def course_command(
     ] = False,
     as_object: JsonOption = False,
 ) -> None:
-    """Run a problem of the course: what is asked, the answer, its numbers, checks and pictures."""
+    """Run a problem of the course: its statement, the answer, numbers, checks and pictures."""
     page = _page(problem)
     with screen(f"running {page.name}", as_object) as out:
         found = jaxdyn.course.page.run(page.name, check=check)
@@ -62,7 +62,7 @@ def course_command(
 
 
 def _page(problem: str) -> "jaxdyn.course.page.Problem":
-    """The page of a number or a name."""
+    """The page with this number or name."""
     pages = jaxdyn.course.problems()
     found = {str(n): page for n, page in pages.items()} | {p.name: p for p in pages.values()}
     if problem not in found:
@@ -87,7 +87,7 @@ def _print(
             out.print(escape("\n".join(map(printed.text, shown))) + "\n")
     for line in jaxdyn.course.page.report(found.page):
         out.print(line)
-    out.print(f"Run in {found.seconds:.1f} s, compiling included.")
+    out.print(f"Run in {found.seconds:.1f} s, including compilation.")
     if found.left:
         out.print(f"Further checks take longer: `jaxdyn course {page.number} --check`.")
     if code:

@@ -1,8 +1,8 @@
-"""What scenes, solvers and hard cases there are, and their numbers, within milliseconds.
+"""The names of scenes, solvers and hard cases, with their parameters, within milliseconds.
 
-It is read from the text of the files that define them: importing those loads JAX, which takes
-seconds. What a scene is made with is decided when it is made; here only misspelt names and text
-that is no number are refused.
+They are read from the text of the files that define them, since importing these loads JAX, which
+takes seconds. The values of parameters are checked when a scene is made; here only misspelt names
+and texts that are not numbers are refused.
 """
 
 import ast
@@ -33,12 +33,12 @@ class Parameter(NamedTuple):
 
 
 class SceneText(NamedTuple):
-    """What the text of a scene's function says.
+    """The contents of the docstring of a scene's function.
 
     Attributes:
-      summary: of the scene, in a line.
-      problems: numbers of the course's problems that it answers.
-      parameters: by name.
+      summary: summary of the scene in one line.
+      problems: numbers of the problems of the course that it answers.
+      parameters: the parameters by name.
     """
 
     summary: str
@@ -47,7 +47,7 @@ class SceneText(NamedTuple):
 
 
 def scenes() -> dict[str, SceneText]:
-    """The scenes that numbers alone can make, by name."""
+    """The scenes whose parameters are numbers, by name."""
     found = {}
     for path in (_PACKAGE / "scenes").glob("*.py"):
         body = ast.parse(path.read_text(encoding="utf-8")).body
@@ -59,7 +59,7 @@ def scenes() -> dict[str, SceneText]:
 
 
 def of_file(name: str) -> SceneText:
-    """What the text of a scene in a file of the user's says."""
+    """The same for a scene in a file of the user."""
     if (text := _scene_files.text_of(name)) is not None:
         numbers = jaxdyn.formulations.xpp.Maker(text).defaults
         first = text.strip().partition("\n")[0]
@@ -69,14 +69,14 @@ def of_file(name: str) -> SceneText:
 
 
 def _literal(default: ast.expr) -> Any:
-    """A default that is a number or a text; else what is written, of which nothing is run."""
+    """A default value that is a number or a string; otherwise its source, which is not executed."""
     with contextlib.suppress(ValueError):
         return ast.literal_eval(default)
     return ast.unparse(default)
 
 
 def _is_ready_made(function: ast.FunctionDef) -> bool:
-    """Whether it makes a scene, and needs nothing but what has a default."""
+    """Whether a function makes a scene, and all its parameters have defaults."""
     named = any(ast.unparse(x).startswith("ready_made(") for x in function.decorator_list)
     given = function.args
     return named and len(given.defaults) == len(given.args) and None not in given.kw_defaults
@@ -87,17 +87,17 @@ def _value(constants: dict[str, Any], default: ast.expr) -> Any:
 
 
 def _constants(body: list[ast.stmt]) -> dict[str, Any]:
-    """The constants of a file that need nothing but numbers and `math`, for defaults."""
+    """The constants of a file that consist of numbers and `math` only, for defaults."""
     found: dict[str, Any] = {"math": math}
     for node in body:
         if isinstance(node, ast.Assign | ast.AugAssign):
-            with contextlib.suppress(NameError):  # of what the file imports or defines
+            with contextlib.suppress(NameError):  # names that the file imports or defines
                 exec(compile(ast.Module([node], []), "a constant", "exec"), found)
     return found
 
 
 def _scene_text(function: ast.FunctionDef, value: Callable[[ast.expr], Any]) -> SceneText:
-    """What it says, with the value of each default."""
+    """The contents of a docstring, with the value of each default."""
     given, text = function.args, inspect.cleandoc(ast.get_docstring(function) or "")
     first = text.partition("\n")[0]
     cited = re.search(r"problems? ([\d, and]+)", first)
@@ -118,8 +118,8 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     """The settings of a scene by name, from the texts "NAME=VALUE" of a command line.
 
     Raises:
-      ValueError: no such scene or parameter (the nearest is suggested), a text without "=", or one
-        whose value is of another kind than the parameter.
+      ValueError: there is no such scene or parameter (the nearest one is suggested), a text has no
+        "=", or a value is of another kind than the parameter.
     """
     found = _by_name(texts or ())
     if _scene_files.is_in_file(name):
@@ -156,14 +156,14 @@ def _by_name(texts: Iterable[str]) -> dict[str, str]:
 
 
 def solver_names() -> tuple[str, ...]:
-    """What --solver takes, in small letters: the ready instances that `jaxdyn.solvers` exports."""
+    """The values of --solver in lower case: the instances that `jaxdyn.solvers` exports."""
     tree = ast.parse((_PACKAGE / "solvers" / "__init__.py").read_text(encoding="utf-8"))
     (listed,) = (node.value for node in tree.body if isinstance(node, ast.Assign))
     return tuple(name.lower() for name in ast.literal_eval(listed) if name.isupper())
 
 
 def hard_cases() -> dict[str, str]:
-    """What must hold in each of the hard cases, by name: literals, the first two of a `Case`."""
+    """The statement of each hard case, by name: the first two fields of a `Case`, literals."""
     folder = _PACKAGE / "hard"
     body = ast.parse((folder / "collection.py").read_text(encoding="utf-8")).body
     (topics,) = (

@@ -30,7 +30,7 @@ def equations_command(
 ) -> None:
     """Print the equations of motion of a scene, its constraints and energies, as a textbook does.
 
-    A number that is 0 is left out: --set drag=0.1 shows the drag.
+    A parameter that is 0 is left out: --set drag=0.1 shows the drag.
     """
     if latex + (language is not None) + as_object > 1:
         got = "several of them"

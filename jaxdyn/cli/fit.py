@@ -1,4 +1,4 @@
-"""The command `jaxdyn fit`: numbers of a scene, and its start, from a table of measurements."""
+"""The command `jaxdyn fit`: parameters and initial state of a scene from measurements."""
 
 import functools
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def fit_command(
         typer.Option(
             "--free",
             metavar="NAME[=GUESS]",
-            help="A number to be estimated, from its value in the scene or from a guess.",
+            help="A parameter to estimate, from its value in the scene or from a guess.",
         ),
     ] = None,
     settings: SetOption = None,
@@ -45,11 +45,11 @@ def fit_command(
         typer.Option(
             "--start",
             metavar="NAME",
-            help="An entry of the start to be estimated; all, if no free number changes the start.",
+            help="An entry of the start to estimate; all, if no free number changes the start.",
         ),
     ] = None,
     column: Annotated[
-        list[str] | None, typer.Option("--column", metavar="NAME", help="A column to be used.")
+        list[str] | None, typer.Option("--column", metavar="NAME", help="A column to use.")
     ] = None,
     noise: Annotated[
         float | None, number("Standard deviation of the measurements; estimated by default.")
@@ -58,7 +58,7 @@ def fit_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Estimate numbers of a scene, and its start, from measurements, with 95 % intervals."""
+    """Estimate parameters and the start of a scene from measurements, with 95 % intervals."""
     check_title(title, plot)
     model = _check(name, free or [], scene_settings(name, settings))
     with screen(f"fitting {name}", as_object) as out:
@@ -84,7 +84,7 @@ def fit_command(
 
 
 def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], tuple]:
-    """What gives the scene as a function of the numbers that are free, and their guesses."""
+    """A function that returns the scene as a function of the free numbers, and their guesses."""
     names = [text.partition("=")[0] for text in free]
     if not names:
         raise fail("--free", "a number to be estimated", "none", "For example --free g.")

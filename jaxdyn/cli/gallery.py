@@ -12,16 +12,16 @@ from jaxdyn._text import fail, number_of
 from jaxdyn.cli.screen import screen
 
 _FAILED = 1  # exit code: a page could not run, a check does not hold, or Sphinx warns
-#: Of the extra that the site needs.
+#: Packages of the extra that the site needs.
 _NEEDED = ("sphinx", "myst_nb", "pydata_sphinx_theme", "sphinx_copybutton", "sphinx_design")
 
 
 def gallery_command(
     out: Annotated[Path, typer.Option(help="The folder to write to.")] = Path("site"),
     only: Annotated[
-        str | None, typer.Option(help="Run just these: numbers or names, such as 28,31.")
+        str | None, typer.Option(help="Run only these: numbers or names, such as 28,31.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes; one for each core.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes; one per core.")] = None,
 ) -> None:
     """Build the site: the course with players, orbits, hard cases, tutorials, guides, reference."""
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]

@@ -20,8 +20,8 @@ def hard_command(
         list[str] | None,
         typer.Argument(help="Cases to run; all if none is named.", autocompletion=completion.case),
     ] = None,
-    only_list: Annotated[bool, typer.Option("--list", help="Say what there is.")] = False,
-    as_object: Annotated[bool, typer.Option("--json", help="One JSON object a figure.")] = False,
+    only_list: Annotated[bool, typer.Option("--list", help="List the cases.")] = False,
+    as_object: Annotated[bool, typer.Option("--json", help="One JSON object per figure.")] = False,
 ) -> None:
     """Run cases that break naive codes; print the figures of each, their bounds and a verdict."""
     known = docstrings.hard_cases()

@@ -1,4 +1,4 @@
-"""The command `jaxdyn info`: what a report of an error has to say of the machine."""
+"""The command `jaxdyn info`: facts about the machine for bug reports."""
 
 from rich.markup import escape
 from rich.table import Table
@@ -9,7 +9,7 @@ from jaxdyn.cli.shared import JsonOption
 
 
 def info_command(as_object: JsonOption = False) -> None:
-    """Print the versions, devices, settings and the cache, for reports of errors."""
+    """Print the versions, devices, settings and the cache, for bug reports."""
     with screen("asking JAX for its devices", as_object) as out:
         found = jaxdyn.info()
         if as_object:

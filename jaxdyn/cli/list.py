@@ -1,4 +1,4 @@
-"""The command `jaxdyn list`: scenes with their parameters, problems, what is about a word."""
+"""The command `jaxdyn list`: scenes with their parameters, problems, texts about a word."""
 
 from collections.abc import Mapping
 from typing import Annotated
@@ -21,13 +21,13 @@ def list_command(
         list[str] | None,
         typer.Argument(
             metavar="[SCENE or WORD]...",
-            help="Which, or a word about them, or FILE.py:NAME of yours; all if none is named.",
+            help="Scenes, words about them, or FILE.py:NAME of yours; all if none is given.",
             autocompletion=completion.scene,
         ),
     ] = None,
     as_object: JsonOption = False,
     problems: Annotated[
-        bool, typer.Option("--problems", help="The course's problems and what answers each.")
+        bool, typer.Option("--problems", help="The problems of the course, with their answers.")
     ] = False,
 ) -> None:
     """List scenes with their parameters and units; with a word, also guides and problems."""
@@ -54,7 +54,7 @@ def list_command(
 
 
 def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
-    """The scenes that are named, and those whose name or text has a word in it."""
+    """The scenes that are named, and those whose name or text contains a word."""
     zoo, found = scenes(), {}
     for word in words:
         if _scene_files.is_in_file(word):
@@ -67,7 +67,7 @@ def _matching_scenes(words: list[str]) -> dict[str, SceneText]:
 
 
 def _texts(words: list[str]) -> dict[str, dict[str, str]]:
-    """Of words that are no names of scenes: what each kind of text says of them, by a heading."""
+    """The texts of each kind about words that are not names of scenes, by a heading."""
     zoo = scenes()
     asked = [word for word in words if word not in zoo and not _scene_files.is_in_file(word)]
     found = {"guide of the site": {}, "problem": {}, "word": {}}

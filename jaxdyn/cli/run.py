@@ -42,7 +42,7 @@ def run_command(
     name: SceneArgument,
     settings: SetOption = None,
     t1: SpanOption = None,
-    samples: Annotated[int, typer.Option(help="How many times to sample, in each phase.")] = 400,
+    samples: Annotated[int, typer.Option(help="Number of samples in each phase.")] = 400,
     rtol: Annotated[float, number("Relative tolerance of a step.")] = _RTOL,
     solver: Annotated[
         str,
@@ -51,7 +51,7 @@ def run_command(
         ),
     ] = "auto",
     dt: Annotated[
-        float | None, number("Step [s] of a solver of equal steps, such as verlet.")
+        float | None, number("Step [s] of a solver with a fixed step, such as verlet.")
     ] = None,
     plot: PlotOption = None,
     series: SeriesOption = None,
@@ -69,7 +69,7 @@ def run_command(
     ] = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Simulate a scene in all its phases, report how its energy changes, and draw it if asked."""
+    """Simulate a scene in all its phases, report its change of energy, and draw it if requested."""
     options = "--plot, --series, --energies or --free-body"
     check_title(title, plot, series, energies, free_body, options=options)
     _check_numbers(samples, seconds, animate, at, free_body)
@@ -124,7 +124,7 @@ def _check_numbers(
 
 
 def _draw(motion, out: Screen, *, plot, series, energies, title) -> None:
-    """Write the pictures that are asked for."""
+    """Write the requested pictures."""
     if plot:
         with out.writing(plot, "drawn in"):
             jaxdyn.drawing.trajectory(motion, plot, title=title)
@@ -139,28 +139,28 @@ def _draw(motion, out: Screen, *, plot, series, energies, title) -> None:
 
 
 def _animate(motion, out: Screen, animate: Path | None, seconds: float | None) -> None:
-    """Write the animation if it is asked for."""
+    """Write the animation if it is requested."""
     if animate:
         with out.writing(animate, "animated in"):
             jaxdyn.drawing.animate(motion, animate, seconds=seconds)
 
 
 def _cut_free(motion, out: Screen, path: Path | None, at: float | None, title) -> None:
-    """Write the free-body diagrams if they are asked for."""
+    """Write the free-body diagrams if they are requested."""
     if path:
         with out.writing(path, "with its bodies cut free in"):
             jaxdyn.drawing.free_body(motion, at or 0.0, path=path, title=title)
 
 
 def _write_page(scene: "jaxdyn.Scene", live: Path | None, out: Screen) -> None:
-    """Write the page on which the scene runs if it is asked for, before it takes any time."""
+    """Write the page on which the scene runs, if requested, before the simulation."""
     if live:
         with out.writing(live, "runs in"):
             scene.live(live)
 
 
 def _write(motion, out: Screen, *, csv: Path | None, save: Path | None) -> None:
-    """Write the files that are asked for."""
+    """Write the requested files."""
     if csv:
         with out.writing(csv, "written to"):
             jaxdyn.files.tables.write_csv(csv, motion)
@@ -170,7 +170,7 @@ def _write(motion, out: Screen, *, csv: Path | None, save: Path | None) -> None:
 
 
 def _method(name: str) -> "jaxdyn.solvers.Method | None":
-    """The method of a name in small letters; None, the default, for "auto"."""
+    """The method with a name in lower case; None, the default, for "auto"."""
     return None if name == "auto" else getattr(jaxdyn.solvers, name.upper())
 
 

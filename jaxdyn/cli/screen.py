@@ -2,7 +2,7 @@
 
 Results go to standard output. On a terminal, a line with a spinner on standard error shows
 the current task and whether it is compiling; a task of known length has a progress bar, a rate and
-the time left. There is no such line elsewhere, nor with --json.
+the time left. There is no such line if the output is not a terminal, or with --json.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from jaxdyn import _progress
 from jaxdyn._text import with_null
 from jaxdyn.files.output_files import unwritable
 
-_REFRESHES = 5  # a second
+_REFRESHES = 5  # per second
 
 
 class Screen:
@@ -29,7 +29,7 @@ class Screen:
     def __init__(self, as_object: bool):
         self.as_object = as_object
         self._console = Console(stderr=as_object, highlight=False, soft_wrap=True)
-        # Not what rich takes for a terminal: colours can be forced on a file.
+        # Do not ask rich whether it is a terminal, since colours can be forced on a file.
         on_terminal = sys.stderr.isatty() and not Console(stderr=True).is_dumb_terminal
         self._live = _line() if on_terminal and not as_object else None
 
@@ -57,10 +57,10 @@ class Screen:
 
     @contextlib.contextmanager
     def writing(self, path: Path, said: str) -> Iterator[None]:
-        """Context of writing a file: report it afterwards, or raise an error of one line.
+        """A context for writing a file: report it afterwards, or raise an error with one line.
 
         Raises:
-          ValueError: `path` could not be written, e.g. because the disk is full by now.
+          ValueError: `path` could not be written, for example because the disk is full.
         """
         self.show_task(f"writing {path}")
         try:
@@ -87,7 +87,7 @@ def screen(what: str, as_object: bool = False) -> Iterator[Screen]:
 
     Args:
       what: the task, e.g. "simulating car".
-      as_object: whether its result is a JSON object.
+      as_object: whether the result is printed as a JSON object.
     """
     shown = Screen(as_object)
     shown.show_task(what)
@@ -113,7 +113,7 @@ def _line() -> _Line:
         console=Console(stderr=True),
         transient=True,
         refresh_per_second=_REFRESHES,
-        # Else what goes to standard output would come out on standard error.
+        # Otherwise text for standard output would go to standard error.
         redirect_stdout=False,
         redirect_stderr=False,
     )

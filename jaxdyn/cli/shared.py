@@ -1,7 +1,7 @@
-"""What the commands of `jaxdyn` and `orbits` share: options, start, exit codes.
+"""Common parts of the commands of `jaxdyn` and `orbits`: options, start, exit codes.
 
 Neither this file nor that of a command loads JAX, NumPy or Matplotlib, so help and usage errors
-appear at once. A command takes what it needs from the two packages, which then load it.
+appear at once. A command uses names of the two packages, which load these libraries when needed.
 """
 
 import gc
@@ -35,7 +35,7 @@ _Usage: type[Exception] = typer.BadParameter.__bases__[0]
 
 
 def output_option(check: Callable[[Path, str], object], about: str, *names: str) -> Any:
-    """An option for a file to write, which is checked under the option's name as words are read."""
+    """An option for a file to write, which is checked when the arguments are parsed."""
 
     def checked(option: typer.CallbackParam, path: Path | None) -> Path | None:
         if path is not None:
@@ -46,7 +46,7 @@ def output_option(check: Callable[[Path, str], object], about: str, *names: str)
 
 
 def read(option: typer.CallbackParam, path: Path | None) -> Path | None:
-    """The callback of an option or argument for a file to read: refused if it cannot be."""
+    """The callback of an option or argument for a file to read, which refuses unreadable files."""
     if path is not None:
         content(path, MAX_BYTES, "Give the path of a file that is there.", option.opts[0])
     return path
@@ -57,7 +57,7 @@ def number(about: str) -> Any:
 
     def checked(text: str | float) -> float:
         try:
-            return value(text) if isinstance(text, str) else text  # a default is no text
+            return value(text) if isinstance(text, str) else text  # a default is not a string
         except ValueError as error:
             raise typer.BadParameter(str(error).removeprefix("number: ")) from None
 
@@ -77,11 +77,11 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="One of its numbers, such as angle=pi/2.",
+        help="One of its parameters, such as angle=pi/2.",
         autocompletion=completion.setting,
     ),
 ]
-SpanOption = Annotated[float | None, number("End of the span; the scene's own.")]
+SpanOption = Annotated[float | None, number("End of the time span; that of the scene.")]
 PlotOption = Annotated[Path | None, output_option(picture_path, "Draw it (.png, .pdf, .svg).")]
 SeriesOption = Annotated[
     Path | None, output_option(picture_path, "Draw its state over time (.png, .pdf, .svg).")
@@ -93,9 +93,9 @@ AnimateOption = Annotated[Path | None, output_option(animation_path, "Animate it
 SecondsOption = Annotated[float | None, number("How long the animation lasts [s].")]
 FreeBodyOption = Annotated[
     Path | None,
-    output_option(picture_path, "Draw each body cut free, with its forces (.png, .pdf, .svg)."),
+    output_option(picture_path, "Draw free-body diagrams (.png, .pdf, .svg)."),
 ]
-AtOption = Annotated[float | None, number("When the bodies are cut free [s]; at the start.")]
+AtOption = Annotated[float | None, number("Time of the free-body diagrams [s]; the start.")]
 TitleOption = Annotated[str | None, typer.Option(help="Title of the picture.")]
 PlayOption = Annotated[bool, typer.Option("--play", help="Open a page that plays it.")]
 LiveOption = Annotated[
@@ -128,7 +128,7 @@ def application(about: str) -> typer.Typer:
 def add(app: typer.Typer, name: str, command: Callable[..., None], *examples: str) -> None:
     """Add a command, whose help ends with the given examples."""
     lines = "\n".join(f"  {example}" for example in examples)
-    # What follows a backspace is not wrapped.
+    # Text after a backspace is not wrapped.
     app.command(name, epilog=f"\b\nExamples:\n{lines}")(command)
 
 
@@ -141,7 +141,7 @@ def _version(wanted: bool) -> None:
 def _begin(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which it is.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     del version
@@ -152,15 +152,16 @@ def _begin(
 
 def start(app: typer.Typer) -> None:
     """Run a command line; one line on standard error and exit code 2 for invalid input."""
-    # What imports and traces make mostly stays: to search it for cycles again and again takes a
-    # tenth of a short command's time. A library leaves this to its user; this process is ours.
+    # Most objects that imports and traces make stay alive; searching them for cycles again and
+    # again takes a tenth of the time of a short command. A library must leave this setting to its
+    # user, but this process is ours.
     gc.set_threshold(*_RARELY)
     if sys.stderr is None:  # closed by the caller
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
     if sys.stdout is None:
         _refuse("standard output is closed. Write to a file, or to /dev/null.")
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal may know fewer characters
+        if isinstance(stream, io.TextIOWrapper):  # a terminal may support fewer characters
             stream.reconfigure(errors="replace")
     try:
         code = app(standalone_mode=False)
@@ -183,7 +184,7 @@ def start(app: typer.Typer) -> None:
 
 
 def _let_go() -> None:
-    """Detach standard output: Python would otherwise flush it at exit, and complain."""
+    """Detach standard output, which Python would otherwise flush at exit, with an error."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,7 +1,7 @@
-"""What is about a word: scenes, guides, problems of the course, words of the conventions.
+"""Search by a word: scenes, guides, problems of the course, entries of the glossary.
 
-All are searched as text, before JAX is loaded. Words of the field that the texts do not use stand
-for those that they do.
+All are searched as text, before JAX is loaded. Terms of the field that the texts do not use are
+mapped to those that they do.
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 import jaxdyn
 from jaxdyn.cli.docstrings import SceneText
 
-#: Words of the field beside those in the texts: how these begin there.
+#: Terms of the field, with the beginnings of the words that the texts use instead.
 _SYNONYMS = {
     "constraint": ("tie", "constrained", "rod", "roll"),
     "forcing": ("drive", "driven", "shak", "pulse", "force f cos"),
@@ -34,11 +34,11 @@ _SYNONYMS = {
 }
 
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
-_LINES = 3  # of a guide that is about a word, which need not be in a heading
+_LINES = 3  # a guide with the word in so many lines is about it
 
 
 def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:
-    """The names of the scenes with a word in their texts."""
+    """The names of the scenes whose texts contain a word."""
     return [name for name, scene in zoo.items() if _is_in(word, _text(name, scene))]
 
 
@@ -54,26 +54,26 @@ def guides(word: str) -> dict[str, str]:
 
 
 def problems(word: str) -> dict[int, str]:
-    """The titles of the problems of the course with a word in them."""
+    """The titles of the problems of the course that contain a word."""
     listed = jaxdyn.course.problems()
     return {n: problem.title for n, problem in listed.items() if _is_in(word, problem.title)}
 
 
 def meanings(word: str) -> dict[str, str]:
-    """Our words that are, or are explained by, a word."""
+    """The entries of the glossary that contain a word, in the term or in its meaning."""
     return {ours: meaning for ours, meaning in _words() if _is_in(word, f"{ours}: {meaning}", ())}
 
 
 @cache
 def _words() -> tuple[tuple[str, str], ...]:
-    """Our words with their meanings, from the tables of the guide to conventions."""
+    """The terms with their meanings, from the tables of the guide to conventions."""
     (guide,) = _GUIDES.glob("*_conventions.md")
     rows = re.findall(r"^\| ([^|`]+) \| ([^|]+) \|$", guide.read_text(encoding="utf-8"), re.M)
     return tuple(rows)
 
 
 def _is_in(word: str, text: str, same: tuple[str, ...] | None = None) -> bool:
-    """Whether a word, in the singular, is in a text, or a word begins there that means the same."""
+    """Whether a text contains the singular of a word, or a word that begins with a synonym."""
     word, text = _plain(word), _plain(text)
     one = word.removesuffix("s") if len(word) > 3 else word
     same = _SYNONYMS.get(word, _SYNONYMS.get(one, ())) if same is None else same

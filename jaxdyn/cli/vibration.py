@@ -1,4 +1,4 @@
-"""The command `jaxdyn vibration`: natural modes, and a frequency response from input to output."""
+"""The command `jaxdyn vibration`: natural modes, and a frequency response."""
 
 import math
 from pathlib import Path
@@ -37,15 +37,16 @@ def vibration_command(
     settings: SetOption = None,
     start: NearOption = None,
     given: Annotated[
-        str | None, typer.Option("--input", metavar="NAME", help="Coordinate that is pushed.")
+        str | None,
+        typer.Option("--input", metavar="NAME", help="Coordinate on which it acts."),
     ] = None,
     output: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Entry that is looked at; --input's.")
+        str | None, typer.Option(metavar="NAME", help="Entry of the response; that of --input.")
     ] = None,
     within: Annotated[
         str | None, typer.Option(metavar="A,B", help="Angular frequencies of the response.")
     ] = None,
-    samples: Annotated[int, typer.Option(help="How many frequencies.")] = 400,
+    samples: Annotated[int, typer.Option(help="Number of frequencies.")] = 400,
     plot: PlotOption = None,
     csv: Annotated[Path | None, output_option(table_path, "Write the response (.csv).")] = None,
     title: TitleOption = None,
@@ -53,12 +54,12 @@ def vibration_command(
 ) -> None:
     """Natural frequencies, damping ratios and mode shapes of a scene about an equilibrium.
 
-    With --input also the receptance: the displacement of --output for each unit of force.
+    With --input, also the receptance: the displacement of --output per unit of force.
     """
     check_title(title, plot)
     whole("samples", samples, least=2)
     if given is None and (output, within, plot, csv) != (None,) * 4:
-        raise fail("--input", "a coordinate", "none", "A response is one to something.")
+        raise fail("--input", "a coordinate", "none", "It says where the force acts.")
     with screen(f"linearising {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, scene_settings(name, settings))
         scene = at_equilibrium(scene, start)
@@ -72,7 +73,7 @@ def vibration_command(
 
 
 def at_equilibrium(scene: "jaxdyn.Scene", start: str | None) -> "jaxdyn.Scene":
-    """The scene in the equilibrium near a state A,B,..., or near its own start."""
+    """The scene at the equilibrium near a state A,B,..., or near its own initial state."""
     if start is None:
         near = scene.y0.tolist()
     else:

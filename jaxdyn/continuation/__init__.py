@@ -17,8 +17,8 @@ respect to the numbers of their scenes.
 
 May import: `analysis`, `files`.
 
-One more thing to follow is a `BranchProblem` with its `Chart`, in the file of what it follows. One
-more kind of special point is a `Kind` in `kinds`, its equations in `defining`, and a test in
+To add a kind of branch, write a `BranchProblem` with its `Chart` in a file of its own. To add a
+kind of special point, write a `Kind` in `kinds`, its equations in `defining`, and a test in
 `special`.
 """
 

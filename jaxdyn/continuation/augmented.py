@@ -32,7 +32,7 @@ _PAIRED = 1e-4
 
 
 class Frame(NamedTuple):
-    """What the unknowns are normalised by.
+    """The normalisation of the unknowns.
 
     Attributes:
       rows: (1, k) l, or (2, k) l and m.

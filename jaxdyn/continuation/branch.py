@@ -1,13 +1,13 @@
-"""The branch engine: what a problem is, the predictor, the locator, step control, and the loop.
+"""The branch engine: the interface of problems, predictor, locator, step control, and the loop.
 
 A branch is a curve of solutions: equilibria or orbits in a parameter, folds in two parameters,
-tori. Whoever follows one poses it as a `BranchProblem`, which has a `Chart` near each member: the
-unknowns in units, in which lengths and angles mean something, and the equations for Newton's
-method. Everything else is here, once: a step predicts along the tangent and corrects in the plane
-across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and longer
-where Newton's method converges easily; a special point between two neighbours is located where a
-test changes sign, by the Illinois method; and a branch is kept in a file, from which an interrupted
-run goes on (`checkpoint`).
+tori. To follow one, pose it as a `BranchProblem`, which has a `Chart` near each member: the
+unknowns in units in which lengths and angles are meaningful, and the equations for Newton's method.
+Everything else is implemented here, once: a step predicts along the tangent and corrects in the
+plane across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and
+longer where Newton's method converges easily; a special point between two neighbours is located
+where a test changes sign, by the Illinois method; and a branch is kept in a file, from which an
+interrupted run goes on (`checkpoint`).
 
 Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theory, 359; Dowell,
 Jarratt (1971), BIT 11, 168, for the Illinois method.
@@ -42,7 +42,7 @@ Member = TypeVar("Member")
 
 
 class Place(NamedTuple):
-    """Where a member is, in the units of a chart.
+    """The position of a member, in the units of a chart.
 
     Attributes:
       x: (n,) its unknowns.
@@ -54,12 +54,12 @@ class Place(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """What a corrector found.
+    """The result of a corrector.
 
     Attributes:
       x: (n,) the unknowns, in the units of the chart.
       iterations: number of Newton steps.
-      solution: the member itself, or what the chart turns into a tangent and a member.
+      solution: the member itself, or data from which the chart makes a tangent and a member.
     """
 
     x: np.ndarray
@@ -98,7 +98,7 @@ class Chart(abc.ABC, Generic[Member]):
 
     @abc.abstractmethod
     def place(self, member: Member) -> Place:
-        """Where a member is."""
+        """The position of a member."""
 
     @abc.abstractmethod
     def correct(self, last: Member, start: np.ndarray, plane: np.ndarray) -> Correction | str:
@@ -149,7 +149,7 @@ class Chart(abc.ABC, Generic[Member]):
             return found
         off = float(np.linalg.norm((found.x - predicted)[self.measured]))
         if not off <= self.reach * abs(length):
-            return "Newton's method does not converge near by"
+            return "Newton's method does not converge nearby"
         tangent = self.tangent(last, found)
         if isinstance(tangent, str):
             return tangent
@@ -166,7 +166,7 @@ class Chart(abc.ABC, Generic[Member]):
         return float(here.tangent[self.measured] @ (there.x - here.x)[self.measured])
 
     def between(self, a: Member, b: Member, share: float) -> Member | None:
-        """The member after a share of the way from one to another; None if there is none."""
+        """The member after a fraction of the way from one to another; None if there is none."""
         here, there = self.place(a), self.place(b)
         plane = here.x + share * self.along(a, b) * here.tangent
         # It starts on the chord: the equations may be singular at a special point itself.
@@ -178,7 +178,7 @@ class Chart(abc.ABC, Generic[Member]):
         return None if isinstance(new, str) else new
 
     def at_end(self, a: Member, b: Member, share: float) -> bool:
-        """Whether the place after a share of the way from one to another is one of them."""
+        """Whether the position after a fraction of the way from one to another is one of them."""
         size = 1.0 + np.linalg.norm(self.place(a).x[self.measured])
         return not min(share, 1 - share) * abs(self.along(a, b)) > self.resolution * size
 
@@ -214,7 +214,7 @@ class Chart(abc.ABC, Generic[Member]):
 
 
 class BranchProblem(abc.ABC, Generic[Member]):
-    """What is followed: its members, its special points, where it ends, and how it is kept.
+    """The branch that is followed: its members, special points, end, and how it is saved.
 
     Attributes:
       what: the kind of walk, as files name it.
@@ -232,7 +232,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
 
     @abc.abstractmethod
     def codec(self) -> Codec:
-        """How members are kept in files."""
+        """How members are saved in files."""
 
     def special(self, chart: Any, a: Member, b: Member, first: bool) -> list[Member]:
         """The special points between two neighbours in a chart, in order; `first`: also at `a`."""
@@ -254,7 +254,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
         return ""
 
     def lost(self, reason: str) -> str:
-        """Why the branch ends where no member is found, however short the step."""
+        """Why the branch ends if no member is found, however short the step."""
         return f"nothing was found beyond: {reason}"
 
     def ready(self, member: Member) -> Member:
@@ -267,7 +267,7 @@ class BranchProblem(abc.ABC, Generic[Member]):
         return np.concatenate(chart.place(chart.inward(first)))
 
     def about(self) -> dict[str, Any]:
-        """What else distinguishes the branch from others, and is needed to read it from a file."""
+        """Further data that distinguish the branch from others, and are needed to read it."""
         return {}
 
 
@@ -297,7 +297,7 @@ def follow(
 ) -> Branch:
     """At most `most` members from the first one on; the first step has the length `step`.
 
-    A file at `path` keeps each member as it is found, and provides those that an earlier run found.
+    A file at `path` saves each member as it is found, and provides those that an earlier run found.
     """
     about = {} if path is None else problem.about()
     begin = Begin(problem.what, step, problem.identity(first), first, about)
@@ -319,7 +319,7 @@ def follow(
 
 
 def read(walk: SavedBranch, codec: Codec) -> Branch:
-    """The branch that its file has."""
+    """The branch in a file."""
     return _branch(*walk.read(codec), walk.end or _INTERRUPTED)
 
 

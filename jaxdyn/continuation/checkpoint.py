@@ -1,11 +1,12 @@
 """Branches in a file, member by member, so that an interrupted run can go on from it.
 
 A file holds the walks of a run, each with its first member and whatever distinguishes it from
-others. A walk is found again by these, whatever else the file has, and goes on where it was left;
-it may then be longer. Files hold numbers only: the scene is given again when a file is read.
+others. A walk is recognised by these, whatever else the file contains, and continues where it was
+left; it may then be longer. Files contain numbers only: the scene has to be given again when a file
+is read.
 
-Only one program at a time writes a file: another is refused. Steps are numbered, so that a file in
-which the steps of two runs are mixed is refused.
+Only one program at a time may write a file; others are refused. Steps are numbered, so that a file
+in which the steps of two runs are mixed is refused.
 """
 
 import contextlib
@@ -57,14 +58,14 @@ class Advance(NamedTuple):
 
 
 class Codec(NamedTuple):
-    """How the members of a walk become JSON, and members again."""
+    """The conversion of the members of a walk to JSON, and back."""
 
     encode: Callable[[Any], Any]
     decode: Callable[[Any], Any]
 
 
 def of_fields(cls: type) -> Codec:
-    """The codec of a dataclass of numbers, texts and arrays that has units."""
+    """The codec of a dataclass of numbers, strings and arrays that has units."""
 
     def unpack(record: Any) -> Any:
         whole = {**EARLIER, **record} if isinstance(record, dict) else record
@@ -78,12 +79,12 @@ class Begin:
     """The first line of a walk.
 
     Attributes:
-      what: which walk it is, e.g. "equilibria".
+      what: kind of the walk, such as "equilibria".
       step: length of the first step.
       place: (n,) the first member and its tangent, in units.
       first: the first member.
-      about: what else distinguishes it from others, and is needed to read it.
-      note: what else the file says about it.
+      about: further data that distinguish it from others, and are needed to read it.
+      note: further notes in the file.
       walk: its number in the file.
     """
 

@@ -21,7 +21,7 @@ MakeOfTwo = Callable[[Array, Array], Scene]
 
 
 class Special(Protocol):
-    """What the points of all curves have."""
+    """The common interface of the points of all curves."""
 
     @property
     def kind(self) -> CodimensionTwo | None: ...

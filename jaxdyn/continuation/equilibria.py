@@ -67,8 +67,8 @@ def continue_equilibria(
       down: start towards a smaller parameter.
       within: bounds on the parameter; the family ends at the first member beyond them.
       report: called with each member as it is found.
-      path: a file (.jsonl) that keeps each member as it is found, and may keep several families and
-        curves; the same call goes on from it where it was interrupted. See
+      path: a file (.jsonl) that saves each member as it is found, and may contain several families
+        and curves; the same call resumes from it after an interruption. See
         `jaxdyn.continuation.load`.
     Returns:
       The members, and the special points between them.
@@ -129,7 +129,7 @@ def switch_branch(
       within: bounds on the parameter.
       path: see `continue_equilibria`.
     Raises:
-      ValueError: `special` is no branch point, or not a simple one.
+      ValueError: `special` is not a branch point, or not a simple one.
     Example:
       >>> import jaxdyn
       >>> family = jaxdyn.continue_equilibria(
@@ -189,7 +189,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:
     sizes, time, _ = at_rest(scene.field, groups(scene.system), y)
-    # It looks beside the start too: a shaken pendulum at rest feels no drive.
+    # It also tests states near the start: a shaken pendulum at rest does not feel the forcing.
     states = jnp.stack([y, y + _ASIDE * np.asarray(sizes)])
 
     def by_time(t):

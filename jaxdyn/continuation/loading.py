@@ -22,9 +22,9 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
 
     Args:
       path: path of the file that `continue_equilibria` or `continue_curve` wrote with ``path=``.
-      make: the scenes, as given to these functions: files hold numbers only.
+      make: the scenes, as given to these functions, since files contain numbers only.
     Returns:
-      What the file has, in order; for an interrupted run, what was found.
+      The contents of the file, in order; for an interrupted run, what was found so far.
     Raises:
       ValueError: the file is of another kind, was edited or damaged, or its points are not
         equilibria of these scenes.

@@ -1,8 +1,8 @@
 """The corrector: Newton's method on the host, for the unknowns of a point of a branch.
 
 It begins near a solution, in unknowns and equations without units, and ends where its steps become
-small: after such a step the next one leaves only rounding. So it says whether there is a solution
-near by, and does not search for one far away (`orbits.shooting.newton` does).
+small: after such a step the next one leaves only rounding. It thus decides whether there is a
+solution nearby, and does not search for one far away (`orbits.shooting.newton` does).
 """
 
 import math
@@ -14,7 +14,7 @@ import numpy as np
 _SETTLED = 1e-8  # relative size of a step after which one more leaves only rounding
 
 #: A function of x (n,) that returns the residual (m,) and the Jacobian (m, n), which are NaN where
-#: they have no value, and what else is known.
+#: they are undefined, and further data.
 Equations = Callable[[np.ndarray], tuple]
 
 
@@ -25,7 +25,7 @@ class Solution(NamedTuple):
       x: (n,) unknowns.
       value: (m,) residual.
       jacobian: (m, n) Jacobian there.
-      more: what else the equations return there.
+      more: further data that the equations return there.
       iterations: number of steps to it, without the steps of the polish.
       settled: whether the last step was small.
     """

@@ -82,7 +82,7 @@ class Posed(NamedTuple):
     Attributes:
       system: the equations, from `defining`.
       unknowns: (n,) their unknowns.
-      normal: what fixes the length of its vectors.
+      normal: the normalisation of its vectors.
     """
 
     system: defining.System
@@ -130,7 +130,7 @@ def _with_coefficients(
     x = solution.x[: k + 1]
     point = equilibrium_at(make, x, before.tangent, solution.residual)
     if kind == Kind.BRANCH:
-        # Two directions lead away there; the neighbour's is kept.
+        # Two directions are possible there; that of the neighbour is kept.
         point = dataclasses.replace(point, tangent=before.tangent)
     if kind == Kind.HOPF:
         frequency = float(abs(solution.x[-1]))

@@ -65,8 +65,8 @@ def continue_curve(
         points has one direction only.
       within: bounds on each parameter; the curve ends at the first member beyond them.
       report: called with each member as it is found.
-      path: file (.jsonl) that keeps each member as it is found, and may keep several families and
-        curves; the same call goes on from it where it was interrupted. See
+      path: file (.jsonl) that saves each member as it is found, and may contain several families
+        and curves; the same call resumes from it after an interruption. See
         `jaxdyn.continuation.load`.
     Returns:
       The members, and the special points between them.

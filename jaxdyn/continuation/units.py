@@ -1,15 +1,15 @@
 """Families of equilibria and curves in units of their own, whatever the units of the scenes.
 
 All equations of this package are in units in which entries of the state, parameters and time are
-numbers of order 1, so that lengths, ranks and residuals mean something. `InUnits` is the scene in
+numbers of order 1, so that lengths, ranks and residuals are meaningful. `InUnits` is the scene in
 these units, and `Units` converts points from and to the units of the scene, in which members, files
 and results are. The first member of a family decides the units (`scales.at_rest`); entries that
 grow along it have their largest size so far. Special points have the units of the member before
-them, and so has whatever begins there.
+them, and so do branches that begin there.
 
-The value of a parameter may be anything, and does not give its size. The size follows from what the
-parameter changes, the rate or its derivatives, relative to the terms of the same row of A y, where
-that change is largest.
+The value of a parameter does not determine its size. The size follows from the change of the rate
+or its derivatives with the parameter, relative to the terms of the same row of A y, where that
+change is largest.
 """
 
 import dataclasses

@@ -9,10 +9,10 @@ effect are array leaves; the points that it acts on are fixed when it is made.
 
 May import: `jaxdyn`, that is the files at the top level.
 
-One more effect is a subclass of `Effect` (`jaxdyn/system.py`) in the file of its family with a
-`potential` or a `force`, `velocity_dependent = False` if the force does not depend on velocity, a
-`check` of its parameters, a `sketch` if it can be drawn, and one line below. A new family, such as
-magnetic fields, is a file of its own.
+To add an effect, write a subclass of `Effect` (`jaxdyn/system.py`) in the file of its family, with
+a `potential` or a `force`, `velocity_dependent = False` if the force does not depend on velocity, a
+`check` of its parameters, a `sketch` if it can be drawn, and a line below. A new family, such as
+magnetic fields, gets a file of its own.
 """
 
 from jaxdyn.effects._parts import unless_zero

@@ -6,7 +6,7 @@ end it early, and `crossings` has the observer that records the crossings of an 
 
 May import: `integrate`.
 
-One more observer is one more class in `watches`.
+To add an observer, write a class in `watches`.
 """
 
 from jaxdyn.ensemble import crossings, watches

@@ -14,7 +14,7 @@ is the pytree that a state may stand for. `xpp` reads equations that are written
 
 May import: `geometry`.
 
-One more formulation is a `System` in a file of its own, and one line below; if every `Mechanism`
+To add a formulation, write a `System` in a file of its own, and a line below; if every `Mechanism`
 can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
 """
 

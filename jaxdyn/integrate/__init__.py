@@ -14,8 +14,8 @@ fits it).
 
 May import: `solvers`, `plan`. A scene is used only through its rate, its projection and its labels.
 
-One more kind of result is one more file beside `events`, which uses `flow` or `event_search` and
-the limits of `spans`; if users call it, one line below.
+To add a kind of result, write a file beside `events` that uses `flow` or `event_search` and the
+limits of `spans`; if users call it, add a line below.
 """
 
 from jaxdyn.integrate import events, phases

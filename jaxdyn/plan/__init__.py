@@ -7,8 +7,8 @@ bounds what a step must not pass over, `period` reads the period of a drive.
 
 May import: `jaxdyn`, that is the files at the top level.
 
-One more operation that may be a condition is one more rule in `branches`, and one with bounds a
-rule in `bounds`. An operation without a rule is evaluated as it stands.
+To add an operation that may be a condition, write a rule in `branches`; to add one with bounds, a
+rule in `bounds`. An operation without a rule is evaluated as it is.
 """
 
 from jaxdyn.plan.plan import Plan, plan_of

@@ -26,8 +26,8 @@ proofs of orbits use `balls`.
 
 May import: `jaxdyn`, that is the files at the top level.
 
-One more solver is a subclass of `Method` in a file of its own; the class and its instances are
-exported below, and `jaxdyn run --solver` then takes them.
+To add a solver, write a subclass of `Method` in a file of its own, and export the class and its
+instances below; `jaxdyn run --solver` then accepts them.
 """
 
 from jaxdyn.solvers.choice import Solver, default_solver

@@ -259,7 +259,7 @@ class Expression:
 
     @property
     def is_difference(self) -> bool:
-        """Whether it stays in brackets: symbols with equal coefficients up to sign, and a number."""
+        """Whether it stays in brackets: symbols with coefficients equal up to sign."""
         if len(self.terms) < 2:
             return False
         plain = [(m, c) for m, c in self.terms.items() if m]

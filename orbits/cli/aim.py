@@ -25,7 +25,7 @@ def aim_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The launch angle of the longest throw; with --x, those that hit, and the least speed."""
+    """The launch angle of the longest throw; with --x, those that hit, and the lowest speed."""
     check_title(title, plot)
     with screen("looking for the angle of the longest throw", as_object) as out:
         scene = jaxdyn.scenes.cannonball(m=mass, g=g)
@@ -42,7 +42,7 @@ def aim_command(
             hits = orbits.targets.aim.hit(scene, x, speed)
             _print_hits(hits, out)
             if x > 0:
-                out.show_task(f"looking for the least speed that reaches {x:g} m")
+                out.show_task(f"looking for the lowest speed that reaches {x:g} m")
                 least = orbits.targets.aim.slowest(scene, x)
                 out.print(_line("least speed", least))
         if as_object:

@@ -1,4 +1,4 @@
-"""The command `orbits figure-eight`: the textbook's eight, and the neighbour that closes first."""
+"""The command `orbits figure-eight`: Montgomery's figure-eight, and its neighbour."""
 
 import time
 from typing import Annotated, Any
@@ -38,8 +38,8 @@ def figure_eight_command(
     guess: Annotated[
         str | None, _numbers_option("Guess of the start: x1,y1,x2,y2,x3,y3,vx1,vy1,...")
     ] = None,
-    period: Annotated[float | None, number("Guess of the period; about 8.")] = None,
-    masses: Annotated[str | None, _numbers_option("The three masses; 1,1,1.")] = None,
+    period: Annotated[float | None, number("Guess of the period; 8 by default.")] = None,
+    masses: Annotated[str | None, _numbers_option("The three masses; 1,1,1 by default.")] = None,
     lower: Annotated[
         str | None, _numbers_option("Lower bounds of the start, then of the period.")
     ] = None,
@@ -47,7 +47,7 @@ def figure_eight_command(
         str | None, _numbers_option("Upper bounds of the start, then of the period.")
     ] = None,
 ) -> None:
-    """Montgomery's figure-eight from a rough guess, and the neighbour that closes first.
+    """Montgomery's figure-eight from a rough guess, and the neighbour that plain closing finds.
 
     The guess has 12 numbers x1,y1,x2,y2,x3,y3,vx1,vy1,...; the bounds --lower and --upper
     have 13, the last for the period.

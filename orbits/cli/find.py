@@ -56,7 +56,7 @@ _MeshOption = Annotated[
 
 _UnlikeOption = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE", help="Find another orbit than that of a file; repeatable."),
+    typer.Option(metavar="FILE", help="Find an orbit other than that of a file; repeatable."),
 ]
 
 
@@ -64,7 +64,7 @@ def find_command(
     name: SceneArgument,
     settings: SetOption = None,
     period: Annotated[
-        float | None, number("Guess; by default the drive's, or a close return.")
+        float | None, number("Guess; by default that of a forcing, or a close return.")
     ] = None,
     closing: Annotated[
         str, typer.Option(metavar="NAME", help=f"{', '.join(_CLOSINGS[:-1])} or {_CLOSINGS[-1]}.")
@@ -72,11 +72,11 @@ def find_command(
     energy: Annotated[float | None, number("Energy of the orbit.")] = None,
     hold: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Entry of the state that keeps its start; repeatable."),
+        typer.Option(metavar="NAME", help="Entry of the initial state to keep fixed; repeatable."),
     ] = None,
-    segments: Annotated[int | None, typer.Option(help="Segments of the motion.")] = None,
+    segments: Annotated[int | None, typer.Option(help="Number of segments of the motion.")] = None,
     rough: Annotated[
-        bool, typer.Option("--rough", help="Descend from a rough guess before Newton's method.")
+        bool, typer.Option("--rough", help="Minimise the closing error before Newton's method.")
     ] = False,
     collocation: _MeshOption = None,
     unlike: _UnlikeOption = None,
@@ -86,14 +86,14 @@ def find_command(
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """A periodic orbit near a scene's own motion: its invariants and its stability."""
+    """A periodic orbit near a scene's own motion, with its invariants and its stability."""
     check_title(title, plot)
     choice("--closing", closing, _CLOSINGS)
     chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
         if save_to:
-            jaxdyn.files.codec.encode(scene)  # refuse what no file holds before the search
+            jaxdyn.files.codec.encode(scene)  # refuse an unsavable scene before the search
         orbit = orbits.discovery.nearby.search_near(
             scene,
             period,
@@ -146,7 +146,7 @@ def _remedy(orbit: "orbits.Orbit") -> str:
 def _closings(
     scene: "jaxdyn.Scene", name: str
 ) -> "orbits.closing.Closing | Sequence[orbits.closing.Closing]":
-    """The closing that `--closing` names; for a choreography several, of which one is chosen."""
+    """The closing that `--closing` names; for a choreography several, to choose from."""
     system = scene.system
     if name == "choreography":
         if not isinstance(system, jaxdyn.formulations.newton.FreePoints):

@@ -29,7 +29,7 @@ def loops_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Least number of loops against the exponent; with --turns and --loops one orbit.
+    """The smallest number of loops for each exponent; with --turns and --loops, one orbit.
 
     Without these options, the picture shows the apsidal angle against the exponent. For an orbit
     that does not exist it shows the actual motion, mostly a rosette that fills a ring, and why.

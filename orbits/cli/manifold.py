@@ -24,12 +24,12 @@ def manifold_command(
     until: Annotated[
         str | None, typer.Option(metavar="NAME=LEVEL", help="End where an entry has this value.")
     ] = None,
-    time: Annotated[float | None, number("Length of a strand, at most.")] = None,
+    time: Annotated[float | None, number("Largest length of a strand.")] = None,
     strands: Annotated[int, typer.Option(help="Number of phases.")] = 40,
     branch: Annotated[str, typer.Option(help="+, - or both.")] = "both",
-    error: Annotated[float, number("Wanted error of the starts.")] = 1e-8,
+    error: Annotated[float, number("Largest error of the starts.")] = 1e-8,
     entries: Annotated[
-        str | None, typer.Option(metavar="NAME,NAME", help="What is drawn: two or three entries.")
+        str | None, typer.Option(metavar="NAME,NAME", help="Two or three entries to draw.")
     ] = None,
     plot: PlotOption = None,
     title: TitleOption = None,

@@ -1,6 +1,6 @@
 """Tables of the claims about orbits, with a column for each, and of families, with a row for each.
 
-Claims and names may come from a file, so nothing in them is taken for markup.
+Claims and names may come from a file, so nothing in them is interpreted as markup.
 """
 
 import math
@@ -45,7 +45,7 @@ def _row(entry: "orbits.files.family_files.Entry") -> tuple[str, ...]:
 
 _NONE = "-"
 _UNIT = sys.float_info.epsilon
-_DIGITS = 14  # digits that are shown of numbers whose error is the closing error
+_DIGITS = 14  # digits of numbers whose error is the closing error
 
 
 def _choreography(claim: "orbits.analysis.Report") -> str:

@@ -29,15 +29,15 @@ from orbits.cli.bifurcations.shared import bounds
 from orbits.cli.shared import numbers
 
 OutputOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Entry that is looked at; the first one.")
+    str | None, typer.Option(metavar="NAME", help="Entry of the response; the first one.")
 ]
 CsvOption = Annotated[Path | None, output_option(table_path, "Write a table of it (.csv).")]
 
 
 def response_command(
     name: SceneArgument,
-    drive: Annotated[str, typer.Option(metavar="NAME", help="Coordinate that is pushed.")],
-    within: Annotated[str, typer.Option(metavar="A,B", help="Angular frequencies of the drive.")],
+    drive: Annotated[str, typer.Option(metavar="NAME", help="Coordinate on which the force acts.")],
+    within: Annotated[str, typer.Option(metavar="A,B", help="Angular frequencies of the force.")],
     settings: SetOption = None,
     levels: Annotated[
         str, typer.Option(metavar="A,B,..", help="Amplitudes of the force, one for each curve.")
@@ -50,7 +50,7 @@ def response_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Forced vibrations over the drive's frequency: both branches, folds, stability.
+    """Forced vibrations over the frequency of the force: all branches, folds, stability.
 
     The force is A cos(omega t), for each amplitude A; amplitude and phase are those of --output.
     """
@@ -89,9 +89,10 @@ def backbone_command(
     title: TitleOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """A nonlinear normal mode: free vibrations from a linear mode on, towards larger energies.
+    """A nonlinear normal mode: free vibrations that begin at a linear mode, with growing energy.
 
-    The picture shows the frequency over the energy; with --output the amplitude over the frequency.
+    The picture shows the frequency against the energy; with --output, the amplitude against the
+    frequency.
     """
     check_title(title, plot)
     frequencies = (-math.inf, math.inf) if within is None else bounds("--within", within)

@@ -1,4 +1,4 @@
-"""The command `orbits search`: periodic orbits of three equal bodies without angular momentum."""
+"""The command `orbits search`: orbits of three equal bodies with zero angular momentum."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ from jaxdyn.cli.shared import JsonOption, number, output_option
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import NOT_FOUND
 
-_WORD = 24  # letters of a word that are shown
+_WORD = 24  # largest number of letters of a word that are shown
 TableOption = Annotated[
     Path | None, output_option(writable, "Append to this .jsonl file.", "--table")
 ]
@@ -28,7 +28,7 @@ def search_command(
     """Search velocities (a, b) in [0, 1] x [0, 1] for orbits of three equal bodies.
 
     They start at (-1, 0), (1, 0) and (0, 0) with velocities (a, b), (a, b) and (-2a, -2b).
-    With --table an interrupted search loses nothing, and the same command resumes it.
+    With --table, nothing is lost if the search is interrupted: the same command resumes it.
     """
     with screen("searching", as_object) as out:
         plane = orbits.search_plane(samples, longest=longest, seed=seed, path=table)

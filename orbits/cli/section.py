@@ -36,7 +36,7 @@ def section_command(
     name: SceneArgument,
     event: Annotated[
         str,
-        typer.Option(metavar="NAME=LEVEL", help="The section, or every=PERIOD for a stroboscope."),
+        typer.Option(metavar="NAME=LEVEL", help="The section, or every=PERIOD for equal times."),
     ],
     settings: SetOption = None,
     direction: Annotated[str, typer.Option(help="Crossings that count: up, down or both.")] = "up",
@@ -57,7 +57,7 @@ def section_command(
     crossings: Annotated[int, typer.Option(help="Crossings of each start.")] = 200,
     t1: Annotated[float | None, number("Latest time of a crossing.")] = None,
     coordinates: Annotated[
-        str | None, typer.Option(metavar="NAME,NAME", help="The two entries that are drawn.")
+        str | None, typer.Option(metavar="NAME,NAME", help="The two entries to draw.")
     ] = None,
     rtol: Annotated[float, number("Relative tolerance of a step.")] = _RTOL,
     plot: PlotOption = None,
@@ -65,7 +65,7 @@ def section_command(
     csv: Annotated[Path | None, output_option(table_path, "Write all crossings (.csv).")] = None,
     as_object: JsonOption = False,
 ) -> None:
-    """Cross a surface of section from many starts, completed by their energy, and draw it."""
+    """Draw a surface of section from many starts, whose energy completes them."""
     check_title(title, plot)
     whole("--crossings", crossings, most=_MOST_CROSSINGS)
     levels, place = _levels(energy, unknown, sign), _setting("--event", event)

@@ -19,7 +19,7 @@ _FRAMES = 180
 
 OrbitFile = Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)]
 QuantityOption = Annotated[
-    str, typer.Option(metavar="WHAT", help="Draw it: energy, amplitude x, max x, mean x, phase x.")
+    str, typer.Option(metavar="WHAT", help="To draw: energy, amplitude x, max x, mean x, phase x.")
 ]
 SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json).", "--save")]
 
@@ -76,7 +76,7 @@ def print_and_save(
     as_object: bool,
     screen: Screen,
 ) -> None:
-    """Print what was computed in ball arithmetic, and save it if requested."""
+    """Print a result of ball arithmetic, and save it if requested."""
     if as_object:
         screen.result(found.as_json())
     screen.print(str(found))

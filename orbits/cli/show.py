@@ -1,4 +1,4 @@
-"""The command `orbits show`: what a file of an orbit, a family or curves holds, and a picture."""
+"""The command `orbits show`: the contents of a file of orbits, and a picture."""
 
 import json
 from pathlib import Path
@@ -24,7 +24,7 @@ def show_command(
 ) -> None:
     """Print what a file of an orbit or of a family claims, without checking it, and draw it.
 
-    Files of `orbits curve` and `orbits diagram` are shown as well, also while they are written.
+    Files of `orbits curve` and `orbits diagram` can be shown as well, even while they are written.
     """
     check_title(title, plot)
     with screen(f"reading {file}", as_object) as out:
@@ -48,7 +48,7 @@ def show_command(
 def _write_page(
     found: "orbits.Orbit | orbits.files.family_files.Listing", live: Path | None, out: Screen
 ) -> None:
-    """Write the page on which it runs if it is asked for."""
+    """Write the page on which it runs, if requested."""
     if live:
         with out.writing(live, "runs in"):
             found.live(live)
@@ -91,7 +91,7 @@ def _show_family(
 def _heading(
     orbit: "orbits.Orbit", file: Path, family: "orbits.files.family_files.Listing | None" = None
 ) -> str:
-    """The heading that says what a file holds, and how that was found."""
+    """The heading, with the contents of a file and how they were computed."""
     what = "Orbit" if family is None else "Family of orbits"
     ways = [f"integrated at rtol {_text.brief(orbit.rtol)}"]
     ways += ["by an implicit method"] * orbit.stiff

@@ -7,7 +7,7 @@ from jaxdyn.cli.shared import JsonOption
 from orbits.cli.printed import print_reports
 from orbits.cli.shared import OrbitFile
 
-#: What is printed about the records of a file that are derived again besides its claims.
+#: Messages about the records of a file that are computed again, besides its claims.
 _REPEATED = {
     "refined": "the digits were computed again, and are the same",
     "certificate": "the proof was repeated in ball arithmetic, and holds",

@@ -9,7 +9,7 @@ a map; `settling` is what they share, `tipping` how basins change along a parame
 
 May import: `analysis`.
 
-One more search is one file that samples starts and calls `search`, as `plane` does.
+To add a search, write a file that samples starts and calls `search`, as `plane` does.
 """
 
 import lazy_loader

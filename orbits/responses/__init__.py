@@ -1,4 +1,4 @@
-"""What engineers ask of nonlinear vibrations: frequency responses and backbone curves.
+"""Nonlinear vibrations: frequency responses and backbone curves.
 
 `response` follows the forced responses of a scene over the frequency of its drive, `backbone` its
 free vibrations over the energy, from a linear mode: nonlinear normal modes. Both are families of
@@ -7,7 +7,7 @@ frequencies of two modes have a simple ratio.
 
 May import: `families`, `discovery`.
 
-One more curve of an engineer is one more file that poses it as a family.
+To add a kind of curve, write a file that poses it as a family.
 """
 
 import lazy_loader

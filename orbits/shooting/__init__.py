@@ -11,6 +11,6 @@ the equations dimensionless; `trivial` finds the directions with multipliers of 
 
 May import: `orbits`, that is the files at the top level.
 
-One more unknown of the equations is a field of `Unknowns` in `equations`; one more way to
-look for an orbit is a subclass of `Strategy` in a file of its own.
+To add an unknown of the equations, write a field of `Unknowns` in `equations`; to add a way to look
+for an orbit, a subclass of `Strategy` in a file of its own.
 """

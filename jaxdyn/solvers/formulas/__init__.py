@@ -5,6 +5,6 @@
 computation, and evaluates a rate by them. Functions that are composed of others, for arithmetic
 with more digits, are in `formulas` as well.
 
-One more function with a Taylor series is a row of `FUNCTIONS` in `graph`, a value in `values` and
-a recurrence; a function that is only evaluated is a name in `ROUGH`.
+To add a function with a Taylor series, write a row of `FUNCTIONS` in `graph`, a value in `values`
+and a recurrence; to add a function that is only evaluated, a name in `ROUGH`.
 """

@@ -3,5 +3,5 @@
 `recurrences` has the terms of each elementary function, `terms` says what a step takes from those
 of the solution, and `method` is the solver.
 
-One more elementary function is added to `solvers.formulas`, with a rule in `recurrences`.
+To add an elementary function, add it to `solvers.formulas`, and write a rule in `recurrences`.
 """

@@ -29,7 +29,7 @@ from orbits.cli.shared import NOT_FOUND
 
 def curve_command(
     name: SceneArgument,
-    parameters: Annotated[str, typer.Option(metavar="P,Q", help="The two numbers that change.")],
+    parameters: Annotated[str, typer.Option(metavar="P,Q", help="The two parameters that vary.")],
     within: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the first.")],
     within2: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the second.")],
     settings: SetOption = None,
@@ -53,9 +53,9 @@ def curve_command(
 ) -> None:
     """The curves of a scene's folds, Hopf points or special orbits in two parameters.
 
-    Equilibria are followed in the first parameter, and each fold and Hopf point on the way in both
-    parameters; with --from-orbit the special orbits of a file are followed instead. With --save an
-    interrupted run loses nothing, and the same command resumes it.
+    Equilibria are followed in the first parameter, and each of their folds and Hopf points in both;
+    with --from-orbit, the special orbits of a file are followed instead. With --save, nothing is
+    lost if the run is interrupted: the same command resumes it.
     """
     check_title(title, plot)
     whole("--members", members)
@@ -91,7 +91,7 @@ def curve_command(
                 jaxdyn.drawing.bifurcation_curves(curves, plot, title=title)
 
 
-#: The names in `orbits.Kind` of the orbits of which curves consist.
+#: The names in `orbits.Kind` of the orbits that form curves.
 _KINDS = ("fold", "branch point", "period doubling", "torus point")
 
 

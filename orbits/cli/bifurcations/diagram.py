@@ -1,4 +1,4 @@
-"""The command `orbits diagram`: equilibria, orbits and doublings over a parameter."""
+"""The command `orbits diagram`: equilibria, orbits and period doublings over a parameter."""
 
 from typing import Annotated, Any
 
@@ -23,11 +23,11 @@ from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, open
 
 def diagram_command(
     name: SceneArgument,
-    parameter: Annotated[str, typer.Option(help="The number that changes.")],
-    within: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the number.")],
+    parameter: Annotated[str, typer.Option(help="The parameter that varies.")],
+    within: Annotated[str, typer.Option(metavar="A,B", help="Bounds on the parameter.")],
     settings: SetOption = None,
     start: StartOption = None,
-    depth: Annotated[int, typer.Option(help="Doublings followed one after the other.")] = 1,
+    depth: Annotated[int, typer.Option(help="Number of successive doublings to follow.")] = 1,
     step: Annotated[float, number("Length of the first step.")] = 0.05,
     members: Annotated[int, typer.Option(help="Largest number of orbits of a family.")] = 40,
     entry: Annotated[str | None, typer.Option(help="The entry of the state to draw.")] = None,
@@ -36,9 +36,9 @@ def diagram_command(
     save_to: KeepOption = None,
     as_object: JsonOption = False,
 ) -> None:
-    """The bifurcation diagram of a scene: equilibria, orbits, doublings.
+    """The bifurcation diagram of a scene: equilibria, orbits, period doublings.
 
-    With --save an interrupted run loses nothing, and the same command resumes it.
+    With --save, nothing is lost if the run is interrupted: the same command resumes it.
     """
     check_title(title, plot)
     whole("--members", members)
@@ -67,7 +67,7 @@ def diagram_command(
 
 
 def as_json(found: "orbits.families.Diagram") -> dict[str, Any]:
-    """The special points, and what was not followed, as a JSON object."""
+    """The special points, and the branches that were not followed, as a JSON object."""
     rests = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}
         for family in found.rests

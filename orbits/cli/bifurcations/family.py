@@ -37,7 +37,7 @@ def family_command(
     name: SceneArgument,
     settings: SetOption = None,
     parameter: Annotated[
-        str | None, typer.Option(help="The number that changes; by default the energy.")
+        str | None, typer.Option(help="The parameter that varies; by default the energy.")
     ] = None,
     from_orbit: Annotated[
         Path | None, typer.Option(help="Start with the orbit in this file.", callback=read)
@@ -47,7 +47,7 @@ def family_command(
     step: Annotated[float, number("Length of the first step.")] = 0.05,
     down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
     within: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Bounds on the number, or on the period.")
+        str | None, typer.Option(metavar="A,B", help="Bounds on the parameter, or on the period.")
     ] = None,
     energies: Annotated[
         str | None, typer.Option(metavar="A,B", help="Bounds on the energy.")
@@ -60,7 +60,8 @@ def family_command(
 ) -> None:
     """The family of a scene's orbit: periods, stability and special points.
 
-    With --save an interrupted run loses nothing: the same command resumes it, from FILE.part.
+    With --save, nothing is lost if the run is interrupted: the same command resumes it from
+    FILE.part.
     """
     check_title(title, plot)
     _check_walk(members, step)
@@ -115,7 +116,7 @@ def _check_walk(members: int, step: float) -> None:
 def _check_outputs(
     orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None, save_to: Path | None
 ) -> None:
-    """Refuse what cannot be drawn or saved before the family is followed."""
+    """Refuse outputs that cannot be drawn or saved before the family is followed."""
     scene = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
     if quantity is not None:
         orbits.analysis.quantities.check_quantity(quantity, scene)

@@ -14,7 +14,7 @@ from orbits.cli.shared import numbers
 
 KeepOption = Annotated[
     Path | None,
-    output_option(writable, "Keep it in this file (.jsonl), and resume from it.", "--save"),
+    output_option(writable, "Write it to this file (.jsonl), and resume from it.", "--save"),
 ]
 
 

@@ -35,7 +35,7 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
     settings = [f"{key}={value}" for key, value in note.settings.items()]
     own = _scene_files.is_in_file(note.scene)
     if own and not note.scene.endswith(_scene_files.TEXT):
-        # A file must not name code that would be run.
+        # A file must not name code to be executed.
         remedy = (
             "Read it in Python, by orbits.families.load with the function that makes its scenes."
         )
