@@ -1,11 +1,11 @@
 """Run the benchmarks: ``python -m benchmarks [NAME...] [--quick] [--json FILE]``.
 
 ``python -m benchmarks published [ROW...]``, ``python -m benchmarks verdicts`` and ``python -m
-benchmarks coverage [CASE...]`` compare answers instead, with published ones, with more digits and
-with the truth; see their files.
+benchmarks coverage [CASE...]`` check results instead of times: against published numbers, against
+higher precision, and against known parameters; see their files.
 
 Prints a table of times and ratios after each part, with target ratios where there are any, and at
-the end what got slower since ``last_run.json``, the stored result of a full run;
+the end everything that got slower since ``last_run.json``, the stored result of a full run;
 ``--json benchmarks/last_run.json`` updates it with the present results. Other methods are listed
 there too: if they got slower as well, the cause is the machine. ``ensembles --device gpu`` runs on
 a GPU.
@@ -77,12 +77,12 @@ RUNS = {
     "families": families.run,
 }
 
-#: Those of answers, not of times, which have options of their own.
+#: Benchmarks of results, not of times, which have their own options.
 ANSWERS = {"coverage": coverage.main, "published": published.main, "verdicts": verdicts.main}
 
 
 def command_of(arguments: Sequence[str]) -> tuple[Callable[..., None], list[str]]:
-    """What the arguments ask for, and the arguments of that."""
+    """The requested command, and its arguments."""
     name, *rest = arguments or [""]
     return (ANSWERS[name], rest) if name in ANSWERS else (main, list(arguments))
 
@@ -91,14 +91,14 @@ def main(
     names: Annotated[
         list[str] | None, typer.Argument(help=f"Of {', '.join(RUNS)}; all by default.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Few rounds, for a rough look.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Few rounds: a rough estimate.")] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the numbers.")] = None,
     kind: Annotated[str, typer.Option("--device", help="cpu, or gpu for ensembles.")] = "cpu",
     peak: Annotated[
         float, typer.Option(help="Double-precision rate of the GPU [TFLOP/s].")
     ] = device.PEAK,
 ) -> None:
-    """Times at equal true error, ours against others, and what got slower."""
+    """Times at equal true error, ours against others, and everything that got slower."""
     # No compile cache: the time of a first run is one of the questions.
     jaxdyn.configure(cache=False)
     _peers.build_anew()
@@ -113,7 +113,7 @@ def main(
             _show(console, [row for one in each for row in one.rows])
             console.print(f"{name}: {time.monotonic() - begin:.0f} s from the start\n")
             found += each
-            if json_file:  # now, so that a stopped run keeps what it has measured
+            if json_file:  # now, so that an interrupted run keeps its measurements
                 replace(json_file, json.dumps(merge(before, as_json(found)), indent=1) + "\n")
     except ValueError as misuse:
         typer.echo(misuse, err=True)
@@ -125,7 +125,7 @@ def main(
 
 
 def _before(path: Path) -> dict:
-    """The results in a file that is to be written, if it is there."""
+    """The results in the file that will be written, if it exists."""
     remedy = "Name a new file, or one that a benchmark has written."
     if not writable(path, "--json").is_file():
         return {}
@@ -186,7 +186,7 @@ def _target(row: Row, method: str) -> str:
 
 
 def as_json(found: Sequence[Row | Curves]) -> dict:
-    """Seconds by row and method, where there are any, and errors with seconds; where and when."""
+    """Seconds by row and method, errors with seconds, and the machine and date."""
     times = {
         row.name: {m: t._asdict() for m, t in row.times.items() if not math.isnan(t.median)}
         for each in found

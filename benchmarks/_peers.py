@@ -32,7 +32,7 @@ def importable(*modules: str) -> bool:
 
 
 def build_anew() -> None:
-    """Let heyoka build each integrator: by default it keeps them, also on disk."""
+    """Make heyoka build each integrator anew; by default it caches them, also on disk."""
     if importable("heyoka"):
         import heyoka as hy
 
@@ -42,7 +42,7 @@ def build_anew() -> None:
 
 
 def heyoka(problem: Problem, tol: float, *, compact: bool = False) -> Run:
-    """The ends (n, k) of a problem; `compact` builds sooner and runs slower."""
+    """The ends (n, k) of a problem; `compact` builds faster and runs more slowly."""
     return _heyoka_run(_heyoka(problem, tol, compact=compact), problem.y0s, problem.t1)
 
 

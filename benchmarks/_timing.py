@@ -1,9 +1,9 @@
-"""Fair timing: interleaved runs, compile time apart, methods compared at equal true error.
+"""Fair timing: interleaved runs, separate compile time, methods compared at equal true error.
 
 All methods of a question run in turn in one process, so that other load on the machine affects
-them alike; the minimum is what the method needs, the median what a user sees. Methods are
-compared at equal error, never at equal tolerance: each is run at many tolerances, and the time
-at a given error is read off its curve.
+them alike; the minimum is the time that the method needs, the median the time that a user
+experiences. Methods are compared at equal error, never at equal tolerance: each is run at many
+tolerances, and the time at a given error is read off its curve.
 """
 
 import math
@@ -26,8 +26,8 @@ class Row(NamedTuple):
     """One line of the result.
 
     Attributes:
-      name: of the measurement.
-      times: of several methods, ours first.
+      name: name of the measurement.
+      times: times of several methods, ours first.
       bars: target ratios of ours to a method's, by method.
       note: further remarks.
     """
@@ -54,8 +54,8 @@ class Curves(NamedTuple):
     """Error against time of several methods, ours first.
 
     Attributes:
-      name: of the problem.
-      compiling: build and first run, by method; not of those built side by side.
+      name: name of the problem.
+      compiling: time of build and first run, by method; not for those built in parallel.
       points: by method, the runs that are more accurate than every faster one.
       wanted: true errors at which the methods are compared.
       bars: target ratios of ours to a method's there, by method.
@@ -88,8 +88,8 @@ Run = Callable[[], np.ndarray]
 class Method(NamedTuple):
     """A way to solve a problem: a function from a tolerance to a run, and tolerances to try.
 
-    Where it has several solvers, a tolerance is a pair of solver and tolerance. The time of
-    `build` and of the first run is compile time and is reported separately.
+    If it has several solvers, a tolerance is a pair of solver and tolerance. The time of `build`
+    and of the first run is compile time, and is reported separately.
     """
 
     build: Callable[[Any], Run]
@@ -126,15 +126,15 @@ def work_precision(
     """Error against time of all methods.
 
     Args:
-      name: of the problem.
-      methods: by name, ours first.
+      name: name of the problem.
+      methods: methods by name, ours first.
       truth: the exact result. The error of a run is the largest over all entries,
         relative to the largest entry.
       wanted: true errors to compare at.
       rounds: how many times to run everything.
       bars: see `Curves`.
-      side_by_side: methods that are built on as many threads as there are cores, which saves
-        time; of their own nothing is reported.
+      side_by_side: methods that are built in parallel on as many threads as there are cores, which
+        saves time; their build times are not reported.
       slow: [s] see `interleave`.
     """
     built = {name: _build(methods[name]) for name in methods if name not in side_by_side}

@@ -1,4 +1,4 @@
-"""How long do many bodies take, at equal true error, and one pair of them?
+"""How long do many bodies take at equal true error, and how long does one pair of them take?
 
 Run: ``python -m benchmarks bodies``. Clusters of 16 to 1024 bodies that attract each other, and
 chains of as many springs, with the default solver against heyoka's compact mode and, for gravity,
@@ -30,9 +30,9 @@ from jaxdyn.scene import Scene
 #: True errors compared at.
 ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(float(f"1e-{e}") for e in range(5, 16))
-#: Where building takes long: heyoka needs half a minute for 256 bodies.
+#: Tolerances if building takes long: heyoka needs half a minute for 256 bodies.
 _FEW, _FEW_FROM = TOLERANCES[::4], 256
-#: Also for ours, whose order of 12 reaches the largest of these errors with them.
+#: Used for ours too, whose order 12 reaches the largest of these errors with them.
 _LOOSE = (1e-3, 1e-4)
 SIZES = (16, 64, 256, 1024)
 _TO_HEYOKA, _TO_REBOUND = 0.7, 0.5
@@ -92,7 +92,8 @@ def _curves(name: str, scene: Scene, others: dict[str, Method], rounds: int) -> 
     def build(tolerance: float) -> Run:
         return lambda: np.asarray(solve(scene, scene.t1, rtol=tolerance).y1)
 
-    # Of another method, so that none is compared with itself; the last is built soonest.
+    # The truth comes from another method, so that none is compared with itself; the last one is
+    # built fastest.
     reference = next(reversed(others.values()), Method(build, TOLERANCES))
     truth = reference.build(1e-16)()
     bars = {"heyoka compact": (_TO_HEYOKA,) * 3, "REBOUND IAS15": (_TO_REBOUND,) * 3}
@@ -125,7 +126,7 @@ def _heyoka_gravity(n: int, tol: float) -> Run:
 
     scene = cluster(n)
     system = hy.model.nbody(n, masses=np.asarray(scene.system.m).tolist(), Gconst=1.0)
-    # It orders states body by body: place and velocity of one, then of the next.
+    # It orders states body by body: position and velocity of one, then of the next.
     start = np.asarray(scene.y0).reshape(2, n, 3).swapaxes(0, 1).ravel()
     end = _heyoka(system, start, tol, float(scene.t1))
     return lambda: end().reshape(n, 2, 3).swapaxes(0, 1).ravel()

@@ -19,7 +19,7 @@ from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.scene import Scene
 from jaxdyn.scenes import three_body
 
-#: Bars in empty programs, but for the samples: there in solves in a program.
+#: Target ratios to empty programs, except for the samples: there to solves in a program.
 _SOLVE, _SHORT, _MAKING, _SAMPLED = 3.0, 20.0, 5.0, 3.0
 _SAMPLES = 200
 _ROUNDS, _QUICK_ROUNDS = 2000, 20
@@ -27,7 +27,7 @@ _EMPTY, _INSIDE = "empty program", "solve in a program"
 
 
 def run(quick: bool = False) -> list[Row]:
-    """Times of calls, and of what they are compared with."""
+    """Times of calls, and of the reference programs."""
     scene = three_body()
     still, short = scene.starting(scene.y0, 0.0), scene.starting(scene.y0, scene.t1 / 1000)
     ts = np.linspace(0.0, float(scene.t1), _SAMPLES)

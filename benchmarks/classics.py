@@ -1,7 +1,7 @@
 """Well-known problems for which no method was tuned, as formulas and as scenes.
 
-The formulas are given as in `benchmarks.problems`; the scenes are made of them by `jaxdyn.ode`, or
-of free points and their effects.
+The formulas are given as in `benchmarks.problems`; the scenes are made from them by `jaxdyn.ode`,
+or consist of free points and their effects.
 """
 
 import functools
@@ -45,7 +45,7 @@ def lorenz() -> Problem:
 
 
 def _restricted_rate(mu: float) -> Callable:
-    """The circular restricted three-body problem in its turning frame, in space."""
+    """The circular restricted three-body problem in its rotating frame, in space."""
 
     def formulas(lib):
         def rate(s):
@@ -120,7 +120,7 @@ def toda() -> Problem:
 
 
 def duffing() -> Problem:
-    """Duffing's driven oscillator, ten periods of the drive, whose phase is a number of its own."""
+    """Duffing's driven oscillator, ten periods of the forcing, whose phase is a state variable."""
 
     def formulas(lib):
         def rate(s):

@@ -1,9 +1,9 @@
 """How long does a user wait for a command, cold and warm, for a first motion, and for the import?
 
 Run: ``python -m benchmarks command``. ``orbits figure-eight --json`` in a fresh process, first
-with an empty compile cache, then with the cache of the first run; beside it the imports of all that
-the command uses. The import of jaxdyn, whose parts are imported at their first use, is compared
-with that of diffrax, on which it is built.
+with an empty compile cache, then with the cache of the first run; beside it the time to import
+everything that the command uses. The import of jaxdyn, whose parts are imported at their first use,
+is compared with that of diffrax, on which it is built.
 
 Last numbers (2 cores, 2026-11, minima): cold 13.3 s, warm 6.2 s, of which 2.8 s are imports; import
 of jaxdyn 0.03 s, of diffrax 2.1 s; on a machine twice as fast warm 2.9 s, of which 1.4 s. With a
@@ -36,13 +36,13 @@ _LISTED = """
 import sys
 print(*(name for name in sys.modules if name.split(".")[0] in ("jaxdyn", "orbits")))
 """
-#: A first motion, as people begin.
+#: A first motion, as of a new user.
 _MOTION = """
 import jaxdyn
 jaxdyn.configure()
 jaxdyn.simulate(jaxdyn.scenes.pendulum(), 2.0)
 """
-#: Imports modules, runs the program that follows, and prints where the time went [s].
+#: Imports modules, runs the program that follows, and prints how the time was spent [s].
 _SPLIT = """
 import contextlib, importlib, io, json, time
 begin = time.perf_counter()
@@ -107,7 +107,7 @@ def _modules(python: Callable, program: str) -> list[str]:
 
 
 def _split(python: Callable, program: str) -> dict[str, Times]:
-    """Where the time of a program goes once its programs are in the cache."""
+    """How a program spends its time once its compiled programs are in the cache."""
     code = _SPLIT.format(
         modules=_modules(python, program), program=textwrap.indent(program.strip(), "    ")
     )

@@ -1,8 +1,8 @@
-"""How long until the first result of a scene, and of its derivative?
+"""How long does the first result of a scene take, and the first derivative?
 
-Run: ``python -m benchmarks compile-time``. Tracing, compiling and a very short first run, without
-caches: of the composed double and triple pendulum, and the slowest of the zoo, which is sought
-among the scenes with the longest rates.
+Run: ``python -m benchmarks compile-time``. Times of tracing, compiling and a very short first run,
+without caches, for the composed double and triple pendulum, and for the slowest ready-made scene,
+which is searched among the scenes with the longest rates.
 
 Last numbers (2 cores, 2026-11): double pendulum 1.5 s and 1.0 s, triple pendulum 0.7 s and 1.7 s;
 the slowest of the zoo, a rolling disk, 3.2 s and 6.0 s.

@@ -1,9 +1,9 @@
 """Do the 95 % intervals of `jaxdyn.fit` contain the truth in 95 % of trials?
 
 Run: ``python -m benchmarks coverage [CASE...] [--count 200]``. Each trial adds new noise to one
-motion and fits it from a guess that is off by a tenth or more; the noise is estimated, too. In 200
-trials the share of a right interval is between 92 and 98 % with 95 %, that of all of a case's
-parameters together varies less. Bias is given in standard errors of one fit.
+motion and fits it from a guess that is off by a tenth or more; the noise is estimated, too. For a
+correct interval, the coverage in 200 trials lies between 92 and 98 % with a probability of 95 %;
+that of all parameters of a case together varies less. Bias is given in standard errors of one fit.
 
 Last numbers (2026-11): pendulum, 200 trials, parameters 96.0 %, all numbers 95.2 %; cannonball,
 1000 trials, 94.2 to 95.0 %; double pendulum, 60 trials, parameters 94.2 %, all numbers 93.3 %;
@@ -27,7 +27,7 @@ _BATCH = 20  # trials between two lines of progress
 
 
 class Case(NamedTuple):
-    """One model with its truth, what is measured of it, and a guess."""
+    """A model with its true parameters, its measurements, and a guess."""
 
     make: Callable[..., jaxdyn.Scene]
     truth: dict[str, Any]
@@ -80,14 +80,14 @@ CASES = {
 
 
 class Coverage(NamedTuple):
-    """What became of the trials.
+    """The result of the trials.
 
     Attributes:
-      names: of the estimated numbers.
-      inside: (q,) share of trials in which the interval contains the truth.
+      names: names of the estimated numbers.
+      inside: (q,) fraction of trials in which the interval contains the true value.
       bias: (q,) mean error in standard errors.
       spread: (q,) standard deviation of the estimates over their mean standard error.
-      parameters: how many of the numbers are parameters.
+      parameters: number of parameters among the numbers.
       converged: number of trials whose fit converged.
       count: number of trials.
     """
@@ -102,7 +102,7 @@ class Coverage(NamedTuple):
 
 
 def coverage(case: Case, count: int, seed: int = 0) -> Coverage:
-    """How often intervals contain the truth, in `count` trials."""
+    """How often intervals contain the true values, in `count` trials."""
     truth = case.make(**case.truth)
     motion = jaxdyn.simulate(truth, case.t1, samples=case.samples, rtol=1e-12)
     random = np.random.default_rng(seed)
@@ -130,8 +130,8 @@ def coverage(case: Case, count: int, seed: int = 0) -> Coverage:
             bars = jnp.linalg.norm(found.factor[: len(number)], axis=1)
             return number, bars, found.converged
 
-        # One after the other: batches of LAPACK's calls inside two of XLA's threads wait for each
-        # other for ever on two cores [jaxlib 0.10; the double pendulum].
+        # In sequence: batches of LAPACK's calls inside two of XLA's threads wait for each other for
+        # ever on two cores [jaxlib 0.10; the double pendulum].
         return jax.lax.map(one, keys)
 
     exact = jaxdyn.fitting.segments.cut(
@@ -158,7 +158,7 @@ def main(
     names: Annotated[list[str] | None, typer.Argument(help="Of cases.")] = None,
     count: Annotated[int, typer.Option(help="Trials of each.")] = 200,
 ) -> None:
-    """Print how often the 95 % intervals of fits contain the truth."""
+    """Print how often the 95 % intervals of fits contain the true values."""
     jaxdyn.configure()
     for name in names or CASES:
         found = coverage(CASES[jaxdyn._checks.choice("case", name, CASES)], count)

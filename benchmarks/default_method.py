@@ -1,10 +1,10 @@
 """How far is the default from the best of our methods, and from heyoka, at equal true error?
 
-Run: ``python -m benchmarks default``. The problems of `benchmarks.problems` and
-`benchmarks.classics`, on which the orders that `default_solver` takes rest, and those of
-`benchmarks.others`, on which nothing rests; each from several starts in one call, so that the call
-itself does not count. Errors are the largest at the ends, relative to the largest number of the
-state, against heyoka in 80-bit floats where it is installed; its time is given too.
+Run: ``python -m benchmarks default``. It runs the problems of `benchmarks.problems` and
+`benchmarks.classics`, from which the orders of `default_solver` were derived, and those of
+`benchmarks.others`, which were not used for that; each from several starts in one call, so that the
+overhead of the call does not count. Errors are the largest at the ends, relative to the largest
+number of the state, against heyoka in 80-bit floats where it is installed; its time is given too.
 
 Last numbers (2 cores, 2026-11, minima), at errors of 1e-6, 1e-9, 1e-12. The default over the best
 of ours is at most 1.15 in 90 of 96 cases, and otherwise: magnetic bottle 1.29 at 1e-12, Pleiades
@@ -62,7 +62,7 @@ _SLOW = 5e-3  # [s] most runs take part in every round
 def run(quick: bool = False) -> list[Curves]:
     """Times of the default and of every method that fits."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
-    # Not the problem's name alone: others measure the same problem, and results go by names.
+    # Not only the problem's name: other benchmarks have the same problem, and names are keys.
     return [curves(f"default: {name}", repeat(name), rounds) for name in PROBLEMS]
 
 
@@ -88,7 +88,7 @@ def curves(
         bars[peer] = (bar,) * len(ERRORS)
     else:
         truth = compile_solve(problem, tolerances).build(1e-15)()
-    # All but the pair, to whose compile time the default's is compared.
+    # All except the pair, with whose compile time that of the default is compared.
     others = ways.keys() - {default_solver(scene, several=True).name}
     return work_precision(name, methods, truth, ERRORS, rounds, bars, others, _SLOW)
 

@@ -1,10 +1,10 @@
-"""How many motions per second on a GPU, and at which part of its double-precision rate?
+"""How many motions per second does a GPU compute, and at which part of its double-precision rate?
 
 Run: ``python -m benchmarks ensembles --device gpu --peak 34``, the peak in TFLOP/s of
 double-precision vector arithmetic, from the maker's data sheet (34 for NVIDIA's H100 SXM and
 H200 SXM; 9.7 for the A100; H200 data sheet, 2024). Motions near the figure-eight, one period, error
-1e-12 a step, all lanes side by side in one program; lanes wait for the slowest. What a step takes
-in floating-point operations is counted by XLA; rejected steps count as work.
+1e-12 a step, all lanes side by side in one program; lanes wait for the slowest. XLA counts the
+floating-point operations of a step; rejected steps count as work.
 """
 
 import functools
@@ -35,12 +35,12 @@ def run(kind: str, peak: float, quick: bool = False, lanes=LANES) -> list[Row]:
     """One row for each number of lanes.
 
     Args:
-      kind: of device, as JAX calls it: "gpu", "cpu", ...
+      kind: kind of device, as JAX calls it: "gpu", "cpu", ...
       peak: double-precision rate of the device [TFLOP/s].
       quick: the first number of lanes only.
       lanes: numbers of motions.
     Raises:
-      ValueError: no device of this kind, or `peak` is not positive.
+      ValueError: there is no device of this kind, or `peak` is not positive.
     """
     device = first_device(kind)
     if not peak > 0:

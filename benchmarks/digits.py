@@ -1,15 +1,15 @@
-"""What does a digit cost, beyond those of doubles?
+"""What do digits beyond double precision cost?
 
 Run: ``python -m benchmarks digits``; ``python -m benchmarks.digits`` draws ``digits.png`` from the
 stored times. The figure-eight, of twelve numbers, as a choreography: start, period and multipliers
-by `orbits.refine`, and the proof that it exists and is stable by `orbits.prove`. Times are those of
-the processor, once the formulas are known: nothing waits, and other load does not count. The bar is
-100 digits in 60 s.
+by `orbits.refine`, and the proof that it exists and is stable by `orbits.prove`. Times are
+processor times once the formulas are known, so that other load does not count. The target is 100
+digits in 60 s.
 
 Last numbers (2 cores, 2026-11): `refine` 1.0 s to 15 digits, 1.9 s to 30, 3.7 s to 50, 13 s to 100:
 100 digits take 6.7 times as long as 30. `prove` 8.4, 9.3 and 16 s, with 161, 211 and 277 bits;
-stability is undecided at 15 digits, proved above. Left out since: 200 digits, which took 86 s, and
-the proof of 100, which took 68 s with 443 bits.
+stability is undecided at 15 digits, proved above. No longer measured: 200 digits, which took 86 s,
+and the proof of 100, which took 68 s with 443 bits.
 """
 
 import functools
@@ -30,7 +30,7 @@ PICTURE = STORED.with_name("digits.png")
 
 
 def run(quick: bool = False) -> list[Row]:
-    """Times of refinements and proofs, and what they are by those of 30 digits."""
+    """Times of refinements and proofs, and their ratios to those for 30 digits."""
     orbit = eight()
     orbits.refine(orbit, 15)  # everything is loaded
     rows: list[Row] = []
@@ -76,8 +76,8 @@ def draw(seconds: dict, path) -> None:
         ]
         if points:
             ax.loglog(*zip(*points, strict=True), ".-", color=colour, label=method)
-    ax.plot(_BAR_DIGITS, _BAR, "kx", label="the bar: 100 digits in 60 s")
-    ax.set(xlabel="digits", ylabel="processor time [s]", title="What a digit of the eight costs")
+    ax.plot(_BAR_DIGITS, _BAR, "kx", label="the target: 100 digits in 60 s")
+    ax.set(xlabel="digits", ylabel="processor time [s]", title="The cost of a digit of the eight")
     ax.set_xticks(DIGITS, [str(n) for n in DIGITS])
     ax.minorticks_off()
     ax.grid(alpha=0.3)

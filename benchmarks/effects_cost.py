@@ -1,4 +1,4 @@
-"""What is the cost of composing: a step with each list of effects, pendulums by hand?
+"""What does composition cost: a step with more effects, pendulums against formulas by hand?
 
 Run: ``python -m benchmarks effects-cost``. The first rows are the time of one step (16 stages)
 of one particle on a spring with more and more effects: effects that a scene does not have cost

@@ -1,13 +1,14 @@
-"""How long does one of many motions take, per core, at equal true error?
+"""How long does one of many motions take per core, at equal true error?
 
 Run: ``python -m benchmarks ensembles``. Starts within 1e-3 of the figure-eight, one period,
 12 numbers each. Times are those of the processor, for one motion: on one core, heyoka's batch
 mode (its lanes in the vectors of the processor) and `vmap` of diffrax against ours. The errors
 are the largest of a batch of 64, against heyoka with 64-bit mantissas.
 
-Then what unequal motions cost: one in 20 of 4096 pairs of bodies has an eccentricity of 0.999,
-whose close encounters take several times the steps of the others. "its own steps" is the time of
-the same steps in ensembles of equal motions; the ratio shows what lanes lose by waiting.
+Then it measures the cost of unequal motions: one in 20 of 4096 pairs of bodies has an eccentricity
+of 0.999, whose close encounters take several times the steps of the others. "its own steps" is the
+time of the same steps in ensembles of equal motions; the ratio shows how much time lanes lose by
+waiting.
 
 Both cores are used by two threads of one process, or by two devices of one, in fresh processes
 with one and two of them.
@@ -50,7 +51,7 @@ _UNEQUAL = 1.3
 
 
 def run(quick: bool = False) -> list[Row]:
-    """Times of every method that is installed; `quick` for a rough look."""
+    """Times of every method that is installed; `quick` for a rough estimate."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
     return [*work_precision(rounds), _cores(rounds), _devices(rounds), unequal(rounds)]
 

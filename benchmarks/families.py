@@ -4,10 +4,10 @@ Run: ``python -m benchmarks families``. Van der Pol's cycle at mu = 5 and 100 by
 (`orbits.find` with `orbits.Collocation()`) and SciPy's `solve_bvp`, from a motion of about the
 period; the error is that of the period, by another method. Then ten halo orbits about L1 of Earth
 and Moon, from a start of six digits: ours and hiten's, if that is installed (`pip install hiten`;
-it is no part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration at
-rtol 1e-13. Then 50 strands of the unstable manifold of the first one: hiten steps 1e-6 off the
+it is not part of `jaxdyn[benchmark]`); the error is the largest closing error, in one integration
+at rtol 1e-13. Then 50 strands of the unstable manifold of the first one: hiten starts 1e-6 off the
 orbit, ours as far as the error of the linear start, 1e-8, allows, which it measures first; the
-error is that of the integrations, of the ends, from the starts that each gives. Lines are those of
+error is that of the integration from the starts that each gives, at the ends. Lines are those of
 the functions below. Times are of a run after the first, compiled.
 
 Last numbers (2 cores with other work, 2026-11; hiten 0.5.4, SciPy 1.17; first runs in brackets,
@@ -118,7 +118,7 @@ def _cycle(mu: float) -> Row:
 
 
 def restricted_rate(t, y, mu):
-    """The restricted three bodies in space, in turning axes."""
+    """The restricted three-body problem in space, in rotating axes."""
     x, y_, z, vx, vy, vz = y
     one = (1 - mu) / ((x + mu) ** 2 + y_**2 + z**2) ** 1.5
     two = mu / ((x - 1 + mu) ** 2 + y_**2 + z**2) ** 1.5
@@ -141,7 +141,7 @@ def our_halos() -> list[tuple[np.ndarray, float]]:
 
 @functools.cache
 def hiten_point() -> Any:
-    """L1, once: hiten compiles for each again."""
+    """L1, made once, since hiten compiles again for each."""
     from hiten import System
 
     return System.from_bodies("earth", "moon").get_libration_point(1)
@@ -204,7 +204,7 @@ def _manifolds(quick: bool) -> Row:
         methods["hiten"] = hiten_strands
     first = {name: _seconds(lambda name=name: methods[name](HALOS[name]())) for name in methods}
     found = {name: method(HALOS[name]()) for name, method in methods.items()}
-    # Another orbit: hiten keeps the manifold of one.
+    # Another orbit, since hiten caches the manifold of one.
     fresh = {name: HALOS[name]() for name in methods}
     times = {name: _times(lambda name=name: methods[name](fresh[name])) for name in methods}
     errors = {name: max(_end_error(*strand) for strand in x) for name, x in found.items()}
@@ -223,7 +223,7 @@ def _closing(y0: np.ndarray, period: float) -> float:
 
 
 def _times(work: Callable) -> Times:
-    """Of one run after the first: those of a minute need no second one."""
+    """Times of one run after the first; runs of a minute need no repetition."""
     spent = _seconds(work)
     return Times(spent, spent)
 

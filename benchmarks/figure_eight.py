@@ -32,7 +32,8 @@ from jaxdyn.scenes import three_body
 ERRORS = (1e-6, 1e-9, 1e-12, 1e-14)
 #: Half decades, for every method.
 TOLERANCES = tuple(10.0**-e for e in np.arange(4.0, 16.5, 0.5))
-#: Those against heyoka, which calls would decide here, are in `benchmarks.default_method`.
+#: Those against heyoka, which the overhead of calls would dominate here, are in
+#: `benchmarks.default_method`.
 BARS = {
     "diffrax Dopri8": (0.1,) * 4,
     SCIPY: (0.02,) * 4,
@@ -50,7 +51,7 @@ END += (0.9324073707592801061078, 0.86473146042893535993)
 
 
 def run(quick: bool = False) -> list[Curves]:
-    """Times of every method that is installed; `quick` for a rough look."""
+    """Times of every method that is installed; `quick` for a rough estimate."""
     methods = ours(TOLERANCES) | peers(figure_eight(), TOLERANCES)
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
     truth = np.array([END])

@@ -3,7 +3,7 @@
 Run: ``python -m benchmarks gradient``. A sheet of nine points and 20 springs (36 numbers) over ten
 periods of its slowest vibration. The loss is half the square of the end state; its gradient with
 respect to the 20 stiffnesses is taken by `jax.grad`, at the tolerance of the plain solve: by the
-adjoint equations, and by one column of the variational equations for each. Times are those of the
+adjoint equations, and by the variational equations with one column for each. Times are those of the
 processor: a gradient takes long enough to be interrupted by other processes.
 
 Last numbers (2 cores, 2026-11), in plain solves at tolerances of 1e-6, 1e-9, 1e-12: 7.1, 9.3, 9.6;

@@ -3,12 +3,12 @@
 Run: ``python -m benchmarks nonsmooth``. Five problems of `benchmarks.switched`: a converter with a
 voltage that is switched by time, a ball that bounces on a spring, a pendulum with dry friction that
 comes to rest, a relay, gears with play. Ours, diffrax and "SciPy DOP853" are given the rate as it
-stands; "by hand" stands for a program that knows the switches: heyoka with terminal events that set
-a number of the formulas, SciPy with its events. Errors are the largest at the end, relative to the
-largest number of the state, against heyoka by hand in 80-bit floats. diffrax and SciPy give up
+is written; "by hand" means a program that knows the switches: heyoka with terminal events that set
+a parameter of the formulas, SciPy with its events. Errors are the largest at the end, relative to
+the largest number of the state, against heyoka by hand in 80-bit floats. diffrax and SciPy give up
 after 20 000 steps, which they need where friction chatters. Relative and absolute tolerance are the
-same number for all: by default our absolute one goes by the sizes of a motion, of which a piece of
-it knows only its own.
+same number for all: our default absolute tolerance depends on the sizes of a whole motion, which a
+piece of it does not know.
 
 A second table has the time of the default beside that of the same pieces as smooth problems, whose
 ends are given, by the same pair; the notes have the steps of both at several tolerances, and the
@@ -49,14 +49,14 @@ from jaxdyn.solvers import VERNER9
 ERRORS = (1e-6, 1e-9, 1e-12)
 TOLERANCES = tuple(float(f"1e-{e}") for e in (4, 6, 8, 10, 12, 13, 14))
 _SCIPY_FINEST = 3e-14  # it refuses smaller ones
-#: For the steps of pieces: where rounding hides no error.
+#: Tolerances for counting the steps of pieces, at which rounding hides no error.
 _COUNTED = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _SHOWN = 1e-10
 _ROUNDS, _QUICK_ROUNDS = 8, 2
 
 
 def run(quick: bool = False) -> list[Curves | Row]:
-    """Times of every method that is installed; `quick` for a rough look."""
+    """Times of every method that is installed; `quick` for a rough estimate."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
     found: list[Curves | Row] = []
     for name, make in SWITCHED.items():
@@ -79,7 +79,7 @@ class Way(NamedTuple):
     """A way to solve a problem.
 
     Attributes:
-      solved: of a tolerance, the number of steps and the states that are compared.
+      solved: function of a tolerance that returns the number of steps and the compared states.
       truth: those states.
     """
 
@@ -101,7 +101,7 @@ class Way(NamedTuple):
 
 
 def true_legs(problem: Switched) -> list[Leg]:
-    """The legs of a problem by a method that is not ours, as accurately as it can."""
+    """The legs of a problem by a method that is not ours, as accurately as possible."""
     if _peers.importable("heyoka"):
         return switched.heyoka_legs(problem, 1e-18, np.longdouble)()
     return switched.scipy_legs(problem, _SCIPY_FINEST)()
@@ -148,7 +148,7 @@ def beside_pieces(name: str, ours: Way, pieces: Way, rounds: int) -> Row:
 
 
 def whole(problem: Switched, legs: list[Leg]) -> Way:
-    """The default, given the rate as it stands."""
+    """The default, given the rate as it is written."""
     scene = problem.scene
 
     @jax.jit

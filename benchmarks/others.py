@@ -1,6 +1,6 @@
-"""Problems on which no choice of the default rests: written down after the rule was made.
+"""Problems that were not used for the choice of the default: they were added after the rule.
 
-The formulas are given as in `benchmarks.problems`; the scenes are made of them by `jaxdyn.ode`.
+The formulas are given as in `benchmarks.problems`; the scenes are made from them by `jaxdyn.ode`.
 """
 
 from benchmarks.classics import ode_of
@@ -65,7 +65,7 @@ def parametric() -> Problem:
 
     def formulas(lib):
         def rate(s):
-            # The phase of the drive is a number of the state: heyoka's formulas have no time.
+            # The phase of the forcing is a state variable, since heyoka's formulas have no time.
             lift = 1 + 2.5 * lib.cos(s[2])
             return [s[1], -0.2 * s[1] - lift * lib.sin(s[0]), 2.0 + 0.0 * s[2]]
 

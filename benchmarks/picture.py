@@ -31,11 +31,11 @@ _COLOURS = {
 def draw(stored: dict, path: Path) -> None:
     """One panel per problem: minimum time over the true error, both logarithmic.
 
-    Only problems solved by most methods: others answer separate questions.
+    Only problems that most methods solve are drawn; others answer separate questions.
 
     Args:
-      stored: what ``python -m benchmarks --json`` writes.
-      path: of the picture.
+      stored: the output of ``python -m benchmarks --json``.
+      path: path of the picture.
     """
     shown = {name: ways.keys() & _COLOURS.keys() for name, ways in stored["curves"].items()}
     most = max(map(len, shown.values()))
@@ -71,8 +71,9 @@ def draw(stored: dict, path: Path) -> None:
 def of_long_calls(curves: dict, name: str) -> dict[str, list[tuple[float, float]]]:
     """The default, the best of all our solvers, and heyoka, as `benchmarks default` measures them.
 
-    There a call solves from several starts, so that its overhead does not count: a period of the
-    figure-eight takes hardly longer. The best are the runs more accurate than every faster one.
+    There a call solves from several starts, so that its overhead, which is about as long as a
+    period of the figure-eight, does not count. The best are the runs that are more accurate than
+    every faster one.
     """
     methods = curves.get(f"default: {name}", {})
     ours = {method: runs for method, runs in methods.items() if "heyoka" not in method}

@@ -1,4 +1,4 @@
-"""The problems: each as a scene, and as plain formulas for the other methods.
+"""The problems, each as a scene and as plain formulas for the other methods.
 
 The formulas are written once, as functions of a library with sine, cosine and root (NumPy or
 heyoka), and return the rate: from the numbers of a state to the list of their derivatives. For

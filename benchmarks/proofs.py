@@ -1,19 +1,19 @@
-"""How many published orbits are proved to exist, and which are not, and why?
+"""How many published orbits can be proved to exist, which cannot, and why?
 
 Run: ``python -m benchmarks.proofs [NAME...]``. It takes the 53 orbits of three equal masses in
 ``tests/published_three_body.csv`` (Li, Liao 2017), in the order of the steps that half a period
 takes in doubles, finds each as one that retraces its path, and proves those whose largest
 multiplier is below 1e4: half a period in ball arithmetic. Those that are proved are refined to 40
-digits. Results are added to ``proofs.json`` beside this file one by one; rows that are there
-already are not repeated, unless named.
+digits. Results are added one by one to ``proofs.json`` beside this file; rows that are already
+there are not repeated, unless they are named.
 
-Stored are 21 rows, of which 20 are proved and refined to 40 digits; the others were not run yet.
-II.C^ic_190 has a multiplier of 2.5e4. A row takes half a minute to half an hour of processor time:
-the longer ones do not contract at first, and take more digits of the derivatives. Multipliers that
-are 1 are known by the energy, the angular momentum and the symplectic form of these coordinates,
-which `prove` finds: I.A^ic_1 and I.A^ic_13 are proved stable, twelve others unstable. Six rows were
-proved with 32 digits, before `prove` took more of them for multipliers: their boxes are proved,
-their verdicts are not. With 32 digits the box of II.C^ic_18 did not contract.
+The file has 21 rows, 20 of which are proved and refined to 40 digits; the others have not been run
+yet. II.C^ic_190 has a multiplier of 2.5e4. A row takes half a minute to half an hour of processor
+time: the longer ones do not contract at first, and take more digits of the derivatives. Multipliers
+that are 1 are known by the energy, the angular momentum and the symplectic form of these
+coordinates, which `prove` finds: I.A^ic_1 and I.A^ic_13 are proved stable, twelve others unstable.
+Six rows were proved with 32 digits, before `prove` took more of them for multipliers: their boxes
+are proved, their verdicts are not. With 32 digits the box of II.C^ic_18 did not contract.
 
 The states are p = r_1 - r_2, q = r_3 and their rates, with the centre of mass at rest in the
 origin: eight numbers instead of twelve, which halves the time. The orbits start at p = (-2, 0),
@@ -38,7 +38,7 @@ TABLE = Path(__file__).parents[1] / "tests" / "published_three_body.csv"
 STORED = Path(__file__).with_name("proofs.json")
 #: Orbits with larger multipliers are not tried.
 MOST = 1e4
-#: Of the proofs: with 32, boxes are proved whose multipliers cannot be told apart.
+#: Digits of the proofs: with 32, boxes are proved whose multipliers cannot be distinguished.
 PROOF_DIGITS, DIGITS = 44, 40
 
 
@@ -82,7 +82,7 @@ RETRACED = orbits.reversal(orbits.Symmetry(signs=(1, 1, -1, -1, -1, -1, 1, 1), r
 
 
 def run(names: list[str]) -> None:
-    """Prove what is not stored yet, or the named ones, and store what comes out."""
+    """Prove the orbits that are not stored yet, or the named ones, and store the results."""
     rows = list(csv.DictReader(TABLE.read_text().splitlines()))
     for row in sorted(rows, key=effort):
         stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
@@ -108,7 +108,7 @@ def effort(row: dict[str, str]) -> int:
 
 
 def outcome(row: dict[str, str]) -> dict[str, Any]:
-    """What is found of a row of the table; times are of the processor."""
+    """The result for a row of the table, with processor times."""
     start = time.process_time()
     a, b, period = (float(row[name]) for name in ("v1", "v2", "period"))
     orbit = orbits.find(scene(a, b, period), closing=RETRACED, rtol=1e-13, throw=False)

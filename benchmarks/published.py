@@ -1,11 +1,11 @@
-"""Which numbers of published periodic orbits come out, to the last digit?
+"""Which numbers of published periodic orbits are reproduced to the last digit?
 
 Run: ``python -m benchmarks published [NAME...] [--json FILE]``; all rows by default, which take a
-few minutes. Each row finds an orbit of a published table from the digits printed there, through
-the public functions alone, and compares what was found with what is printed: by how many units of
-the last digit they differ, and whether the verdict on the stability is the published one. `recheck`
-is what the orbit misses its start by at another tolerance. The results are stored in
-``published.json`` beside this file.
+few minutes. Each row finds an orbit of a published table from the digits printed there, with public
+functions only, and compares it with the printed numbers: by how many units of the last digit they
+differ, and whether the verdict on the stability is the published one. `recheck` is the closing
+error of the orbit at another tolerance. The results are stored in ``published.json`` beside this
+file.
 
 Last numbers (2026-11): of 87 numbers 58 are within one unit. The others: the six periods of 2013
 that are printed with four decimals have two or three (butterfly I 6.2356, and 6.2346748391 in 2017,
@@ -46,10 +46,10 @@ class Compared(NamedTuple):
     Attributes:
       what: the number.
       published: its digits as printed.
-      ours: what was found.
-      recheck: closing error of the orbit at another tolerance; None for what is no orbit.
-      verdict: on its stability; empty where none was asked for.
-      said: the published verdict; empty where there is none.
+      ours: the number found.
+      recheck: closing error of the orbit at another tolerance; None if it is not an orbit.
+      verdict: verdict on its stability; empty if it was not computed.
+      said: the published verdict; empty if there is none.
     """
 
     what: str
@@ -68,7 +68,7 @@ class Compared(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether all digits are the same, rounded, and the verdict is not another one."""
+        """Whether all rounded digits and the verdict are the same."""
         return abs(self.units) <= 1.0 and self.verdict in (self.said or self.verdict, "undecided")
 
 
@@ -80,8 +80,8 @@ class Row(NamedTuple):
 
 
 def main(
-    names: Annotated[list[str] | None, typer.Argument(help="Of the rows; all by default.")] = None,
-    stored: Annotated[Path, typer.Option("--json", help="Where the results go.")] = STORED,
+    names: Annotated[list[str] | None, typer.Argument(help="Rows to run; all by default.")] = None,
+    stored: Annotated[Path, typer.Option("--json", help="The file for the results.")] = STORED,
 ) -> None:
     """Published numbers beside ours."""
     jaxdyn.configure()
@@ -95,7 +95,7 @@ def main(
 
 
 def as_json(one: Compared) -> dict:
-    """A comparison with what follows from it."""
+    """A comparison with the quantities derived from it."""
     return one._asdict() | {"units": round(one.units, 2), "agrees": one.agrees}
 
 
@@ -120,7 +120,7 @@ def _of_orbit(orbit: orbits.Orbit, numbers: dict[str, tuple[str, float]], said: 
 
 
 def in_line() -> list[Compared]:
-    """Bodies that start in line: velocities and period, from five digits, or ten."""
+    """Bodies that start in line: velocities and period, from five or ten digits."""
     found = []
     for name, a, b, period, later in (
         ("figure-eight", "0.3471168881", "0.5327249454", "6.3259139829", "6.3259139829"),
@@ -144,7 +144,7 @@ def in_line() -> list[Compared]:
 
 
 def broucke() -> list[Compared]:
-    """Bodies that start in line and at right angles to it; they turn by an angle in a period."""
+    """Bodies that start in line and move at right angles to it; relative periodic orbits."""
     found = []
     for name, x, v, period in (
         (
@@ -310,7 +310,7 @@ def hodgkin_huxley(t, y, current):
 
 
 def axon() -> list[Compared]:
-    """Where the rest of an axon loses its stability, and has it again."""
+    """Where the resting state of an axon loses its stability, and where it regains it."""
     start = [0.0, 0.05, 0.6, 0.32]
 
     def make(current):
@@ -325,7 +325,7 @@ def axon() -> list[Compared]:
 
 
 def roessler() -> list[Compared]:
-    """The shortest cycle, and its multiplier, of the printed derivative of the return map."""
+    """The shortest cycle, and its multiplier from the printed derivative of the return map."""
 
     def rate(t, y):
         return [-(y[1] + y[2]), y[0] + 0.2 * y[1], 0.2 + y[2] * (y[0] - 5.7)]
@@ -357,7 +357,7 @@ def halo() -> list[Compared]:
 
 
 def ring() -> list[Compared]:
-    """Bodies on a ring about a heavy one: the rate at which it turns, in a closed form."""
+    """Bodies on a ring about a heavy one: its angular velocity, in closed form."""
     n, heavy = 7, 200.0
     turns = 2 * np.pi * np.arange(n) / n
     exact = math.sqrt(heavy + 0.25 * sum(1 / math.sin(math.pi * k / n) for k in range(1, n)))
@@ -399,7 +399,7 @@ def sitnikov() -> list[Compared]:
 
 
 def straight() -> list[Compared]:
-    """Energies, in sixths, at which other orbits leave the straight one."""
+    """Energies, in sixths, at which other orbits branch off from the straight one."""
     scene = scenes.henon_heiles().starting([0.0, 0.8, 0.0, 0.0])
     first = orbits.find(scene, period=8.5, hold="y")
     family = orbits.continue_family(first, members=40, step=0.05, energies=(0.0, 0.165))
@@ -411,7 +411,7 @@ def straight() -> list[Compared]:
 
 
 def driven_pendulum() -> list[Compared]:
-    """The strength of the drive at which the period doubles."""
+    """The strength of the forcing at which the period doubles."""
 
     def rate(t, y, strength):
         angle, speed = y
@@ -438,7 +438,7 @@ class _Strikes(events.Event):
 
 
 def walker() -> list[Compared]:
-    """The gait of the simplest walker on a slope of 0.009, and the slope where it doubles."""
+    """The gait of the simplest walker on a slope of 0.009, and the slope of period doubling."""
 
     def rate(t, y, slope):
         stance, swing, stance_rate, swing_rate = y

@@ -1,10 +1,10 @@
 """Problems with switches, each as one rate and as pieces whose switches are found by hand.
 
-The rate is what a user writes, with its conditions; jaxdyn, diffrax and SciPy are given it as it
-stands. The pieces are what a careful user makes of it for solvers that know nothing of conditions:
-formulas with the numbers of a mode, guards that are positive within it and end it where they fall
-through zero, and the mode that follows. heyoka, whose formulas have no conditions, is given these,
-and so is SciPy a second time. Both forms are functions of a library, as in `benchmarks.problems`.
+The rate is written as by a user, with its conditions, and given to jaxdyn, diffrax and SciPy as it
+is. The pieces are written as by a careful user, for solvers that do not handle conditions: formulas
+with the parameters of a mode, guards that are positive in the mode and end it where they cross
+zero, and the mode that follows. heyoka, whose formulas have no conditions, is given these, and so
+is SciPy a second time. Both forms are functions of a library, as in `benchmarks.problems`.
 """
 
 import functools
@@ -20,7 +20,7 @@ from benchmarks._timing import Run
 
 #: Numbers of a mode.
 Mode = tuple[float, ...]
-#: Steps after which a peer that is given the rate as it stands gives up: it chatters.
+#: Steps after which a peer that is given the rate as it is gives up, since it chatters.
 MAX_STEPS = 20_000
 
 
@@ -30,8 +30,8 @@ class Switched(NamedTuple):
     Attributes:
       rate: library with `where`, `sign`, ... -> rate(t, y).
       piece: library -> rate(t, y, u) in a mode u.
-      guards: of (t, y, u), numbers that are positive in the mode.
-      after: of (y, u, i), the mode after guard i, or after a switching time where i is -1.
+      guards: function of (t, y, u), numbers that are positive in the mode.
+      after: function of (y, u, i), the mode after guard i, or after a switching time if i is -1.
       mode: the first one.
       start: (k,) state at time 0.
       t1: the span [s].
@@ -49,7 +49,7 @@ class Switched(NamedTuple):
 
     @property
     def scene(self) -> jaxdyn.Scene:
-        """Of the rate as it stands."""
+        """The scene with the rate as it is written."""
         return jaxdyn.ode(_for_jax(self.rate), self.start, self.t1)
 
     @property
@@ -85,7 +85,7 @@ class Leg(NamedTuple):
 
 
 def converter() -> Switched:
-    """A voltage that is on for a quarter of each of 50 cycles, behind a coil and a capacitor."""
+    """An LC filter whose input voltage is on for a quarter of each of 50 cycles."""
     cycle, cycles = 1e-2, 50
 
     def piece(lib):
@@ -105,7 +105,7 @@ def converter() -> Switched:
 
 
 def ball() -> Switched:
-    """A ball that falls on a spring with a damper, which pushes as soon as it is met."""
+    """A ball that falls on a spring with a damper, which push from contact on."""
 
     def piece(lib):
         return lambda t, y, u: [y[1], -9.81 + (u[0] - 1) / 2 * (1e4 * y[0] + 5 * y[1])]
@@ -138,7 +138,7 @@ def pendulum() -> Switched:
 
 
 def relay() -> Switched:
-    """Three lags in a row that a relay feeds with the opposite sign of what comes out."""
+    """Three first-order lags in series, driven by a relay with the opposite sign of the output."""
 
     def piece(lib):
         return lambda t, y, u: [y[1] - y[0], y[2] - y[1], -u[0] - y[2]]
@@ -151,7 +151,7 @@ def relay() -> Switched:
 
 
 def gears() -> Switched:
-    """Two wheels whose teeth have play, the first of them driven to and fro."""
+    """Two gear wheels with backlash, the first of them driven to and fro."""
     play, stiffness = 0.1, 50.0
 
     def piece(lib):
@@ -282,11 +282,11 @@ def end_of(legs: Callable[[], list[Leg]]) -> Run:
     return lambda: legs()[-1].y1[None]
 
 
-# ---- the rate as it stands
+# ---- the rate as it is written
 
 
 def scipy_plain(problem: Switched, tol: float) -> Run:
-    """The end (1, k) by DOP853, which knows nothing of the conditions; NaN where it gives up."""
+    """The end (1, k) by DOP853, which ignores the conditions; NaN where it gives up."""
     from scipy.integrate import DOP853
 
     rate = _numba(problem.rate, 2)

@@ -1,4 +1,4 @@
-"""How long do other systems take, at equal true error?
+"""How long do other systems take at equal true error?
 
 Run: ``python -m benchmarks systems``. Where no force depends on velocity: ten turns of a Kepler
 orbit with e = 0.9, a sheet of nine points and 20 springs, the potential of Henon and Heiles.
@@ -40,7 +40,7 @@ _ROUNDS, _QUICK_ROUNDS = 15, 3
 
 
 def run(quick: bool = False) -> list[Curves]:
-    """Times of every method that is installed; `quick` for a rough look."""
+    """Times of every method that is installed; `quick` for a rough estimate."""
     rounds = _QUICK_ROUNDS if quick else _ROUNDS
     problems = CONSERVATIVE | GENERAL
     return [curves(name, make(), rounds, TOLERANCES) for name, make in problems.items()]
@@ -60,9 +60,9 @@ def curves(name: str, problem: Problem, rounds: int, tolerances: Sequence[float]
 
 
 def compile_solve(problem: Problem, tolerances: Sequence[float], solver=None) -> Method:
-    """One of ours, compiled into a user's program, with the numbers of the scene as constants.
+    """One of our methods, compiled into a user's program, with the scene's numbers as constants.
 
-    The others get formulas with these numbers too. Without a solver it is the default for each
+    The others also get formulas with these numbers. Without a solver it is the default for each
     tolerance.
     """
     scene, y0s = problem.scene, problem.y0s

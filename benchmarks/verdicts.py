@@ -1,16 +1,16 @@
-"""Does any verdict on the stability of a published orbit contradict more digits than doubles have?
+"""Does any verdict on the stability of a published orbit contradict higher precision?
 
 Run: ``python -m benchmarks verdicts [--count N] [--seed S]``. It draws orbits of three bodies from
 ``three_body_tables.csv``, finds each in doubles, asks `orbits.stability`, and compares its verdict
-and the error bars of the multipliers with multipliers that nothing of this package takes part in:
-heyoka's Taylor method in Jacobi coordinates, in long doubles (64 bits), and in 113 bits where those
-leave open what the multipliers are: the verdict, or a multiplier no larger than its bar.
+and the error bars of the multipliers with multipliers that are computed without this package: by
+heyoka's Taylor method in Jacobi coordinates, in long doubles (64 bits), and in 113 bits where these
+leave open the verdict, or a multiplier that is no larger than its bar.
 
-All orbits retrace their path, turned about the z axis with bodies 1 and 2 exchanged. So half a
-period is integrated, of which the other half is the image S: M = S P^-1 S P with the derivative P
-over half a period. A whole one would lose all digits of close encounters. Results are
-added to ``verdicts.json`` beside this file one by one; a row that is there is not repeated, so that
-a run that was stopped goes on. It needs heyoka and mpmath.
+All orbits retrace their path, rotated about the z axis with bodies 1 and 2 exchanged. So only half
+a period is integrated; the other half is its image under S, and M = S P^-1 S P with the derivative
+P over half a period. Over a whole period, close encounters would lose all digits. Results are added
+one by one to ``verdicts.json`` beside this file; a row that is already there is not repeated, so
+that an interrupted run continues. It needs heyoka and mpmath.
 
 The table has all 2044 planar rows of the tables of three bodies that start in line (Li, Liao 2017,
 Sci. China Phys. Mech. Astron. 60, 129511, equal masses; Li, Jing, Liao 2018, Publ. Astron. Soc.
@@ -19,19 +19,19 @@ arXiv:2508.08568), with the stability published there: S or U. The starts are (-
 (1, 0, 0), (0, 0, z0) with velocities (vx, vy, vz), (vx, vy, -vz), -2 (vx, vy, 0) / m3; the masses
 are 1, 1, m3, and G = 1.
 
-The characteristic polynomial is divided by x - 1 as often as the integrals and symmetries say: 4
-times in the plane, 6 in space. What is left is palindromic in exact arithmetic. So it is a
-polynomial of w = z + 1 / z, and an orbit is linearly stable if all w are real, different and
-between -2 and 2. How far the coefficients are from a palindrome, and from those of the iterate
-before, says how wrong they are.
+The characteristic polynomial is divided by x - 1 as often as integrals and symmetries require: 4
+times in the plane, 6 times in space. The quotient is palindromic in exact arithmetic, and hence a
+polynomial in w = z + 1 / z; an orbit is linearly stable if all w are real, different and between -2
+and 2. The deviation of the coefficients from a palindrome, and from those of the previous iterate,
+estimates their error.
 
-Stored are the 148 of 200 drawn orbits with the shortest periods (seed 0); the others were not run
-yet. All were found. 64 bits settle 91, and 113 bits 5 more, in minutes each: no verdict contradicts
-them. The multipliers of 92 are within their bars; the other four are long orbits whose reference in
-64 bits has bars as large as its multipliers, and up to four times too small. A fifth one,
-II.C^ic_91(0.75), agrees in 113 bits; the four take them in the next run. 52 are open: those of
-close encounters. Of the published verdicts two are contradicted:
-O_21(1.5) and O_26(1.3), S in the table, have the multipliers 1.000304 and 1.00098.
+The file has the 148 of 200 drawn orbits with the shortest periods (seed 0); the others have not
+been run yet. All were found. 64 bits settle 91, and 113 bits 5 more, in minutes each: no verdict
+contradicts them. The multipliers of 92 are within their bars; the other four are long orbits whose
+reference in 64 bits has bars as large as its multipliers, and up to four times too small. A fifth
+one, II.C^ic_91(0.75), agrees in 113 bits; the four take them in the next run. 52 are open: those of
+close encounters. Two of the published verdicts are contradicted: O_21(1.5) and O_26(1.3), S in the
+table, have the multipliers 1.000304 and 1.00098.
 """
 
 import csv
@@ -54,12 +54,12 @@ from jaxdyn.formulations.newton import FreePoints
 
 TABLE = Path(__file__).with_name("three_body_tables.csv")
 STORED = Path(__file__).with_name("verdicts.json")
-#: Bits and the digits that numbers are handed over with.
+#: Bits, and the digits with which numbers are passed.
 _DIGITS = {64: 21, 113: 36}
-#: Bars of the reference are what its coefficients are seen to be wrong by times this.
+#: Bars of the reference are the observed errors of its coefficients times this.
 _SAFETY = 100.0
 _STEPS, _WORKING = 8, 60
-#: The largest correction of a published number, relative to it: beyond, it is another orbit.
+#: The largest relative correction of a published number; beyond, it is another orbit.
 _MOVED = 1e-3
 
 
@@ -88,13 +88,13 @@ class Row(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What the reference says of an orbit.
+    """The result of the reference for an orbit.
 
     Attributes:
-      verdict: "stable", "unstable", or "open" where its digits do not tell.
-      multipliers: the non-trivial ones.
+      verdict: "stable", "unstable", or "open" if its digits do not suffice.
+      multipliers: the non-trivial multipliers.
       bars: their error bars.
-      bits: of the arithmetic.
+      bits: bits of the arithmetic.
       miss: distance of the state after a period from the start.
       moved: largest relative correction of the published numbers.
     """
@@ -108,15 +108,15 @@ class Truth(NamedTuple):
 
 
 def main(
-    count: Annotated[int, typer.Option(help="How many rows to draw.")] = 20,
+    count: Annotated[int, typer.Option(help="Number of rows to draw.")] = 20,
     seed: Annotated[int, typer.Option(help="Of the draw.")] = 0,
     stored: Annotated[Path, typer.Option("--json", help="Results, also of earlier runs.")] = STORED,
 ) -> None:
-    """Verdicts against more digits; a line for each row, and the counts."""
+    """Compare verdicts with higher precision; prints a line for each row, and the counts."""
     jaxdyn.configure()
     results = json.loads(stored.read_text()) if stored.is_file() else {}
     picked = draw(count, seed)
-    for bits in _DIGITS:  # the slow arithmetic last, and only for what the fast one leaves open
+    for bits in _DIGITS:  # the slow arithmetic last, and only where the fast one leaves it open
         for row in picked:
             known = results.get(row.name)
             if known is None or (unsettled(known) and known["bits"] < bits):
@@ -128,7 +128,7 @@ def main(
 
 def unsettled(told: dict[str, Any]) -> bool:
     """Whether the reference needs more bits: for its verdict, or for one of the multipliers."""
-    # Rows from before `vague` was stored: whoever is wrong, more bits say.
+    # Rows from before `vague` was stored: more bits decide which side is wrong.
     return told["truth"] == "open" or told.get("vague", not told.get("within bars", True))
 
 
@@ -141,7 +141,7 @@ def draw(count: int, seed: int) -> list[Row]:
 
 
 def compare(row: Row, bits: int) -> dict[str, Any]:
-    """What both say of a row, and whether they agree."""
+    """The results of both for a row, and whether they agree."""
     begin = time.process_time()
     found = orbits.find(scene(row), throw=False)
     told: dict[str, Any] = {"outcome": found.outcome.name, "published": row.published}
@@ -173,7 +173,7 @@ def scene(row: Row) -> jaxdyn.Scene:
 
 
 def distances(exact: Truth, ours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(p,) of our multipliers to the exact ones, in the order that pairs them best; their bars."""
+    """(p,) distances of our multipliers to the exact ones, in the best pairing, and their bars."""
     if len(exact.multipliers) != len(ours):
         return np.full(len(ours), math.inf), np.zeros(len(ours))
     apart = np.abs(np.asarray(exact.multipliers)[:, None] - ours)
@@ -202,7 +202,7 @@ def summary(told: list[dict[str, Any]]) -> str:
 
 
 def truth(row: Row, bits: int) -> Truth:
-    """What the reference says of a row."""
+    """The result of the reference for a row."""
     with mp.workdps(_WORKING):
         given = u = mp.matrix([mp.mpf(x) for x in row.unknowns])
         seen: list[tuple[float, Any, Any]] = []
@@ -240,7 +240,7 @@ def _image(d: int) -> list[int]:
 
 
 def _correction(row: Row, missed, half, rate):
-    """Of the unknowns, by least squares: a few digits suffice."""
+    """The correction of the unknowns by least squares, for which a few digits suffice."""
     ways = np.array(half.tolist(), float) @ _directions(row)
     slopes = np.column_stack([ways, np.array([float(x) for x in rate]) / 2])
     slopes = slopes[[sign < 0 for sign in _image(row.d)]]
@@ -249,7 +249,7 @@ def _correction(row: Row, missed, half, rate):
 
 
 def _directions(row: Row) -> np.ndarray:
-    """(k, n) the derivatives of the start by the unknowns but the period."""
+    """(k, n) the derivatives of the start by the unknowns except the period."""
     d, pull = row.d, -(2 / float(row.m3) + 1)
     ways = np.zeros((4 * d, len(row.unknowns) - 1))
     first = d - 2  # of vx
@@ -270,7 +270,7 @@ def _start(row: Row, u) -> list:
 
 
 def _half(row: Row, u, bits: int) -> tuple:
-    """After half a period: what should be 0, the derivative by the start, and the rate."""
+    """After half a period: the residual, the derivative by the start, and the rate."""
     runs, number = _integrator(row.d, bits)
     y0, k = _start(row, u), 4 * row.d
     runs.time, runs.pars[0] = number("0"), number(row.m3)
@@ -334,7 +334,7 @@ def judge(seen: list[list]) -> tuple[str, list[complex], list[float]]:
     each = [x for c in seen for x in (c, [a / c[-1] for a in reversed(c)])]
     best = [(a + b) / 2 for a, b in zip(*each[:2], strict=True)]
     ws = sums(best)
-    # What the roots would be if the coefficients were wrong by that much.
+    # The roots if the coefficients were wrong by that much.
     wrong = [[b + _SAFETY * (a - b) for a, b in zip(x, best, strict=True)] for x in each]
     others = [sums(x) for x in wrong]
     bars = [max(min(abs(w - o) for o in other) for other in others) for w in ws]
