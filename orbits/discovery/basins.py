@@ -1,10 +1,10 @@
-"""Basins of attraction: to which attractor each start of a grid goes.
+"""Basins of attraction: which attractor each start of a grid approaches.
 
-All starts run on the ensemble engine. Where motions end, attractors are sought and verified: an
-equilibrium by Newton's method and its eigenvalues, a periodic orbit by `orbits.find` and its
-multipliers, a chaotic attractor by a positive Lyapunov exponent. A motion belongs to the attractor
-that it has come close to; one that is near none runs on, and in the end is said to go nowhere. A
-driven scene is looked at once in each period of its drive.
+All starts run on the ensemble engine. Attractors are searched for where motions end, and are
+verified: an equilibrium by Newton's method and its eigenvalues, a periodic orbit by `orbits.find`
+and its multipliers, a chaotic attractor by a positive Lyapunov exponent. A motion belongs to the
+attractor that it has come close to; one that is not close to any continues, and belongs to none if
+it does not reach one in time. A driven scene is sampled once in each period of its forcing.
 """
 
 import hashlib
@@ -43,14 +43,14 @@ from orbits.orbit import Orbit
 from orbits.shooting.finding import find
 
 _RTOL = 1e-8
-#: Of the sizes of the entries: how near a return is that may be a period.
+#: Relative to the sizes of the entries: how close a return must be to be tried as a period.
 _RETURNED = 0.03
-_SAMPLES = 4000  # of a motion in which returns are sought, and of an orbit
-_PERIODS = 16  # of the drive: the longest orbit that is sought
+_SAMPLES = 4000  # of a motion in which returns are searched for, and of an orbit
+_PERIODS = 16  # longest orbit that is searched for, in periods of the forcing
 _CLOUD = 20_000  # points of a chaotic attractor
-_LARGER = 2.0  # than its first half: the second half of a motion that has no bound
+_LARGER = 2.0  # ratio of the second half of a motion to the first from which on it is unbounded
 _EXPONENT_SPANS = 10.0  # spans of the exponents of a chaotic motion
-_SIZED = 8  # motions whose extent says how large entries are
+_SIZED = 8  # motions whose extent determines the sizes of the entries
 _CHUNK = 65_536  # starts between two writings of the file
 _FORMAT = "basins.json"
 _REMEDY = "Give another path, or delete the file."
@@ -72,25 +72,26 @@ def basins(
     """The basins of attraction of a scene over a grid of starts.
 
     Args:
-      scene: with the entries of the start that do not vary.
+      scene: the scene; its start has the entries that do not vary.
       grid: values of entries of the start by name, an array (n,) for each; all combinations run.
-      t1: () time of a round; the scene's own span by default. Of a driven scene it is lengthened
-        to whole periods.
-      rounds: how often motions that have reached no attractor go on for that time.
-      refine: how often a grid of two entries is made twice as fine. Only starts between different
-        labels run then; others have that of their neighbours.
-      period: of the drive, where it cannot be read from the rate.
+      t1: () time of a round; the scene's own span by default. For a driven scene it is lengthened
+        to a whole number of periods.
+      rounds: largest number of rounds, of that time each, for motions that have not yet reached an
+        attractor.
+      refine: how often a grid of two entries is made twice as fine. Only new starts between
+        different labels are run; others get the label of their neighbours.
+      period: period of the forcing, if it cannot be read from the rate.
       rtol: relative tolerance of a step.
-      path: .npz file of the first round's ends, by which an interrupted call goes on.
+      path: .npz file for the ends of the first round, from which an interrupted call resumes.
       progress: show a bar.
     Returns:
       Labels, verified attractors, fractions with bars.
     Raises:
-      ValueError: a name is no entry of the state, values are no finite numbers, a number is out of
-        range, the drive's period is unknown, or the file belongs to another call.
-    Limits: attractors that no start of the grid reaches are not seen. That a motion stays with the
-      attractor it has come near is not proved. Quasi-periodic attractors are not recognised: such
-      motions reach none.
+      ValueError: a name is not an entry of the state, values are not finite numbers, a number is
+        out of range, the period of the forcing is unknown, or the file belongs to another call.
+    Limits: attractors that no start of the grid reaches are not found. It is not proved that a
+      motion stays with the attractor that it has come close to. Quasi-periodic attractors are not
+      recognised: such motions get the label -1.
     Example:
       >>> import jaxdyn, orbits, numpy as np
       >>> def wells(t, y):
@@ -114,7 +115,7 @@ def basins(
 
 
 def _period(scene: Scene, period: float | None) -> float | None:
-    """The period of the drive; None for an autonomous scene."""
+    """The period of the forcing; None for an autonomous scene."""
     if not driven(scene):
         return None
     found = drive_period(scene) if period is None else float(_checks.positive("period", period))
@@ -124,7 +125,7 @@ def _period(scene: Scene, period: float | None) -> float | None:
 
 
 class _Motions(Settling):
-    """Those of a scene; of a driven one the states once in each period of the drive."""
+    """The motions of a scene; for a driven one, the states once in each period of the forcing."""
 
     def __init__(self, scene, span, turn, rounds, rtol, path, progress):
         super().__init__(span, rounds, len(scene.y0))
@@ -143,7 +144,7 @@ class _Motions(Settling):
         return self.ends(y0s) if self.path is None else self._run_resumably(y0s, self.path)
 
     def _run_resumably(self, y0s: np.ndarray, path) -> np.ndarray:
-        """The ends of the first round, of which those in a file do not run again."""
+        """The ends of the first round; those in a file are not computed again."""
         numbers = [np.asarray(x) for x in jax.tree.leaves(self.scene)]
         parts = [y0s, np.array([self.span, self.rtol]), *numbers]
         digest = hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in parts))
@@ -160,7 +161,7 @@ class _Motions(Settling):
         return ends.copy()
 
     def largest(self, y0s):
-        # Of some motions: what rests in the end has moved before.
+        # From some motions, since motions that end at rest have moved before.
         some = y0s[:: max(len(y0s) // _SIZED, 1)]
         scenes = (self.scene.starting(y, self.span) for y in some)
         motions = [jaxdyn.simulate(scene, throw=False).ys for scene in scenes]
@@ -182,7 +183,7 @@ class _Motions(Settling):
             if np.isfinite(rest).all() and self.apart(rest[None], y)[0] < NEWTON:
                 known = [a.points for a in self.attractors if a.kind == EQUILIBRIUM]
                 if any(self.apart(points, rest)[0] < REACHED for points in known):
-                    return None  # it is on its way
+                    return None  # it is still on its way
                 near = jaxdyn.linearize(scene, rest)
                 if near.verdict == "stable":
                     real = np.asarray(near.eigenvalues).real
@@ -193,7 +194,7 @@ class _Motions(Settling):
             if orbit.ok and self.apart(np.asarray(orbit.y0)[None], y)[0] < NEWTON:
                 orbits = [a for a in self.attractors if a.kind == ORBIT]
                 if any(self.is_near(a, np.asarray(orbit.y0)[None])[0] for a in orbits):
-                    return None  # it is on its way
+                    return None  # it is still on its way
                 known = stability(orbit)
                 size = np.abs(np.asarray(known.nontrivial))
                 if (size + np.asarray(known.bars) < 1).all():  # not only stable: it attracts
@@ -213,7 +214,7 @@ class _Motions(Settling):
         return Attractor(ORBIT, points, orbit, exponents, bars / size / period)
 
     def _return_time(self, scene: Scene, y: np.ndarray) -> float | None:
-        """The time after which a motion first comes back, if it does."""
+        """The time after which a motion first returns, if it does."""
         if self.turn is not None:
             ts = self.turn * np.arange(1, _PERIODS + 1)
             motion = jaxdyn.simulate(scene, ts[-1], samples=ts, throw=False)
@@ -245,5 +246,5 @@ class _Motions(Settling):
         points = np.asarray(jaxdyn.simulate(scene, ts[-1], samples=ts, max_steps=10**8).ys)
         early, late = np.array_split(np.abs(points), 2)
         if (late.max(axis=0) > _LARGER * early.max(axis=0)).any():
-            return None  # tangents grow also where the motion does
+            return None  # tangents also grow if the motion itself does
         return Attractor(CHAOTIC, points, None, exponents, bars)

@@ -1,12 +1,12 @@
-"""Guesses of orbits of a body of no mass near two that circle each other, by linear theory.
+"""Guesses of orbits of a massless body near two that circle each other, by linear theory.
 
-About the libration points on the axis small motions are sums of an oscillation in the plane, one
-across it, and a part that grows. Lyapunov orbits and vertical ones are the two oscillations; halo
-orbits begin where a larger planar one has the period of the vertical one, and are guessed by
-Richardson's series to third order; axial ones, which begin at a still larger one, by a table. About
-L4 and L5 there are a short and a long oscillation in the plane, and one across it. Distant
-retrograde orbits are guessed as circles about the second body, and resonant ones as ellipses about
-the first, in the axes that turn.
+About the collinear libration points, small motions are sums of an oscillation in the plane, one
+perpendicular to it, and a hyperbolic part. Lyapunov and vertical orbits are the two oscillations.
+Halo orbits begin where a larger planar orbit has the period of the vertical one, and are guessed by
+Richardson's series to third order; axial ones, which begin at a still larger planar orbit, by a
+table. About L4 and L5 there are an oscillation of short and one of long period in the plane, and
+one perpendicular to it. Distant retrograde orbits are guessed as circles about the second body, and
+resonant ones as ellipses about the first, in the rotating axes.
 
 Reference: Richardson (1980), Celestial Mechanics 22, 241; Henon (1969), Astronomy and Astrophysics
 1, 223, for retrograde orbits; Szebehely (1967), Theory of Orbits, chapter 5, for L4 and L5.
@@ -24,19 +24,19 @@ from jaxdyn._records.kinds import check_first
 from jaxdyn.scenes.restricted import libration_point, restricted
 from orbits.discovery.seeds import Seed
 
-_FLAT, _ACROSS = 0.05, 0.1  # of the distance between a libration point and the nearest body
-_NEAR = 0.5  # of the radius of Hill's sphere: that of a distant retrograde orbit
+_FLAT, _ACROSS = 0.05, 0.1  # amplitudes relative to the distance of the point from the nearest body
+_NEAR = 0.5  # radius of a distant retrograde orbit, relative to that of Hill's sphere
 
 
 class _Guess(NamedTuple):
-    """A start (x, y, z, vx, vy, vz), in units of the two bodies, and the period."""
+    """A start (x, y, z, vx, vy, vz), in the units of the two bodies, and the period."""
 
     start: tuple[float, float, float, float, float, float]
     period: float
 
 
 def _across(x: float, z: float, vy: float, period: float) -> _Guess:
-    """An orbit that crosses the plane xz at a right angle."""
+    """An orbit that crosses the xz plane at a right angle."""
     return _Guess((x, 0.0, z, 0.0, vy, 0.0), period)
 
 
@@ -52,27 +52,30 @@ def near_libration_point(
     """A guess of an orbit of a family near a libration point, or about the second body.
 
     ``orbits.find(scene.starting(seed.y0), period=seed.period, closing=orbits.closing.mirror(scene),
-    hold=...)`` finds the orbit, `orbits.continue_family` its family. Axial orbits are mirrored at
-    the axis, ``orbits.closing.mirror(scene, "x")``; those about L4 and L5 have no mirror. Other
-    families branch off these: `orbits.switch_branch`. Resonant orbits have `resonant`.
+    hold=...)`` finds the orbit, `orbits.continue_family` its family. Axial orbits are symmetric
+    about the x axis, ``orbits.closing.mirror(scene, "x")``; those about L4 and L5 have no such
+    symmetry. Other families branch off these, see `orbits.switch_branch`. For resonant orbits see
+    `resonant`.
 
     Args:
-      scene: `scenes.restricted_three_body_in_space`, in either units; in the plane for planar ones.
+      scene: `scenes.restricted_three_body_in_space`, in either units; `restricted_three_body` for
+        planar orbits.
       family: "halo", "lyapunov", "vertical", "axial", "short period", "long period", or "distant
         retrograde" (about the second body).
-      point: "L1", "L2" or "L3"; halo and axial orbits of the first two. "L4" or "L5" for the
-        vertical ones and those of short and long period.
-      amplitude: along x of planar orbits, along z of vertical and halo ones, distance from the
-        second body of retrograde ones, in the scene's unit; small by default. None for axial ones.
+      point: "L1", "L2" or "L3", but only the first two for halo and axial orbits; "L4" or "L5" for
+        vertical orbits and those of short and long period.
+      amplitude: amplitude along x for planar orbits, along z for vertical and halo orbits, distance
+        from the second body for retrograde ones, in the scene's unit; small by default. None for
+        axial ones.
       southern: the mirror image of a halo, vertical or axial orbit; most of a halo orbit is then
         below the plane.
     Raises:
       ValueError: another scene, family or point, `amplitude` is not > 0, or `mu` is so large that
         L4 and L5 are unstable.
-    Limits: to second or third order in the amplitude: large ones are reached along the family.
-      Orbits so small that rounding of the place of the point exceeds the goal of `find` need a
-      larger one. About L3 both oscillations have nearly one period, and vertical orbits are not
-      told from others. Axial ones for `mu` up to that of the Moon.
+    Limits: the guess is of second or third order in the amplitude; large orbits are reached along
+      the family. The amplitude must be so large that rounding of the position of the point is below
+      the goal of `find`. About L3 both oscillations have nearly the same period, and vertical
+      orbits cannot be distinguished from others. Axial orbits need a `mu` up to that of the Moon.
     Example:
       >>> import orbits
       >>> from jaxdyn import scenes
@@ -109,15 +112,16 @@ def resonant(
 ) -> Seed:
     """A guess of an orbit about the first body that is in resonance with the second.
 
-    An ellipse on which the body turns about the first one `turns` times while the second one turns
-    `per` times, which in the turning axes is the period. It has its pericentre on the axis x, where
-    it crosses it at a right angle: ``closing=orbits.closing.mirror(scene)`` and ``hold="x"`` suit.
+    It is an ellipse on which the body completes `turns` turns about the first one while the second
+    one completes `per` turns, which is the period in the rotating axes. It has its pericentre on
+    the x axis, which it crosses at a right angle there: ``closing=orbits.closing.mirror(scene)``
+    and ``hold="x"`` suit.
 
     Args:
       scene: `scenes.restricted_three_body_in_space` or `restricted_three_body`.
-      turns: of the body.
-      per: turns of the second body; no common divisor with `turns`.
-      eccentricity: of the ellipse, at least 0 and below 1.
+      turns: number of turns of the body.
+      per: number of turns of the second body, coprime to `turns`.
+      eccentricity: eccentricity of the ellipse, at least 0 and below 1.
       towards: whether the pericentre at the start is on the side of the second body.
     Raises:
       ValueError: another scene, numbers of turns with a common divisor, or no such eccentricity.
@@ -181,7 +185,7 @@ def _linear(mu: float, x: float) -> _Linear:
     gamma = abs(near)
 
     def c(n: int) -> float:
-        """Of Legendre's polynomials about the point, along x."""
+        """The coefficient of the n-th Legendre polynomial about the point, along x."""
         parts = ((heavy, near), (light, far))
         return sum(
             m * (-math.copysign(1, r) * gamma / abs(r)) ** n / abs(r) / gamma**2 for m, r in parts
@@ -211,7 +215,7 @@ def _vertical(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
 
 
 def _axial(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
-    """By the table, whose rows differ little in units of the distance from the second body."""
+    """From the table, whose rows differ little in units of the distance from the second body."""
     del amplitude
     x = float(place[0])
     gamma = abs(x - 1 + mu)
@@ -229,7 +233,7 @@ def _long(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
 
 
 def _triangular(mu: float, place: np.ndarray, amplitude: float | None, sign: int) -> _Guess:
-    """An oscillation in the plane about L4 or L5, from where it is farthest along x."""
+    """An oscillation in the plane about L4 or L5, from its farthest point along x."""
     root = 1 - 27 * mu * (1 - mu)
     if root <= 0:
         wanted = "one of less than 0.0385209, where L4 and L5 are stable"
@@ -237,7 +241,7 @@ def _triangular(mu: float, place: np.ndarray, amplitude: float | None, sign: int
     x, y = map(float, place)
     square = 0.5 * (1 + sign * math.sqrt(root))
     turn, mixed = math.sqrt(square), 1.5 * y * (1 - 2 * mu)
-    # Of x'' - 2 y' = 3/4 x + mixed y, with x = exp(i turn t) and y = ratio exp(i turn t).
+    # From x'' - 2 y' = 3/4 x + mixed y, with x = exp(i turn t) and y = ratio exp(i turn t).
     ratio = -(square + 0.75) / complex(mixed, 2 * turn)
     size = _FLAT if amplitude is None else amplitude
     along = size * ratio.real, -size * turn * ratio.imag
@@ -247,7 +251,7 @@ def _triangular(mu: float, place: np.ndarray, amplitude: float | None, sign: int
 def _retrograde(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     del place
     r = _NEAR * (mu / 3) ** (1 / 3) if amplitude is None else amplitude
-    turn = math.sqrt(mu / r**3) + 1  # in the axes that turn the other way
+    turn = math.sqrt(mu / r**3) + 1  # in the axes, which rotate in the opposite direction
     return _across(1 - mu - r, 0.0, r * turn, 2 * math.pi / turn)
 
 
@@ -296,8 +300,8 @@ def _halo(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     across += a31 * ax**3 - a32 * ax * az**2
     up = az + d21 * ax * az * (1 - 3) + d32 * az * ax**2 - d31 * az**3
     speed = k * ax + 2 * (b21 * ax**2 - b22 * az**2) + 3 * (b31 * ax**3 - b32 * ax * az**2)
-    # Of a northern orbit the part that is far from the second body is above the plane; this
-    # crossing belongs to it about L1 only.
+    # In a northern orbit the part far from the second body is above the plane; this crossing
+    # belongs to that part only about L1.
     gamma, north = point.gamma, 1 if x < 1 - mu else -1
     return _across(
         x + gamma * across,
@@ -319,7 +323,7 @@ _POINTS = ("L1", "L2", "L3", "L4", "L5")
 
 
 class _Family(NamedTuple):
-    """How a guess is made, near which points, whether in the plane, whether in any size."""
+    """How a guess is made, near which points, whether in the plane, and whether of any size."""
 
     made: Callable[[float, np.ndarray, float | None], _Guess]
     points: tuple[str, ...]

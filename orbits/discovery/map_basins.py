@@ -1,7 +1,7 @@
-"""Basins of attraction of a map: to which fixed point, cycle or chaotic attractor each start goes.
+"""Basins of attraction of a map: which fixed point, cycle or chaotic attractor a start approaches.
 
 The map is a function of a state (k,), such as a step of Newton's method or a return map; all starts
-are iterated at once. Where they end, a cycle is sought by Newton's method on y - f^p(y), and
+are iterated at once. Where they end, a cycle is searched for by Newton's method on y - f^p(y), and
 verified by its multipliers, the eigenvalues of the derivative of f^p; a chaotic attractor by a
 positive Lyapunov exponent.
 """
@@ -32,14 +32,14 @@ from orbits.discovery.settling import (
     over_grid,
 )
 
-_PERIODS = 32  # the longest cycle that is sought
-_RETURNS = 4  # numbers of steps after which one comes back that are tried as its period
-_STEPS = 20  # of Newton's method for one
-_EXACT = 1e-9  # of the sizes: how well one closes
+_PERIODS = 32  # longest cycle that is searched for
+_RETURNS = 4  # numbers of steps of a return that are tried as the period
+_STEPS = 20  # of Newton's method for a cycle
+_EXACT = 1e-9  # largest closing error of a cycle, relative to the sizes
 _CLOUD = 20_000  # points of a chaotic attractor
-_BLOCKS = 20  # of them, by whose exponents the bar is found
+_BLOCKS = 20  # blocks of points, whose exponents give the bar
 _BAR = 2.1  # standard errors of their mean in a 95 % interval: Student's t
-_FAR = 1e8  # of the largest entry of the grid: beyond it a start diverges
+_FAR = 1e8  # relative to the largest entry of the grid: a start diverges beyond
 
 
 def map_basins(
@@ -59,15 +59,15 @@ def map_basins(
       grid: values of all entries of the state by name, in their order, an array (n,) for each; all
         combinations are iterated.
       params: any pytree of numbers; new values do not compile again.
-      steps: of a round.
-      rounds: how often starts that have reached no attractor go on for so many steps.
+      steps: number of steps of a round.
+      rounds: largest number of rounds for starts that have not yet reached an attractor.
       refine: see `basins`.
     Returns:
       Labels, verified attractors, fractions with bars. Starts that diverge or become NaN have the
       label -1.
     Raises:
-      ValueError: `step` is no such function or returns another shape, a number is out of range, or
-        see `basins` on grids.
+      ValueError: `step` is not such a function or returns another shape, a number is out of range,
+        or see `basins` on grids.
     Limits: attractors that no start of the grid reaches, cycles longer than 32 and quasi-periodic
       motions are not recognised.
     Example:
@@ -96,7 +96,7 @@ def map_basins(
 
 
 class _Map(eqx.Module):
-    """A function of a user's with its parameters."""
+    """A function of the user with its parameters."""
 
     function: Callable = eqx.field(static=True)
     params: Any
@@ -149,7 +149,7 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
 
 
 class _Iterates(Settling):
-    """Those of a map."""
+    """The iterates of a map."""
 
     def __init__(self, step: _Map, steps: int, rounds: int, k: int, far: float):
         super().__init__(steps, rounds, k)

@@ -25,11 +25,11 @@ from orbits.shooting.newton import Iteration
 from orbits.shooting.strategy import Strategy
 
 _TRIES = 3  # close returns tried
-#: Steps of a span in which close returns are looked for. With more, turns of the motion may be
-#: between two samples of `returns`; with fewer, it may have turned only in part. A span that takes
-#: the place of the scene's own has one to two times as many as the latter; an easy turn has three.
+#: Steps of a span in which close returns are searched for. With more, turns of the motion may be
+#: between two samples of `returns`; with fewer, it may have completed only a part of a turn. A span
+#: that replaces the scene's own has one to two times as many as the latter; a smooth turn has 3.
 _MOST_STEPS, _FEWEST_STEPS = 2048, 64
-_SPANS = 20  # tried each way, each some tens of times longer or shorter than the one before
+_SPANS = 20  # tried in each direction, each some tens of times longer or shorter than the last
 _RTOL = 1e-10  # as in `returns`
 
 
@@ -49,9 +49,9 @@ def search_near(
 
     Args:
       scene: system, effects, start.
-      period: guess; by default that of the drive or, without one, the closest returns of the
-        scene's own motion in its span, or in another where that is much shorter or longer than the
-        motion needs to turn.
+      period: guess; by default that of the forcing or, without forcing, the closest returns of the
+        scene's own motion in its span, or in another span if that is much shorter or longer than a
+        turn of the motion.
       closing: see `find`.
       energy: that of the orbit; None for any.
       hold: names of entries of the scene's start that the orbit's start keeps.
@@ -114,8 +114,8 @@ def _seeds(scene: Scene) -> list[Seed]:
 def _spans(scene: Scene) -> Iterator[float]:
     """The scene's own span, or the part of it that samples resolve, and then a longer one.
 
-    The number of steps of the integrator, which does not depend on units, tells how often the
-    motion turns in a span.
+    The number of steps of the integrator, which does not depend on units, indicates how many turns
+    the motion completes in a span.
     """
     span = float(scene.t1)
     steps = _steps(scene, span)

@@ -1,4 +1,4 @@
-"""Attractors, and starts that are sorted by where they end: what flows and maps share."""
+"""Attractors, and the assignment of starts to them: common parts for flows and maps."""
 
 import abc
 import dataclasses
@@ -11,28 +11,28 @@ from scipy.spatial import cKDTree
 from jaxdyn import Scene, _checks, _text
 from orbits.orbit import Orbit
 
-#: Of the sizes of the entries: how near a motion is that has reached an attractor.
+#: Relative to the sizes of the entries: the distance within which an attractor is reached.
 REACHED = 1e-3
-NEWTON = 0.05  # how near an attractor is that may be where a motion ends
-_CLOUD_SPACING = 4.0  # of the largest gaps in a chaotic one: how near a motion on it is
-_TRIES = 6  # ends of a round from which no attractor was found
+NEWTON = 0.05  # the same for an attractor that Newton's method finds from the end of a motion
+_CLOUD_SPACING = 4.0  # the same for a chaotic one, relative to its largest gaps
+_TRIES = 6  # ends of a round without a new attractor before the search stops
 _SD = 1.96  # standard deviations of a 95 % interval
 
 EQUILIBRIUM, ORBIT, CHAOTIC = "equilibrium", "orbit", "chaotic"
-FIXED, CYCLE = "fixed point", "cycle"  # of maps
+FIXED, CYCLE = "fixed point", "cycle"  # for maps
 
 
 class Attractor(NamedTuple):
-    """Where motions go.
+    """An attractor.
 
     Attributes:
-      kind: "equilibrium", "orbit" or "chaotic"; of a map "fixed point", "cycle" or "chaotic".
-      points: (p, k) the equilibrium; an orbit, once in each period of a drive if there is one; a
+      kind: "equilibrium", "orbit" or "chaotic"; for a map "fixed point", "cycle" or "chaotic".
+      points: (p, k) the equilibrium; an orbit, once in each period of a forcing if there is one; a
         cycle; a cloud of points on a chaotic attractor.
-      orbit: of an orbit.
-      exponents: (e,) eigenvalues' real parts, Floquet exponents or Lyapunov exponents; of a map
-        for one step.
-      bars: (e,) of these.
+      orbit: the orbit, if it is one.
+      exponents: (e,) real parts of eigenvalues, Floquet exponents or Lyapunov exponents; for a map
+        those of one step.
+      bars: (e,) their error bars.
     """
 
     kind: str
@@ -57,21 +57,21 @@ class Attractor(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Basins:
-    """To which attractor each start goes.
+    """The attractor that each start approaches.
 
     Attributes:
-      scene: of the motions; None for a map.
+      scene: scene of the motions; None for a map.
       title: the name of the scene or the map.
-      names: of the varied entries of the start, one for each axis.
+      names: names of the varied entries of the start, one for each axis.
       axes: their values.
-      labels: (n1, n2, ...) number of the attractor of each start; -1 where none was reached in the
-        time, or the motion stopped.
+      labels: (n1, n2, ...) number of the attractor of each start; -1 if none was reached in time,
+        or the motion stopped.
       attractors: the attractors.
-      time: how long the longest motions ran; of a map the number of steps.
-      computed: how many motions ran; fewer than there are labels where the boundary was refined.
-      fractions: (a + 1,) shares of the starts of the grid as given; the last of those that reach
-        none.
-      bars: (a + 1,) half-widths of their 95 % intervals, as of starts drawn at random.
+      time: time of the longest motions; for a map, the number of steps.
+      computed: number of motions that ran; fewer than there are labels if the boundary was refined.
+      fractions: (a + 1,) fractions of the starts of the given grid; the last one is that of starts
+        that reach none.
+      bars: (a + 1,) half-widths of their 95 % intervals, as if the starts were drawn at random.
     """
 
     scene: Scene | None
@@ -115,7 +115,7 @@ def as_axes(grid: Any, known: list[str] | None = None) -> dict[str, np.ndarray]:
     """Values of entries by name.
 
     Raises:
-      ValueError: there are none, one is not among the known names, or values are no numbers.
+      ValueError: there are none, one is not among the known names, or values are not numbers.
     """
     names = tuple(grid) if isinstance(grid, Mapping) else ()
     if not names:
@@ -131,7 +131,7 @@ def as_axes(grid: Any, known: list[str] | None = None) -> dict[str, np.ndarray]:
 
 
 def check_rounds(rounds: int, refine: int, axes: Mapping[str, np.ndarray]) -> None:
-    """Raise ValueError unless a grid can be looked at in so many rounds, and refined so often."""
+    """Raise ValueError unless the number of rounds and of refinements suits a grid."""
     _checks.whole("rounds", rounds)
     _checks.whole("refine", refine, 0, 10)
     if refine and len(axes) != 2:
@@ -178,7 +178,7 @@ def over_grid(
 
 
 def _refine(axes, labels: np.ndarray, settling: "Settling", starts: Callable):
-    """Axes and labels with a value between every two; only starts at a boundary run."""
+    """Axes and labels with a value between every two; only starts at a boundary are run."""
     axes = tuple(np.sort(np.append(x, (x[1:] + x[:-1]) / 2)) if len(x) > 1 else x for x in axes)
     coarse = [np.arange(len(x)) / 2 for x in axes]
     low = np.ix_(*(np.floor(x).astype(int) for x in coarse))
@@ -199,11 +199,11 @@ class Settling(abc.ABC):
 
     Attributes:
       span: time of a round.
-      rounds: how many.
-      attractors: those found.
+      rounds: number of rounds.
+      attractors: the attractors found.
       longest: time of the longest motions.
       computed: number of motions.
-      sizes: (k,) of the entries of a state.
+      sizes: (k,) sizes of the entries of a state.
     """
 
     def __init__(self, span: float, rounds: int, k: int):
@@ -214,7 +214,7 @@ class Settling(abc.ABC):
 
     @property
     def is_curve(self) -> bool:
-        """Whether the points of an orbit are those of a curve."""
+        """Whether the points of an orbit form a curve."""
         return False
 
     @abc.abstractmethod
@@ -222,7 +222,7 @@ class Settling(abc.ABC):
         """(n, k) states after a round; NaN where a motion stops."""
 
     def first_ends(self, y0s: np.ndarray) -> np.ndarray:
-        """Those of the first round, which may be kept in a file."""
+        """The states after the first round, which may be stored in a file."""
         return self.ends(y0s)
 
     @abc.abstractmethod
@@ -260,7 +260,7 @@ class Settling(abc.ABC):
         return found
 
     def beside(self, y: np.ndarray) -> np.ndarray:
-        """A state (k,) beside one: what attracts is reached from there too, a saddle is not."""
+        """A state (k,) near one, from which an attractor is reached too, but a saddle is not."""
         return y + 0.5 * REACHED * self.sizes
 
     def apart(self, ys: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -297,7 +297,7 @@ class Settling(abc.ABC):
         return distance < REACHED
 
     def _discover(self, ends: np.ndarray, found: np.ndarray, last: bool) -> None:
-        """Seek attractors where motions that are near none have ended."""
+        """Search for attractors where motions that are not near any have ended."""
         tried = np.zeros(len(ends), bool)
         failed = 0
         while failed < _TRIES:

@@ -1,8 +1,8 @@
-"""How the basins change along a parameter: their fractions, and where attractors come and go.
+"""Basins along a parameter: their fractions, and where attractors appear and disappear.
 
-Attractors at neighbouring values of the parameter are the same if they are the nearest to each
-other, and not too far apart. Where one has no such neighbour a motion that follows it tips over, to
-another attractor.
+Attractors at neighbouring values of the parameter are the same if they are closest to each other,
+and not too far apart. Where one has no such neighbour, a motion that follows it tips to another
+attractor.
 """
 
 import dataclasses
@@ -15,17 +15,17 @@ from scipy.optimize import linear_sum_assignment
 from jaxdyn import _checks, _text
 from orbits.discovery.settling import Attractor, Basins
 
-_WITHIN = 0.3  # of the sizes: how far an attractor may move from one value to the next
+_WITHIN = 0.3  # relative to the sizes: largest shift of an attractor from one value to the next
 
 
 class Tipping(NamedTuple):
-    """Where an attractor comes or goes.
+    """A tipping point, where an attractor appears or disappears.
 
     Attributes:
       attractor: its number.
-      begins: whether it is there above, and not below; else the reverse.
-      low: the parameter below.
-      high: the parameter above.
+      begins: whether it exists above but not below; otherwise the reverse.
+      low: value of the parameter below.
+      high: value of the parameter above.
     """
 
     attractor: int
@@ -39,11 +39,11 @@ class BasinFractions:
     """Fractions of basins along a parameter.
 
     Attributes:
-      values: (n,) of the parameter.
-      fractions: (n, a + 1) shares of the starts that go to each attractor, 0 where it does not
-        exist; the last are those that reach none.
+      values: (n,) values of the parameter.
+      fractions: (n, a + 1) fractions of the starts that approach each attractor, 0 where it does
+        not exist; the last ones are those of starts that reach none.
       bars: (n, a + 1) half-widths of their 95 % intervals.
-      attractors: of each number those along the parameter, None where it does not exist.
+      attractors: for each number, the attractors along the parameter, None where it does not exist.
       found: the basins at each value.
     """
 
@@ -55,7 +55,7 @@ class BasinFractions:
 
     @property
     def tipping(self) -> tuple[Tipping, ...]:
-        """Where attractors come and go, in the order of the parameter."""
+        """Where attractors appear and disappear, in the order of the parameter."""
         points = [
             Tipping(i, before is None, float(low), float(high))
             for i, each in enumerate(self.attractors)
@@ -97,17 +97,17 @@ def basin_fractions(
     """The fractions of basins along a parameter, and its tipping points.
 
     Args:
-      find: of a value of the parameter, returns basins over one grid: a call of `orbits.basins` or
-        `orbits.map_basins`.
-      values: of the parameter, ascending.
-      within: how far an attractor may move from one value to the next and still be the same,
-        relative to the sizes of its entries and of the grid.
+      find: function of a value of the parameter that returns basins over the same grid, by a call
+        of `orbits.basins` or `orbits.map_basins`.
+      values: values of the parameter, ascending.
+      within: largest shift of an attractor from one value to the next, relative to the sizes of its
+        entries and of the grid; attractors farther apart are different.
     Returns:
       Fractions with bars, attractors with their numbers, tipping points, and all basins.
     Raises:
       ValueError: `values` do not ascend, or `find` does not return basins in the same entries.
-    Limits: see `basins`; an attractor whose basin is smaller than the grid is fine is missed, so
-      that it may seem to tip too early.
+    Limits: see `basins`; an attractor whose basin is smaller than the spacing of the grid is
+      missed, so that it may seem to tip too early.
     Example:
       >>> import orbits, numpy as np
       >>> def cubic(y, p):  # x' = p + x - x^3, in steps
@@ -163,7 +163,7 @@ def _same(last: list[Attractor | None], basins: Basins, within: float) -> dict[i
 
 
 def _sizes(attractors: list, basins: Basins) -> np.ndarray:
-    """(k,) how far entries extend, along attractors and the grid."""
+    """(k,) extent of the entries over attractors and the grid."""
     points = np.concatenate([one.points for one in attractors])
     extent = points.max(axis=0) - points.min(axis=0)
     names = [name for name, _ in basins.entries]

@@ -22,11 +22,11 @@ def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:
     Starts that reach no attractor are white; attractors are drawn where they are within the grid.
 
     Args:
-      found: what `orbits.basins` returned, for a grid of two entries.
+      found: the result of `orbits.basins`, for a grid of two entries.
       path: file to write, .png, .pdf or .svg.
       title: its title; the scene's name by default.
     Raises:
-      ValueError: the grid has another number of entries, or `path` cannot be written.
+      ValueError: the grid does not have two entries, or `path` cannot be written.
     """
     path = picture_path(path)
     if len(found.axes) != 2:
@@ -77,11 +77,11 @@ def basin_fractions(found: BasinFractions, path=None, *, title: str | None = Non
     """A picture of the fractions of basins over a parameter, one band for each attractor.
 
     Args:
-      found: what `orbits.basin_fractions` returned, for at least two values.
+      found: the result of `orbits.basin_fractions`, for at least two values.
       path: file to write, .png, .pdf or .svg.
       title: its title; the name of the scene by default.
     Raises:
-      ValueError: there is one value only, or `path` cannot be written.
+      ValueError: there is only one value, or `path` cannot be written.
     """
     path = picture_path(path)
     if len(found.values) < 2:
@@ -102,7 +102,7 @@ def basin_fractions(found: BasinFractions, path=None, *, title: str | None = Non
     for band in bands:
         band.set_edgecolor(INK)
         band.set_linewidth(0.8)
-    ax.set(xlabel="parameter", ylabel="share of the starts [%]", ylim=(0, 100))
+    ax.set(xlabel="parameter", ylabel="fraction of the starts [%]", ylim=(0, 100))
     ax.set(xlim=(found.values[0], found.values[-1]))
     ax.set_title(found.found[0].title if title is None else readable(title), fontsize=10)
     return finish(figure, path)

@@ -1,4 +1,4 @@
-"""Pages on which orbits run: one beside a motion that starts aside, or those of a family."""
+"""Pages on which orbits run: one beside a neighbouring motion, or those of a family."""
 
 import math
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from orbits.files.family_files import Entry, Listing, listing
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
-_MOST_MEMBERS = 150  # of a page: it has a start and all numbers of each
+_MOST_MEMBERS = 150  # on a page, which has the start and the parameters of each
 _DIGITS = 8  # of a period
 
 
 @check_first
 def orbit_page(orbit: Orbit, path=None) -> Playing:
-    """A page on which the motion of an orbit runs beside one that starts a thousandth aside.
+    """A page on which an orbit runs beside a motion whose start differs by a thousandth.
 
     Args:
       orbit: from `find`.
@@ -42,10 +42,11 @@ def orbit_page(orbit: Orbit, path=None) -> Playing:
 
 @check_first
 def family_page(family: Family | Listing, path=None) -> Playing:
-    """A page on which the orbits of a family run, one of them chosen by a slider or in a picture.
+    """A page on which the orbits of a family run, selected by a slider or in a plot.
 
-    A motion that starts a thousandth aside runs beside it: it stays beside a stable orbit. Of a
-    family of more than 150 orbits so many are chosen evenly, the first and the last among them.
+    A motion whose start differs by a thousandth runs beside the orbit, and stays close if the orbit
+    is stable. From a family of more than 150 orbits, 150 are selected evenly, with the first and
+    the last.
 
     Args:
       family: a family, or a list of one, from `family_files.load`.
@@ -67,7 +68,7 @@ def family_page(family: Family | Listing, path=None) -> Playing:
     periods = [entry.orbit.period for entry in entries]
     verdicts = [entry.verdict for entry in entries]
     time = _text.second(first.scene.labels())
-    # Some may have the same value: at both sides of a fold, say.
+    # Several may have the same value, for example on both sides of a fold.
     names = [f"{i + 1}, {what} = {_text.brief(x, unit)}" for i, x in enumerate(across)]
     notes = [
         f"period {_text.brief(period, time, digits=_DIGITS)}, {verdict}"
@@ -91,13 +92,13 @@ def _page_path(path) -> Path | None:
 
 
 def _selection(members: Sequence[Entry]) -> list[Entry]:
-    """At most so many members as a page takes."""
+    """A selection of members, at most as many as a page takes."""
     count = min(len(members), _MOST_MEMBERS)
     return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
 
 
 def _across(family: Listing, entries: Sequence[Entry]) -> tuple[str, str, list[float]]:
-    """What tells the members of a family from each other: its name, its unit and its values."""
+    """The quantity that distinguishes the members of a family: name, unit and values."""
     if family.parameter is not None:
         return family.parameter, "", [entry.parameter for entry in entries]
     if not math.isnan(entries[0].energy):

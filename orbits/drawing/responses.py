@@ -1,4 +1,4 @@
-"""Pictures of frequency responses and backbone curves, in the form that engineers use."""
+"""Pictures of frequency responses and backbone curves, in the form used in engineering."""
 
 import itertools
 import math
@@ -44,7 +44,7 @@ def frequency_response(
     backbone: Backbone | None = None,
     title: str | None = None,
 ) -> Figure:
-    """A picture of response curves: amplitude and phase over the frequency of the drive.
+    """A picture of response curves: amplitude and phase over the forcing frequency.
 
     Stable responses are solid, unstable ones dashed; folds and other special points are marked.
 
@@ -156,12 +156,12 @@ def backbone(
 
 
 def _places(curve: Family, of: Callable[[Member], float]) -> dict[int, tuple[float, float]]:
-    """The place in the picture of each member and special point of a curve, by its `id`."""
+    """The position in the picture of each member and special point of a curve, by its `id`."""
     return {id(m): (m.parameter, of(m)) for m in (*curve.members, *curve.special)}
 
 
 def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
-    """The same places, with angles that do not jump along the curve."""
+    """The same positions, with angles that do not jump along the curve."""
     angles = np.unwrap([places[id(m)][1] for m in curve.members])
     if angles.mean() < 0:
         angles = angles + 2 * np.pi

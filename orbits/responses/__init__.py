@@ -1,9 +1,9 @@
 """Nonlinear vibrations: frequency responses and backbone curves.
 
-`response` follows the forced responses of a scene over the frequency of its drive, `backbone` its
-free vibrations over the energy, from a linear mode: nonlinear normal modes. Both are families of
-periodic orbits, with their folds, branch points and stability; `resonances` finds where the
-frequencies of two modes have a simple ratio.
+`response` follows the forced responses of a scene over the forcing frequency, `backbone` its
+nonlinear normal modes: free vibrations that begin at a linear mode, over the energy. Both are
+families of periodic orbits, with their folds, branch points and stability; `resonances` finds where
+the frequencies of two modes have a simple ratio.
 
 May import: `families`, `discovery`.
 

@@ -1,8 +1,8 @@
 """Backbone curves: the free vibrations of a scene that begin as one of its linear modes.
 
-By Lyapunov's centre theorem each linear mode of a conservative scene goes on as a family of
+By Lyapunov's centre theorem each linear mode of a conservative scene continues as a family of
 periodic orbits over the energy, a nonlinear normal mode. Its frequency against amplitude or energy
-is the backbone about which the response curves of the driven scene lie.
+is the backbone of the response curves of the forced scene.
 
 Reference: Kerschen, Peeters, Golinval, Vakakis (2009), Nonlinear normal modes, part I, Mechanical
 Systems and Signal Processing 23, 170.
@@ -31,14 +31,14 @@ from orbits.orbit import Orbit, SearchError
 from orbits.responses.resonances import Resonance, ratios, resonances
 from orbits.shooting.finding import find
 
-_SMALL = 0.02  # of the sizes of an equilibrium's entries: the first vibration
+_SMALL = 0.02  # amplitude of the first vibration, relative to the sizes of the entries
 _ANYWHERE = (-math.inf, math.inf)
-_TRIES = 4  # at amplitudes of which each is a third of the one before
+_TRIES = 4  # amplitudes that are tried, each a third of the one before
 
 
 @dataclasses.dataclass(frozen=True)
 class Backbone:
-    """A nonlinear normal mode: a family of free vibrations from a linear mode on.
+    """A nonlinear normal mode: a family of free vibrations that begins at a linear mode.
 
     Attributes:
       mode: number of the linear mode, the slowest is 1.
@@ -98,7 +98,7 @@ class Backbone:
 
     @property
     def ratios(self) -> np.ndarray:
-        """(n, m - 1) the frequencies of small vibrations in the other modes, over its own."""
+        """(n, m - 1) frequencies of small vibrations in the other modes, relative to its own."""
         own = self.linear[self.mode - 1]
         return ratios(self.family, np.delete(self.linear, self.mode - 1) / own)
 
@@ -136,25 +136,25 @@ def backbone(
     order: int = 1,
     report: Callable[[Member], None] = lambda member: None,
 ) -> Backbone:
-    """The nonlinear normal mode that begins as a linear mode, towards larger energies.
+    """The nonlinear normal mode that begins at a linear mode, towards larger energies.
 
     Args:
       scene: a conservative scene, which starts in equilibrium.
       mode: number of the linear mode; the slowest is 1.
-      amplitude: of the first vibration, the displacement of the entry that is displaced most; by
-        default a fiftieth of its size.
+      amplitude: amplitude of the first vibration in the entry that is displaced most; by default a
+        fiftieth of its size.
       energy: largest energy, above that of the equilibrium.
       frequencies: bounds on the angular frequency [rad/s].
       step: length of the first step; see `orbits.continue_family`.
       members: largest number of vibrations.
-      order: internal resonances p : q are looked for of which the smaller number is at most this,
-        and the larger one five times that; 0 for none.
+      order: largest value of the smaller one of p and q in the internal resonances p : q that are
+        searched for; the larger one is at most five times that. 0 for none.
       report: called with each vibration as it is found.
     Returns:
       The family, its frequencies, energies and amplitudes, and its internal resonances.
     Raises:
       ValueError: the scene does not start in equilibrium, or has no such mode that oscillates.
-      SearchError: no vibration was found beside the equilibrium.
+      SearchError: no vibration was found near the equilibrium.
     Limits: host only. Where another linear frequency is a multiple of this one, a family need not
       exist, or there are several.
     Example:
@@ -202,7 +202,7 @@ def backbone(
 
 
 def _first(scene: Scene, small: Seed, amplitude: float | None) -> Orbit:
-    """A vibration near a linear mode, whose vector is `small.y0` less the equilibrium."""
+    """A vibration near a linear mode, whose vector is `small.y0` minus the equilibrium."""
     rest = np.asarray(scene.y0)
     vector = small.y0 - rest
     sizes = np.asarray(at_rest(scene.field, groups(scene.system), rest).sizes)
@@ -226,7 +226,7 @@ def _shorter(orbit: Orbit, rest: np.ndarray, step: float) -> bool:
 
 
 def _size(member: Member, rest: np.ndarray) -> float:
-    """How far a vibration goes: its energy, or the distance of its start from the equilibrium."""
+    """The size of a vibration: its energy, or the distance of its start from the equilibrium."""
     off = (np.asarray(member.orbit.y0) - rest) / member.point.sizes
     return float(np.linalg.norm(off)) if math.isnan(member.energy) else member.energy
 

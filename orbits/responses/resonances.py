@@ -1,10 +1,11 @@
-"""Internal resonances of free vibrations: where two modes have frequencies of a simple ratio.
+"""Internal resonances of free vibrations: where the frequencies of two modes have a simple ratio.
 
-A small vibration in another mode beside an orbit of period T turns by an angle theta over T, that
-of a multiplier: its frequency is n + theta / (2 pi) times that of the orbit, with a whole number n
-that is known from the linear modes, where the family begins, and kept along it. Of a pair of
-multipliers it is the one whose vibration has an action > 0 (Krein's sign). The mode is resonant, p
-: q, where that ratio is p / q; there orbits of q periods branch off, and the modes exchange energy.
+A small vibration in another mode near an orbit of period T advances by an angle theta over T, which
+is the angle of a multiplier: its frequency is n + theta / (2 pi) times that of the orbit. The
+integer n is known from the linear modes, where the family begins, and followed along the family.
+From a pair of multipliers, the one whose vibration has an action > 0 (Krein's sign) is used. The
+mode is resonant, p : q, where that ratio is p / q; there orbits of q periods branch off, and the
+modes exchange energy.
 
 Reference: Yakubovich, Starzhinskii (1975), Linear differential equations with periodic
 coefficients, chapter III.
@@ -27,8 +28,8 @@ from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Surface
 from orbits.shooting.finding import GOAL
 
-_MOST = 5  # the larger one of p and q, over the order
-_REAL = 1e-9  # imaginary part of a multiplier that is real
+_MOST = 5  # largest value of p or q, relative to the order
+_REAL = 1e-9  # multipliers with an imaginary part below this are real
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,11 +62,11 @@ class Resonance:
 
 
 def ratios(family: Family, linear: np.ndarray) -> np.ndarray:
-    """(n, m) the frequencies of the other modes over that of each member.
+    """(n, m) ratios of the frequencies of the other modes to that of each member.
 
     Args:
-      family: of free vibrations, that begins near an equilibrium.
-      linear: (m,) the same of the linear modes.
+      family: a family of free vibrations that begins near an equilibrium.
+      linear: (m,) the same ratios for the linear modes.
     """
     sign, known, rows = _sign(family, linear), np.asarray(linear, float), []
     for member in family.members:
@@ -75,7 +76,7 @@ def ratios(family: Family, linear: np.ndarray) -> np.ndarray:
 
 
 def _sign(family: Family, linear: np.ndarray) -> float:
-    """1 or -1: that of the actions, with which the first member is as the linear modes are."""
+    """1 or -1, the sign of the actions for which the first member agrees with the linear modes."""
     known, turns = np.asarray(linear, float), _turns(family.members[0])
     return min((1.0, -1.0), key=lambda s: np.abs(_nearest(known, s * turns) - known).sum())
 
@@ -83,14 +84,13 @@ def _sign(family: Family, linear: np.ndarray) -> float:
 def resonances(
     family: Family, linear: np.ndarray, others: list[int], order: int
 ) -> list[Resonance]:
-    """The internal resonances p : q, p or q up to an order, in order along a family.
+    """The internal resonances p : q with p or q up to an order, in order along a family.
 
     Args:
       family: see `ratios`.
       linear: see `ratios`.
-      others: (m) the numbers of the other modes.
-      order: the largest of the smaller ones of p and q; the larger ones are at most five times
-        that.
+      others: (m) numbers of the other modes.
+      order: largest value of the smaller one of p and q; the larger one is at most five times that.
     """
     known, sign, found = ratios(family, linear), _sign(family, linear), []
     places = list(zip(family.members, family.members[1:], known, known[1:], strict=False))
@@ -117,14 +117,14 @@ def _turns(member: Member) -> np.ndarray:
         action = (np.conj(x[:half]) @ (slope @ x)).imag
         if action > 0:
             found.append(float(np.angle(z)) / (2 * np.pi))
-    # A real pair is two of one turn.
+    # A real pair has equal turns.
     real = [turn for turn in found if turn in (0.0, 0.5)]
     return np.array([*(turn for turn in found if turn not in (0.0, 0.5)), *sorted(real)[::2]])
 
 
 @jax.jit
 def _momenta(scene: Scene, y: Array) -> Array:
-    """(n, k) derivative of the momenta by the state: canonical ones, or those of the energy."""
+    """(n, k) derivative of the momenta by the state; canonical, or derived from the energy."""
     t = jnp.zeros(())
 
     def momenta(y: Array) -> Array:
@@ -139,7 +139,7 @@ def _momenta(scene: Scene, y: Array) -> Array:
 
 
 def _nearest(known: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """(m,) ratios with these turns but for whole ones, each near a known one."""
+    """(m,) ratios with these turns up to integers, each near a known one."""
     found = known.copy()
     whole = np.round(known[:, None] - turns)
     near = whole + turns
@@ -154,7 +154,7 @@ def _nearest(known: np.ndarray, turns: np.ndarray) -> np.ndarray:
 
 
 def _between(a: float, b: float, order: int) -> list[Fraction]:
-    """The fractions p / q between two numbers, p or q up to an order, from the first on."""
+    """The fractions p / q between two numbers, with p or q up to an order, from the first on."""
     low, high, most = min(a, b), max(a, b), _MOST * order
     found = {
         Fraction(p, q)

@@ -1,9 +1,10 @@
-"""The frequency response of a nonlinear scene: its forced vibrations over the drive's frequency.
+"""The frequency response of a nonlinear scene: its forced vibrations over the forcing frequency.
 
-A forced response is a periodic orbit with the period of the drive; a response curve is a family of
-them along its frequency, followed by arclength through its folds, so that both branches and the
-unstable one between them are found. Multipliers tell the stability of each response; where they
-leave the unit circle otherwise, quasi-periodic (torus) or period-doubled responses begin.
+A forced response is a periodic orbit with the period of the forcing; a response curve is a family
+of such orbits over the frequency, followed by arclength through its folds, so that both branches
+and the unstable one between them are found. Multipliers decide the stability of each response;
+where they leave the unit circle other than at a fold, quasi-periodic (torus) or period-doubled
+responses begin.
 """
 
 import dataclasses
@@ -41,9 +42,9 @@ from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import GOAL, find
 from orbits.shooting.segment import Make, OwnNumber
 
-_PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # of a level, at which responses are looked for in turn
-_SAME = 1e-6  # of the sizes of entries: starts of one response
-_PEAK = {"xatol": 1e-6, "maxiter": 40}  # of a step along the curve
+_PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # fractions of a level at which responses are found in turn
+_SAME = 1e-6  # starts that differ less, relative to the sizes, belong to the same response
+_PEAK = {"xatol": 1e-6, "maxiter": 40}  # relative to a step along the curve
 _NO_FIRST = (
     "No response was found at either end of the range of frequencies. Begin further away from "
     "resonances, or with a smaller level."
@@ -52,12 +53,12 @@ _NO_FIRST = (
 
 @dataclasses.dataclass(frozen=True)
 class FrequencyResponse:
-    """Response curves: families of forced responses, for each level of the drive.
+    """Response curves: families of forced responses, for each level of the forcing.
 
     Attributes:
-      levels: (n,) amplitude of the drive on each curve. A level has two curves where a resonance
-        goes on beyond the range: those of its two branches.
-      curves: the families; their parameter is the angular frequency of the drive [rad/s].
+      levels: (n,) amplitude of the forcing on each curve. A level has two curves, its two branches,
+        if a resonance continues beyond the range.
+      curves: the families; their parameter is the angular frequency of the forcing [rad/s].
       frequencies: the range in which they were followed.
     """
 
@@ -100,7 +101,7 @@ class FrequencyResponse:
           output: see `table`.
         Raises:
           ValueError: there is no such output.
-        Limits: its amplitude to ten digits, its frequency to five, since it is level there.
+        Limits: its amplitude has ten digits, its frequency five, since the curve is flat there.
         """
         output = output or self.curves[0].members[0].orbit.scene.labels()[0][0]
         return tuple(_peak(curve, output) for curve in self.curves)
@@ -108,8 +109,8 @@ class FrequencyResponse:
     def table(self, output: Output | None = None) -> Labelled:
         """A row for each response and each special point, in order along each curve.
 
-        Its columns: level, frequency [rad/s], amplitude and phase [rad] behind the drive of an
-        output, verdict, and the kind of special points.
+        The columns are level, frequency [rad/s], amplitude and phase lag [rad] of an output,
+        verdict, and the kind of special points.
 
         Args:
           output: the name of an entry of the state, or a function (t, y) -> (); by default the
@@ -146,7 +147,7 @@ class FrequencyResponse:
 
 
 def _peak(curve: Family, output: Output) -> Member:
-    """The member of a curve whose amplitude is largest."""
+    """The member of a curve with the largest amplitude."""
     members = curve.members
     heights = [amplitude(m.orbit, output) for m in members]
     top = int(np.argmax(heights))
@@ -203,30 +204,30 @@ def frequency_response(
     members: int = 400,
     report: Callable[[Member], None] = lambda member: None,
 ) -> FrequencyResponse:
-    """The forced responses of a scene over the frequency of a drive, at several levels.
+    """The forced responses of a scene over the forcing frequency, at several levels.
 
-    The drive is ``level * cos(omega t)``.
+    The forcing is ``level * cos(omega t)``.
 
     Args:
-      scene: the scene without the drive, which starts in equilibrium.
-      drive: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
-        `Base`, `Motion` or `Parameter`; or a function (omega, level) that returns the driven
-        scene, whose rate has the period 2 pi / omega, or of omega alone.
+      scene: the scene without forcing, which starts in equilibrium.
+      drive: where the forcing acts: the name of a coordinate for a force on it, or
+        `vibration.Force`, `Base`, `Motion` or `Parameter`; or a function of (omega, level), or of
+        omega alone, that returns the forced scene, whose rate has the period 2 pi / omega.
       frequencies: lowest and highest angular frequency [rad/s].
-      levels: amplitude of the drive, or several.
+      levels: amplitude of the forcing, or several amplitudes.
       step: length of the first step along a curve; see `orbits.continue_family`.
       members: largest number of responses of a curve.
       report: called with each response as it is found.
     Returns:
       A family for each level, from one end of the range to the other, or two.
     Raises:
-      ValueError: the scene does not start in equilibrium, the drive does not suit it, or the
+      ValueError: the scene does not start in equilibrium, `drive` does not suit it, or the
         frequencies or levels are out of range.
       SearchError: no response was found to begin with.
     Limits: host only. Curves that do not reach the ends of the range (isolas, responses of another
-      period) are not found; `orbits.switch_branch` leads to those that branch off, `orbits.basins`
-      at one frequency to the stable ones of all. A function as
-      the drive is compiled once for each level, and for each call if it defines the rate within.
+      period) are not found; `orbits.switch_branch` leads to those that branch off, and
+      `orbits.basins` at one frequency finds stable ones. If `drive` is a function, a program is
+      compiled for each level, and for each call if it defines the rate inside.
     Example:
       >>> import jaxdyn, orbits
       >>> def rate(t, y):
@@ -310,11 +311,11 @@ def _range(frequencies) -> tuple[float, float]:
 
 @dataclasses.dataclass(frozen=True)
 class _Forced:
-    """How a scene is driven.
+    """The forcing of a scene.
 
     Attributes:
-      scene: the driven scene (omega, level).
-      make: of a level, the scene over omega.
+      scene: (omega, level) -> the forced scene.
+      make: level -> the scene as a function of omega.
       linear: (omega) -> (k,) complex response per unit of the level.
     """
 
@@ -352,7 +353,7 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
     at_rest = jnp.asarray(scene.y0)
 
     def linear(omega: float) -> np.ndarray:
-        """By the first harmonic of the drive at the equilibrium."""
+        """From the first harmonic of the forcing at the equilibrium."""
         ts = jnp.asarray(np.arange(_SAMPLES) * (2 * np.pi / omega / _SAMPLES))
         pushed = np.asarray(_rates(forced(omega, 1.0), ts, at_rest))
         first = 2 * np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) @ pushed / _SAMPLES
@@ -362,7 +363,7 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
     return _Forced(forced, make, linear)
 
 
-_SAMPLES = 64  # of a drive's period, for its first harmonic
+_SAMPLES = 64  # per period of the forcing, for its first harmonic
 
 
 @jax.jit
@@ -385,7 +386,7 @@ def _first(forced: _Forced, level: float, ends: tuple[float, float]) -> tuple[Or
     """A response at one end of the range, the family that it belongs to, and that frequency."""
     for omega in ends:
         orbit = _near(forced, omega, level)
-        # Where it is far from linear, from responses to smaller drives.
+        # If the response is far from linear, start from responses to weaker forcing.
         for part in () if orbit.ok else _PARTS:
             orbit = _near(forced, omega, part * level, orbit if orbit.ok else None)
         if orbit.ok:

@@ -1,8 +1,8 @@
-"""Numbers of a scene for which something wanted holds of an orbit, or of a special point.
+"""Parameters of a scene for which an orbit, or a special point, meets a requirement.
 
-`design` is Gauss and Newton's method on what is wanted, with derivatives by the implicit function
-theorem. In each step the orbit, or the point, is found again from where its derivatives lead, so
-it is followed, however far the numbers go.
+`design` applies the Gauss-Newton method to the residuals of the requirement, with derivatives by
+the implicit function theorem. In each step the orbit, or the point, is found again from the
+prediction of its derivatives, so it is followed, however far the parameters move.
 """
 
 import dataclasses
@@ -24,43 +24,43 @@ from orbits.closing.conditions import Hold
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 
-#: Of the units of the numbers: the next step is shorter.
+#: Relative to the units of the parameters: the search ends if the next step is shorter.
 _SETTLED = 1e-12
 #: How often a step is halved before the search gives up.
 _HALVINGS = 12
-#: Of the sum of squares: a decrease by less is none.
+#: Relative to the sum of squares: a smaller decrease counts as none.
 _LESS = 1e-12
-#: Of the residual: its part that numbers within their bounds can still change.
+#: Relative to the residual: its part that parameters within their bounds can still change.
 _LEVEL = 1e-9
 
 
 class DesignOutcome(Code):
     """How a search for a design ended."""
 
-    FOUND = 0, "What is wanted holds."
+    FOUND = 0, "The requirement is met."
     LEAST = (
         1,
-        "What is wanted cannot hold near here: these numbers come closest to it. Free more of "
+        "The requirement cannot be met near here: these numbers come closest to it. Free more of "
         "them, widen their bounds, or start elsewhere.",
     )
     LOST = (
         2,
-        "No step keeps the orbit, or the point, and comes closer to what is wanted: it may end in "
-        "a fold on the way. Start elsewhere, or want less.",
+        "No step keeps the orbit, or the point, and comes closer to the requirement: it may end in "
+        "a fold on the way. Start elsewhere, or require less.",
     )
-    STEP_LIMIT = 3, "The search took as many steps as it may. Go on from here, or raise steps."
+    STEP_LIMIT = 3, "The search reached its step limit. Continue from here, or increase steps."
 
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """Numbers of a scene, with the orbit or the special point that belongs to them.
+    """Parameters of a scene, with the orbit or the special point that belongs to them.
 
     Attributes:
-      numbers: (n,) the numbers.
+      numbers: (n,) the parameters.
       found: the orbit, or the special point.
-      residual: (m,) what is wanted, 0 where it holds.
-      slopes: (m, n) its derivatives by the numbers.
-      steps: how many were taken.
+      residual: (m,) residuals of the requirement, 0 if it is met.
+      slopes: (m, n) their derivatives with respect to the parameters.
+      steps: number of steps taken.
       outcome: how the search ended.
     """
 
@@ -73,7 +73,7 @@ class Design:
 
     @property
     def ok(self) -> bool:
-        """Whether what is wanted holds."""
+        """Whether the requirement is met."""
         return self.outcome == DesignOutcome.FOUND
 
     @property
@@ -107,32 +107,32 @@ def design(
     steps: int = 50,
     throw: bool = True,
 ) -> Design:
-    """Numbers of a scene for which something wanted of an orbit, or a special point, holds.
+    """Parameters of a scene for which an orbit, or a special point, meets a requirement.
 
     Args:
-      make: numbers (n,) -> scene; where `near` is a special point of a family of equilibria,
-        numbers (n,) -> (parameter -> scene). A program is compiled for each rate, so define that
-        of an `ode` outside.
-      wanted: residuals, a number or numbers (m,), that are 0 where what is wanted holds: a function
-        of the `orbits.differentiable` orbit, of its period, start, multipliers, amplitudes; or of
-        the `jaxdyn.continuation.differentiable` point.
-      guess: (n,) the numbers that `near` belongs to.
-      near: what `find` returned for them; or a fold or a Hopf point, of ``family.special`` of
+      make: numbers (n,) -> scene; if `near` is a special point of a family of equilibria, numbers
+        (n,) -> (parameter -> scene). A program is compiled for each rate, so define that of an
+        `ode` outside.
+      wanted: the requirement as a function that returns residuals, a number or numbers (m,), which
+        are 0 if it is met. Its argument is the `orbits.differentiable` orbit, with its period,
+        start, multipliers and amplitudes, or the `jaxdyn.continuation.differentiable` point.
+      guess: (n,) the parameters to which `near` belongs.
+      near: the result of `find` for them; or a fold or a Hopf point, from ``family.special`` of
         `jaxdyn.continue_equilibria`.
-      lower: (n,) lower bounds of the numbers; -inf for none.
+      lower: (n,) lower bounds of the parameters; -inf for none.
       upper: (n,) upper bounds.
-      hold: conditions on the orbit, as for `find`; they select one of a family.
-      goal: largest residual at which what is wanted holds.
-      steps: at most.
-      throw: raise unless it holds; with False look at `Design.outcome`.
+      hold: conditions on the orbit, as for `find`; they select a member of a family.
+      goal: largest residual at which the requirement is met.
+      steps: largest number of steps.
+      throw: raise unless it is met; with False check `Design.outcome`.
     Returns:
-      The numbers, and the orbit or the point. With more residuals than numbers, or where they
-      cannot all be 0, those of the least sum of squares.
+      The parameters, and the orbit or the point. With more residuals than parameters, or if they
+      cannot all be 0, those with the least sum of squares.
     Raises:
       ValueError: `near` is not an orbit that was found, nor such a point; shapes do not fit, or
         `guess` is not within its bounds.
-      SearchError: what is wanted does not hold (``throw=True``).
-    Limits: host only; near the guess: the least sum of squares may be another one elsewhere.
+      SearchError: the requirement is not met (``throw=True``).
+    Limits: host only; a local search: elsewhere the sum of squares may be smaller.
     Example:
       >>> import jax.numpy as jnp, orbits
       >>> from jaxdyn import scenes
@@ -159,12 +159,12 @@ def design(
 
 @dataclasses.dataclass(frozen=True)
 class _Problem:
-    """What is followed, as a function of the numbers.
+    """The object that is followed, an orbit or a special point, as a function of the parameters.
 
     Attributes:
-      near: (numbers, known) -> the differentiable thing.
-      again: (numbers, known, guess of the thing) -> the thing found for other numbers.
-      place: of the differentiable thing, what leads to the next one.
+      near: (numbers, known) -> the differentiable object.
+      again: (numbers, known, guess of the object) -> the object found for other parameters.
+      place: the numbers of the differentiable object that predict the next one.
     """
 
     near: Callable[[Array, Any], Any]
@@ -207,7 +207,7 @@ def _of_points(make: Callable[[Array], Any], near: Equilibrium) -> _Problem:
 
 @dataclasses.dataclass(frozen=True)
 class _At:
-    """What is known at some numbers."""
+    """The state of the search at some parameters."""
 
     numbers: np.ndarray
     found: Any
@@ -222,7 +222,7 @@ class _At:
 
 @dataclasses.dataclass(frozen=True)
 class _Search:
-    """Gauss and Newton's method with bounds; steps are halved until they come closer."""
+    """The Gauss-Newton method with bounds; steps are halved until they come closer."""
 
     problem: _Problem
     wanted: Callable[[Any], Any]
@@ -263,7 +263,7 @@ class _Search:
         return _At(numbers, found, residual, slopes, place, place_slopes)
 
     def _step(self, here: _At) -> np.ndarray | None:
-        """(n,) the step within the bounds; None where none comes closer to first order."""
+        """(n,) the step within the bounds; None if none comes closer to first order."""
         units = np.where(here.numbers != 0, np.abs(here.numbers), 1.0)
         slopes, free = here.slopes * units, np.ones(len(units), bool)
         for _ in units:
@@ -284,7 +284,7 @@ class _Search:
         return moved
 
     def _closer(self, here: _At, step: np.ndarray) -> _At | None:
-        """What is known after the step, or after a part of it that comes closer."""
+        """The state after the step, or after a part of it that comes closer."""
         for _ in range(_HALVINGS):
             guess = jax.tree.map(
                 lambda x, slope, step=step: np.asarray(x + slope @ step),

@@ -230,7 +230,7 @@ def test_an_attractor_that_ends_at_a_fold_is_a_tipping_point(tmp_path):
             assert one is None or one.points[0, 0] == pytest.approx(place, abs=1e-9)
     assert "attractor 0 ends between 0.37 and 0.4" in repr(found)
     figure = found.plot(tmp_path / "tipping.png")
-    assert figure.axes[0].get_ylabel() == "share of the starts [%]"
+    assert figure.axes[0].get_ylabel() == "fraction of the starts [%]"
 
 
 def test_misuse_of_maps_is_refused():

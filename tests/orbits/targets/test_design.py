@@ -37,7 +37,7 @@ def test_what_bounds_do_not_allow_ends_at_the_least(swing):
     found = design(pendulum, period_of, [1.0], swing, hold="theta", lower=[0.9], throw=False)
     assert found.outcome == DesignOutcome.LEAST
     assert found.numbers[0] == 0.9
-    with pytest.raises(orbits.SearchError, match="What is wanted cannot hold near here"):
+    with pytest.raises(orbits.SearchError, match="The requirement cannot be met near here"):
         design(pendulum, period_of, [1.0], swing, hold="theta", lower=[0.9])
 
 
