@@ -34,7 +34,7 @@ _NARROW = (
 
 
 def float64(rtol: Any = 0.0) -> None:
-    """Raise unless 64-bit floats are enabled, or a tolerance does with 32, of which it warns."""
+    """Raise unless 64-bit floats are enabled; warn if a tolerance needs only 32 bits."""
     if jax.config.jax_enable_x64:
         return
     if is_traced(rtol) or not rtol >= NARROW_RTOL:

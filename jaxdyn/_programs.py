@@ -3,7 +3,7 @@
 The parameters of JAX's operations are not a public interface, and they change: `scan` describes its
 operands by their numbers up to JAX 0.10, and by trees from 0.11 on; called programs have been open
 or closed, under several names. Whatever interprets a program asks here, so that only this file has
-to follow a new version; an operation that it does not know is left as it stands.
+to follow a new version; an operation that it does not know is left as it is.
 """
 
 from collections.abc import Sequence

@@ -63,7 +63,7 @@ _FASTER = 16.0
 _ALL_ROUNDING = 2.0**-16
 #: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
 _USUAL = 2.0**12
-#: Number of rounds that look at what rounding makes of a rate.
+#: Number of rounds that measure the effect of rounding on a rate.
 _NOISE_LOOKS = 4
 #: Multiple of that noise above which a rate is more than rounding.
 _TIMES_NOISE = 4.0

@@ -204,7 +204,7 @@ class System(Record):
         """Kinetic energy () [J] of the material points; a system without any must override it."""
         _, v, m = self.points(t, y)
         if not len(m):
-            remedy = "It has no material points; `energies` tells whether an energy is known."
+            remedy = "It has no material points; `energies` says whether an energy is known."
             raise _checks.fail("kinetic", "material points", type(self).__name__, remedy)
         return 0.5 * jnp.sum(m[:, None] * v * v)
 

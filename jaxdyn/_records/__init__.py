@@ -2,7 +2,7 @@
 
 `record` has the class, and how it is pickled; `captured` finds in the code of the user's functions
 which numbers they captured, and whether these have changed since; `notes` keeps what was found out
-about a record. `repeated` tells whether functions depend on their arguments alone. `kinds` checks
+about a record. `repeated` decides whether functions depend on their arguments alone. `kinds` checks
 that the first argument of a public function is a record, or another result, of the right kind;
 `labelled` makes tables of pandas and data sets of xarray from results.
 

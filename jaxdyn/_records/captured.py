@@ -427,7 +427,7 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
 
 
 def _is_constant(value: Any) -> bool:
-    """Whether an object cannot change; functions are looked at by themselves."""
+    """Whether an object cannot change; functions are examined separately."""
     if isinstance(value, tuple):
         return all(map(_is_constant, value))
     if isinstance(value, types.ModuleType):

@@ -7,7 +7,7 @@ Everything else is implemented here, once: a step predicts along the tangent and
 plane across it (Keller's pseudo-arclength continuation); steps are shorter where none succeeds and
 longer where Newton's method converges easily; a special point between two neighbours is located
 where a test changes sign, by the Illinois method; and a branch is kept in a file, from which an
-interrupted run goes on (`checkpoint`).
+interrupted run resumes (`checkpoint`).
 
 Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theory, 359; Dowell,
 Jarratt (1971), BIT 11, 168, for the Illinois method.

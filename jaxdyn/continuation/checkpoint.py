@@ -1,4 +1,4 @@
-"""Branches in a file, member by member, so that an interrupted run can go on from it.
+"""Branches in a file, member by member, so that an interrupted run can resume from it.
 
 A file holds the walks of a run, each with its first member and whatever distinguishes it from
 others. A walk is recognised by these, whatever else the file contains, and continues where it was

@@ -34,7 +34,7 @@ from jaxdyn.scene import Scene, check_scene
 _DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
 _ANYWHERE = (-np.inf, np.inf)
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
-_LATER = (0.0, 0.37, 1.3)  # times of the motions near by at which a drive, if any, is looked for
+_LATER = (0.0, 0.37, 1.3)  # times of neighbouring motions at which a forcing is searched for
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
 
 

@@ -70,7 +70,7 @@ def solve(
         are the shortest of least squares, without singular values below this part of the largest.
       polish: number of steps after the first small one.
       halvings: how often a step that does not reduce the residual is halved; 0 takes all steps.
-      diverged: growth of the residual after which there is no solution near by.
+      diverged: growth of the residual after which there is no solution nearby.
     """
     here = best = _at(equations, np.asarray(start, float), 0)
     small = 0

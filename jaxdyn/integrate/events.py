@@ -250,7 +250,7 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
       t1: see `until`.
       t0: see `until`.
       options: see `until`.
-      sides: (E,) signs of the values just after the start, 0 where they are to be looked at.
+      sides: (E,) signs of the values just after the start, 0 where they have to be determined.
     """
     t0, t1 = span(scene, t1, t0)
     events = as_events(events, len(scene.y0))

@@ -88,7 +88,7 @@ def simulate(
       max_steps: largest number of steps.
       max_step: () longest step [s], for parts of a rate that cannot be read, such as a callback.
       breaks: (b,) times [s] at which the rate is known to be rough: steps end there.
-      throw: raise on any status but OK; with False look at `Trajectory.status`.
+      throw: raise on any status but OK; with False check `Trajectory.status`.
     Returns:
       The sampled motion.
     Raises:

@@ -224,7 +224,7 @@ def _select(params, which, *cases) -> Bounds:
 
 
 def _compare(name: str, params, a, b) -> Bounds:
-    """A condition that is left as it stands: 0, 1, or both."""
+    """A condition that is left as it is: 0, 1, or both."""
     a, b = as_bounds(a), as_bounds(b)
     if name in ("gt", "ge"):
         a, b = b, a

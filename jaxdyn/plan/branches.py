@@ -388,7 +388,7 @@ _WAVES = frozenset({"sin", "cos"})
 _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 #: Functions that are not defined for all numbers.
 _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
-#: Operations whose operands are looked at one by one, to see a small pulse beside a large drive.
+#: Operations whose operands are evaluated one by one, to detect a small pulse beside a large drive.
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}

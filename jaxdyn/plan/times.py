@@ -31,9 +31,9 @@ _SMALL_MIXED = 1e-9
 _MOST_HALVINGS = 30
 #: Part of a span by which two times must differ at least to be distinguished.
 _LEAST = 2.0**-60
-#: Number of times in an interval at which conditions without bounds are looked at.
+#: Number of times in an interval at which conditions without bounds are evaluated.
 _SAMPLES = 65
-#: Largest number of intervals that are looked at for a switching time.
+#: Largest number of intervals that are searched for a switching time.
 _MOST_INTERVALS = 100_000
 
 

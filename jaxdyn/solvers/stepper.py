@@ -118,7 +118,7 @@ _TIME_ROUNDINGS = 4.0
 
 
 class StepError(NamedTuple):
-    """What step control is told about a step.
+    """The data about a step that step control needs.
 
     Attributes:
       error: (k, ...) estimate of the error.

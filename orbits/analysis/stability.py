@@ -221,7 +221,7 @@ def stability(
         `continue_family` finds them.
       throw: raise if the motion cannot be integrated over its period at one of the two
         tolerances (a collision, the step limit), or if a chain grazes an event, where it has no
-        multipliers; with False look at `Stability.status`.
+        multipliers; with False check `Stability.status`.
     Raises:
       ValueError: the orbit has traced values; a chain of legs was not found, grazes an event
         (``throw=True``), has constrained states, or has a closing that does not say that it repeats

@@ -23,7 +23,7 @@ from orbits.motion import sample
 def units_at(
     extended: Extended, states: np.ndarray, period: float, parameters: np.ndarray
 ) -> Units:
-    """The units of an orbit of which states (s, k) are known; the first one is its start."""
+    """The units of an orbit from states (s, k) along it; the first one is its start."""
     scene = extended.make(*jnp.asarray(parameters)).starting(states[0], period)
     ts, ys = _motion(extended, scene, states)
     each = sizes_along(scene, ys, sizes(scene))

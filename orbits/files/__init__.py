@@ -2,8 +2,8 @@
 
 `orbit_files` writes and reads orbits and chains of legs, `family_files` families; `encoding` turns
 an orbit into plain JSON and back for both, and refuses what is not an orbit; `jaxdyn.files.codec`
-refuses all that is not plain data. `contents` tells what a file holds, `verify` recomputes the
-claims of an orbit file.
+refuses all that is not plain data. `contents` returns the contents of a file, `verify` recomputes
+the claims of an orbit file.
 
 May import: `families`, `proof`.
 

@@ -181,7 +181,7 @@ def section(
 
 
 class _Table:
-    """The crossings so far; starts go on from their last ones."""
+    """The crossings so far; starts continue from their last ones."""
 
     def __init__(self, scene: Scene, event: Event, y0s: np.ndarray, status: np.ndarray, n: int):
         rows, k = y0s.shape

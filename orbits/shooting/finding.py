@@ -83,7 +83,7 @@ def find(
       seconds: time limit of the search, for all that it tries. An integration that has begun is
         completed; compiling does not count, and is stated where the search fails.
       report: called with an `Iteration` after each step, those of the descent included.
-      throw: raise if no orbit was found; with False look at `Orbit.outcome`.
+      throw: raise if no orbit was found; with False check `Orbit.outcome`.
       rough: deprecated; use ``strategy=orbits.Descent()``.
       collocation: deprecated; use ``strategy=orbits.Collocation()``, for False
         ``strategy=orbits.Shooting()``.

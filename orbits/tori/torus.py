@@ -53,7 +53,7 @@ def torus(
         be close to that of a torus of the guessed amplitude, in the same sense.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of Fourier modes.
-      throw: raise unless a torus was found; with False look at `Torus.outcome`.
+      throw: raise unless a torus was found; with False check `Torus.outcome`.
     Returns:
       The torus, its rotation, and its error of invariance between the points of the circle.
     Raises:

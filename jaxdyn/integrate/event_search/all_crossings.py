@@ -1,7 +1,7 @@
 """All crossings of one motion: `jaxdyn.crossings`.
 
-The search goes on from each crossing to the next, see `pieces.first_event`. Derivatives do not pass
-through it: one run of the variational equations, sampled at the crossings, gives those of the
+The search continues from each crossing to the next, see `pieces.first_event`. Derivatives do not
+pass through it: one run of the variational equations, sampled at the crossings, gives those of the
 states at fixed times, and the implicit function theorem does the rest, as for `events.until`.
 """
 
@@ -98,7 +98,7 @@ def crossings(
       max_steps: largest number of steps of the whole motion.
       max_step: see `simulate`.
       breaks: see `simulate`.
-      throw: raise where the motion fails; with False look at `Crossings.status`. Inside a
+      throw: raise where the motion fails; with False check `Crossings.status`. Inside a
         transformation nothing is raised.
     Returns:
       The `Crossings`, differentiable in forward and reverse mode, any number of times, in the
@@ -206,7 +206,7 @@ _compiled = eqx.filter_jit(_find)
 def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):
     def following(carry, _):
         t, y, side, status, left = carry
-        sides = side[None]  # just after the last crossing the side is known, not looked at again
+        sides = side[None]  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
         held_to = limits.with_steps(left)
         end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)

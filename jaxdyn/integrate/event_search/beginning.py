@@ -10,7 +10,7 @@ from jaxdyn.integrate.event_search.event_values import bends, look, values
 
 #: Roundings of state and time by which a value at a start on an event may miss zero.
 _ROUNDINGS = 16
-#: Part of the first step within which the first terms of its series tell how the motion goes on.
+#: Part of the first step within which the first terms of its series show how the motion continues.
 _CLOSE = 2.0**-10
 
 

@@ -8,7 +8,7 @@ comes back within a step is found, to rounding. The time found is polished to fu
 
 A value that is within rounding of zero at the start is on the side to which the motion goes, see
 `beginning`. So a motion that starts on an event (after a bounce, say) has left it, and does not
-meet it again until it returns. A search that goes on from an event knows the side, and is told.
+meet it again until it returns. A search that continues from an event is given the side.
 """
 
 from typing import NamedTuple

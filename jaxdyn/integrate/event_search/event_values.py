@@ -17,7 +17,7 @@ from jaxdyn.solvers import Method
 
 #: Roundings of a state within which the sign of a value is not known.
 _SIDE_ROUNDINGS = 4
-#: Directions in which neighbours of a state are looked at, each there and back.
+#: Directions in which neighbours of a state are evaluated, on both sides.
 _NEIGHBOUR_PAIRS = 3
 #: Largest change that the steepest slope of a part in time may make between a few looks, in
 #: multiples of the range that is seen: little more than a period of a sine.
