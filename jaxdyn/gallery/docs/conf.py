@@ -1,7 +1,7 @@
-"""How Sphinx makes the site; `jaxdyn gallery` runs it on the sources that it writes.
+"""The configuration of Sphinx, which `jaxdyn gallery` runs on the sources that it writes.
 
-Nothing is fetched, neither here nor by the pages: what other projects document is linked where
-their inventories lie in the folder `inventories` beside this file.
+Nothing is fetched, neither here nor by the pages: the documentation of other projects is linked if
+their inventories are in the folder `inventories` beside this file.
 """
 
 from pathlib import Path
