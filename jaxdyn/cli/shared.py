@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import typer
 
 import jaxdyn
+from jaxdyn import _scene_files
 from jaxdyn._arithmetic import value
 from jaxdyn._text import fail
 from jaxdyn.cli import completion
@@ -163,7 +164,8 @@ def start(app: typer.Typer) -> None:
         if isinstance(stream, io.TextIOWrapper):  # a terminal may know fewer characters
             stream.reconfigure(errors="replace")
     try:
-        code = app(standalone_mode=False)
+        with _scene_files.locate_errors():
+            code = app(standalone_mode=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except _Usage as error:
