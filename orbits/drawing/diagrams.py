@@ -69,7 +69,7 @@ def diagram(
                 ms=6,
                 ls="",
                 zorder=4,
-                label=str(point.kind),
+                label=f"{point.kind} of orbits",
             )
     for point in (x for family in found.rests for x in family.special):
         place = ([point.parameter], [point.state[index]])
