@@ -29,7 +29,8 @@ LAYOUT = Layout("jaxdyn-motion", 2, "`motion.save`", {1: False})
 RECORD = "motion.json"
 _REMEDY = "Give the path of a file that `motion.save` wrote; if it is one, it is damaged."
 #: Methods by their names in files.
-_METHODS = {x.name: x for x in map(vars(solvers).get, solvers.__all__) if isinstance(x, Method)}
+_EXPORTED = (getattr(solvers, name) for name in solvers.__all__)
+_METHODS = {x.name: x for x in _EXPORTED if isinstance(x, Method)}
 #: Type and axes of each array of a motion, after the axes of a batch: s samples, k entries.
 _ARRAYS = {
     "ts": ("float", "s"),
