@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import refuse_narrow
-from jaxdyn._records.repeated import check_repeatable
+from jaxdyn._records import check_repeatable
 
 _NEEDS_VALUES = (
     jax.errors.TracerArrayConversionError,

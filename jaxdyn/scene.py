@@ -26,9 +26,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _shapes, _text
-from jaxdyn._records.kinds import check_kind
-from jaxdyn._records.notes import notes_on
-from jaxdyn._records.record import Record
+from jaxdyn._checks import check_kind
+from jaxdyn._records import Record, notes_on
 from jaxdyn.scales import Groups, groups
 from jaxdyn.sketch import Shape
 from jaxdyn.system import Effect, Points, System

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.record import Record as Record
+from jaxdyn._records import Record as Record
 from jaxdyn._shapes import check_potential, potential_energy
 from jaxdyn.joints import Joint, Load, Part
 from jaxdyn.sketch import Shape

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.errors.error_estimate import FINEST, RATIO
 from jaxdyn.integrate.errors.estimate import gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.accuracy.convergence import fixed_steps
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate, gaps, kind_of, scales

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.accuracy import estimates
 from jaxdyn.integrate.errors.error_estimate import MOST_DIGITS
 from jaxdyn.integrate.errors.estimate import Estimate

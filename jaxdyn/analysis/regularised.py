@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._shapes import potential_energy
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.monodromy import tangents
 from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judge
 from jaxdyn.chaos.stretching import carry, start

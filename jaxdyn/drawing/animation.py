@@ -22,8 +22,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import each
-from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.artists import Shapes
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries

@@ -11,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap, TwoSlopeN
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.floquet import Chart
 from jaxdyn.chaos.maps import ChaosMap
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below

@@ -16,7 +16,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Bbox
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_kind
+from jaxdyn._checks import check_kind
 from jaxdyn._text import brief
 from jaxdyn.analysis.free_body import BALANCE, Force, FreeBodies, FreeBody
 from jaxdyn.analysis.free_body import free_body as cut_free

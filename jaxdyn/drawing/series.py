@@ -10,7 +10,7 @@ from jaxtyping import Array
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped

@@ -21,9 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks, _text
-from jaxdyn._records import labelled
-from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn import _checks, _labelled, _text
+from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import number_of, second
 from jaxdyn.integrate.lookahead import Lookahead, look_from_start, lookahead
 from jaxdyn.integrate.march import UNROLLED_BELOW
@@ -90,7 +89,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: pandas is not installed.
         """
-        return labelled.frame(self._to_labelled(scene))
+        return _labelled.frame(self._to_labelled(scene))
 
     def to_xarray(self, scene: Scene) -> Any:
         """The ends as an xarray Dataset along the axis "motion".
@@ -100,7 +99,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: xarray is not installed.
         """
-        return labelled.to_dataset(self._to_labelled(scene))
+        return _labelled.to_dataset(self._to_labelled(scene))
 
     def _to_labelled(self, scene: Scene) -> Labelled:
         labels, axes = scene.labels(), ("motion",)

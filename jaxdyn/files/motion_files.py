@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks, solvers
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.files import archives
 from jaxdyn.files.codec import decode_scene, encode
 from jaxdyn.files.layout import Layout

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks, _shapes
-from jaxdyn._records.repeated import check_repeatable
+from jaxdyn._records import check_repeatable
 from jaxdyn.formulations.functions import (
     as_params,
     call,

@@ -20,8 +20,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import solve_spd
-from jaxdyn._records.kinds import check_first
 from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem

@@ -17,11 +17,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._checks import as_float
+from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.record import Record
-from jaxdyn._records.repeated import check_repeatable
+from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
 from jaxdyn.integrate.flow import flow

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from jaxdyn.integrate.lookahead import Lookahead
 
 _CLOSE_ULPS = 100.0  # spacings from the end within which a step is too short; as in diffrax

@@ -13,9 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.notes import notes_on
+from jaxdyn._checks import as_float, check_first
+from jaxdyn._records import notes_on
 from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate

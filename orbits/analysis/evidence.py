@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method

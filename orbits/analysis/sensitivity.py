@@ -20,8 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.monodromy import return_map, tangents

@@ -21,9 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import choice, fail, whole
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.record import Record
+from jaxdyn._checks import check_first, choice, fail, whole
+from jaxdyn._records import Record
 from orbits.closing.sizes import sizes
 from orbits.closing.symmetry import (
     EXACT,

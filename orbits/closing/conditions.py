@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, as_float, choice, fail, positive
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from jaxdyn.analysis import energy as energies
 
 

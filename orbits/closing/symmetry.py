@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from orbits.closing.sizes import rates_at, sizes, times
 
 #: Largest error, in units of the sizes, by which a symmetry may fail to preserve the vector field.

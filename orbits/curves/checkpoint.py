@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, SavedBranch, walks_in
 from jaxdyn.continuation.kinds import Kind

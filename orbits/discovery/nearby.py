@@ -7,9 +7,8 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import check_first, fail
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Reversal

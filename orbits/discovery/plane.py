@@ -15,8 +15,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._checks import positive
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, positive
 from jaxdyn.scenes import three_body
 from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word

@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, fail, positive
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import array, check_first, fail, positive
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import check_equilibrium, linearize
 from jaxdyn.scales import at_rest, groups

@@ -10,9 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_untraced, fail, whole
+from jaxdyn._checks import check_first, check_untraced, fail, whole
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from orbits.analysis.same import minimal_period, same_orbit
 from orbits.closing.closings import PLAIN, Closing

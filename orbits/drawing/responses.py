@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import choice, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.drawing.bifurcations import STRETCHES, stretches
 from jaxdyn.drawing.figures import (
     INK,

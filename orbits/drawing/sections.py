@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.figures import INK, blank, finish, shades, style
 from jaxdyn.drawing.titles import heading

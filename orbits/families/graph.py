@@ -17,8 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _progress, _text
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from jaxdyn._checks import fail, finite
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail, finite
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind

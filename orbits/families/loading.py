@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, walks_in
 from jaxdyn.continuation.loading import equilibria
 from jaxdyn.files.codec import decode

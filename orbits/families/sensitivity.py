@@ -17,8 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import differentiable, pose, residual
 from orbits.closing.conditions import Hold

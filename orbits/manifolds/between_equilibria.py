@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal

@@ -9,8 +9,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from orbits.closing.closings import PLAIN, Closing, symmetric_closing
 from orbits.closing.conditions import Hold
 from orbits.closing.given import Problem, pose

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, as_events
