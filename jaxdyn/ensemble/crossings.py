@@ -20,7 +20,7 @@ from jaxdyn.integrate.event_search.beginning import Beginning
 from jaxdyn.integrate.event_search.bracketing import Stretch
 from jaxdyn.integrate.event_search.event_values import Clocks, at, sizes
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.observing import StepDecision, Watch
+from jaxdyn.integrate.march import StepDecision, Watch
 from jaxdyn.scene import Field
 
 _GUESSES = 5  # Newton steps for the zero of the polynomial through the ends of a step

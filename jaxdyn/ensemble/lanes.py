@@ -24,18 +24,24 @@ from jaxtyping import Array
 from jaxdyn import _checks, _labelled, _text
 from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import number_of, second
-from jaxdyn.integrate.lookahead import Lookahead, look_from_start, lookahead
-from jaxdyn.integrate.march import UNROLLED_BELOW
-from jaxdyn.integrate.observing import Watch, clip
+from jaxdyn.integrate.march import (
+    UNROLLED_BELOW,
+    Limits,
+    Lookahead,
+    StepControl,
+    Watch,
+    clip,
+    first_step,
+    look_from_start,
+    lookahead,
+)
 from jaxdyn.integrate.pieces import run_pieces
-from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.formulas.simplified import simplify
+from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import allowed_error, groups_of, grow, sizes_after_rejection
-from jaxdyn.solvers.stepper import StepError
+from jaxdyn.solvers.stepper import StepError, allowed_error, groups_of, grow, sizes_after_rejection
 from jaxdyn.status import Status
 
 #: Number of lanes in a group. The compiler unrolls a loop over 16 or fewer before vectorisation,

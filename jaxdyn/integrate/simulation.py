@@ -19,7 +19,8 @@ from jaxdyn.integrate.adjoint import adjoint_flow
 from jaxdyn.integrate.errors import error_estimate
 from jaxdyn.integrate.errors.estimate import Estimate
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import SolveResult, flow
+from jaxdyn.integrate.flow import SolveResult, flow, run_or_switch
+from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
@@ -30,8 +31,6 @@ from jaxdyn.integrate.spans import (
     padding,
     sampled_span,
 )
-from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver

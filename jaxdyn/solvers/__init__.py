@@ -17,8 +17,8 @@
   ``diffrax.Kvaerno5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. The folder contains `method` (the interface), `stepper` (one
-step as diffrax calls it, with compensated sums, and the loop over steps), `sizes` (the sizes in
-which a tolerance is absolute by default), `pairs` (with corrections of rounded tables),
+step as diffrax calls it, with compensated sums, the loop over steps, and the sizes in which a
+tolerance is absolute by default), `pairs` (with corrections of rounded tables),
 `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax);
 `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
 `intervals` and `enclosures` bound the values of formulas over boxes in doubles, for equilibria;

@@ -21,11 +21,9 @@ from jaxtyping import Array
 from jaxdyn.integrate.event_search.beginning import Beginning
 from jaxdyn.integrate.event_search.bracketing import are_settled
 from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions, values
-from jaxdyn.integrate.march import History, march
-from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.step_control import StepControl
+from jaxdyn.integrate.march import History, StepControl, Watch, march
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.sizes import allowed_error
+from jaxdyn.solvers.stepper import allowed_error
 from jaxdyn.status import Status
 
 # ---- The times of events, from brackets to full precision
@@ -207,7 +205,7 @@ class Crossing(NamedTuple):
       status: () `Status` code.
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
-      sizes: (k,) sizes of the motion so far, see `solvers.sizes`.
+      sizes: (k,) sizes of the motion so far, see `solvers.stepper`.
     """
 
     t: Array
