@@ -11,8 +11,7 @@ from jaxdyn._checks import check_first, fail
 from jaxdyn._progress import report_progress
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
-from orbits.closing.closings import PLAIN, Closing, Reversal
-from orbits.closing.conditions import Energy
+from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
 from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import quick_solve

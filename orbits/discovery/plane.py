@@ -19,8 +19,7 @@ from jaxdyn._checks import check_first, positive
 from jaxdyn.scenes import three_body
 from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word
-from orbits.closing.closings import reversal
-from orbits.closing.symmetry import point_symmetry
+from orbits.closing.closings import point_symmetry, reversal
 from orbits.discovery.chunks import Box
 from orbits.discovery.journal import Find
 from orbits.discovery.search import SearchResult, search

@@ -19,9 +19,8 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import check_equilibrium, linearize
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
-from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.closing.sizes import largest_entry
-from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import quick_solve
 

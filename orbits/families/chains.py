@@ -16,7 +16,7 @@ from orbits.hybrid.equations import Chain, Linearised, closing_in_sizes
 from orbits.hybrid.legs import HybridOrbit
 from orbits.hybrid.margins import margins
 from orbits.orbit import Outcome
-from orbits.shooting.units import Lengths, Units
+from orbits.shooting.equations import Lengths, Units
 
 _RANK = 1e-9  # smaller singular values, relatively, belong to what a closing leaves out
 _HOLDS = 1e-6  # a chain over several periods closes better than this if its closing allows it

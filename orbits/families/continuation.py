@@ -25,7 +25,7 @@ from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.same import same_orbit
-from orbits.closing.conditions import Hold, conditions
+from orbits.closing.closings import Hold, conditions
 from orbits.families import checkpoint
 from orbits.families.bifurcations import special_points, zero_between
 from orbits.families.chains import ChainSurface

@@ -31,9 +31,8 @@ from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 from orbits.shooting.deflation import distance, known_orbits
-from orbits.shooting.effort import GOAL
-from orbits.shooting.equations import Equations
-from orbits.shooting.units import units_of_unknowns
+from orbits.shooting.equations import Equations, units_of_unknowns
+from orbits.shooting.strategy import GOAL
 
 #: Distance, in units, up to which two special points are one: each is known only to the root of
 #: rounding, and lies between samples.

@@ -12,8 +12,8 @@ from jaxdyn.solvers import RADAU9
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.shooting.collocation import steps
-from orbits.shooting.effort import Effort
 from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.strategy import Effort
 
 #: Most steps of the default method: a motion that takes more is sampled by a stiff method.
 STEPS_MOST = 20_000

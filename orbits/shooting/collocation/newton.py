@@ -12,10 +12,9 @@ import numpy as np
 
 from orbits.shooting.collocation import steps as gauss
 from orbits.shooting.collocation.elimination import Chain, condense, expand
-from orbits.shooting.effort import Effort
-from orbits.shooting.equations import Equations, boundary, pieces
+from orbits.shooting.equations import Equations, boundary, equation_units, pieces, sizes_at
 from orbits.shooting.newton import Iteration, Result
-from orbits.shooting.units import equation_units, sizes_at
+from orbits.shooting.strategy import Effort
 
 #: Singular values of the condensed equations below this share of the largest belong to shifts
 #: along the orbit, its family and the symmetries.

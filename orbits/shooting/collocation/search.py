@@ -23,12 +23,10 @@ from orbits.shooting.collocation.mesh import (
     quality,
     refine,
 )
-from orbits.shooting.effort import Effort
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.newton import Result
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
-from orbits.shooting.strategy import Search, Strategy
-from orbits.shooting.units import InUnits
+from orbits.shooting.strategy import Effort, Search, Strategy
 
 _MESHES_MOST = 8
 #: Tolerance at which stability limits the steps of stiff motions; a finer one would limit them

@@ -15,8 +15,8 @@ from orbits import Outcome
 from orbits.shooting.collocation import steps
 from orbits.shooting.collocation.elimination import Chain, condense, expand
 from orbits.shooting.collocation.mesh import quality
-from orbits.shooting.effort import GOAL
 from orbits.shooting.finding import AUTOMATIC
+from orbits.shooting.strategy import GOAL
 
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
 #: `solvers.RADAU9` at rtol 1e-13, and by SciPy's Radau at 1e-12 to the digits 1614.40112581.
