@@ -68,7 +68,7 @@ from .proof.refinement import refine as refine
 from .responses.backbone import backbone as backbone
 from .responses.response import frequency_response as frequency_response
 from .sections.tables import section as section
-from .shooting.collocation.search import Collocation as Collocation
+from .shooting.collocation import Collocation as Collocation
 from .shooting.deflation import Deflated as Deflated
 from .shooting.descent import Descent as Descent
 from .shooting.finding import find as find

@@ -1,7 +1,7 @@
 """How accurate a number is, what each digit costs, and for how long digits are correct.
 
 `estimates` bounds the error of any solution without knowing the exact one (its arithmetic, which
-`simulate(digits=...)` shares, is in `jaxdyn/integrate/errors/error_estimate.py`), `convergence`
+`simulate(digits=...)` shares, is in `jaxdyn/integrate/errors.py`), `convergence`
 shows it for equal steps and their halves, `end_error` gives the certain digits of a last state,
 `horizon` the time for which chaos leaves any digits, and `work_precision` the error of any of the
 `quantities` against the run time, which `timing` measures.

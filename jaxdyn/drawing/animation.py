@@ -29,7 +29,7 @@ from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
 from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.files.image_files import animation_path
+from jaxdyn.files.output_files import animation_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 

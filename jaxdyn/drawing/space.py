@@ -31,7 +31,7 @@ from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, pane
 from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading, scenes_of
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene

@@ -17,7 +17,7 @@ from jaxdyn._checks import check_first, fail
 from jaxdyn.files import archives
 from jaxdyn.files.codec import decode_scene, encode
 from jaxdyn.files.layout import Layout
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import of_samples

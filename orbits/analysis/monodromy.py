@@ -22,8 +22,8 @@ from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, gap
 from orbits.shooting import newton
-from orbits.shooting.collocation.steps import NODES, linearise_steps
 from orbits.shooting.equations import Equations, InUnits, pieces
+from orbits.shooting.gauss_steps import NODES, linearise_steps
 from orbits.shooting.segment import Piece, linearise_end
 from orbits.shooting.segmentation import cut_into_segments
 

@@ -16,7 +16,7 @@ from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
-from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
 from orbits.shooting.finding import AUTOMATIC, find
 from orbits.shooting.newton import Iteration

@@ -11,7 +11,7 @@ from jaxdyn import Scene, simulate
 from jaxdyn._checks import check_first, fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.targets.loops import FewestLoops, fewest
 
 _SAMPLES = 300

@@ -23,7 +23,7 @@ from jaxdyn.drawing.figures import (
     style,
 )
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.vibration.outputs import Output
 from orbits.analysis.quantities import amplitude, phase
 from orbits.drawing.families import MARKS

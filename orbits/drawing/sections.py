@@ -10,7 +10,7 @@ from jaxdyn._checks import check_first, fail
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.figures import INK, blank, finish, shades, style
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.events import Reaches
 from orbits.sections.completion import least_energies
 from orbits.sections.coordinates import entry

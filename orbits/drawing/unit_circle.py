@@ -15,7 +15,7 @@ from jaxdyn.drawing.figures import (
     style,
 )
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.analysis.stability import Stability
 
 _SIDE = 4.2  # inches

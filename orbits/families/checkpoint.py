@@ -126,7 +126,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def family(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
+def family_of(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
     """The family that a file holds as a `SavedBranch`.
 
     Raises:

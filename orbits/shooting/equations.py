@@ -30,7 +30,7 @@ from orbits.closing.given import drive, driven
 from orbits.closing.sizes import PHASES, sizes
 from orbits.motion import advance
 from orbits.orbit import Orbit
-from orbits.shooting.collocation import steps
+from orbits.shooting import gauss_steps
 from orbits.shooting.segment import UNTIMED, Limits, Make, Piece, linearise_end, scene_of
 
 
@@ -173,11 +173,11 @@ class Equations(eqx.Module):
     def states_at(self, x: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """(n, k) states of a motion by collocation, from its polynomials at shares (n,) of time."""
         here = pieces(self, x)
-        nodes = np.asarray(steps.steps(self.scene, here, make=self.make).nodes)
+        nodes = np.asarray(gauss_steps.steps(self.scene, here, make=self.make).nodes)
         ends = np.append(0.0, np.cumsum(self.shares))
         interval = np.clip(np.searchsorted(ends, shares, side="right") - 1, 0, len(ends) - 2)
         inside = (shares - ends[interval]) / np.diff(ends)[interval]
-        return steps.interpolate(np.asarray(here.start)[interval], nodes[interval], inside)
+        return gauss_steps.interpolate(np.asarray(here.start)[interval], nodes[interval], inside)
 
     def _states_between(self, known: list, period, parameter, rtol) -> list[np.ndarray]:
         """The states between segments of a motion that passes through known ones.
@@ -265,7 +265,7 @@ class Equations(eqx.Module):
     def pass_segments(self, here: Piece, rtol: float, limits: Limits = UNTIMED):
         """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a `Piece`)."""
         if self.collocated:
-            found, slopes = steps.linearise_steps(self.scene, here, make=self.make)
+            found, slopes = gauss_steps.linearise_steps(self.scene, here, make=self.make)
             return found.end, found.status, slopes
         # One compiled program for any number of segments, run in threads on all cores.
         count = len(here.span)

@@ -15,7 +15,7 @@ from orbits.closing.given import Problem, pose
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome, SearchError
-from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
 from orbits.shooting.descent import Descent
 from orbits.shooting.equations import Equations

@@ -9,7 +9,7 @@ from jaxdyn._text import number_of
 from orbits.motion import attracts
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
-from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.collocation import Collocation
 from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.segmentation import (
