@@ -14,11 +14,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import potential_energy
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.spans import cut_rows, fill, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
+from jaxdyn.system import potential_energy
 
 _NO_ENERGY = (
     "It has no material points and defines no energy: pass energy= to jaxdyn.ode, or "

@@ -20,9 +20,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import solve_spd
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.geometry.inertia import MaterialPoints
@@ -30,6 +29,7 @@ from jaxdyn.geometry.vectors import cross
 from jaxdyn.joints import Joint, body, pinned
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
+from jaxdyn.system import generalized_forces, total_force
 
 #: Largest deviation of the attitude of a start from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
