@@ -28,7 +28,7 @@ GUIDES, ENTRANCES, TUTORIALS = (
     for folder in ("guides", "entrances", "tutorials")
 )
 PAGES = GUIDES | ENTRANCES | TUTORIALS
-SHORTEST, LONGEST = 40, 120  # lines
+SHORTEST, LONGEST = 40, 125  # lines
 SUMMARY = 110  # characters that the table of contents has room for
 
 

@@ -83,7 +83,7 @@ def test_the_two_commands_are_those_of_the_package():
 
 def test_every_file_of_the_map_exists():
     guide = (ROOT / ".github" / "CONTRIBUTING.md").read_text()
-    table = guide[guide.index("| to ask") : guide.index("## How to add")]
+    table = guide[guide.index("| question") : guide.index("## How to add")]
     assert table.count("\n") > 30
     for row in table.splitlines()[2:]:
         paths = re.findall(r"`([\w/]+\.py|[\w/]+/)`", row)

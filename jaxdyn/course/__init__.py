@@ -1,19 +1,19 @@
 """The course: 61 problems, one runnable page each.
 
-The docstring of a page states the problem and its answer; its ``solve(page)`` computes it by the
-public API, checks it by another route, and draws it. ``jaxdyn course 16`` and ``python -m
-jaxdyn.course.circling_bodies`` run one; files are named by what they show, their number is
-`PROBLEM` in them, and ``jaxdyn list --problems`` has both. One test runs them all,
-`tests/jaxdyn/course/test_pages.py`. The folder `page` says what a page consists of and reads the
-register, `problems()`, from the files.
+The docstring of a page states the problem and its answer; its ``solve(page)`` computes the answer
+with the public API, checks it independently, and draws it. ``jaxdyn course 16`` or ``python -m
+jaxdyn.course.circling_bodies`` runs one. Files are named after what they show, `PROBLEM` in them is
+their number, and ``jaxdyn list --problems`` lists both. `tests/jaxdyn/course/test_pages.py` runs
+all of them. The folder `page` defines the content of a page and reads the register, `problems()`,
+from the files.
 
 May import: `hard`, `player`, `drawing`, `symbolic`; and `orbits`.
 
-One more page is one more file here: a docstring of title, statement, "Answer: " and the solution of
-each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go into
-``check(page)``, which runs with ``--check``; questions to a motion that runs in a browser, "What
-happens when ...?", into ``ask(page)``. Figures in the text are roundings of the page's
-numbers, which the test checks.
+To add a page, write a file here with a docstring of title, statement, "Answer: " and the solution
+of each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go
+into ``check(page)``, which runs with ``--check``; questions about a motion that runs in a browser,
+"What happens when ...?", go into ``ask(page)``. Figures in the text have to be rounded numbers of
+the page, which the test checks.
 """
 
 import lazy_loader

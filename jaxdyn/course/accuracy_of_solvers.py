@@ -3,27 +3,27 @@
 Take simple equations such as the harmonic oscillator or Lorenz's. Solve them by a bare loop of
 Euler's method, by a function for Euler's method that calls a right-hand side, and by a solver with
 error control (that of ode45). Estimate the accuracy of a solution without knowing the exact one, by
-halving the step. Does the solver's own tolerance tell how accurate its solution is?
+halving the step. Does the tolerance of the solver say how accurate its solution is?
 
-Answer: Where the step is halved, so is Euler's error, and two solutions give the error of both:
-with 4000 steps over 10 s it is 0.0106. No, the tolerance does not tell the error: it bounds that of
-one step, and these add up and grow. With 1e-6 the oscillator is off by 1.2e-6 after 10 s, and
-Lorenz's system, which is chaotic, by 2.5e-4.
+Answer: Halving the step halves Euler's error, so two solutions give the errors of both: with 4000
+steps over 10 s it is 0.0106. No, the tolerance is not the error: it bounds the error of one step,
+and these errors add up and grow. With 1e-6 the oscillator is off by 1.2e-6 after 10 s, and the
+Lorenz system, which is chaotic, by 2.5e-4.
 
 (a, b) The loop is x, v = x + h v, v - h x, a thousand times; the function `euler` calls the
 right-hand side `oscillate`. Both do the same operations and give the same digits.
 
-(c) The method of ode45 (Dormand and Prince, order 5) with the tolerance 1e-12 is right to 1e-9.
+(c) The method of ode45 (Dormand and Prince, order 5) with the tolerance 1e-12 is accurate to 1e-9.
 
 (d) Without knowing the solution: the solutions with h and h / 2 have the errors C h and C h / 2, so
 their difference is the error of the second, and twice that of the first. The table has these
 estimates beside the true errors, which they approach as the steps get smaller.
 
 (e) No. ode45 estimates what each step adds, and keeps that below the tolerance. The error of the
-solution is the sum of these, each carried on by the equations: of the size of the tolerance where
-the motion neither attracts nor repels its neighbours, and hundreds of times larger in 10 s of
-Lorenz's system. It falls in proportion to the tolerance, though, so a second solution with a
-smaller tolerance tells the error of the first, as the picture shows.
+solution is the sum of these, each propagated by the equations. It is of the size of the tolerance
+where the motion neither attracts nor repels its neighbours, and hundreds of times larger after 10 s
+of the Lorenz system. It is proportional to the tolerance, though, so a second solution with a
+smaller tolerance gives the error of the first, as the picture shows.
 """
 
 import diffrax
@@ -38,7 +38,7 @@ TOPIC = "one particle"
 
 
 def oscillate(y):
-    """Rate of the place and the velocity of an oscillator."""
+    """Rate of the position and the velocity of an oscillator."""
     return np.array([y[1], -y[0]])
 
 
@@ -86,7 +86,7 @@ def solve(page: Page) -> None:
     }
     for name, found in judged.items():
         page.number(f"e: error at tolerance 1e-6, {name}", found.curves[0].rungs[3].error)
-    page.draw(drawing.judgement(judged), "The error follows the tolerance, some digits above it.")
+    page.draw(drawing.judgement(judged), "The error falls with the tolerance, and is larger.")
 
     lorenz = {
         name: simulate(scenes.lorenz(y0=(1.0, 1.0, 1.0 + change), t1=30.0), samples=500, rtol=1e-12)

@@ -6,10 +6,10 @@ test it? In how many positions can an unsymmetric body turn in dynamic balance? 
 sign of four masses is balanced about a line in its plane at any angle. Can one bearing of an
 unbalanced shaft be free of load?
 
-Answer: Statically, if the mass centre is on the axis (let go at any angle it stays); dynamically,
-if the axis is a principal axis too, which it is in six positions, three axes in two directions. The
-plus sign has equal moments about all lines in its plane. Yes, one bearing can carry everything:
-masses 1 kg at (1, 2) and (2, -1) leave the bearing at x = 3 free.
+Answer: Statically, if the mass centre is on the axis (released at any angle, the body stays at
+rest); dynamically, if the axis is also a principal axis, which holds in six positions, three axes
+in two directions. The plus sign has equal moments about all lines in its plane. Yes, one bearing
+can carry the whole load: masses of 1 kg at (1, 2) and (2, -1) leave the bearing at x = 3 free.
 
 (a) The net force is m a_G, and G moves on a circle about the axis at the rate omega: a_G = -omega^2
 times its distance. So static balance means that the mass centre is on the axis, whatever the shape.
@@ -22,7 +22,7 @@ momentum omega (I_xx, I_xy, I_xz), which turns with the body: omega^2 (0, -I_xz,
 where both products of inertia are: where the axis is a principal axis through G.
 
 (d) A body without symmetry has three principal axes through G, at right angles. Each can be the
-axis of rotation, either way round: six positions, and any angle about the axis for each.
+axis of rotation, in either direction: six positions, each with any angle about the axis.
 
 (e) I. Four unit masses at 1 m, 90 degrees apart, have I_xy = 0 at any angle of the plus sign. II.
 The masses need the forces -omega^2 y j; those at 30 and 210 degrees are opposite, as are those at
@@ -72,7 +72,9 @@ def solve(page: Page) -> None:
     page.number("d: positions of an unsymmetric body in balance", sum(map(int, balanced)))
     only = balanced == [True] * 6 + [False] * 4
     page.true(
-        "d: Its principal axes, either way round, and no other tried", only, route="bearing forces"
+        "d: Only its principal axes among those tried, in both directions",
+        only,
+        route="bearing forces",
     )
 
     shaft = inertia.point(1.0, [1.0, 2.0, 0.0]) + inertia.point(1.0, [2.0, -1.0, 0.0])

@@ -89,24 +89,24 @@ def solve(page: Page) -> None:
     ax.plot(whole[:, 0], c * whole[:, 0] ** 2, "--", label="y = c x^2")
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.legend(frameon=False)
-    page.draw(figure, "At the bottom the cycloid is a parabola; its ends are upright.")
+    page.draw(figure, "At the bottom the cycloid is a parabola; its ends are vertical.")
     page.play(
         slides, "From any height the bead reaches the bottom at the same time.", choose="s [m]"
     )
 
 
 def ask(page: Page) -> None:
-    """Starts near the end of the wire, and with a speed."""
+    """A start with a speed, and a heavier bead."""
     made = {"c": 0.125, "formulation": "lagrange"}
     page.ask(
         "What happens when it starts at the bottom with 2 m/s?",
-        "It swings with the same period, since that does not depend on the start: as far as "
+        "It swings with the same period, since that does not depend on the start. Its amplitude is "
         f"v / sqrt(2 c g) = {2 / math.sqrt(0.25 * 9.81):.3g} m.",
         scenes.bead_on_cycloid(**made, s=0.0, speed=2.0),
     )
     page.ask(
         "What happens to a bead of ten times the mass?",
-        "The same: the mass is in all terms of the equation.",
+        "It moves in the same way: the mass is a factor of all terms of the equation.",
         scenes.bead_on_cycloid(**made, s=3.0, m=10.0),
     )
 

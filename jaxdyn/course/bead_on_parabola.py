@@ -34,14 +34,14 @@ def by_newton(t, y, p):
 
 
 def solve(page: Page) -> None:
-    """Slide by the equation by hand, by the scene and by x and y tied to the wire."""
+    """Solve the equation derived by hand, the scene, and x and y constrained to the wire."""
     precisely = {"samples": 401, "rtol": 1e-13}
     hand = simulate(ode(by_newton, [1.0, 0.0], 10.0, params={"c": 1.0, "g": 9.81}), **precisely)
     by_x = simulate(scenes.bead_on_parabola(c=1.0, x=1.0), **precisely)
     tied = simulate(scenes.bead_on_parabola(c=1.0, x=1.0, formulation="constrained"), **precisely)
     statement = "The equation by hand is that of the scene"
     page.equal(statement, hand.ys, by_x.ys, within=1e-11, route="by hand")
-    statement = "x and y tied to the wire move in the same way"
+    statement = "x and y constrained to the wire move in the same way"
     page.equal(statement, tied.r, by_x.r, within=1e-10, route="second formulation")
 
     slides = {}
@@ -50,7 +50,7 @@ def solve(page: Page) -> None:
         period = 4 * special.ellipe(-4 * a**2) / np.sqrt(2 * 9.81)
         page.number(f"period of the amplitude {a} m", period, "s")
         back = simulate(scene, period, **precisely).ys[-1]
-        page.equal(f"After it the bead is back at {a} m", back, scene.y0, within=1e-11)
+        page.equal(f"Then the bead is back at {a} m", back, scene.y0, within=1e-11)
         slides[a] = simulate(scene, 5.0, samples=401)
     free = drawing.free_body(by_x, float(by_x.ts[40]))
     page.draw(free, "The weight and the force of the wire, which is normal to it.")
@@ -69,8 +69,8 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens on the Moon, where g = 1.62 m/s^2?",
-        "The same swing, slower by the factor sqrt(9.81 / 1.62) = "
-        f"{np.sqrt(9.81 / 1.62):.3g} at every place of the wire.",
+        "The same oscillation, slower by the factor sqrt(9.81 / 1.62) = "
+        f"{np.sqrt(9.81 / 1.62):.3g} everywhere on the wire.",
         scenes.bead_on_parabola(c=1.0, x=1.0, g=1.62),
     )
 

@@ -95,7 +95,7 @@ def solve(page: Page) -> None:
     page.equal("It is 0 at that speed", scenes.turning_rate(scenes.car(), edge), 0.0, within=1e-14)
 
     figure = drawing.trajectory(list(stops.values()), names=list(stops))
-    page.draw(figure, "Both cars start with the same small rotation; one goes on, one spins round.")
+    page.draw(figure, "Both cars start with the same small rotation; one goes straight, one spins.")
     page.play(stops, "The same car with the same disturbance, and two ways to brake.")
 
 
@@ -109,8 +109,8 @@ def ask(page: Page) -> None:
     page.ask(
         "What happens on ice, mu = 0.1?",
         "Both slide seven times as long. Locked rear wheels are unstable down to a lower speed, "
-        f"sqrt(mu g L) = {ice:.2g} m/s, and turn the car about as far as on a dry road: once it is "
-        "turned round its free axle is behind, and it is stable.",
+        f"sqrt(mu g L) = {ice:.2g} m/s, and turn the car about as far as on a dry road: once it "
+        "has turned round, its free axle is behind, and it is stable.",
         both(mu=0.1, t1=45.0),
     )
     page.ask(

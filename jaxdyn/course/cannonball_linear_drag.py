@@ -2,8 +2,9 @@
 
 A ball of mass m is shot at the angle theta with the speed v0, under gravity g and the drag -c v.
 Find its motion in closed form, and by integration with v0 = g = m = c = 1 and 45 degrees: how large
-is the error at t = 2 s, and how does it depend on the tolerance or the step? What is the shape of
-the path for ever larger speeds, and to what angle does the one with the longest range tend?
+is the error at t = 2 s, and how does it depend on the tolerance or the step? What shape does the
+path approach for very large speeds, and what angle does the launch angle of the longest range
+approach?
 
 Answer: With tau = m / c, x = tau vx0 (1 - e^(-t/tau)) and y = tau (vy0 + g tau) (1 - e^(-t/tau)) -
 g tau t; with Euler's method the error is proportional to the step. Fast shots draw a triangle,

@@ -45,8 +45,8 @@ def by_balance(t, y, p):
     _, theta, _, w = y
     (m1, m2), l, g = p["m"], p["l"], p["g"]  # noqa: E741 the usual name
     s, c = jnp.sin(theta), jnp.cos(theta)
-    # Both solved for x'' and theta'' by hand: a program that solves them takes the difference
-    # of m1 + m2 and m2 cos^2(theta), of which nothing is left where the cart is light.
+    # Both are solved for x'' and theta'' by hand: a linear solver subtracts m2 cos^2(theta) from
+    # m1 + m2, which cancels all digits if the cart is light.
     pull = m2 * s * (l * w**2 + g * c) / (m1 + m2 * s**2)
     return jnp.concatenate([y[2:], jnp.stack([pull, -(pull * c + g * s) / l])])
 
@@ -62,14 +62,14 @@ def solve(page: Page) -> None:
 
     along = energy.along(energy.momentum, by_lagrange)[:, 0]
     page.equal(
-        "The momentum along the track stays",
+        "The momentum along the track is conserved",
         along,
         0 * along + along[0],
         within=1e-11,
         route="conservation",
     )
     drift = energy.drift(by_lagrange)
-    page.equal("The energy stays", drift, 0.0, within=1e-12, route="conservation")
+    page.equal("The energy is conserved", drift, 0.0, within=1e-12, route="conservation")
     free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
     page.draw(free, "The stick pulls cart and mass towards each other; the track holds the cart.")
     page.draw(drawing.trajectory(by_lagrange), "The cart moves against the swing of the point.")
@@ -95,17 +95,17 @@ def ask(page: Page) -> None:
     start = {"angle": 2.0, "formulation": "lagrange"}
     page.ask(
         "What happens when the cart is a thousand times heavier than the point?",
-        "It hardly moves, and the point swings as a pendulum on a fixed hinge.",
+        "It hardly moves, and the point swings like a pendulum on a fixed hinge.",
         scenes.cart_pendulum(m=(1000.0, 1.0), **start),
     )
     page.ask(
-        "What happens when the cart weighs almost nothing, and is let go at rest?",
+        "What happens when the cart weighs almost nothing, and is released from rest?",
         "No force along the track acts on the point: it falls on a vertical line, while the cart "
         "darts from side to side.",
         scenes.cart_pendulum(m=(0.001, 1.0), **start),
     )
     page.ask(
-        "What happens without gravity, when the point is given a turn?",
+        "What happens without gravity, when the point is pushed?",
         "The mass centre of both moves along at a constant speed, and the stick turns for ever.",
         scenes.cart_pendulum(m=(2.0, 1.0), rate=3.0, **start).without(effects.UniformGravity),
     )

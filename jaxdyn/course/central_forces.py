@@ -6,9 +6,9 @@ neither circles nor lines. Do the motions that do not close look regular or chao
 law r^n, how few loops can a closed orbit have, and how does that depend on n?
 
 Answer: F = k / r, since m v^2 / r = k / r. A motion between two radii is a regular rosette, never
-chaotic: each loop is the one before, turned by twice the apsidal angle, and q loops close if that
-angle is pi p / q. The fewest are 3 for k / r, 1 for gravity, 2 for a spring, 7 for r^3 and 3 for
-r^10, and ever more as n comes near to, but is not, 1 or -2.
+chaotic: each loop is the previous one, rotated by twice the apsidal angle, and q loops close if
+that angle is pi p / q. The fewest are 3 for k / r, 1 for gravity, 2 for a spring, 7 for r^3 and 3
+for r^10, and their number grows without bound as n approaches 1 or -2 without being equal to it.
 
 (a) On a circle m v^2 / r = F(r), so v is the same for all r where F is proportional to 1 / r.
 
@@ -18,8 +18,8 @@ where the angle between a nearest and the next farthest point, which the start d
 2 / 3. It is found by solving the closure for the start and the period, as the hint says.
 
 i. The motions that do not close are regular. In a central force the energy and the angular momentum
-are constant, so r oscillates between two values with one period, and each loop is the one before
-turned by the same angle; a chaotic motion is impossible.
+are constant, so r oscillates between two values with one period, and each loop is the previous one
+rotated by the same angle; a chaotic motion is impossible.
 
 ii. See the table: the fewest loops depend on the exponent n through the range of the apsidal angle,
 from pi / sqrt(3 + n) for nearly circular orbits to pi / 2, or pi / (3 + n) for n < -1, for nearly
@@ -66,7 +66,7 @@ def solve(page: Page) -> None:
     turn = np.asarray(vectors.plane_rotation(2 * angle))
     next_loop = np.asarray(ring.y0).reshape(2, 2) @ turn.T
     page.equal(
-        "The next loop is turned by twice of it", once, next_loop, within=1e-12, route="integral"
+        "The next loop is rotated by twice that", once, next_loop, within=1e-12, route="integral"
     )
 
     fewest = loops.fewest([-2.0, -1.5, -1.0, 0.0, 0.9, 1.0, 2.0, 3.0, 10.0])
@@ -79,7 +79,7 @@ def solve(page: Page) -> None:
     figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
     page.draw(figure, "A motion that does not close fills its ring with equal loops.")
     page.play(
-        motions, "The closed orbit repeats itself; each loop of the other is turned a little."
+        motions, "The closed orbit repeats itself; each loop of the other is rotated a little."
     )
 
 
@@ -92,7 +92,7 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens under a spring, n = 1?",
-        "Every motion closes, on an ellipse whose middle is the centre: two loops in a turn.",
+        "Every motion closes, on an ellipse around the centre: two loops in a turn.",
         scenes.power_law(n=1.0, r=1.0, speed=0.6),
     )
     page.ask(

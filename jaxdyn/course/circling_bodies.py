@@ -69,7 +69,7 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens when both start sqrt(2) times as fast?",
-        "That is the speed of escape: they part on parabolas and never come back.",
+        "That is the escape speed: they separate on parabolas and never come back.",
         faster(math.sqrt(2), 40.0),
     )
 

@@ -1,9 +1,9 @@
 """The cross product by geometry and by components.
 
-By definition a x b is orthogonal to a and b, of length |a| |b| sin(theta), in the direction of the
-right hand. Show that it is the same as to project b onto the plane orthogonal to a, to stretch the
-projection by |a|, and to turn it by a quarter turn about a. Conclude that a x (b + c) = a x b + a x
-c, and find from that the formula for the components.
+By definition a x b is orthogonal to a and b, of length |a| |b| sin(theta), in the direction given
+by the right-hand rule. Show that the same vector results if b is projected onto the plane
+orthogonal to a, stretched by |a|, and rotated by a quarter turn about a. Conclude that a x (b + c)
+= a x b + a x c, and find from that the formula for the components.
 
 Answer: The three steps give the length |a| |b| sin(theta) and the direction. Each step is linear in
 b, so a x is a linear operator, with the skew matrix S_ij = -epsilon_ijk a_k. By that and the nine

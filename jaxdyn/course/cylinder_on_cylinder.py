@@ -16,8 +16,8 @@ the potential energy m g (R + r) cos(theta) the derivative of the constant sum i
 
     (3/2) (R + r) theta'' = g sin(theta).
 
-An inverted pendulum of length l has l theta'' = g sin(theta). That both are alike is expected:
-each has one degree of freedom, an inertia that does not depend on theta, and a weight on a circle.
+An inverted pendulum of length l has l theta'' = g sin(theta). The similarity is expected: both have
+one degree of freedom, an inertia that does not depend on theta, and a weight on a circle.
 
 (b) From rest at the top (3/4) v^2 = g (R + r) (1 - cos(theta)). Towards the centre of the circle
 m v^2 / (R + r) = m g cos(theta) - N, so
@@ -61,11 +61,11 @@ def solve(page: Page) -> None:
 
     motion = simulate(rolling, end.t, samples=300, rtol=1e-12)
     free = drawing.free_body(motion, float(motion.ts[250]))
-    page.draw(free, "Cut free: weight, normal force and friction.")
+    page.draw(free, "The free-body diagram: weight, normal force and friction.")
     page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
     look = (
-        "It ends where contact would, if friction had no limit; with a coefficient of friction, "
-        "`jaxdyn run cylinder_on_cylinder` goes on by slip and flight."
+        "The motion ends where contact would end if friction had no limit; with a coefficient of "
+        "friction, `jaxdyn run cylinder_on_cylinder` continues with slip and flight."
     )
     page.play(motion, look)
 

@@ -1,14 +1,14 @@
 """Double pendulum.
 
-Two equal uniform bars (m = l = g = 1) hang from a hinge, one from the other. They are let go with
+Two equal uniform bars (m = l = g = 1) hang from a hinge, one from the other. They are released with
 the upper arm level, to the right, and the forearm straight up. Find the equations of motion by
 angular momentum balance, by Lagrange, and by constraints between two free bodies; show that they
 are the same, and draw the path of the end of the forearm up to t = 30.
 
 Answer: The balance about the hinge, and that of the forearm about the elbow, are two linear
-equations for the angular accelerations. All routes give one motion, which ends at (1.2362, 0.0122),
-but chaos takes digits from each: until t = 30 a small error of theta1 at the start grows
-57238-fold.
+equations for the angular accelerations. All derivations give the same motion, which ends at
+(1.2362, 0.0122), but chaos costs each of them digits: until t = 30 a small initial error of theta1
+grows 57238-fold.
 
 (a) theta1 and theta2 are the angles of the bars from hanging down, D = theta1 - theta2, and each
 bar has the inertia 1/12 about its centre. Angular momentum balance of both bars about the hinge,
@@ -19,7 +19,7 @@ and of the forearm about the elbow, which moves:
 
     (1/3) theta2'' + (1/2) theta1'' cos D - (1/2) theta1'^2 sin D = -(1/2) sin theta2
 
-The first less the second is (4/3) theta1'' + (1/2) theta2'' cos D + (1/2) theta2'^2 sin D =
+The first minus the second is (4/3) theta1'' + (1/2) theta2'' cos D + (1/2) theta2'^2 sin D =
 -(3/2) sin theta1; with the second it is what `balance` in the code solves for theta1'' and
 theta2''.
 
@@ -42,9 +42,10 @@ Its equations are the two that `balance` solves, and the motion is the same.
 
 (d) `jaxdyn course 31 --play` animates it.
 
-(e) Known without integrating: the energy, here 1/2, is constant; small swings have the squared
-frequencies 3 - 6 / sqrt(7) and 3 + 6 / sqrt(7), that is 0.732 and 5.268; without gravity the
-angular momentum about the hinge is constant; hanging, standing and folded bars may rest.
+(e) Known without integrating: the energy, here 1/2, is constant; small oscillations have the
+squared frequencies 3 - 6 / sqrt(7) and 3 + 6 / sqrt(7), that is 0.732 and 5.268; without gravity
+the angular momentum about the hinge is constant; hanging, standing and folded bars are in
+equilibrium.
 """
 
 import math
@@ -71,7 +72,7 @@ def balance(t, y):
 
 
 def solve(page: Page) -> None:
-    """Swing by every route, compare, and start once more a hair's breadth aside."""
+    """Solve all formulations, compare them, and start again with a tiny displacement."""
     precisely = {"samples": 601, "rtol": 1e-13}
     by_lagrange = simulate(scenes.double_pendulum(formulation="lagrange"), **precisely)
     by_constraints = simulate(scenes.double_pendulum(formulation="constrained"), **precisely)
@@ -102,10 +103,10 @@ def solve(page: Page) -> None:
 
     look = "The end of the forearm draws a tangle that never repeats."
     free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
-    page.draw(free, "Each bar cut free: hinge 2 acts on both, in opposite directions.")
+    page.draw(free, "The forces on each bar: hinge 2 acts on both, in opposite directions.")
     page.draw(drawing.trajectory(by_lagrange), look)
     motions = {"released": by_lagrange, "1e-5 rad aside": aside}
-    page.play(motions, "Two starts that no eye tells apart stay together for a while, then part.")
+    page.play(motions, "Two motions with almost equal starts stay together for a while, then part.")
 
 
 def check(page: Page) -> None:
@@ -129,15 +130,15 @@ def ask(page: Page) -> None:
     made = {"formulation": "lagrange", "t1": 30.0}
     slow, fast = np.sqrt(page["e: squared frequencies of small swings"])
     page.ask(
-        "What happens when it swings little, from 0.1 rad?",
+        "What happens when it makes small oscillations, from 0.1 rad?",
         "Nothing chaotic: each angle is a sum of two oscillations, of "
         f"{slow:.4g} and {fast:.4g} rad/s. Choose several motions: they stay together.",
         scenes.double_pendulum(angles=(0.1, 0.0), **made),
     )
     page.ask(
-        "What happens without gravity, when the upper arm is given a turn?",
-        "It is regular again: the energy and the angular momentum about the hinge stay, and leave "
-        "no room for chaos.",
+        "What happens without gravity, when the upper arm is pushed?",
+        "It is regular again: the energy and the angular momentum about the hinge are conserved, "
+        "which rules out chaos.",
         scenes.double_pendulum(rates=(2.0, 0.0), **made).without(effects.UniformGravity),
     )
     page.ask(

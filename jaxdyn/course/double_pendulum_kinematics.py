@@ -5,11 +5,11 @@ theta1 and theta2 from the vertical, in a frame that moves with the elbow withou
 theta1 and phi = theta2 - theta1, in a frame glued to the first link, by the five-term formula.
 
 Answer: The first is the sum of l (theta_i'' e_theta - theta_i'^2 e_r) over both links. In the
-second the Coriolis term 2 theta1' phi' is what turns theta1'^2 + phi'^2 into theta2'^2: both
-agree, for any angles and rates.
+second, the Coriolis term 2 theta1' phi' completes theta1'^2 + phi'^2 to theta2'^2, so both agree
+for all angles and rates.
 
-For each link e_r points along it, e_theta across it, in the direction of growing angles; 1 and 2
-say of which link.
+For each link e_r points along it, and e_theta across it, in the direction of growing angles; the
+indices 1 and 2 name the link.
 
 (a) The elbow moves on a circle about the hinge, and the end on a circle about the elbow in a frame
 that does not turn, so the two accelerations of motion on a circle add up:
@@ -92,7 +92,7 @@ def solve(page: Page) -> None:
     ax.plot(motion.ts, glued, "k--", lw=1, label=["five-term formula", ""])
     ax.set(xlabel="t [s]", ylabel="acceleration of the end [m/s^2]")
     ax.legend(frameon=False)
-    page.draw(figure, "The five-term formula (dashed) lies on the sum of the two links.")
+    page.draw(figure, "The five-term formula (dashed) coincides with the sum of the two links.")
     page.play(motion, "The end of the second link is the point whose acceleration is found.")
 
 

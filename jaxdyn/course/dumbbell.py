@@ -5,8 +5,9 @@ Write F = m a for both and the length condition differentiated twice, five equat
 accelerations and the force in the rod, and integrate them. Which errors can be measured?
 
 Answer: The dumbbell turns at 2 rad/s about its centre, which rests, and the rod pulls with 2 N.
-Momentum, angular momentum, energy, length and every place are known. Only the momentum is exact: a
-loose integration of the bare equations loses the others, and projection restores the length alone.
+Momentum, angular momentum, energy, length and all positions are known. Only the momentum is exact:
+an integration of the bare equations at a loose tolerance does not preserve the others, and
+projection restores only the length.
 
 The five equations, linear in the four accelerations and the tension T of the rod, with m = l = 1:
 
@@ -14,12 +15,13 @@ The five equations, linear in the four accelerations and the tension T of the ro
     x2'' = -T (x2 - x1)      y2'' = -T (y2 - y1)
     (x2 - x1) (x2'' - x1'') + (y2 - y1) (y2'' - y1'') = -(x2' - x1')^2 - (y2' - y1')^2
 
-The last is (x2 - x1)^2 + (y2 - y1)^2 = l^2 differentiated twice. Put in, the first four make it
-2 T = (x2' - x1')^2 + (y2' - y1')^2 = 4: the tension is 2 N, m v^2 / r with r = 1/2 m.
+The last is (x2 - x1)^2 + (y2 - y1)^2 = l^2 differentiated twice. With the first four it becomes 2 T
+= (x2' - x1')^2 + (y2' - y1')^2 = 4: the tension is 2 N, m v^2 / r with r = 1/2 m.
 
 What can be measured: the sum of the velocities (momentum), the angular momentum about the centre,
-the energy (the rod does no work), the length and its rate, and the place of each mass, which is on
-a circle of 1/2 m at the angle 2 t. The table has them for a deliberately loose tolerance of 1e-2.
+the energy (the rod does no work), the length and its rate, and the position of each mass, which is
+on a circle of 1/2 m at the angle 2 t. The table has them for a deliberately loose tolerance of
+1e-2.
 """
 
 import numpy as np
@@ -66,11 +68,11 @@ def solve(page: Page) -> None:
         page.equal(f"The centre rests even so, {name}", rest, 0 * rest, within=1e-12)
     length = np.linalg.norm(loose["projection"].r[:, 1] - loose["projection"].r[:, 0], axis=1)
     page.equal("Projection keeps the length", length, np.ones(401), within=1e-13)
-    ax.set(xlabel="t [s]", ylabel="error of the place of a mass [m]")
+    ax.set(xlabel="t [s]", ylabel="position error of a mass [m]")
     ax.legend(frameon=False)
     page.draw(
         figure,
-        "Projection keeps the length but not the rate of turning: here its places are worse.",
+        "Projection preserves the length, not the angular velocity: positions are worse here.",
     )
     page.play(loose, "Loosely integrated, the two turn at slightly different rates.", inexact=True)
 

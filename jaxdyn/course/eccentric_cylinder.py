@@ -5,9 +5,9 @@ down a ramp. Find its equation of motion, and the friction that rolling needs. R
 with G straight above the contact, how far does it roll before it leaves the ramp?
 
 Answer: With unlimited friction this cylinder rolls 12.78 m, two turns and 0.21 rad, until the
-normal force vanishes; but the friction does not vanish there, so let go it would move into the
-ramp: with any real coefficient it slips before, and lifts off from a slip, if at all. With the
-coefficient 0.8 it slips after 12.568 m.
+normal force vanishes; but the friction does not vanish there, so without contact it would move into
+the ramp: with any real coefficient it slips before, and lifts off while slipping, if at all. With
+the coefficient 0.8 it slips after 12.568 m.
 
 The numbers belong to m = 1 kg, r = 1 m, d = 0.5 m, I = 0.4 kg m^2 about G, a slope of gamma = 0.2
 rad and g = 9.81 m/s^2. Let psi be the angle that the cylinder has rolled, which is that of G from
@@ -31,7 +31,7 @@ normal force N, and rolling needs a coefficient of at least |F| / N:
 (c) N falls to zero after 12.78 m. There the friction is still -0.602 N: it holds the cylinder back
 and, by its moment about G, keeps it turning as it rolls. Without it G would accelerate into the
 ramp, at 0.233 m/s^2, so there is no flight that begins there. As N falls, |F| / N grows without
-bound, so a real cylinder slips before; it can skip into the air only from a slip.
+bound, so a real cylinder slips before; it can lift off only while it slips.
 
 (d) Can a cylinder hop for ever? Only if it lands without relative velocity, which loses no energy,
 and only on level ground: down a slope every hop would gain some. In the air the angular velocity w
@@ -138,7 +138,7 @@ def solve(page: Page) -> None:
     page.draw(drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
     look = (
         "It rolls until the ramp would have to pull, as if friction had no limit; with a "
-        "coefficient of friction, `jaxdyn run cylinder_on_ramp` goes on by slip and flight."
+        "coefficient of friction, `jaxdyn run cylinder_on_ramp` continues with slip and flight."
     )
     page.play(motion, look)
 
@@ -200,9 +200,10 @@ class Height(Event):
 
 
 class Mirrored(eqx.Module):
-    """Residual of a motion's mirror symmetry: times about which it is time-reversible.
+    """Residual of the mirror symmetry of a motion about two times, at which it is time-reversible.
 
-    One is in the middle of a flight, where it starts, one in the middle of a contact.
+    One time is in the middle of a flight, where the motion starts, the other in the middle of a
+    contact.
 
     Attributes:
       first: () turn at the start [rad].
@@ -265,7 +266,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     top = reach + g * (up / spin) ** 2 / 2  # of G, in the middle of the flight
     y0 = np.array([0.0, top, first, spin * reach, 0.0, spin])
     corner = np.array([y0[3] * up / spin, reach, first + up, y0[3], -g * up / spin, spin])
-    # The contact lasts less than twice the time that it would take at the corner's spin.
+    # The contact lasts less than twice as long as it would at the spin that it begins with.
     lowest = Reaches(2, 2 * first + math.pi, 1)
     stop = until(contact.starting(corner, 2 * (math.pi - a) / spin), lowest, rtol=RTOL)
     if not stop.happened:
@@ -274,7 +275,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
     # In the whole chain the motion is a double root: at h'' = 0 unequal corners close too.
     mirrors = Mirrored(jnp.asarray(first), jnp.asarray(2 * first + math.pi))
     legs = (Leg(scene=fly, ends=lands), Leg(scene=contact, ends=()))
-    # Where it turns fast at the lowest point, rounding the times alone misses the goal there.
+    # Where it turns fast at the lowest point, the rounding of the times alone exceeds the goal.
     half = find_hybrid(legs, y0, spans, closes=mirrors, throw=False)
     down, rest = half.spans
     above = (Height(given),)
@@ -327,7 +328,7 @@ def _gravity(scene: Scene) -> float:
 
 
 def refusal(name: str, expected: str, got, remedy: str) -> ValueError:
-    """What is raised where no cylinder hops."""
+    """The error that is raised where no cylinder hops."""
     return ValueError(f"{name}: expected {expected}, got {got}. {remedy}")
 
 
@@ -344,7 +345,7 @@ def _check_gravity(scene: Scene, turns) -> float:
     if not float(system.d) > 0:
         raise refusal("d", "> 0", float(system.d), "A balanced cylinder does not hop.")
     if not (isinstance(turns, int) and turns > 0):
-        remedy = "With none the flight would enter the ground."
+        remedy = "Without a turn the flight would enter the ground."
         raise refusal("turns", "a whole number > 0", repr(turns), remedy)
     g = _gravity(scene)
     if not g > 0:

@@ -6,8 +6,8 @@ and then about the newest x axis, by the same angles?
 
 Answer: R = R_z R_y R_x, with the rows (cy cz, sx sy cz - cx sz, cx sy cz + sx sz),
 (cy sz, sx sy sz + cx cz, cx sy sz - sx cz) and (-sy, sx cy, cx cy), where cx is cos(theta_x), and
-so on. Turns about fixed axes multiply from the left, those about the body's own from the right, so
-both orders write the same product.
+so on. Rotations about fixed axes multiply from the left, those about the body's own axes from the
+right, so both sequences give the same product.
 """
 
 import jax.numpy as jnp
@@ -81,7 +81,7 @@ def solve(page: Page) -> None:
     page.draw(figure, look)
     scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
     boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
-    page.play(boxes, "The boxes part at once, and are together again in the end.")
+    page.play(boxes, "The boxes separate at once, and coincide again at the end.")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ axis?
 
 Answer: A point N of the line has one distance from P, Q and S. The motion takes P and Q to Q and S,
 so it takes N to a point with this distance from Q and S: to N itself or to its mirror image, which
-would turn the sphere inside out. The check finds the axis so, for rotations by all kinds of angles.
+would turn the sphere inside out. The check finds the axis in this way for rotations by various
+angles.
 """
 
 import numpy as np

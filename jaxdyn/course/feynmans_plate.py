@@ -1,6 +1,6 @@
 """Feynman's plate.
 
-A plate thrown into the air spins and wobbles. Feynman tells that a medallion on it went round twice
+A plate thrown into the air spins and wobbles. Feynman says that a medallion on it went round twice
 as fast as the plate wobbled. Is he right? Compare the rate at which the normal goes round with the
 rate of the plate, by simulation and for a steady precession.
 
@@ -32,7 +32,7 @@ def solve(page: Page) -> None:
         expected = [steady.precession, steady.precession + steady.spin]
         page.equal(f"Steady precession at {tilt:g}", [wobble, turn], expected, within=1e-11)
         lean = precession.tilts(motion)
-        page.equal(f"The tilt of {tilt:g} stays", np.ptp(lean), 0.0, within=1e-12)
+        page.equal(f"The tilt of {tilt:g} is constant", np.ptp(lean), 0.0, within=1e-12)
 
         page.equal(f"Ratio at {tilt:g}", wobble / turn, 2 / (2 - np.cos(tilt)), within=1e-12)
 

@@ -55,7 +55,7 @@ def solve(page: Page) -> None:
     product = indices.evaluate_indices("X_ij = delta_ik delta_kj")
     page.equal("delta_ik delta_kj = delta_ij", product, delta, within=0.0, route="property")
     signs = [np.sum(epsilon == s) for s in (1, -1, 0)]
-    page.equal("epsilon is 1, -1, 0 so often", signs, [3, 3, 21], within=0.0, route="count")
+    page.equal("epsilon is 3 x 1, 3 x -1, 21 x 0", signs, [3, 3, 21], within=0.0, route="count")
     skew = indices.evaluate_indices("S_ij = -epsilon_ijk a_k", **given)
     page.equal("S_ij = -epsilon_ijk a_k is a x", skew @ b, np.cross(a, b), within=0.0)
     renamed = ("c_l = A_lj b_j + B_kl a_k", "c_j = A_jk b_k + B_kj a_k")

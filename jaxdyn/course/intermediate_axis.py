@@ -9,7 +9,7 @@ rad/s for a spin of 1 rad/s; about the middle axis they grow like exp(0.577 t). 
 motion is omega = (cn t, sn t, dn t) with the parameter 1/3, Jacobi's functions.
 
 (a) The angular momentum has the components I_i omega_i in the body's axes e_i', which turn with
-omega. That it does not change in space, H' + omega x H = 0 with H' taken in these axes, is
+omega. It does not change in space: H' + omega x H = 0, with H' in these axes, which reads
 
     I1 omega1' = (I2 - I3) omega2 omega3     omega1' = -omega2 omega3
     I2 omega2' = (I3 - I1) omega3 omega1     omega2' = omega3 omega1
@@ -17,7 +17,7 @@ omega. That it does not change in space, H' + omega x H = 0 with H' taken in the
 
 on the right for the moments 1, 2 and 3 kg m^2.
 
-(b) `euler` in the code is these; any start is integrated by `simulate(ode(euler, start, t1))`.
+(b) `euler` in the code has these equations; `simulate(ode(euler, start, t1))` integrates them.
 
 (c, d) Deviations of 0.001 rad/s in each component from a spin of 1 rad/s about x', y' and z' are
 drawn below for 30 s.
@@ -103,8 +103,8 @@ def ask(page: Page) -> None:
         scenes.free_body(np.array([0.0, 1.0, 0.0]) + 1e-6, t1=60.0),
     )
     page.ask(
-        "What happens when it spins about no axis of its own, (1, 1, 1) rad/s?",
-        "It tumbles: omega wanders in space and in the body, and the angular momentum, among the "
+        "What happens when it spins about none of its axes, at (1, 1, 1) rad/s?",
+        "It tumbles: omega wanders in space and in the body, while the angular momentum, among the "
         "vectors, does not move.",
         scenes.free_body((1.0, 1.0, 1.0), t1=30.0),
     )

@@ -13,18 +13,18 @@ About the line BC only the rod AD and F have a moment, so with N = (b - d) x (c 
 The letters a to d are the positions of the points from the origin. The numbers belong to a = (0, 0,
 0), b = (2, 0, 1), c = (0, 2, 0), d = (1, 1, 3) m and F = (3, -1, -10) N.
 
-(a) n = (b - a) x (d - c) is at right angles to both lines, so the planes through them across n are
-parallel, and their distance is that of the lines: the part of c - a along n.
+(a) n = (b - a) x (d - c) is at right angles to both lines, so the planes through them with normal n
+are parallel, and their distance is that of the lines: the component of c - a along n.
 
 (b) The ends are a + s (b - a) and c + t (d - c). What joins them is a multiple of n, so the product
 with (d - c) x n leaves only s, and that with (b - a) x n only t:
 
     s = (c - a) x (d - c) . n / n^2,   t = (c - a) x (b - a) . n / n^2.
 
-(c) Parallel to the base ABC, at the share z of the way down from D, the cut is the base made
-smaller by the factor z, so its area is z^2 times that of the base. Added up over the height h that
-is h times the base times the integral of z^2 from 0 to 1, a third. The base is half of the
-parallelogram |(b - a) x (c - a)|, and (d - a) along that direction is the height.
+(c) The section parallel to the base ABC at the fraction z of the way down from D is the base scaled
+by the factor z, so its area is z^2 times that of the base. Integrated over the height h that is h
+times the base times the integral of z^2 from 0 to 1, a third. The base is half of the parallelogram
+|(b - a) x (c - a)|, and (d - a) along that direction is the height.
 
 (d) The tensions pull D towards A, B and C, and with F they add up to zero. The product of that sum
 with N = (b - d) x (c - d), which is across the rods BD and CD, leaves T (a - d) . N / |a - d| + F .

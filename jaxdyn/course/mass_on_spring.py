@@ -5,10 +5,10 @@ under gravity g. Write the equation of motion, solve it from any start, and draw
 collect ways to know that the solution is right: cases whose motion is known in closed form,
 quantities that stay constant, and another formulation of the same problem.
 
-Answer: m r'' = -k (|r| - L) r / |r| - m g j. It keeps the energy, agrees with Lagrange's equations
-in polar coordinates, and all special cases hold: without the spring a parabola; from rest below the
-pin a vertical line; without gravity a harmonic oscillation along a radius from rest, and a circle
-where v^2 = k r (r - L) / m; with L = 0 an ellipse.
+Answer: m r'' = -k (|r| - L) r / |r| - m g j. The solution conserves the energy, agrees with
+Lagrange's equations in polar coordinates, and is right in all special cases: without the spring a
+parabola; from rest below the pin a vertical line; without gravity a harmonic oscillation along a
+radius from rest, and a circle where v^2 = k r (r - L) / m; with L = 0 an ellipse.
 
 (a) The spring pulls with k (|r| - L) towards the pin, so
 
@@ -20,8 +20,8 @@ where v^2 = k r (r - L) / m; with L = 0 an ellipse.
 (c) i. k = 0: parabolic flight. ii. x0 = vx0 = 0: it stays on the y axis. iii. g = 0 from rest: it
 swings on a radius, r = L + (r0 - L) cos(sqrt(k / m) t), if it does not reach the pin.
 
-iv. L = 0, all else arbitrary: the path is an ellipse about the point m g / k below the pin, run
-through once in 2 pi sqrt(m / k). Why? The force -k r - m g j is linear, so both components of the
+iv. L = 0, all else arbitrary: the path is an ellipse about the point m g / k below the pin,
+traversed once in 2 pi sqrt(m / k). Why? The force -k r - m g j is linear, so both components of the
 distance from that point obey m u'' = -k u, with one frequency.
 
 v. g = 0 and v^2 = k r (r - L) / m across the radius: a circle, as the spring supplies m v^2 / r.
@@ -58,7 +58,9 @@ def solve(page: Page) -> None:
         return simulate(scene, end, samples=400, rtol=1e-13)
 
     motion = move((1.0, 0.0), (0.0, 1.0))
-    page.equal("The energy stays", energy.drift(motion), 0.0, within=1e-13, route="conservation")
+    page.equal(
+        "The energy is conserved", energy.drift(motion), 0.0, within=1e-13, route="conservation"
+    )
     lagrange = lagrangian(polar, [1, 0], [0, 1], params={"m": m, "k": k, "L": L, "g": g})
     r, theta = np.asarray(simulate(lagrange, end, samples=400, rtol=1e-13).ys[:, :2]).T
     path = np.stack([r * np.cos(theta), r * np.sin(theta)], axis=1)
@@ -96,15 +98,15 @@ def ask(page: Page) -> None:
         scenes.spring_mass(**start, velocity=(0.0, np.sqrt(5.0)), g=0.0),
     )
     page.ask(
-        "What happens when it is let go at rest, straight below the pin?",
+        "What happens when it is released from rest, straight below the pin?",
         "It bounces up and down on the vertical line, "
         f"with the period 2 pi sqrt(m / k) = {2 * np.pi / np.sqrt(10.0):.4g} s.",
         scenes.spring_mass(**start | {"position": (0.0, -1.2)}, velocity=(0.0, 0.0)),
     )
     page.ask(
         "What happens when the spring is ten times stiffer?",
-        "It vibrates faster along the spring and swings like a pendulum across it: the stiffer, "
-        "the more it is a stick.",
+        "It vibrates faster along the spring and swings like a pendulum across it: a very stiff "
+        "spring acts like a rod.",
         scenes.spring_mass(**start | {"k": 100.0}, velocity=(0.0, 1.0)),
     )
 

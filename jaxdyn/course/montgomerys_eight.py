@@ -5,20 +5,21 @@ to eight digits. Follow them for 2.1 units of time and for 10. Then move one bod
 start, then more, and wait longer. What is curious about these motions?
 
 Answer: The three chase each other round one figure of eight: after T / 3 = 2.1086 each is where the
-next one was, to the digits that are printed. With a start 0.01 aside it is still an eight, which is
-stable, but one that slowly turns; 0.22 aside, two bodies bind near t = 35 and throw the third out.
+next one was, to the digits that are printed. With one body displaced by 0.01 the motion stays close
+to the eight, which is stable, but slowly rotates; with 0.22, two bodies form a pair near t = 35 and
+eject the third.
 
 (a) In 2.1 units of time, almost a third of the period T = 6.326, each body runs a third of the
 curve, so the three paths together are the whole eight.
 
-(b) In 10 units each runs round the eight one and a half times, always on the same curve, and never
-farther than 1.081 from the middle: the body at its ends is ahead of the printed start.
+(b) In 10 units each runs round the eight one and a half times, always on the same curve, and is
+never farther than 1.081 from the middle, a little more than at the start.
 
 (c) With the first body 0.01 farther to the right the motion stays near the eight for 100 units, but
 its curve turns.
 
-(d) With 0.22 the three first move on wilder loops. Then two of them bind to a close pair, and the
-energy that this frees throws the third out: at t = 45 one body is 11.99 from the middle.
+(d) With 0.22 the three first move on wilder loops. Then two of them form a close pair, and the
+energy that this releases ejects the third: at t = 45 one body is 11.99 from the middle.
 """
 
 import jax.numpy as jnp
@@ -34,7 +35,7 @@ TOPIC = "many particles"
 
 
 def solve(page: Page) -> None:
-    """Follow the printed start, and starts beside it; find out which of them stay."""
+    """Follow the printed start, and starts near it; find out which motions stay close."""
     eight = scenes.three_body(scenes.EIGHT)
     r = simulate(eight, scenes.EIGHT_PERIOD, samples=601, rtol=1e-13).r
     page.number("period, and a third of it", [scenes.EIGHT_PERIOD, scenes.EIGHT_PERIOD / 3])
@@ -73,7 +74,7 @@ def solve(page: Page) -> None:
     look = "In 2.1 units each body runs a third of the one curve. The eight of a start aside turns."
     page.draw(figure, look)
     page.play(motions["10 units"], "Three bodies chase each other on one curve.")
-    page.play(motions["0.22 aside, 45 units"], "Two bodies bind, and the third is thrown out.")
+    page.play(motions["0.22 aside, 45 units"], "Two bodies form a pair, and eject the third.")
 
 
 if __name__ == "__main__":

@@ -3,8 +3,9 @@
 Draw a flat shape, such as a house or a boat, and let it move about the plane smoothly, without any
 distortion: every motion is a shift and a rotation.
 
-Answer: Each corner is at r(t) + R(theta(t)) s, with s fixed in the shape. A boat on the figure of
-eight (3 sin t, 1.5 sin 2t), turning once a round, keeps all distances between its corners to 1e-15.
+Answer: Each corner is at r(t) + R(theta(t)) s, with s fixed in the shape. For a boat on the figure
+of eight (3 sin t, 1.5 sin 2t) that turns once per round, all distances between its corners are
+constant to 1e-15.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """A dropped ball lands before a thrown one.
 
 Choose forces for a single particle, draw its free-body diagram, write its equations, solve them,
-and find something worth telling. Here two balls of 1 kg leave a roof 5 m above the ground, one
+and find something worth reporting. Here two balls of 1 kg leave a roof 5 m above the ground, one
 dropped and one thrown level at 20 m/s. Without air they land together. With the drag c |v| v, where
 c = 0.1 kg/m, the equation is m a = -m g j - c |v| v, and |v| couples its two components. Which of
 the balls lands first?
@@ -37,7 +37,7 @@ def solve(page: Page) -> None:
     w = math.sqrt(m * g / c)
     page.number("terminal speed", w, "m/s")
     fall = w / g * math.acosh(math.exp(g * h / w**2))
-    page.equal("The dropped ball lands when it should", dropped, fall, within=1e-13)
+    page.equal("The time of the dropped ball", dropped, fall, within=1e-13)
     page.true("The thrown ball lands later", thrown - dropped > 0.1, route="both integrated")
     both = [landing(vacuum, 0.0), landing(vacuum, 20.0)]
     page.equal("Without air they land together", both, [math.sqrt(2 * h / g)] * 2, within=1e-13)

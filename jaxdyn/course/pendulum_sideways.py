@@ -6,7 +6,7 @@ compare its solutions with those of the usual pendulum equation.
 
 Answer: x'' = -x x'^2 / (l^2 - x^2) - g x sqrt(l^2 - x^2) / l^2, from Lagrange with the speed
 l x' / sqrt(l^2 - x^2). It agrees with l sin(theta) to rounding as long as the mass stays below the
-hinge; at the level of the hinge the coordinate ends, with 0 / 0 for the acceleration.
+hinge; at the level of the hinge the coordinate is singular, with 0 / 0 for the acceleration.
 
 With x = l sin(theta) the mass is at the depth sqrt(l^2 - x^2), and its speed is l theta' = l x' /
 sqrt(l^2 - x^2). So

@@ -24,12 +24,12 @@ and none where the top spins more slowly. Hanging (cos(theta) < 0, I > I_3) ther
 
 (b) Near theta = 0 the equation in terms of omega_3 is I omega_p^2 - I_3 omega_3 omega_p + m g d =
 0, which has roots from omega_3 = 2 sqrt(I m g d) / I_3 on. Counted as omega_s the limit is 2
-sqrt((I - I_3) m g d) / I_3 = 153.4 rad/s; it belongs to another motion, and says nothing of an
-upright top, for which omega_3 is what it is given.
+sqrt((I - I_3) m g d) / I_3 = 153.4 rad/s; it belongs to another motion, and says nothing about an
+upright top, for which only omega_3 is given.
 
-(c) No. A top let go with its axis at rest falls, and as it falls it begins to precess; it nods
-between the lean of the start and a larger one, where cusps, waves or loops are drawn by the tip.
-Steady precession is the special case in which the lean stays in the minimum of its potential.
+(c) No. A top that is released with its axis at rest falls, and as it falls it begins to precess. It
+nods between the initial lean and a larger one, and its tip draws cusps, waves or loops. Steady
+precession is the special case in which the lean stays at the minimum of its potential.
 """
 
 import jax
@@ -122,7 +122,7 @@ def ask(page: Page) -> None:
     """A slow top, and one without weight."""
     page.ask(
         "What happens when it spins at 100 rad/s, let go with its axis at rest?",
-        "It falls far and comes up again: its loops hang low, and steady precession almost upright "
+        "It falls far and comes up again in low loops, and steady precession almost upright "
         f"would need {page['b: slowest omega_3 with steady precession almost upright']:.4g} rad/s.",
         scenes.top(0.5, precession=0.0, spin=100.0, **TOP, t1=2.0),
     )
@@ -133,7 +133,7 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens without weight?",
-        "Nothing turns its angular momentum, which can be seen among the vectors; the axis stays.",
+        "Nothing changes its angular momentum, shown among the vectors; the axis stays at rest.",
         scenes.top(0.5, precession=0.0, spin=250.0, **TOP, t1=0.5).without(effects.UniformGravity),
     )
 

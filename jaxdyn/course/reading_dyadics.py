@@ -2,7 +2,7 @@
 
 A dyadic such as A = a b + c d takes a vector r to a (b . r) + c (d . r). It exists without any
 basis; its nine components are e_i . A . e_j, and in another basis they are other numbers. Read
-about them and practise: change the basis of a dyadic and see what stays.
+about them and practise: change the basis of a dyadic and see what does not change.
 
 Answer: With R_ij = e_i . e'_j the components in the turned basis are R^T A R. What the dyadic does
 to a vector is the same in both, and so are its trace, its determinant and its eigenvalues. Below
@@ -46,7 +46,7 @@ def solve(page: Page) -> None:
     page.equal("And back", frames.tensor_in_world(R, A_turned), A, within=1e-14, route="round trip")
     kept = [[np.trace(X), np.linalg.det(X), np.sum(X * X)] for X in (A, np.asarray(A_turned))]
     page.equal(
-        "Trace, determinant and size stay", kept[0], kept[1], within=1e-13, route="invariants"
+        "Trace, determinant, norm are equal", kept[0], kept[1], within=1e-13, route="invariants"
     )
     drifted = R + 1e-3 * np.outer(a, b)
     nearest = frames.orthonormalise(drifted)

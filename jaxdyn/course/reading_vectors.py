@@ -5,8 +5,8 @@ moments, and units. One thing that is worth checking as you read: the moment of 
 does not depend on which point of the line is used, nor on where along its own line the force acts.
 
 Answer: In components the moment about the line through p along the unit vector n is
-epsilon_ijk n_i (r_j - p_j) F_k, for the numbers below 1 N m. It stays the same as p moves along n
-and r along F: only the arm across both lines counts.
+epsilon_ijk n_i (r_j - p_j) F_k, for the numbers below 1 N m. It does not change if p moves along n
+or r along F: only the arm perpendicular to both lines counts.
 
 (a, b) The moment about the line is n . ((r - p) x F). Moving p by a n adds a n . (n x F) = 0, and
 moving r by b F adds b n . (F x F) = 0. The numbers belong to n = (1, 2, 2) / 3, p = (0, 1, 0) m,

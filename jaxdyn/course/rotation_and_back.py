@@ -4,9 +4,9 @@ Write a function that turns a vector about an axis by an angle, and one that giv
 turn. Try them on turns that you can see: by 90 degrees about x, about z, and by 120 degrees about
 (1, 1, 1). Then go back, from a matrix to its axis and angle, for odd examples too.
 
-Answer: r' = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, and R is the matrix of it. Back,
-axis and angle come out to rounding at every angle, also at 0, where any axis is right, and next to
-half a turn, where sin(theta) = 0 leaves the usual formula without a digit.
+Answer: r' = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, and R is its matrix. In the other
+direction axis and angle are found to rounding at every angle, also at 0, where any axis is right,
+and near half a turn, where the usual formula loses all digits, since sin(theta) = 0.
 """
 
 import math
@@ -49,7 +49,7 @@ def solve(page: Page) -> None:
     R = rotations.matrix_from_rotation_vector([0.3, -2.0, 1.0])
     turn = rotations.axis_angle_from_matrix(R)
     again = rotations.matrix_from_axis_angle(*turn)
-    page.equal("A matrix comes back", again, R, within=1e-14, route="back and there")
+    page.equal("A matrix comes back", again, R, within=1e-14, route="there and back")
     none = rotations.axis_angle_from_matrix(np.eye(3)).angle
     page.equal("No turn has the angle 0", none, 0.0, within=0.0, route="definition")
     usual = [math.acos((np.trace(R) - 1) / 2) for R in matrices[:-1]]

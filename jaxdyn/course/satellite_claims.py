@@ -27,9 +27,9 @@ that reading, which problem 58 proves, these are all motions, with the exact spi
 
 (C) True: with three equal moments H = I omega, so omega is constant with H, whatever the start.
 
-By computation, motions are told from each other by the angular momentum H in the body's axes: it
-points along a principal axis for a steady rotation, stays around one for a wobble, and passes from
-one side of the middle axis to the other for a flip.
+The computations distinguish motions by the angular momentum H in the body's axes: it points along a
+principal axis in a steady rotation, stays around one in a wobble, and passes from one side of the
+middle axis to the other in a flip.
 """
 
 from typing import NamedTuple
@@ -102,9 +102,7 @@ def solve(page: Page) -> None:
     ax.set_aspect("equal")
     ax.view_init(25, 20)
     ax.legend(frameon=False)
-    page.draw(
-        figure, "Angular momentum in the body's axes: loops, and half of the curve that parts them."
-    )
+    page.draw(figure, "Angular momentum in the body's axes: loops, and half of the separatrix.")
     page.play(motions, "Wobbles, repeated flips, and a single flip.", choose="start")
 
 
@@ -182,8 +180,8 @@ def _claims_on_a() -> tuple[Claim, ...]:
             says="no other motions",
             holds=not once,
             figure=flip,
-            because="cosine of axis 2 to H 25 s after a flip of a motion with 2 T I_2 = H^2, which "
-            "has minus it 25 s before and never flips again",
+            because="cosine of axis 2 to H 25 s after a flip of a motion with 2 T I_2 = H^2, whose "
+            "cosine is the opposite 25 s before and which never flips again",
         ),
     )
 

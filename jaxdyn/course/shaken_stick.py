@@ -10,7 +10,7 @@ fast shaking the first edge tends to (A w)^2 = 2 g L.
 
 (a) The hinge accelerates upwards at a(t), here A w^2 cos(w t). About the hinge the moment of the
 weight is m g (l / 2) sin(theta), with theta from upright, and m a(t) acts at the mass centre like
-more weight. With the moment of inertia m l^2 / 3 about the hinge
+additional weight. With the moment of inertia m l^2 / 3 about the hinge
 
     theta'' = (3 / (2 l)) (g + a(t)) sin(theta).
 
@@ -100,13 +100,13 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens when the base is at rest?",
-        "The stick falls over, and swings about its lowest place.",
+        "The stick falls over, and swings about its lowest position.",
         scenes.shaken_pendulum(amplitude=0.0, t1=5.0),
     )
 
 
 def check(page: Page) -> None:
-    """Shake the stick by three routes, and find how far it leans."""
+    """Shake the stick in three formulations, and find how far it leans."""
     by_hand = simulate(ode(balance, [0.2, 0.0], 5.0, params=NUMBERS), samples=601, rtol=1e-13)
     by_angle = simulate(scenes.shaken_pendulum(), samples=601, rtol=1e-13)
     tied = simulate(scenes.shaken_pendulum(formulation="constrained"), samples=601, rtol=1e-13)

@@ -64,7 +64,7 @@ def kinetic(t, q, v):
 
 
 def potential(t, q):
-    """m g times the height above the lowest place."""
+    """m g times the height above the lowest position."""
     return m * g * l * (1 - jnp.cos(q[0]))
 
 
@@ -138,7 +138,7 @@ def ask(page: Page) -> None:
     )
     page.ask(
         "What happens without gravity, when it is pushed?",
-        "It goes round at a constant speed. Switch gravity on again, once at the top, once below.",
+        "It goes round at a constant speed. Try to switch gravity on at the top, or at the bottom.",
         scenes.pendulum(angle=1.0, rate=3.0, **made).without(effects.UniformGravity),
     )
 

@@ -5,10 +5,10 @@ along its blade only. Find the motion with the constraint forces of Newton and E
 Lagrange's equations and multipliers. Which simple argument gives the motion on two skates? Two
 skates with a common normal are excluded: why?
 
-Answer: On one skate under its mass centre a body runs round a circle, else it ends in a straight
-glide with the mass centre ahead. Two skates leave one twist in the body's axes, which is constant:
-the body turns uniformly about the point where the normals meet. With a common normal both skates
-state one condition, and only the sum of their forces is determined.
+Answer: On one skate under its mass centre a body runs round a circle; otherwise it ends in a
+straight glide with the mass centre ahead. Two skates leave one possible twist in the body's axes,
+which is constant: the body turns uniformly about the point where the normals meet. With a common
+normal both skates impose the same condition, and only the sum of their forces is determined.
 
 A skate is at (a, b) from the mass centre in the body's axes, and its blade makes the angle beta
 with the body's x axis. n = (-sin(theta + beta), cos(theta + beta)) is its normal, r the arm from
@@ -34,10 +34,10 @@ at -theta' e_i, and h_i is constant. The start has to satisfy the two undifferen
 theta''. The virtual work of F_i in a displacement is F_i (n_i . (dx, dy) + h_i dtheta), so the
 generalised forces are the right sides above: the same five equations.
 
-(d) In the body's axes the two conditions are two fixed linear equations for three velocities. They
-leave one ratio of them, and the constant energy leaves its size. Such a motion is a uniform turn
-about the point that no velocity has: where the normals of the skates meet. If these are parallel,
-it is a straight glide.
+(d) In the body's axes the two conditions are two fixed linear equations for three velocities. These
+determine the ratios of the velocities, and the constant energy their size. Such a motion is a
+uniform rotation about the point with zero velocity, where the normals of the skates meet. If these
+are parallel, it is a straight glide.
 
 The numbers belong to m = 1 kg, I = 0.5 kg m^2 and two skates at (1, 0) and (-0.5, 0.3) m with the
 angles 0.4 and -0.2 rad.
@@ -94,7 +94,7 @@ def solve(page: Page) -> None:
 
 
 def ask(page: Page) -> None:
-    """Skates before and behind the mass centre."""
+    """A skate ahead of the mass centre, and one at an angle."""
     page.ask(
         "What happens when the skate is ahead of the mass centre?",
         "The body turns round, until the mass centre is ahead; then it glides straight on.",

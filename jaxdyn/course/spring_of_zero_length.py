@@ -2,21 +2,23 @@
 
 A mass hangs in space on a linear spring whose rest length is zero. Write and solve its equations,
 draw its path from several sides, and look for the wildest motion that it can make. Make sure that
-what you see belongs to the system and not to the integration, and explain it.
+what you see is a property of the system and not of the integration, and explain it.
 
 Answer: There is no wild motion. The force -k r - m g k is linear, so about the point m g / k below
-the pin all directions swing with one frequency: each motion is an ellipse in a plane, with the
-period 2 pi sqrt(m / k) = 1.987 s. A rest length of 0.5 m from the same start makes it wild.
+the pin all directions oscillate with the same frequency: each motion is an ellipse in a plane, with
+the period 2 pi sqrt(m / k) = 1.987 s. With a rest length of 0.5 m the motion from the same start is
+wild.
 
 (a) m r'' = -k r - m g k, in space, with k upwards on the right. Here m = 1 kg, k = 10 N/m and g =
 9.81 m/s^2.
 
 (b) Every start gives an ellipse. The wildest is a circle or a line.
 
-(c) With u the place relative to the point m g / k below the pin, m u'' = -k u in each direction, so
-u = u0 cos(w t) + (v0 / w) sin(w t) with w = sqrt(k / m). That lies in the plane of u0 and v0, and
-is an ellipse with u0 and v0 / w as conjugate half-diameters. A spring with a rest length has the
-force -k (1 - L / |r|) r, which is not linear, and its directions swing with different frequencies.
+(c) With u the position relative to the point m g / k below the pin, m u'' = -k u in each direction,
+so u = u0 cos(w t) + (v0 / w) sin(w t) with w = sqrt(k / m). That lies in the plane of u0 and v0,
+and is an ellipse with u0 and v0 / w as conjugate half-diameters. A spring with a rest length has
+the force -k (1 - L / |r|) r, which is not linear, and its directions swing with different
+frequencies.
 """
 
 import math
@@ -54,7 +56,7 @@ def solve(page: Page) -> None:
     page.number("deviation from an ellipse with rest length 0.5 m", others)
     page.equal("Without one it is an ellipse", ours, 0.0, within=1e-10, route="best fit")
     page.equal(
-        "The wild motion is no error of integration",
+        "The wild motion is not an integration error",
         wild.ys,
         rough.ys,
         within=1e-6,

@@ -6,7 +6,8 @@ of how straight a path is, and find out whether a tighter tolerance makes it str
 
 Answer: r'' = r theta'^2 and theta'' = -2 r' theta' / r. With the measure "largest distance from the
 best straight line over the length" the paths are straight to the tolerance and, at 1e-13, to
-rounding: also the one that passes the origin at a micrometre, where theta jumps by almost pi.
+rounding, even the one that passes the origin at a distance of a micrometre, where theta jumps by
+almost pi.
 
 (a) The acceleration is (r'' - r theta'^2) e_r + (r theta'' + 2 r' theta') e_theta. Both parts are
 zero, which gives the two equations.
@@ -64,7 +65,7 @@ def solve(page: Page) -> None:
     turn = drawing.time_series(motions["passes at 1 mm"], names=["r", "theta"], title="")
     page.draw(turn, "The closer it passes, the more suddenly theta turns by pi.")
     page.draw(figure, "Tighter tolerances make the path straighter, down to rounding.")
-    page.play(motions, "All three move alike, each along its own straight line.")
+    page.play(motions, "All three move uniformly, each along its own straight line.")
 
 
 if __name__ == "__main__":

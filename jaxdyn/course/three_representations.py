@@ -36,8 +36,8 @@ and, solved for the rates of the angles,
     beta' = omega1 cos(gamma) - omega2 sin(gamma)
     gamma' = omega3 + alpha' sin(beta)
 
-which, with Euler's equations for omega1, omega2 and omega3, are the equations of motion. They lock
-at beta = 90 degrees; these three motions stay away from it.
+which, with Euler's equations for omega1, omega2 and omega3, are the equations of motion. They are
+singular at beta = 90 degrees (gimbal lock); these three motions stay away from it.
 """
 
 import jax.numpy as jnp

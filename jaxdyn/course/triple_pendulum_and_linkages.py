@@ -6,8 +6,8 @@ your own, such as a chain whose last bar ends on a skate.
 
 Answer: Newton-Euler, Lagrange and constraints give one motion of the triple pendulum; the crank
 angle alone and the three angles with a closed loop give one motion of the four-bar linkage.
-Energies stay to 1e-12. Released from rest the linkage swings periodically, every 9.137 s from a
-crank angle of 2 rad. Bars that are too short to close a loop are refused.
+Energies are conserved to 1e-12. Released from rest at a crank angle of 2 rad, the linkage swings
+periodically, with the period 9.137 s. Bars that are too short to close a loop are refused.
 
 The numbers belong to uniform bars of 1 kg and 1 m in the triple pendulum, and to a crank of 1 m, a
 coupler and a rocker of 2 m on hinges 2 m apart in the linkage, with g = 1 m/s^2.
@@ -36,12 +36,13 @@ equations for X and Y. By the crank alone: theta_2 and theta_3 follow from theta
 J(theta_1) theta_1'^2 / 2 the motion is J theta_1'' + (dJ/dtheta_1) theta_1'^2 / 2 = -dV/dtheta_1.
 
 Periodic motions. With one degree of freedom and a constant energy every swing of the linkage is
-periodic. Of the triple pendulum small swings in one of three shapes are: their periods are in the
-table. Larger ones continue these; all others seen here are chaotic.
+periodic. For the triple pendulum, small oscillations in one of three mode shapes are periodic;
+their periods are in the table. Larger periodic motions continue these; all others seen here are
+chaotic.
 
-Limiting cases. Where the lower bars are light the first swings like a simple pendulum of length
-2/3 m. At small angles the motion is the sum of the three shapes. At g = 0 the angular momentum of
-the pendulum about its hinge is constant. The first two are checked.
+Limiting cases. If the lower bars are light, the first one swings like a simple pendulum of length
+2/3 m. At small angles the motion is a sum of the three modes. At g = 0 the angular momentum of the
+pendulum about its hinge is constant. The first two are checked.
 """
 
 import numpy as np
@@ -90,7 +91,7 @@ def solve(page: Page) -> None:
     turns = crossings(linkage, events.Reaches(k), 20.0, most=2, rtol=1e-13)
     page.number("Linkage: period of its swing from 2 rad, at rest", turns.ts[1], "s")
     back = simulate(linkage, turns.ts[1], samples=2, rtol=1e-13).ys[-1]
-    page.equal("Linkage: After it all is as at the start", back, linkage.y0, within=1e-10)
+    page.equal("Linkage: Then it is back at its start", back, linkage.y0, within=1e-10)
     refused = ""
     try:
         scenes.pinned_chain(**BARS | {"length": (1.0, 2.0, 2.0)}, span=6.0, angles=(0.2, 1.0, 2.4))
@@ -102,7 +103,9 @@ def solve(page: Page) -> None:
     page.draw(drawing.trajectory(crank), "The crank swings, and drives the rocker by the coupler.")
     for name, motion in {"triple pendulum": triple, "linkage": crank}.items():
         drift = energy.drift(motion)
-        page.equal(f"The energy stays, {name}", drift, 0.0, within=1e-11, route="conservation")
+        page.equal(
+            f"The energy is conserved, {name}", drift, 0.0, within=1e-11, route="conservation"
+        )
         page.play(motion, f"The motion of the {name}.")
 
 
@@ -132,7 +135,9 @@ def check(page: Page) -> None:
     skating = simulate(scenes.skate_chain(**BARS | {"rates": (1.0, 0.0, 0.0)}), **PRECISELY)
     for name, motion in {"closed loop": loop, "chain on a skate": skating}.items():
         drift = energy.drift(motion)
-        page.equal(f"The energy stays, {name}", drift, 0.0, within=1e-11, route="conservation")
+        page.equal(
+            f"The energy is conserved, {name}", drift, 0.0, within=1e-11, route="conservation"
+        )
         page.play(motion, f"The motion of the {name}, from one of its formulations.")
 
 

@@ -1,7 +1,7 @@
 """Mass in a slot on a turntable.
 
 A rigid table turns freely about its centre. A mass slides without friction in a straight slot that
-passes the centre at the distance d. With the angle theta of the table and the place s along the
+passes the centre at the distance d. With the angle theta of the table and the position s along the
 slot, find the acceleration of the mass in three ways (a) and the equations of motion by angular
 momentum balance (b) and by Lagrange (c). Started with s = 0, s' > 0 and theta' > 0, does theta grow
 without bound (d)?
@@ -31,7 +31,8 @@ the one for theta says that the angular momentum H = I theta' + m d (s' + d thet
 is constant, and its derivative less m d times the first is the second.
 
 (d) With v0 = 0: no force pushes the mass off s = 0, since s'' = -d theta'' = 0 there. The table
-turns at omega_0 for ever, so theta grows without bound. (This is unstable: the least push ends it.)
+turns at omega_0 for ever, so theta grows without bound. (This motion is unstable: the slightest
+push ends it.)
 
 With v0 > 0, no: with A = I + m d^2 and the energy E, the two conserved quantities give
 
@@ -83,14 +84,12 @@ def solve(page: Page) -> None:
     late = simulate(by_lagrange.scene, 1e4, **precisely)
     theta, s, _, speed = late.ys[-1]
     momentum = (1.0 + d**2) * 1.0 + d * 1.0
-    # The integral of dtheta / ds from s on; what is left out falls like 1 / s^3.
+    # The integral of dtheta / ds from s on; the neglected terms fall like 1 / s^3.
     tail = (momentum / speed - d) / s
     limit = scenes.turntable_limit(d=d)
     page.number("d: angle after 1e4 s, v0 = 1 m/s, omega_0 = 1 rad/s", theta, "rad")
     page.number("d: its limit", limit, "rad")
-    page.equal(
-        "The rest of the way to the limit is what is left", theta + tail, limit, within=1e-11
-    )
+    page.equal("The angle and the rest of the integral", theta + tail, limit, within=1e-11)
     slow = [scenes.turntable_limit(d=d, speed=u) for u in (0.01, 0.1, 1.0)]
     page.number("d: limits with v0 = 0.01, 0.1 and 1 m/s", slow, "rad")
     still = scenes.turntable(speed=0.0, formulation="lagrange")

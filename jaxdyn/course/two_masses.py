@@ -5,8 +5,8 @@ t = 0 a constant force F begins to push the second. Find the motion for any cons
 (m1 + m2) a_G? Show that a stiff spring makes both masses move like G, and say precisely in which
 sense the two then are a single mass.
 
-Answer: Yes, for any k: the forces of the spring cancel in the sum, so G moves at F t^2 / (2 M), M
-being the whole mass. About that the masses swing with the frequency sqrt(k M / (m1 m2)); they stray
+Answer: Yes, for any k: the forces of the spring cancel in the sum, so G is at F t^2 / (2 M), with
+the total mass M. About it the masses oscillate with the frequency sqrt(k M / (m1 m2)); they deviate
 from the motion of a rigid pair by at most 2 F m1 m2 / (k M^2) and 2 F m1^2 / (k M^2), at all times.
 
 The numbers belong to m1 = 1 kg, m2 = 2 kg and F = 1 N, with a rest length of 1 m.
@@ -21,21 +21,21 @@ From rest s = F (1 - cos(w t)) / (m2 w^2), and with A = F m1 m2 / (k M^2) = F / 
     x2 = l0 + F t^2 / (2 M) + (m1 / m2) A (1 - cos(w t)).
 
 (b) Yes. Adding both equations removes k s, whatever it is: (m1 + m2) a_G = F. A method of
-integration that adds multiples of the rates, as all of ours do, keeps the sum, so the numerical
-solution has the property to rounding, even where its steps are too long for the vibration.
+integration that adds multiples of the rates, as all of ours do, preserves the sum, so the numerical
+solution has this property to rounding, even if its steps are too long for the vibration.
 
 (c) Ten times the stiffness is a tenth of the largest distance from the rigid pair: see the numbers.
 
 (d) "Nearly a single mass" depends on what is measured, at the time t:
 
-    place: the first mass lacks at most a share (2 / (w t))^2 of the way F t^2 / (2 M), the second
-        has too much by at most m1 / m2 times that;
-    velocity: it differs by at most a share 1 / (w t) of F t / M (the second m1 / m2 times that);
+    position: the first mass lags by at most the fraction (2 / (w t))^2 of the distance
+        F t^2 / (2 M), the second is ahead by at most m1 / m2 times that;
+    velocity: it differs by at most the fraction 1 / (w t) of F t / M (the second m1 / m2 of that);
     acceleration: it never is that of a single mass. It swings between 0 and 2 F / M for the first,
         however stiff the spring, with a frequency that grows like sqrt(k).
 
-So the pair is one mass in place and velocity after many vibrations, w t much larger than 1, and in
-its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
+So the pair is one mass in position and velocity after many vibrations, w t much larger than 1, and
+in its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
 """
 
 from jaxdyn import effects, scenes, simulate
@@ -77,7 +77,7 @@ def solve(page: Page) -> None:
         bound = 2 * F * m1 * m2 / (k * total**2)
         page.equal(f"It is 2 F m1 m2 / (k M^2), k = {k:g}", most, bound, within=1e-12)
         ax.plot(ts, x1 - rigid, label=f"k = {k:g} N/m")
-    ax.set(xlabel="t [s]", ylabel="place of the first mass, less that of a rigid pair [m]")
+    ax.set(xlabel="t [s]", ylabel="position of the first mass minus that of a rigid pair [m]")
     ax.legend(frameon=False)
     page.draw(
         figure, "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair."

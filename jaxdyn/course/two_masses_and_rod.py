@@ -7,8 +7,9 @@ equations do with unequal velocities at the start?
 
 Answer: The rod is faster: it takes tens of steps for 20 s, a spring of 1e6 N/m thousands. Both have
 the right centre of mass, since inner forces cancel in the sum. On a line the condition is linear,
-so that, unlike the course says, no error grows. Unequal velocities contradict the rod: they are
-refused, and the bare equations, which only hold the accelerations equal, let the masses part.
+so that, contrary to what the course says, no error grows. Unequal velocities contradict the rod:
+they are refused, and the bare equations, which only make the accelerations equal, let the masses
+separate.
 
 The numbers belong to m1 = 1 kg, m2 = 2 kg, a rod of 1 m and the force sin(t) in N on the second
 mass, for 20 s at a relative tolerance of 1e-9.
@@ -17,19 +18,20 @@ The differential-algebraic equations, with the tension T of the rod, are three l
 
     m1 x1'' = T,   m2 x2'' = -T + F sin(w t),   x2'' - x1'' = 0.
 
-Which is faster? The rod, whose solution is as smooth as the push. A spring that stands for it has
-to be stiff, and then vibrates at sqrt(k (m1 + m2) / (m1 m2)) = 1225 rad/s for 1e6 N/m: each of
-the vibrations has to be resolved, so steps grow like sqrt(k) while the stretch falls like 1 / k.
+Which is faster? The rod, whose solution is as smooth as the push. A spring that replaces it has to
+be stiff, and then vibrates at sqrt(k (m1 + m2) / (m1 m2)) = 1225 rad/s for 1e6 N/m: each of the
+vibrations has to be resolved, so the number of steps grows like sqrt(k) while the stretch falls
+like 1 / k.
 
 Which has the better centre of mass? Both are right to 1e-9 at this tolerance: adding the two
 equations of motion removes the tension of a rod as it does the force of a spring.
 
 How does the error of the length grow? Here it does not: it stays at rounding. The condition x2 - x1
-= l is linear, so steps keep it, if it holds at the start, with its rate. In the plane, where it is
-quadratic, it drifts: see problems 23 and 25.
+= l is linear, so steps preserve it if it holds at the start, as does its derivative. In the plane,
+where it is quadratic, it drifts: see problems 23 and 25.
 
-Unequal velocities at the start contradict x2' - x1' = 0. The bare equations do not contain that,
-only its derivative, so they let the masses part at the constant rate of the start.
+Unequal velocities at the start contradict x2' - x1' = 0. The bare equations do not contain this
+condition, only its derivative, so they let the masses separate at the constant rate of the start.
 """
 
 from typing import NamedTuple
@@ -156,7 +158,7 @@ def _row(name: str, scene: Scene, t1, digits, rounds) -> Row:
         return centre_of_mass(t1, scene.system.points(t1, y1))[0]
 
     wanted = Quantity("mass centre", centre, float(mass_centre(t1)))
-    # A pair: the evaluations of a series cannot be counted.
+    # A Runge-Kutta pair, since the evaluations of a series cannot be counted.
     solver = default_solver(scene, several=True)
     found = work_precision(scene, t1, solvers=[solver], quantity=wanted, rounds=rounds)
     choice = found.recommend(digits)

@@ -1,14 +1,14 @@
 """Rest and motion of a mass on two springs.
 
 A mass hangs between two anchors on springs with parallel dashpots, with weight and air drag. Find
-where it can rest, how it moves from a given start, and how many equilibria there are at the least
-and at the most. Decide for each whether it is stable in two ways: by a motion that begins close to
+where it can rest, how it moves from a given start, and the smallest and the largest possible number
+of equilibria. Decide for each whether it is stable in two ways: by a motion that begins close to
 it, and by the eigenvalues of the linearised equations.
 
 Answer: The springs below have five equilibria, and a proof shows that these are all: two are
 stable and three are saddles. Two springs and weight have one to five, as far as is known; without
-springs there are none, and a single spring without weight has a circle of them. Small pushes grow
-or decay at the rates that the eigenvalues say.
+springs there are none, and a single spring without weight has a circle of them. Small disturbances
+grow or decay at the rates given by the eigenvalues.
 
 (a) At rest the forces of both springs and the weight add up to zero: two equations for x and y,
 solved from a guess by Newton's method, or for all solutions in a region by intervals.
@@ -19,8 +19,8 @@ the anchor and e the direction from it. The motions below start beside each equi
 (c) The springs have k_A = 1 N/m, L_A = 2 m from (0, 0) and k_B = 8 N/m, L_B = 0.8 m from (0.8, 0.6)
 m, with m = 1 kg and g = 1 m/s^2: five equilibria. With a hundred times the weight one is left.
 
-(d) Both ways agree. The eigenvalues of the linearised equations say at which rate a small push
-grows or decays, and a simulated push of 1e-6 does so.
+(d) Both ways agree. The eigenvalues of the linearised equations give the rate at which a small
+disturbance grows or decays, and a simulated disturbance of 1e-6 does so.
 """
 
 import jax
@@ -77,7 +77,7 @@ def solve(page: Page) -> None:
         ax.plot(motions[f"beside {i}"]["x"], motions[f"beside {i}"]["y"], color=colour, lw=1.0)
         ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i}: {near.verdict}")
     ax.legend(loc="lower left")
-    page.draw(figure, "Lines of equal potential energy: motions end in one of its two hollows.")
+    page.draw(figure, "Lines of equal potential energy: motions end in one of its two wells.")
     look = "Each motion begins beside an equilibrium and ends at a stable one."
     page.play(motions, look, choose="start")
 
@@ -90,7 +90,7 @@ def ask(page: Page) -> None:
     free = scenes.two_springs(**springs, **anchors, g=1.0)
     page.ask(
         "What happens without any damping?",
-        "The energy stays, so that it never comes to rest, and wanders from hollow to hollow.",
+        "The energy is conserved: it never comes to rest, and wanders from well to well.",
         free.starting(start, 30.0),
     )
     page.ask(

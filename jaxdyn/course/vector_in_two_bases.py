@@ -25,10 +25,11 @@ R_ji r_j = R_ji R_kj r*_k. h) R_Bij = e'_i . R . e'_j = R_ij.
 
 (j) A = R_ij e'_i e'_j has the matrix R in the turned basis, so in the fixed one it is R R R^T = R.
 
-(k) Questions that test what is left of confusion:
+(k) Questions that test whether any confusion is left:
 
-Does the matrix R turn vectors or change bases? Both: [r*] = R [r] is a new vector in one basis,
-[r] = R [r]_B one vector in two. The same nine numbers; what differs is what is on the other side.
+Does the matrix R rotate vectors or change bases? Both: [r*] = R [r] is a new vector in the same
+basis, [r] = R [r]_B is the same vector in two bases. The nine numbers are the same; only the
+columns that they relate differ.
 
 The body now turns by a second rotation, given by the matrix S in its own, turned basis. What is the
 matrix of the whole in the fixed basis? R S, not S R: in the fixed basis the second is R S R^T, and

@@ -6,8 +6,8 @@ change of the total energy, and show that their difference goes to zero as the i
 more accurate. As printed, c is not given; take 1 kg/m, and others.
 
 Answer: With c = 1 kg/m the ball lands 0.589 m away and the drag does -0.2951 J in 1.2 s, which is
-the change of the energy. With Euler's method the two differ in proportion to the step, with Runge
-and Kutta's to its fourth power, and with the tolerance 1e-13 by rounding alone.
+the change of the energy. With Euler's method the two differ in proportion to the step, with the
+classical Runge-Kutta method to its fourth power, and with the tolerance 1e-13 only by rounding.
 
 (a) The equation is m r'' = -c |v| v - m g j, with m = 1 kg, g = 1 m/s^2, v0 = 1 m/s and 45 degrees.
 No closed form is known; without drag the ball would land 1 m away, after 1.414 s. See the numbers
@@ -76,7 +76,7 @@ def solve(page: Page) -> None:
     ax.loglog(steps, gaps, "s-", label="tolerances 1e-4 to 1e-13")
     ax.set(xlabel="steps", ylabel="difference of work and energy [J]")
     ax.legend(frameon=False)
-    page.draw(figure, "Any difference is an error of integration, and goes away with it.")
+    page.draw(figure, "Any difference is an integration error, and vanishes with it.")
 
     shots = throws()
     spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]

@@ -1,10 +1,10 @@
-"""How the programs of the gallery and of the tests are compiled: quickly, but for timed ones.
+"""Fast compilation for the programs of the gallery and of the tests, except those that are timed.
 
-Most of the time of a page or a test goes into compiling programs that run once. XLA takes half as
-long without its optimisations. Besides, JAX sets up the whole of MLIR for each program that it
-lowers and tears it down again, a third of the processor time where programs are small: all programs
-of a process share one context here. Neither is for users' processes: their programs would run
-slower, and what a context holds is freed only with it.
+Most of the time of a page or a test is spent on compiling programs that run once. XLA takes half as
+long without its optimisations. In addition, JAX creates and destroys an MLIR context for each
+program that it lowers, which takes a third of the processor time if programs are small; here all
+programs of a process share one context. Neither suits users' processes: their programs would run
+more slowly, and the memory of a context is freed only with the context.
 """
 
 import functools
@@ -14,7 +14,7 @@ import jax
 
 from jaxdyn._config import add_flags, cache_folder, configure
 
-try:  # Only private names reach the contexts; without them each program has its own again.
+try:  # Contexts are reached only by private names; without these each program has its own again.
     from jax._src.interpreters import mlir
     from jaxlib.mlir import ir
 
@@ -26,7 +26,7 @@ _QUICKLY = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
 }
-#: For programs that are timed: as they are compiled for users, see `work_precision`.
+#: For programs that are timed: the same options as for users, see `work_precision`.
 FULLY = {
     "xla_backend_optimization_level": 3,
     "xla_llvm_disable_expensive_passes": False,
@@ -34,17 +34,17 @@ FULLY = {
 
 
 def share_context() -> None:
-    """Lower the programs of this process in one MLIR context, from now on a new one."""
+    """From now on, lower all programs of this process in a single, new MLIR context."""
     if mlir is None:
         return
     shared = functools.cache(_make_context)
 
     def make():
-        # What is compiled while another program is lowered would become a part of that one.
+        # A program that is compiled while another is lowered would become a part of that one.
         return _make_context() if _is_lowering() else shared()
 
     mlir.make_ir_context = make
-    # Where in the source each operation comes from: nobody reads these programs.
+    # Omit the source locations of operations, since nobody reads these programs.
     jax.config.update("jax_traceback_in_locations_limit", 0)
 
 

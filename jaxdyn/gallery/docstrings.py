@@ -1,8 +1,8 @@
-"""The extension of Sphinx that reads our docstrings and links the names in texts.
+"""An extension of Sphinx that reads our docstrings and links the names in texts.
 
-Docstrings are plain text with sections in Google's style and code in backticks: here they become
-reStructuredText for napoleon. Code that names something public, wherever it stands, leads to its
-page. Formulas become MathML, which browsers set without a script.
+Docstrings are plain text with sections in Google's style and code in backticks; here they are
+converted to reStructuredText for napoleon. Code that names a public object becomes a link to its
+page, wherever it occurs. Formulas become MathML, which browsers render without a script.
 """
 
 import html
@@ -19,7 +19,7 @@ from sphinx.util import logging
 from jaxdyn.gallery.reference import Target, targets
 
 _LOGGER = logging.getLogger(__name__)
-#: Sections of docstrings; what napoleon has no field for becomes a heading or a list.
+#: Sections of docstrings; those that napoleon has no field for become headings or lists.
 SECTIONS = (
     "Args",
     "Attributes",
@@ -55,7 +55,7 @@ def as_rest(text: str) -> str:
     pieces = _HEAD.split(text)
     found = [_prose(pieces[0])]
     for name, first, rest in zip(pieces[1::3], pieces[2::3], pieces[3::3], strict=True):
-        # Paragraphs that stand further out again are no part of the section.
+        # Paragraphs with less indentation do not belong to the section.
         inside, *after = re.split(r"\n\n(?=\S)", rest.strip("\n"), maxsplit=1)
         body = "\n".join(filter(None, (first, textwrap.dedent(inside))))
         found += [f"{name}:\n{textwrap.indent(_prose(body), '    ')}", *map(_prose, after)]
@@ -63,13 +63,13 @@ def as_rest(text: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Paragraphs: examples and indented blocks stay as they are, the rest is escaped."""
+    """Paragraphs in which examples and indented blocks are kept and the rest is escaped."""
     blocks = re.split(r"\n[ ]*\n", _EXAMPLE.sub(r"\n\g<0>", text).strip("\n"))
     found, shown = [], False
     for block in blocks:
         example, indented = block.lstrip().startswith(">>> "), block.startswith("  ")
         if indented and not example:
-            # As in Markdown, an indented block is shown as it stands.
+            # As in Markdown, an indented block is shown literally.
             found += [block] if shown else ["::", block]
         else:
             found.append(block if example else _escape(block))
@@ -78,7 +78,7 @@ def _prose(text: str) -> str:
 
 
 def _escape(block: str) -> str:
-    """A paragraph whose code is literal and whose other characters mean themselves."""
+    """A paragraph with its code as literals and all other special characters escaped."""
     pieces = _CODE.split(block)
     for i, piece in enumerate(pieces):
         if i % 2 == 0:
@@ -96,7 +96,7 @@ def _docstring(_app, _what, _name, _thing, _options, lines: list[str]) -> None:
 
 
 def _link(_app: Sphinx, tree: nodes.document) -> None:
-    """Code that names something public leads to its page."""
+    """Link code that names a public object to its page."""
     for code in list(tree.findall(nodes.literal)):
         found = _NAME.fullmatch(code.astext())
         if found is None or isinstance(code.parent, _LINKED):
@@ -118,7 +118,7 @@ def _link(_app: Sphinx, tree: nodes.document) -> None:
 
 
 def _nearby(name: str, code: nodes.literal) -> Target | None:
-    """What a name means in the docstring where it stands: of its class, module or package."""
+    """The target of a name in a docstring, looked up in its class, module and package."""
     place = code.parent
     while place is not None and not isinstance(place, addnodes.desc):
         place = place.parent
@@ -144,7 +144,7 @@ def _block(self, node: nodes.math_block) -> None:
 
 
 def _mathml(node: nodes.Element, **how: bool) -> str:
-    """A formula as MathML; one that cannot be read stands as it is, with a warning."""
+    """A formula as MathML; one that cannot be parsed is shown as source, with a warning."""
     try:
         return latex2mathml.tex2mathml(node.astext(), **how)
     except MathError as error:

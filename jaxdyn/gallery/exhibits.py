@@ -1,8 +1,8 @@
 """Exhibits: pages of the site that show what the library does beyond the course.
 
-A page consists of one or more parts, which run apart. Each returns a record: ``title``, ``text`` in
-Markdown, ``drawings``, ``tables``, ``cases`` (hard ones, by topic) and ``minis`` (orbits that move,
-each a start of the program ``model``).
+A page consists of one or more parts, which run separately. Each returns a record: ``title``,
+``text`` in Markdown, ``drawings``, ``tables``, ``cases`` (hard cases, by topic) and ``minis``
+(animated orbits, each an initial state for the program ``model``).
 """
 
 import functools
@@ -28,7 +28,7 @@ from orbits.files.family_files import listing
 
 
 def accuracy(pictures: Path) -> dict[str, Any]:
-    """What digits cost, for three scenes of different kinds."""
+    """The cost of digits for three scenes of different kinds."""
     chosen = {
         "three_body": scenes.three_body(),
         "double_pendulum": scenes.double_pendulum(t1=5.0),
@@ -38,8 +38,8 @@ def accuracy(pictures: Path) -> dict[str, Any]:
         name: work_precision(scene, rounds=10, options=FULLY) for name, scene in chosen.items()
     }
     look = (
-        "The error of the end against the time of a solve: down and to the left is better. "
-        "Taylor series evaluate no right-hand sides."
+        "The error of the final state against the time of a solve; lower and further left is "
+        "better. Taylor series do not evaluate right-hand sides."
     )
     solvers = [curve.solver for one in found.values() for curve in one.curves]
     drawings = [
@@ -58,12 +58,12 @@ def accuracy(pictures: Path) -> dict[str, Any]:
     ]
     head = ["scene", "digits", "fastest", "time"]
     text = (
-        "Errors are against a solution at the limit of double precision; times are of compiled "
-        "solves, the median of ten. `jaxdyn accuracy SCENE` does the same for any scene and "
-        "recommends a method and a tolerance."
+        "Errors are relative to a solution at the limit of double precision; times are medians of "
+        "ten compiled solves. `jaxdyn accuracy SCENE` does the same for any scene, and recommends "
+        "a method and a tolerance."
     )
     tables = [{"title": "The fastest method for each scene", "head": head, "rows": rows}]
-    return {"title": "What digits cost", "text": text, "drawings": drawings, "tables": tables}
+    return {"title": "The cost of digits", "text": text, "drawings": drawings, "tables": tables}
 
 
 def _best(times: dict) -> list[str]:
@@ -89,9 +89,9 @@ def hard_cases(names: Sequence[str], topic: str, _pictures: Path) -> dict[str, A
         for verdict in verdicts
     ]
     text = (
-        "Scenes that break naive codes. A case holds if each of its figures stays within its "
-        "bound; they come from closed forms, from other routes or from numbers of high "
-        "precision. `jaxdyn hard` runs them."
+        "These scenes break naive codes. A case holds if each of its figures stays within its "
+        "bound. The figures compare results with closed forms, with independent computations or "
+        "with numbers of high precision. `jaxdyn hard` runs the cases."
     )
     return {
         "title": "Hard cases",
@@ -111,41 +111,40 @@ def _figure(figure: hard.Figure) -> dict[str, str]:
 
 
 def families(pictures: Path) -> dict[str, Any]:
-    """A family of orbits, a diagram, a chart of stability, a section, a manifold."""
+    """A family of orbits, a bifurcation diagram, a stability chart, a section, a manifold."""
     shown = {
         "family_pendulum": (
             _swings(),
-            "Swings of a pendulum: the period grows with the energy, without limit at m g l = "
-            "9.81 J, where it comes to rest upright.",
+            "Oscillations of a pendulum: the period grows with the energy, and becomes infinite at "
+            "m g l = 9.81 J, where the pendulum comes to rest upright.",
         ),
         "diagram_lorenz": (
             _diagram(),
-            "Lorenz's equations: at rho = 1 the origin loses its stability to two equilibria. "
-            "These lose theirs at rho = 24.74, where unstable orbits shrink onto them; below, the "
-            "orbits grow until they reach the origin, at rho = 13.93.",
+            "The Lorenz equations: at rho = 1 the origin loses its stability to two equilibria. "
+            "These lose theirs at rho = 24.74, where unstable orbits shrink onto them. For smaller "
+            "rho the orbits are larger, until they reach the origin at rho = 13.93.",
         ),
         "chart_upright": (
             _chart(),
-            "Where a stick stands upright on a base that shakes up and down: the shaking must be "
-            "fast enough, and not too wide.",
+            "The region in which a stick stands upright on a vertically shaken base: the shaking "
+            "must be fast enough, and its amplitude not too large.",
         ),
         "section_henon_heiles": (
             _section(),
-            "The system of Henon and Heiles at E = 1/8, crossed at x = 0: islands of regular "
-            "motion in a chaotic sea.",
+            "The Henon-Heiles system at E = 1/8, in the section x = 0: islands of regular motion "
+            "in a chaotic sea.",
         ),
         "manifold_l1": (
             _manifold(),
-            "What leaves an orbit at L1 of the Sun and Jupiter, in axes that turn with them: "
-            "inwards to the left; to the right past Jupiter, of which some motions get out. The "
-            "comet Oterma moved on such a path.",
+            "The unstable manifold of an orbit about L1 of the Sun and Jupiter, in axes that "
+            "rotate with them: to the left motions go inwards; to the right they pass Jupiter, "
+            "and some of them escape outwards. The comet Oterma moved on such a path.",
         ),
     }
     text = (
-        "`orbits.continue_family` follows an orbit and detects what happens on the way, "
-        "`orbits.diagram` all that branches off, Floquet multipliers decide what is stable, "
-        "`orbits.section` crosses a plane from many starts, `orbits.manifold` follows what leaves "
-        "an orbit."
+        "`orbits.continue_family` follows an orbit and detects bifurcations, `orbits.diagram` also "
+        "follows the branches, and Floquet multipliers decide stability. `orbits.section` computes "
+        "a surface of section from many starts, `orbits.manifold` the motions that leave an orbit."
     )
     drawings = [write(figure, pictures, name, look) for name, (figure, look) in shown.items()]
     return {"title": "Families, charts, sections", "text": text, "drawings": drawings}
@@ -190,7 +189,8 @@ class Part(NamedTuple):
     Attributes:
       page: the name of the exhibit.
       make: returns its record; called with the folder of pictures.
-      timed: it computes for longer than it compiles, or is timed: with all of XLA's optimisations.
+      timed: whether it runs for longer than it compiles, or is timed, and so needs all of XLA's
+        optimisations.
     """
 
     page: str
@@ -209,8 +209,8 @@ def _hard_parts() -> dict[str, Part]:
     return parts
 
 
-_LONG = {"bodies", "chaos", "drift", "long"}  # hard cases that compute for longer than they compile
-#: By name, a page after the other.
+_LONG = {"bodies", "chaos", "drift", "long"}  # hard cases that run for longer than they compile
+#: All parts by name, in the order of the pages.
 PARTS: dict[str, Part] = {
     "accuracy": Part("accuracy", accuracy, timed=True),
     "poster": Part("poster", poster.record, timed=True),
@@ -225,7 +225,7 @@ EXHIBITS: dict[str, list[str]] = {
 
 
 def join(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The record of a page: what its parts show, under the title and the text of the first."""
+    """The record of a page: the contents of its parts, with the title and text of the first."""
     lists = {
         what: [one for part in parts for one in part.get(what, ())]
         for what in ("drawings", "tables", "cases", "minis")

@@ -1,4 +1,4 @@
-"""What each ready-made scene solves, as formulas for the reference."""
+"""The equations of each ready-made scene, as formulas for the reference."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from jaxdyn.symbolic.equations import equations
 def formulas_record() -> dict[str, Any]:
     """The equations of motion of each ready-made scene as MathML, by its public name.
 
-    With what symbols and functions mean that a reader may not know.
+    The meaning of symbols and functions that a reader may not know is added.
     """
     found = {}
     for name, entry in each(catalogue.entries().items(), "deriving equations"):

@@ -1,6 +1,6 @@
-// Moving miniatures of periodic orbits: closed paths of bodies, drawn together on small canvases.
-// They are the starts of `minis`, the program of a scene that `jaxdyn.player.model` wrote; paths are
-// computed here, by `motion.js`, when their canvas comes into sight.
+// Animated miniatures of periodic orbits: closed paths of bodies, drawn on small canvases.
+// The initial states are in `minis`, the program of a scene that `jaxdyn.player.model` wrote; the
+// paths are computed by `motion.js` when their canvas becomes visible.
 "use strict";
 
 (() => {
@@ -65,7 +65,7 @@
     for (const { target, isIntersecting } of entries) if (isIntersecting) { seen.add(target); draw(target, share); } else seen.delete(target);
   });
   for (const canvas of canvases) watch.observe(canvas);
-  // A button stops and starts all of them; readers who prefer stillness start them themselves.
+  // A button stops and starts all of them; for readers who prefer reduced motion they start stopped.
   const button = document.querySelector("[data-minis-play]");
   let playing = false, last = 0, share = 0;
   const step = (now) => {

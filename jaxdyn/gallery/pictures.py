@@ -1,4 +1,4 @@
-"""Pictures of the site: written as PNG files, with what a page says of them."""
+"""Pictures of the site: written as PNG files, with the captions of pages."""
 
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ _DPI = 110
 
 
 def write(figure: Figure, folder: Path, name: str, look: str) -> dict[str, Any]:
-    """Write a figure to a folder; its file, its size [px], and what to see in it."""
+    """Write a figure to a folder; returns its file, its size [px], and its caption."""
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / f"{name}.png", dpi=_DPI)
     width, height = (round(_DPI * side) for side in figure.get_size_inches())

@@ -1,8 +1,8 @@
-"""Fifty periodic orbits of three equal bodies, closed anew: a poster, and miniatures that move.
+"""Fifty periodic orbits of three equal bodies: a poster, and animated miniatures.
 
-`jaxdyn/data/plane_orbits.json` has their starts, found by `orbits.search_plane`: those with a
-published name, the stable ones, and the shortest of the others. What is shown of them, period,
-stability, word, is computed when the page is built.
+`jaxdyn/data/plane_orbits.json` has their initial states, found by `orbits.search_plane`: those with
+a published name, the stable ones, and the shortest of the others. Their periods, stability and
+words are computed when the page is built.
 """
 
 import importlib.resources
@@ -25,11 +25,11 @@ from orbits.discovery import plane, seeds
 _COLUMNS = 10
 _SIDE, _TEXT = 1.5, 0.35  # [in] of a panel, and of the text above it
 _MARGIN = 1.05
-_SAMPLES = 2000  # of an orbit: with fewer its loops had corners
+_SAMPLES = 2000  # per orbit; with fewer, its loops would show corners
 
 
 class Shown(NamedTuple):
-    """An orbit of the poster: name, what is said of it, its scene, its paths (s, 3, 2)."""
+    """An orbit of the poster: name, lines of its caption, its scene, its paths (s, 3, 2)."""
 
     name: str
     lines: tuple[str, ...]
@@ -39,20 +39,21 @@ class Shown(NamedTuple):
 
 
 def record(pictures: Path) -> dict[str, Any]:
-    """Close all orbits of the poster, draw them, and return what the page shows."""
+    """Close all orbits of the poster, draw them, and return the record of the page."""
     shown = [_close(row, i) for i, row in enumerate(each(starts(), "closing orbits"))]
     figure = _poster(shown)
-    look = "All of them over one period, each to its own scale."
+    look = "All orbits over one period, each at its own scale."
     drawing = write(figure, pictures, "poster", look) | {"other": "poster.pdf"}
     figure.savefig(pictures / "poster.pdf")
     stable = sum(one.verdict == "stable" for one in shown)
     text = (
-        f"{len(shown)} periodic orbits of three equal bodies without angular momentum, which start "
-        "in line. `orbits search` finds them from random velocities; each was closed anew for this "
-        f"page to a closing error below 1e-9, and {stable} are linearly stable. The word lists the "
-        "bodies that pass between the two others, as a word in Montgomery's free group."
+        f"{len(shown)} periodic orbits of three equal bodies with zero angular momentum, which "
+        "start from a line. `orbits search` finds them from random velocities. Each was computed "
+        f"again for this page to a closing error below 1e-9, and {stable} are linearly stable. The "
+        "word says which body passes between the two others, as a word in Montgomery's free group."
     )
-    # Their starts, from which the page computes the paths: these would be fifty times as long.
+    # Only the initial states are written; the page computes the paths, which take fifty times
+    # as much space.
     choices = Choices({one.name: one.scene for one in shown}, "orbit")
     return {"title": "Periodic orbits of three bodies", "text": text} | {
         "drawings": [drawing],
@@ -62,13 +63,13 @@ def record(pictures: Path) -> dict[str, Any]:
 
 
 def starts() -> list[dict[str, Any]]:
-    """The stored starts: velocities a and b, period T, published name or ""."""
+    """The stored initial states: velocities a and b, period T, published name or ""."""
     file = importlib.resources.files("jaxdyn") / "data" / "plane_orbits.json"
     return json.loads(file.read_text())["orbits"]
 
 
 def _close(row: dict[str, Any], number: int) -> Shown:
-    """One orbit, closed and judged anew."""
+    """One orbit, with its closing error and its stability computed again."""
     start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
     scene = scenes.three_body().starting(start, row["T"])
     orbit = orbits.find(scene, period=row["T"], closing=orbits.reversal(plane.IN_LINE))
@@ -83,7 +84,7 @@ def _close(row: dict[str, Any], number: int) -> Shown:
 
 
 def _poster(shown: list[Shown]):
-    """All orbits in a grid, each to its own scale."""
+    """All orbits in a grid, each at its own scale."""
     rows = -(-len(shown) // _COLUMNS)
     figure = blank(_COLUMNS * _SIDE, rows * (_SIDE + _TEXT))
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()

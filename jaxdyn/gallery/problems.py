@@ -1,4 +1,4 @@
-"""The pages of the course: run, drawn, shown in a browser, and what their digits cost."""
+"""Records of the pages of the course: results, drawings, players, and the cost of digits."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ _ROUNDS = 5
 
 
 def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
-    """Run the page of a problem and write its pictures; what is to be shown of it."""
+    """Run the page of a problem and write its pictures; returns its record."""
     found = run(problem.name)
     page = found.page
     return {
@@ -37,9 +37,9 @@ def problem_record(problem: Problem, pictures: Path) -> dict[str, Any]:
 
 
 def _digits(page: Page) -> dict[str, Any] | None:
-    """What the digits of the first motion that is played cost.
+    """The cost of digits for the first motion that is played.
 
-    None where no motion is one solve, or nothing is solved since the motion is prescribed.
+    None if no motion is a single solve, or if nothing is solved since the motion is prescribed.
     """
     motions = [one for played in page.played for one in played.motions.values()]
     whole = [one for one in motions if isinstance(one, Trajectory) and one.ok and one.dt is None]

@@ -1,4 +1,4 @@
-"""Records of pages that have run: kept beside the site, made again only where sources changed."""
+"""Records of pages, stored beside the site and made again only if sources changed."""
 
 import functools
 import hashlib
@@ -9,9 +9,9 @@ from typing import Any
 
 from jaxdyn.files.output_files import replace
 
-SOURCES = ".sources"  # the folder, in that of the site, that Sphinx reads
+SOURCES = ".sources"  # the folder within that of the site that Sphinx reads
 _PACKAGES = tuple(Path(__file__).parents[2] / name for name in ("jaxdyn", "orbits"))
-#: They change how a record is shown, not what is in it.
+#: Files that change how a record is shown, not its contents.
 _SHOWING = {"conf.py", "docstrings.py", "reference.py", "site.py", "sources.py", "texts.py"}
 
 
@@ -21,7 +21,7 @@ def keep(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any
     Args:
       folder: of the site.
       name: of the page.
-      source: its own file; every file of the library that takes part counts as well.
+      source: its own file; all files of the library that can change the record count as well.
       make: runs the page and returns its record.
     """
     record = current(folder, name, source)
@@ -44,7 +44,7 @@ def current(folder: Path, name: str, source: Path) -> dict | None:
 
 
 def pictures(folder: Path) -> Path:
-    """Where the pictures of a site's pages are before Sphinx takes them."""
+    """The folder of a site's pictures before Sphinx copies them."""
     return folder / SOURCES / "pictures"
 
 
@@ -77,7 +77,7 @@ def _library() -> bytes:
 
 
 def _counts(path: Path) -> bool:
-    """Whether a file of the library can change a record; of the course only one page does."""
+    """Whether a file can change every record; a page of the course changes only its own."""
     top = path.parts[0]
     page = top == "course" and len(path.parts) == 2
     return top != "cli" and not page and not (top == "gallery" and path.name in _SHOWING)

@@ -1,8 +1,8 @@
 """The API reference: every public name once, as pages that autodoc fills from the docstrings.
 
-Public is what the `__all__` of the packages and folders say, and what modules named there define.
-A name that is reachable in two ways is documented at the shorter one. A folder is a page, and so is
-a class that has methods, which are listed by kind.
+Public names are those in `__all__` of the packages and folders, and those that modules named there
+define. An object with two public names is documented under the shorter one. Each folder has a page,
+and so does each class that has methods, which are listed by kind.
 """
 
 import functools
@@ -18,7 +18,7 @@ import jax
 
 PACKAGES = {name: importlib.import_module(name) for name in ("jaxdyn", "orbits")}
 _KINDS = {"function": "Functions", "class": "Classes", "value": "Values"}
-#: Names that follow are whole ones, whatever module was named before.
+#: The names that follow are complete, whichever module was named before.
 _ABSOLUTE = ".. py:currentmodule:: None\n"
 _DIRECTIVES = {"function": "autofunction", "class": "autoclass"}
 
@@ -47,7 +47,7 @@ class Entry(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What a name in a text leads to: the name that is documented, and whether it is a module."""
+    """The target of a name in a text: the documented name, and whether it is a module."""
 
     name: str
     module: bool
@@ -57,7 +57,7 @@ def pages(formulas: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
     """The pages of the reference as reStructuredText, by their names: folders, and classes.
 
     Args:
-      formulas: what functions are to show besides their docstrings, as HTML, by their names.
+      formulas: HTML that functions show in addition to their docstrings, by their names.
     """
     found = {}
     for chapter, entries in chapters().items():
@@ -68,7 +68,7 @@ def pages(formulas: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
 
 @functools.cache
 def chapters() -> dict[str, tuple[Entry, ...]]:
-    """What each folder documents, by its dotted name."""
+    """The entries of each folder, by its dotted name."""
     found: dict[str, list[Entry]] = {}
     for name, thing in _public():
         found.setdefault(_chapter(name), []).append(_entry(name, thing))
@@ -77,7 +77,7 @@ def chapters() -> dict[str, tuple[Entry, ...]]:
 
 @functools.cache
 def targets() -> dict[str, Target]:
-    """Where each public name leads, whichever way it is reached; modules included."""
+    """The target of each public name, under all its dotted names, including modules."""
     homes = {id(thing): name for name, thing in _public()}
     found = {}
     for name, thing in _everything():
@@ -97,7 +97,7 @@ def summary(name: str) -> str:
 
 
 def _chapter_page(name: str, entries: Iterable[Entry], formulas: Mapping[str, str]) -> str:
-    """The page of a folder: its docstring, tables of its names, and those without a page."""
+    """The page of a folder: its docstring, tables of its names, and names without a page."""
     parts = [_title(name), _directive("automodule", name), _ABSOLUTE]
     by_kind = {
         kind: [entry for entry in entries if entry.kind == kind]
@@ -179,7 +179,7 @@ def _home(module: str) -> str:
 
 
 def _chapter(name: str) -> str:
-    """The page of a name: its package, or its folder."""
+    """The page on which a name is documented: its package, or its folder."""
     parts = name.split(".")
     return ".".join(parts[:2]) if len(parts) > 2 else parts[0]
 
@@ -190,10 +190,10 @@ def _module(name: str) -> types.ModuleType:
 
 
 def _public() -> Iterator[tuple[str, Any]]:
-    """(dotted name, object) of every public name that is no module, each object once."""
+    """(dotted name, object) of every public name except modules, each object once."""
     seen: set[int] = set()
     for name, thing in sorted(_everything(), key=lambda one: (one[0].count("."), one[0])):
-        # Equal constants may be one object, and are two names all the same.
+        # Equal constants may be one object, but are documented under both names.
         known = id(thing) in seen and callable(thing)
         if not isinstance(thing, types.ModuleType) and not known:
             seen.add(id(thing))
@@ -201,7 +201,7 @@ def _public() -> Iterator[tuple[str, Any]]:
 
 
 def _everything() -> Iterator[tuple[str, Any]]:
-    """(dotted name, object) of all that is reachable by public names, modules included."""
+    """(dotted name, object) of everything with a public name, including modules."""
     waiting = list(PACKAGES.items())
     seen = {id(module) for _, module in waiting}
     while waiting:
@@ -216,7 +216,7 @@ def _everything() -> Iterator[tuple[str, Any]]:
 
 
 def _names(module: types.ModuleType) -> list[str]:
-    """The public names of a module: its `__all__`, or what it defines itself."""
+    """The public names of a module: its `__all__`, or the names that it defines itself."""
     if hasattr(module, "__all__"):
         return sorted(module.__all__)
     return [
@@ -243,7 +243,7 @@ def _members(name: str, cls: type) -> Iterator[Member]:
             continue
         inner = getattr(cls, key) if isinstance(value, classmethod | staticmethod) else value
         inner = inner.fget if isinstance(inner, property) else inner
-        # A field may hold a function of another library.
+        # The default of a field may be a function of another library.
         ours = callable(inner) and _is_ours(getattr(inner, "__module__", None) or "")
         if ours and getattr(inner, "__doc__", None):
             kind = (
@@ -257,7 +257,7 @@ def _members(name: str, cls: type) -> Iterator[Member]:
 
 
 def _inherited_members(entry: Entry) -> list[str]:
-    """The documented members that a class has from other classes of ours, where those say so."""
+    """The documented members that a class inherits from documented classes of ours."""
     own = {member.name.rpartition(".")[2] for member in entry.members}
     homes = {id(one.thing): one for of in chapters().values() for one in of if one.kind == "class"}
     found = {}

@@ -1,4 +1,4 @@
-"""The static site, made by Sphinx from records of pages that ran in parallel."""
+"""The static site, which Sphinx builds from records of pages that were run in parallel."""
 
 import io
 import multiprocessing
@@ -24,7 +24,7 @@ from jaxdyn.gallery.problems import problem_record
 from jaxdyn.gallery.records import SOURCES, current, keep, pictures, stored_record
 from jaxdyn.gallery.sources import Sources
 
-_FORMULAS = "formulas"  # the name of the record of what ready-made scenes solve
+_FORMULAS = "formulas"  # the name of the record with the equations of ready-made scenes
 _CONF = Path(__file__).parent / "docs"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MOST_WORKERS = 61  # of a pool of processes on Windows
@@ -36,9 +36,9 @@ class Built(NamedTuple):
     Attributes:
       folder: where it is.
       pages: its pages, relative to the folder.
-      failed: the pages whose run failed, with the error; they are left out.
+      failed: the pages that could not be run, with the error; they are left out.
       untrue: the pages on which a check does not hold.
-      warnings: what Sphinx has to say of the sources: links that lead nowhere, say.
+      warnings: the warnings of Sphinx about the sources, such as broken links.
     """
 
     folder: Path
@@ -51,18 +51,18 @@ class Built(NamedTuple):
 def build(folder, *, only: Collection[int | str] = (), workers: int | None = None) -> Built:
     """Build the site: the course, the exhibits, tutorials, guides and reference.
 
-    Pages run in processes of their own, and only those whose sources changed since the last time.
-    Sphinx makes the site of what they found.
+    Only pages whose sources changed since the last build are run, in separate processes. Sphinx
+    builds the site from their records.
 
     Args:
-      folder: to write to; made if it is missing.
+      folder: output folder; created if it is missing.
       only: numbers or names of problems, names of exhibits, of tutorials ("tutorials/proof"), or
-        "formulas", those of ready-made scenes: just these are run; others are shown as they were
+        "formulas" for those of ready-made scenes. Only these are run; others are shown as they were
         built before, or left out.
-      workers: processes, 1 to 61; one for each core by default.
+      workers: number of processes, 1 to 61; one per core by default.
     Raises:
-      ValueError: `only` is a text or names no page, `workers` is out of range, or `folder` cannot
-        be written.
+      ValueError: `only` is a string or contains an unknown page, `workers` is out of range, or
+        `folder` cannot be written.
     """
     folder = Path(folder)
     jobs = _jobs(only)
@@ -78,7 +78,8 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     names = [*_names().values(), *exhibits.PARTS, *tutorials.files(), _FORMULAS]
     records = {name: stored_record(folder, name) for name in names}
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
-    # As they were when the page ran: a page that was not run again may be older than its file.
+    # Use the problem as recorded when its page ran: a page that was not run again may be older
+    # than its file.
     shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
     parts = {
         page: [found[name] for name in names if name in found]
@@ -91,7 +92,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     sources.texts()
     sources.reference(found.get(_FORMULAS, {}).get("formulas", {}))
     sources.finish()
-    # In a process of its own: Sphinx changes the defaults of the functions that it reads.
+    # Sphinx changes the defaults of the functions that it reads, so it gets its own process.
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         pages, warnings = pool.submit(sphinx, sources.folder, folder).result()
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
@@ -99,7 +100,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
 
 
 def sphinx(sources: Path, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Run Sphinx on the sources of a site; its pages, relative to the folder, and its warnings."""
+    """Run Sphinx on the sources of a site; returns its pages, relative to it, and its warnings."""
     told = io.StringIO()
     app = Sphinx(sources, _CONF, folder, folder / ".doctrees", "html", status=None, warning=told)
     app.build()
@@ -114,7 +115,7 @@ def _names() -> dict[str, str]:
 
 
 def _jobs(only: Collection[int | str]) -> list[str]:
-    """The names of the pages to run, those that take longest first."""
+    """The names of the pages to run, starting with those that take longest."""
     if isinstance(only, str):
         raise _checks.fail("only", "a list of numbers or names", repr(only))
     names = _names()
@@ -128,7 +129,7 @@ def _jobs(only: Collection[int | str]) -> list[str]:
 
 
 def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
-    """Run those pages in parallel that have changed; the errors of those that failed, by name."""
+    """Run the pages that have changed in parallel; returns the errors of failed ones by name."""
     jobs = [name for name in jobs if current(folder, name, _source(name)) is None]
     report_progress("running pages", 0, len(jobs))
     failed = {}
@@ -148,8 +149,8 @@ def _run(jobs: Collection[str], folder: Path, workers: int) -> dict[str, str]:
 def _each(
     names: Collection[str], folder: Path, workers: int, prepare: Callable[[], None]
 ) -> Iterator[tuple[str, BaseException | None]]:
-    """Each page as it is done, and the error with which it failed."""
-    # A fork would copy JAX's threads, which do not survive it.
+    """Yield each page as it is done, with its error, or None."""
+    # JAX's threads do not survive a fork.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, context, prepare)
     try:
@@ -161,7 +162,7 @@ def _each(
 
 
 def make(name: str, folder: Path) -> None:
-    """Run a problem or a part of an exhibit unless its record is as new as its sources."""
+    """Run a problem or a part of an exhibit, unless its record is up to date."""
     pages = {problem.name: problem for problem in problems().values()}
 
     def run():
@@ -177,7 +178,7 @@ def make(name: str, folder: Path) -> None:
 
 
 def _source(name: str) -> Path:
-    """The file of a problem or a tutorial, or that of the exhibits, which stands for the others."""
+    """The source file of a problem or a tutorial; for other pages, the file of the exhibits."""
     here = Path(exhibits.__file__)
     if name in exhibits.PARTS or name == _FORMULAS:
         return here

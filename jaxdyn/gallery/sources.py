@@ -20,7 +20,7 @@ from jaxdyn.player.live import SCRIPTS
 
 _HERE = Path(__file__).parent
 _GUIDE = re.compile(r"\((\.\./guides/)?\d+_(\w+\.md)\)")  # a link to a guide, as a file
-#: Texts that are pages as they stand.
+#: Folders of texts that are pages without further processing.
 _TEXTS = "guides", "entrances"
 
 
@@ -61,7 +61,7 @@ class Sources:
         self.write(name, self._templates.get_template(template).render(**content))
 
     def course(self, shown: Sequence[tuple[Problem, dict]]) -> None:
-        """The pages of the problems, and the one with a card for each."""
+        """Write the pages of the problems, and the page with a card for each."""
         for problem, record in shown:
             content = {"problem": problem, "record": record, "scripts": _scripts(record["played"])}
             self.fill(f"course/{problem.name}.md", "problem.md", **content)
@@ -78,7 +78,7 @@ class Sources:
         )
 
     def exhibits(self, records: Mapping[str, dict]) -> None:
-        """The pages of the exhibits, and their table of contents."""
+        """Write the pages of the exhibits, and their table of contents."""
         for name, record in records.items():
             self.fill(
                 f"{name}.md",
@@ -89,7 +89,7 @@ class Sources:
         self.fill("exhibits.md", "exhibits.md", exhibits=records)
 
     def texts(self) -> None:
-        """The guides and the entrances, which are Markdown already; numbers leave their names."""
+        """Write the guides and the entrances, which are Markdown already, without their numbers."""
         for folder in _TEXTS:
             pages = []
             for path in sorted((_HERE / folder).glob("*.md")):
@@ -100,7 +100,7 @@ class Sources:
             self.fill(f"{folder}/index.md", f"{folder}.md", pages=pages)
 
     def tutorials(self, notebooks: Mapping[str, dict]) -> None:
-        """The tutorials that have run, as notebooks, and their table of contents."""
+        """Write the tutorials that have run, as notebooks, and their table of contents."""
         names = [name.rpartition("/")[2] for name in notebooks]
         for name, notebook in zip(names, notebooks.values(), strict=True):
             link = f"{{download}}`Download this notebook <{name}.ipynb>`"
@@ -110,14 +110,14 @@ class Sources:
         self.fill("tutorials/index.md", "tutorials.md", names=names)
 
     def reference(self, formulas: Mapping[str, str]) -> None:
-        """The API reference: a page for each folder, and for each class that has methods."""
+        """Write the API reference: a page for each folder, and for each class that has methods."""
         for name, text in reference.pages(formulas).items():
             self.write(f"reference/{name}.rst", text)
         chapters = {name: reference.summary(name) for name in reference.chapters()}
         self.fill("reference/index.md", "reference.md", chapters=chapters)
 
     def finish(self) -> None:
-        """The first page; what is left of earlier pages goes."""
+        """Write the first page, and remove files of earlier pages that are gone."""
         self.fill("index.md", "index.md")
         for path in self.folder.rglob("*.*"):
             ours = path.suffix in (".md", ".rst", ".ipynb")
@@ -126,6 +126,6 @@ class Sources:
 
 
 def _scripts(played: Sequence[dict]) -> list[str]:
-    """What a page needs for scenes that run, and for motions that are played."""
+    """The scripts that a page needs for scenes that run and for motions that are played."""
     running = [*SCRIPTS] * any(one["runs"] for one in played)
     return ["canvas", *running, *["player"] * any(not one["runs"] for one in played)]

@@ -1,4 +1,4 @@
-"""Text for pages: paragraphs of docstrings as Markdown, first sentences, times with units."""
+"""Text of pages: paragraphs of docstrings as Markdown, first sentences, times with units."""
 
 import re
 import textwrap
@@ -10,12 +10,12 @@ _LINE = 110  # characters below a card
 
 
 def prose(text: str) -> str:
-    """A docstring's paragraphs as Markdown: ``code`` is `code`, an example a block of its own."""
+    """A docstring as Markdown: ``code`` becomes `code`, and an example becomes a code block."""
     return _EXAMPLE.sub(_fence, text.replace("``", "`"))
 
 
 def _fence(found: re.Match) -> str:
-    """Markdown would take the >>> of an example for a quotation."""
+    """An example as a code block, since Markdown would read its >>> as a quotation."""
     return f"```pycon\n{textwrap.dedent(found[0])}\n```"
 
 
@@ -26,9 +26,9 @@ def first(text: str) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """A time with its unit; None is one that was not reached."""
+    """A time with its unit; None means that it was not reached."""
     if seconds is None:
         return "not reached"
-    # What would round to 1000 of a unit is 1 of the next.
+    # A number that would round to 1000 of a unit is written as 1 of the next.
     unit, size = next((u, s) for u, s in _UNITS if seconds >= 0.9995 * s or u == "us")
     return f"{seconds / size:.3g} {unit}"

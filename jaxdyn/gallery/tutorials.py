@@ -1,6 +1,6 @@
-"""Tutorials: Markdown with Python, run as notebooks, whose outputs the site shows.
+"""Tutorials: Markdown with Python, run as notebooks, with their outputs on the site.
 
-Each block of Python is a cell. A tutorial that fails ends with the error of its cell.
+Each block of Python is a cell. If a cell fails, the tutorial ends with its error.
 """
 
 import re
@@ -18,7 +18,7 @@ _SECONDS = 600  # the longest wait for one cell
 
 
 def files() -> dict[str, Path]:
-    """The tutorials by the names of their pages, as "tutorials/proof", in their order."""
+    """The tutorials by the names of their pages, such as "tutorials/proof", in order."""
     found = sorted(_FOLDER.glob("*.md"))
     return {f"tutorials/{path.stem.partition('_')[2]}": path for path in found}
 
@@ -35,7 +35,7 @@ def notebook(text: str):
 
 
 def tutorial_record(path: Path) -> dict[str, Any]:
-    """Run a tutorial in a folder of its own; the notebook with its outputs.
+    """Run a tutorial in a temporary folder; returns the notebook with its outputs.
 
     Raises:
       nbclient.exceptions.CellExecutionError: a cell fails.
@@ -43,6 +43,6 @@ def tutorial_record(path: Path) -> dict[str, Any]:
     found = notebook(path.read_text())
     with tempfile.TemporaryDirectory() as folder:
         client = NotebookClient(found, timeout=_SECONDS, kernel_name="python3")
-        # What a kernel logs is for developers of kernels; the error of a cell is raised.
+        # The log of the kernel is of no interest here; errors of cells are raised.
         client.execute(cwd=folder, stderr=subprocess.DEVNULL)
     return {"notebook": found}

@@ -1,4 +1,4 @@
-"""The content of a page: numbers, checks, pictures and motions, in the order in which they came."""
+"""The content of a page: numbers, checks, pictures and motions, in the order of their creation."""
 
 import math
 from collections.abc import Mapping
@@ -23,11 +23,11 @@ class Check(NamedTuple):
     """A statement, the figure behind it, and whether it holds.
 
     Attributes:
-      statement: what should hold.
+      statement: the statement that is checked.
       route: how else it is known: "closed form", "printed number", "second formulation".
-      holds: whether it does.
-      error: largest difference from what was expected; NaN where the statement is no equation.
-      within: the largest difference allowed; NaN where the statement is no equation.
+      holds: whether it holds.
+      error: largest difference from the expected value; NaN if the statement is not an equation.
+      within: largest difference allowed; NaN if the statement is not an equation.
     """
 
     statement: str
@@ -43,20 +43,20 @@ class Check(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """A Matplotlib figure, and a sentence that says what to see in it."""
+    """A Matplotlib figure with its caption, one sentence."""
 
     figure: Any
     look: str
 
 
 class Played(NamedTuple):
-    """Motions for a browser, by name: shown together, or one of them chosen by a slider.
+    """Motions for a browser, by name, shown together or selected by a slider.
 
     Attributes:
       motions: trajectories by name.
-      look: a sentence that says what to see.
+      look: the caption, one sentence.
       choose: the parameter that the slider changes, with its unit; empty to show all together.
-      inexact: whether the errors of the motions are what there is to see.
+      inexact: whether the motions are shown because of their errors.
     """
 
     motions: Mapping[str, Any]
@@ -66,7 +66,7 @@ class Played(NamedTuple):
 
 
 class Page:
-    """What a page shows; a page's ``solve(page)`` fills it.
+    """The content of a page, which its ``solve(page)`` fills.
 
     Example:
       >>> page = Page()
@@ -89,17 +89,17 @@ class Page:
         return bool(self.checks) and all(check.holds for check in self.checks)
 
     def __getitem__(self, name: str) -> Any:
-        """The value of the number of a name."""
+        """The value of the number with this name."""
         return {number.name: number.value for number in self.numbers}[name]
 
     def number(self, name: str, value: Any, unit: str = "") -> None:
-        """Add a number to the table: () or (n,), or a short text."""
+        """Add a value to the table: a number (), several (n,), or a short text."""
         self.numbers.append(Number(name, value if isinstance(value, str) else _host(value), unit))
 
     def equal(
         self, statement: str, got: Any, expected: Any, *, within: float, route: str = "closed form"
     ) -> None:
-        """Check that two arrays of one shape differ by at most `within`, an absolute error.
+        """Check that two arrays of equal shape differ by at most `within`, an absolute error.
 
         Raises:
           ValueError: their shapes differ, which broadcasting would hide.
@@ -111,23 +111,23 @@ class Page:
         self.checks.append(Check(statement, route, bool(error <= within), error, within))
 
     def true(self, statement: str, holds: Any, *, route: str) -> None:
-        """Check a statement that is no equation, such as a verdict or a count."""
+        """Check a statement that is not an equation, such as a verdict or a count."""
         self.checks.append(Check(statement, route, bool(holds)))
 
     def draw(self, figure: Any, look: str) -> None:
-        """Add a picture (what the functions of `drawing` return), and what to see in it."""
+        """Add a picture (the result of a function of `drawing`), and its caption."""
         self.drawings.append(Drawing(figure, look))
 
     def play(self, motions: Any, look: str, *, choose: str = "", inexact: bool = False) -> None:
-        """Add a motion, or several by name, for a browser: as a scene that runs if it can.
+        """Add a motion, or several by name, for a browser, as a running scene if possible.
 
         Args:
-          motions: what `simulate` or `simulate_phases` returned, or a mapping of names to them.
-          look: what to see.
-          choose: the parameter, with its unit, of which the names are values: a slider then
-            chooses one of them. By default they are shown together.
-          inexact: whether the errors of the motions are what there is to see: they are played as
-            they were computed.
+          motions: the result of `simulate` or `simulate_phases`, or a mapping of names to such.
+          look: the caption.
+          choose: the parameter, with its unit, whose values are the names: a slider then selects
+            one of the motions. By default they are shown together.
+          inexact: whether the motions are shown because of their errors: they are played as they
+            were computed.
         """
         named = motions if isinstance(motions, Mapping) else {"": motions}
         self.played.append(
@@ -137,13 +137,13 @@ class Page:
     def ask(
         self, question: str, answer: str, scenes: Scene | Mapping[str, Scene] | None = None
     ) -> None:
-        """Add a question that stands beside the first motion that runs, with its answer folded.
+        """Add a question beside the first motion that runs, with its answer folded.
 
         Args:
-          question: "What happens when it starts upright?"
-          answer: what does; its figures are those of this page.
-          scenes: that of the motion with the start and the numbers that show it, or several by
-            name, perhaps without some effects; None where the motion shows it as it is.
+          question: such as "What happens when it starts upright?"
+          answer: the answer; its figures are those of this page.
+          scenes: the scene of the motion with the initial state and parameters that show it, or
+            several by name, perhaps without some effects; None if the motion shows it as it is.
         """
         self.asks.append(Ask(question, answer, scenes))
 

@@ -1,4 +1,4 @@
-"""The largest value of a quantity along a motion, to all digits: at an end, or where it turns."""
+"""The largest value of a quantity along a motion, at an end or at a maximum, to full precision."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ _RTOL = 1e-13
 
 
 class Largest(NamedTuple):
-    """The largest value of a quantity, when, and in which state."""
+    """The largest value of a quantity, with its time and state."""
 
     value: Any
     t: Any
@@ -48,13 +48,13 @@ def largest(
 ) -> Largest:
     """The largest value of a quantity along the motion of a scene, over all its entries.
 
-    Read off samples it would be too small. Here it is looked for at both ends and at every zero of
-    the quantity's rate.
+    The largest sample would be too small. Here both ends and all zeros of the rate of the quantity
+    are compared.
 
     Args:
       scene: system, effects, start.
-      quantity: ``quantity(t, y)``, () or (n,), differentiable. Where an absolute value or a
-        distance may vanish take its square.
+      quantity: ``quantity(t, y)``, () or (n,), differentiable. If an absolute value or a distance
+        may vanish, use its square.
       t1: () end of the span; the scene's own by default.
       rtol: tolerance of the steps.
 

@@ -9,10 +9,10 @@ from jaxdyn.symbolic.equations import Equations, equations
 
 
 def equations_of(page: Page) -> list[Equations]:
-    """The equations of the motions that are played, once for each system, in their order.
+    """The equations of the motions that are played, in order, once for each system.
 
-    Without those of prescribed motions, and of systems that have no formulas or whose equations
-    would fill pages.
+    Prescribed motions are left out, as are systems that have no formulas or whose equations would
+    fill pages.
     """
     motions = [one for played in page.played for one in played.motions.values()]
     scenes = [one.scene for one in motions if isinstance(one, Trajectory)]

@@ -1,8 +1,8 @@
-"""The register of the course: what each page's own file says of it, read without running it.
+"""The register of the course, read from the file of each page without running it.
 
-Derived from the files, so that it cannot differ from them: the title is the first line of the
-docstring, the answer the paragraph that begins with "Answer: ", the solution what follows it, and
-the names are those that the code uses.
+Since it is derived from the files, it cannot differ from them: the title is the first line of the
+docstring, the answer is the paragraph that begins with "Answer: ", the solution is the text after
+it, and the names are those that the code uses.
 """
 
 import ast
@@ -29,14 +29,14 @@ class Problem(NamedTuple):
     """A problem of the course, and its page.
 
     Attributes:
-      number: of the problem in the course.
-      name: of the page: as in ``python -m jaxdyn.course.circling_bodies``.
+      number: number of the problem in the course.
+      name: name of the page, as in ``python -m jaxdyn.course.circling_bodies``.
       topic: one of `TOPICS`.
       title: a few words.
-      statement: what is asked.
-      answer: in a few sentences.
-      solution: the answer of each part, with formulas, in paragraphs and indented blocks; empty
-        where the answer says it all.
+      statement: the problem.
+      answer: the answer in a few sentences.
+      solution: the answer of each part, with formulas, in paragraphs and indented blocks; empty if
+        the answer is complete.
       names: the public names that the page uses, such as ``jaxdyn.simulate``.
       code: the text of its file.
     """
@@ -61,12 +61,14 @@ class Problem(NamedTuple):
 def problems() -> dict[int, Problem]:
     """The problems of the course that have a page, by number."""
     found = [_read(path) for path in _FOLDER.glob("[a-z]*.py")]
-    assert len({problem.number for problem in found}) == len(found), "two pages of one number"
+    assert len({problem.number for problem in found}) == len(found), (
+        "two pages with the same number"
+    )
     return {problem.number: problem for problem in sorted(found)}
 
 
 def _read(path: Path) -> Problem:
-    """What the file of a page says."""
+    """The problem in the file of a page."""
     text = path.read_text()
     tree = ast.parse(text)
     title, _, rest = (ast.get_docstring(tree) or "").partition("\n")

@@ -23,9 +23,9 @@ class Run(NamedTuple):
     """A page that has run.
 
     Attributes:
-      page: what it found.
-      seconds: how long it took [s], compiling included.
-      left: whether it has a function `check`, of checks that take long, which did not run.
+      page: its content.
+      seconds: how long it took [s], including compilation.
+      left: whether it has a function `check`, for checks that take long, which did not run.
     """
 
     page: Page
@@ -56,7 +56,7 @@ def _time(module: ModuleType, check: bool) -> Run:
 
 
 def report(page: Page) -> list[str]:
-    """The lines that say what a page found, with rich's markup."""
+    """The lines of a report on a page, with rich's markup."""
     wide = max((len(number.name) for number in page.numbers), default=0)
     lines = [f"  {escape(n.name):{wide}}  {escape(text_of_number(n))}" for n in page.numbers]
     for check in page.checks:
@@ -67,7 +67,7 @@ def report(page: Page) -> list[str]:
 
 
 def record(found: Run) -> dict:
-    """What a run found, for a JSON object."""
+    """The results of a run, for a JSON object."""
     return {
         "numbers": [{"name": n.name, "value": text_of_number(n)} for n in found.page.numbers],
         "checks": [_check(check) for check in found.page.checks],
@@ -91,7 +91,7 @@ def text_of_number(number: Number) -> str:
 
 
 def pictures(page: Page, path: Path) -> list[Path]:
-    """Write the pictures of a page: the first as `path`, the others with a number; their paths."""
+    """Write the pictures of a page, the first as `path`, the others numbered; returns the paths."""
     paths = []
     for i, drawing in enumerate(page.drawings):
         one = path if i == 0 else path.with_stem(f"{path.stem}_{i + 1}")
@@ -101,10 +101,10 @@ def pictures(page: Page, path: Path) -> list[Path]:
 
 
 def show(solve: Callable[[Page], None]) -> None:
-    """Run a page as a script, with all checks: print what it found, draw it in this folder.
+    """Run a page as a script, with all checks: print its results, draw it in this folder.
 
     Raises:
-      SystemExit: 1 where a check fails.
+      SystemExit: 1 if a check fails.
     """
     configure()
     console = Console(highlight=False, soft_wrap=True)

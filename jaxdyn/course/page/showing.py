@@ -1,7 +1,7 @@
-"""What a page shows in a browser: motions that run or are played, equations, questions.
+"""Pages in a browser: motions that run or are played, equations, questions.
 
-A scene that runs takes the place of a computed motion wherever it can and is shorter: its rate and
-its start are some kilobytes, and its numbers can be changed.
+A running scene replaces a computed motion wherever that is possible and shorter: its rate and its
+initial state take some kilobytes, and its parameters can be changed.
 """
 
 import html
@@ -32,9 +32,9 @@ class Display(NamedTuple):
     """Motions of a page in a browser.
 
     Attributes:
-      look: what to see in them.
-      html: a part of a page: a scene that runs, or a player of computed motions.
-      runs: whether it is the former.
+      look: the caption.
+      html: a part of a page: a running scene, or a player of computed motions.
+      runs: whether it is a running scene.
     """
 
     look: str
@@ -43,9 +43,9 @@ class Display(NamedTuple):
 
 
 def displays(page: Page) -> list[Display]:
-    """The motions of a page, each as a scene that runs where that is possible and shorter.
+    """The motions of a page, each as a running scene where that is possible and shorter.
 
-    The questions of the page stand beside the first of them that runs.
+    The questions of the page are shown beside the first of them that runs.
     """
     found, asks = [], tuple(page.asks)
     for one in page.played:
@@ -62,7 +62,7 @@ def _display(played: Played, asks: Sequence[player.Ask]) -> Display:
         return Display(played.look, computed, runs=False)
     try:
         running = fragment(of_motions(played.motions, played.choose), asks=asks)
-    except ValueError:  # its phases, its kinds of scenes or its formulas are none for a page
+    except ValueError:  # its phases, its kinds of scenes or its formulas do not suit a page
         running = None
     if running is None or len(running) > len(computed):
         return Display(played.look, computed, runs=False)
@@ -80,11 +80,11 @@ def formulas(page: Page) -> list[str]:
 
 
 def one_file(problem: Problem, found: Page, path: Path) -> player.Playing:
-    """Write a page as one file: what is asked, the motions, and the answer and equations, folded.
+    """Write a page as a single file: the problem, the motions, and, folded, answer and equations.
 
     Args:
-      problem: what is asked.
-      found: what its page found.
+      problem: the problem.
+      found: the content of its page.
       path: a file to write to, .html.
     """
     motions = displays(found)
