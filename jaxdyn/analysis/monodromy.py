@@ -165,8 +165,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
     if len(slopes) <= _STATES // 2:
         return None
-    # In the sizes of a normal mode those of the others are small, and so are their entries of a form:
-    # it would count as singular, and damping of the others as rounding.
+    # In the sizes of a normal mode those of the others are small, and so are their entries of a
+    # form: it would count as singular, and damping of the others as rounding.
     units = np.ones(len(y0))
     for _ in range(_BALANCED):
         forms = invariant_forms(list(slopes))
