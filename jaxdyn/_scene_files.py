@@ -6,12 +6,14 @@ file is run only when a scene is made that the user has named; an XPPAUT file ne
 """
 
 import ast
+import contextlib
 import functools
 import importlib.util
 import inspect
 import re
 import sys
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +21,8 @@ from jaxdyn._text import choice, fail
 
 #: The ending of an XPPAUT file, which is never run.
 TEXT = ".ode"
+#: The beginning of the names of modules that are such files.
+_MODULE = "scenes in "
 _NAME = re.compile(r"(?P<path>.*\.py)(?::(?P<function>\w+))?", re.DOTALL)
 
 
@@ -123,7 +127,7 @@ def load(name: str) -> Callable[..., Any]:
 def _module(path: Path, changed: int) -> Any:
     """The module of a file as it was when it was last changed."""
     del changed
-    spec = importlib.util.spec_from_file_location(f"scenes in {path}", path)
+    spec = importlib.util.spec_from_file_location(f"{_MODULE}{path}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -136,6 +140,33 @@ def _module(path: Path, changed: int) -> Any:
     finally:
         sys.path.remove(folder)
     return module
+
+
+@contextlib.contextmanager
+def locate_errors() -> Iterator[None]:
+    """Context in which what a line of such a file raises becomes an error that names the line.
+
+    An exception raised by this library, called by such a line or not, stays as it is.
+
+    Raises:
+      ValueError: a line of the file raised an exception, in itself or in a package that it uses.
+    """
+    try:
+        yield
+    except OSError:  # names its file
+        raise
+    except Exception as error:
+        modules = [
+            frame.f_globals["__name__"] for frame, _ in traceback.walk_tb(error.__traceback__)
+        ]
+        theirs = [i for i, name in enumerate(modules) if name.startswith(_MODULE)]
+        ours = [i for i, name in enumerate(modules) if name.startswith(("jaxdyn", "orbits"))]
+        if not theirs or theirs[-1] < ours[-1]:
+            raise
+        at = traceback.extract_tb(error.__traceback__)[theirs[-1]]
+        place = f"{at.filename}, line {at.lineno}, in {at.name}"
+        got = f"{type(error).__name__}: {error}"
+        raise ValueError(f'{place}: "{at.line}" raised {got}') from error
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Any]:

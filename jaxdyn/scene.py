@@ -25,13 +25,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks, _shapes, _text
-from jaxdyn._records.kinds import check_kind
-from jaxdyn._records.notes import notes_on
-from jaxdyn._records.record import Record
+from jaxdyn import _checks, _text
+from jaxdyn._checks import check_kind
+from jaxdyn._records import Record, notes_on
 from jaxdyn.scales import Groups, groups
 from jaxdyn.sketch import Shape
-from jaxdyn.system import Effect, Points, System
+from jaxdyn.system import Effect, Points, System, check_field
 
 # ---- A system with its effects, without a start: the interface to integrators and other libraries
 #
@@ -152,7 +151,7 @@ def properties_at(field: Field, t: Array, y: Array) -> tuple:
     takes milliseconds. Shapes are checked while it is traced.
     """
     points = field.system.points(t, y)
-    _shapes.check_field(field, t, y)
+    check_field(field, t, y)
     depends = tuple(_depends_on_velocity(effect, t, points) for effect in field.effects)
     return points, depends, _is_second_order(field.system, t, y)
 
@@ -380,7 +379,7 @@ class Scene(Record):
             _check_accepted(system, effect)
             _checks.refuse_made_before(type(effect).__name__, *effect.converted)
         if _checks.is_traced(self):
-            _shapes.check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
+            check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
         t, y = np.zeros(()), np.asarray(self.y0, float)
         system.check(t, y)

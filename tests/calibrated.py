@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxdyn.integrate.errors.estimate import gaps
+from jaxdyn.integrate.errors import gaps
 
 EPS = float(np.finfo(float).eps)
 

@@ -8,7 +8,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn._records.kinds import check_kind
+from jaxdyn._checks import check_kind
 from jaxdyn.gallery.reference import _public
 
 FUNCTIONS = {name: thing for name, thing in _public() if getattr(thing, "first_kinds", ())}

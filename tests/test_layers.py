@@ -14,9 +14,7 @@ ROOT = Path(__file__).parents[1]
 #: beside the folders: the waist (`scene`), statuses and private helpers, and what an orbit is.
 #: Within `jaxdyn` a folder may import what its entries may, and `orbits` may import all of it.
 BELOW = {
-    "jaxdyn/_text": (),
-    "jaxdyn/_records": ("jaxdyn/_text",),
-    "jaxdyn": ("jaxdyn/_records",),
+    "jaxdyn": (),
     "jaxdyn/geometry": ("jaxdyn",),
     "jaxdyn/effects": ("jaxdyn",),
     "jaxdyn/solvers": ("jaxdyn",),
@@ -84,7 +82,7 @@ COLLECTIONS = {"jaxdyn/course", "jaxdyn/scenes"}
 #: missing.
 INSIDE = {
     ("jaxdyn/_config.py", "jax._src"),
-    ("jaxdyn/_records/record.py", "cloudpickle"),
+    ("jaxdyn/_records.py", "cloudpickle"),
     ("orbits/files/verify.py", "orbits.proof.checking"),
     ("jaxdyn/analysis/equilibria.py", "jaxdyn.analysis.equilibrium_search.proving"),
 }

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.spans import span
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import EULER, Method, Solver

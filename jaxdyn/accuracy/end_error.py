@@ -19,9 +19,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._records.kinds import check_first
-from jaxdyn.integrate.errors.error_estimate import FINEST, RATIO
-from jaxdyn.integrate.errors.estimate import gaps
+from jaxdyn._checks import check_first
+from jaxdyn.integrate.errors import FINEST, RATIO, gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory

@@ -23,11 +23,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.accuracy.convergence import fixed_steps
-from jaxdyn.integrate.errors import error_estimate
-from jaxdyn.integrate.errors.estimate import Estimate, gaps, kind_of, scales
-from jaxdyn.integrate.errors.rounding_error import Run
+from jaxdyn.integrate import errors
+from jaxdyn.integrate.errors import Estimate, Run, gaps, kind_of, scales
 from jaxdyn.integrate.simulation import simulate, solve
 from jaxdyn.integrate.spans import RTOL, Share, SolverOptions, span
 from jaxdyn.scene import Scene
@@ -70,16 +69,16 @@ def estimate(
       >>> bool(loose.error.max() / 5 < abs(end - np.cos(10.0)) < 5 * loose.error.max())
       True
     """
-    method, finer = _methods(scene, t1, t0, samples, solver, (rtol, error_estimate.FINEST))
+    method, finer = _methods(scene, t1, t0, samples, solver, (rtol, errors.FINEST))
     options = SolverOptions(rtol=rtol, solver=method)
     run, ts = _runner(scene, t1, t0, samples, options, dt=dt)
     if dt is not None:
-        return error_estimate.halve_steps(run, scene, ts, dt, method.name)
+        return errors.halve_steps(run, scene, ts, dt, method.name)
     by = run
     if finer is not method:
         by, _ = _runner(scene, t1, t0, samples, options._replace(solver=finer))
     names = ("tolerance ladder", method.name, finer.name)
-    return error_estimate.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
+    return errors.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 @check_first
@@ -120,7 +119,7 @@ def by_second_method(
     run, ts = _runner(scene, t1, t0, samples, options)
     by, _ = _runner(scene, t1, t0, samples, options._replace(solver=second))
     names = ("second method", first.name, second.name)
-    return error_estimate.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
+    return errors.measure(run, scene, ts, np.array([rtol, rtol]), names, by=by)[1]
 
 
 @check_first
@@ -152,7 +151,7 @@ def by_tangents(
       an oscillation is a factor of 10 and more. It is of first order only: where errors are not
       small, neither are the neglected terms.
     """
-    fine = max(rtol * error_estimate.RATIO, error_estimate.FINEST)
+    fine = max(rtol * errors.RATIO, errors.FINEST)
     first, method = _methods(scene, t1, t0, samples, solver, (rtol, fine))
     run, ts = _runner(scene, t1, t0, samples, SolverOptions(rtol=rtol, solver=first))
     ys = np.asarray(run(scene, np.array([rtol, rtol])).ys)
@@ -161,14 +160,14 @@ def by_tangents(
     ends, tangents = _pieces(scene, starts_at, starts, ts, np.asarray(fine), solver=method)
     local = gaps(scene, ys, np.asarray(ends))
     carried = np.zeros((ys.shape[1], 0))
-    errors = []
+    sums = []
     for step, missed in zip(np.asarray(tangents), local, strict=True):
         carried = np.concatenate([step @ carried, missed[:, None]], axis=1)
-        errors.append(np.abs(carried).sum(axis=1))
+        sums.append(np.abs(carried).sum(axis=1))
     return Estimate(
         ts=ts,
         ys=ys,
-        error=np.stack(errors),
+        error=np.stack(sums),
         rounding=np.full_like(ys, np.nan),
         scale=scales(scene, ys),
         fineness=np.array([rtol, fine]),
@@ -220,7 +219,7 @@ def by_halving(
         return _Ends(y1[None])
 
     ts = t1[None]
-    return error_estimate.halve_steps(run, scene, ts, length / steps, method.name)
+    return errors.halve_steps(run, scene, ts, length / steps, method.name)
 
 
 class _Ends(NamedTuple):
@@ -239,7 +238,7 @@ def _methods(
 
 
 def _runner(scene: Scene, t1, t0, samples, options: SolverOptions, *, dt=None) -> tuple[Run, Array]:
-    """The run for `error_estimate` and its times; arguments are checked as by `simulate`."""
+    """The run for `integrate.errors` and its times; arguments are checked as by `simulate`."""
     ts = simulate(scene, t1, t0=t0, samples=samples, dt=dt, **options._asdict()).ts
     t0, end = span(scene, t1, t0)
 

@@ -6,8 +6,8 @@ no more than log(1000) / growth. Beyond it a solution is one of the motions of t
 the one from its start.
 
 The time reported is measured, not predicted: it is where two solutions differ in the requested
-digits, including the effect of rounding (`error_estimate`). The growth rate, from the tangent map,
-says how much a tighter tolerance would gain.
+digits, including the effect of rounding (`integrate.errors`). The growth rate, from the tangent
+map, says how much a tighter tolerance would gain.
 """
 
 import dataclasses
@@ -20,10 +20,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.accuracy import estimates
-from jaxdyn.integrate.errors.error_estimate import MOST_DIGITS
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import MOST_DIGITS, Estimate
 from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver

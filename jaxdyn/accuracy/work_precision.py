@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks, _text
+from jaxdyn._checks import check_first
 from jaxdyn._progress import each, report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleave
-from jaxdyn.integrate.errors.estimate import scales
+from jaxdyn.integrate.errors import scales
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import RTOL, span
 from jaxdyn.scene import Scene

@@ -10,41 +10,10 @@ functions of one variable, each in its bracket.
 
 May import: `integrate`, `formulations`, `balls`.
 
-To add an analysis, write a file with a function of a `Scene` or a `Trajectory`, and a line below.
+To add an analysis, write a file with a function of a `Scene` or a `Trajectory`, and a line in
+``__init__.pyi``.
 """
 
-from jaxdyn.analysis import (
-    approaches,
-    constraints,
-    eigenvalues,
-    energy,
-    energy_change,
-    equilibria,
-    floquet,
-    free_body,
-    linearize,
-    momenta,
-    monodromy,
-    precession,
-    regularised,
-    steady,
-    work_by_effect,
-)
+import lazy_loader
 
-__all__ = [
-    "approaches",
-    "constraints",
-    "eigenvalues",
-    "energy",
-    "energy_change",
-    "equilibria",
-    "floquet",
-    "free_body",
-    "linearize",
-    "momenta",
-    "monodromy",
-    "precession",
-    "regularised",
-    "steady",
-    "work_by_effect",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.regularised import run_regularized
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions

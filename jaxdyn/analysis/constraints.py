@@ -15,14 +15,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import total_force
+from jaxdyn._checks import check_first
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.dependence import DEPENDENT
 from jaxdyn.formulations.extended import innermost
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene, System
+from jaxdyn.system import total_force
 
 
 class Conditioning(NamedTuple):

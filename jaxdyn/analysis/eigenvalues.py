@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 
 #: Safety factor on the estimated error, which is only an order of magnitude.
 SAFETY = 3.0

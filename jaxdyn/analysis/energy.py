@@ -14,11 +14,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import potential_energy
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.spans import cut_rows, fill, of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Field, Scene
+from jaxdyn.system import potential_energy
 
 _NO_ENERGY = (
     "It has no material points and defines no energy: pass energy= to jaxdyn.ode, or "
@@ -74,6 +74,11 @@ def energies(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
 @check_first
 def momentum(scene: Scene | Field, t, y: Array) -> Array:
     """Linear momentum (d,) [kg m/s] of all material points."""
+    return _momentum(scene, t, y)
+
+
+@jax.jit
+def _momentum(scene: Scene | Field, t, y: Array) -> Array:
     _, v, m = scene.points(t, y)
     return jnp.sum(m[:, None] * v, axis=0)
 
@@ -84,6 +89,11 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 
     Limits: a scalar 0 for points on a line.
     """
+    return _angular_momentum(scene, t, y)
+
+
+@jax.jit
+def _angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
     r, v, m = scene.points(t, y)
     if r.shape[1] == 1:
         return jnp.zeros(())

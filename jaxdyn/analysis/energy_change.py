@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.work_by_effect import power_of

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof

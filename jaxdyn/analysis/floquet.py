@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis._roots import root
 from jaxdyn.analysis.eigenvalues import balance, map_eigenvalues, map_in_units, map_verdict
 from jaxdyn.analysis.monodromy import (

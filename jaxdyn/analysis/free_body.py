@@ -21,14 +21,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import generalized_forces
-from jaxdyn._text.tables import brief, table
+from jaxdyn._checks import check_first
+from jaxdyn._text import brief, table
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.joints import Joint, Load, Part
 from jaxdyn.scene import Effect, Field, Points, Scene
-from jaxdyn.system import System
+from jaxdyn.system import System, generalized_forces
 
 #: Where the force in a joint is from.
 EFFECT, MULTIPLIER, BALANCE = "effect", "multiplier", "balance"

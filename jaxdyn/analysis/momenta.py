@@ -27,11 +27,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import total_force
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Field, Points, Scene
+from jaxdyn.system import total_force
 
 DEFINITIONS = ("fixed", "absolute", "relative")
 MovingPoint = Callable[[Array, Points], Array]

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.eigenvalues import norm
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
@@ -24,9 +24,11 @@ SYMPLECTIC = 1e-7
 _STATES = 8  # number of states at which a form is sought
 _MOST_ENTRIES = 16  # most entries of a state; with 36 a search takes 0.7 s
 _SPREAD = 0.3  # spread of the states, in parts of each entry's size
-_ROUNDING = 1e-6  # entries below this part of the largest may be rounding
-_NULL = 1e-9  # singular values below this part of the largest are 0
+_LEAST_ENTRY = 0.1  # the least part of its size that an entry of the state counts as
+_NULL = 1e-9  # singular values of the equations for a form, in sizes of the slopes, that are 0
 _KEPT = 1e-12  # change of a form along the flow, relative to its terms, that is rounding
+_BALANCED = 3  # rounds after which units are balanced
+_VANISHES = 1e-14  # rows of a form below this part of the largest are rounding
 _REGULAR = 1e-3  # least ratio of smallest to largest singular value of a form that is regular
 #: Weights by which independent forms are summed: each sum may be singular.
 WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
@@ -142,18 +144,19 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     found for a rate that is given by itself, in any coordinates that are linear in canonical ones:
     for the restricted three bodies in turning axes it is not that of positions and velocities.
 
-    With the sizes `each` (k,) of the entries, it is the form of states in these units.
+    With the sizes `each` (k,) of the entries, it is the form of states in these units. Its scale is
+    arbitrary.
 
     Limits: host only; at most 16 entries; found to rounding, not proved.
     """
     y0 = np.asarray(scene.y0)
     if len(y0) % 2 or len(y0) > _MOST_ENTRIES:
         return None
-    # Entries that are 0, or rounding, vary as well: on an axis of symmetry more forms are kept.
-    each = np.ones(len(y0)) if each is None else each
-    small = abs(y0 / each)
-    some = small > _ROUNDING * small.max()
-    sizes = each * np.where(some, small, small[some].min(initial=1.0))
+    if each is None:
+        each = np.full(len(y0), np.abs(y0).max(initial=0.0) or 1.0)
+    # Entries that are 0 or small vary as well: on an axis of symmetry, or beside it, more forms are
+    # kept, to the rounding of what changes so little.
+    sizes = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
     random = np.random.default_rng(0)
     ys = y0 + _SPREAD * sizes * random.standard_normal((_STATES, len(y0)))
     slopes = np.asarray(
@@ -162,6 +165,13 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     slopes = slopes[np.isfinite(slopes).all(axis=(1, 2))] * each / each[:, None]
     if len(slopes) <= _STATES // 2:
         return None
+    # In the sizes of a normal mode those of the others are small, and so are their entries of a
+    # form: it would count as singular, and damping of the others as rounding.
+    units = np.ones(len(y0))
+    for _ in range(_BALANCED):
+        forms = invariant_forms(list(slopes))
+        more = _balancing(np.linalg.norm(forms, axis=0))
+        units, slopes = units * more, slopes * more / more[:, None]
     forms = invariant_forms(list(slopes))
     for weights in WEIGHTS:
         total = sum((w * form for w, form in zip(itertools.cycle(weights), forms)), 0 * slopes[0])
@@ -170,8 +180,22 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
             by = total @ slopes
             change = np.abs(by - by.transpose(0, 2, 1)).max(axis=(1, 2))
             # A little damping is nearly none.
-            return total / s[0] if (change <= _KEPT * np.abs(by).max(axis=(1, 2))).all() else None
+            if (change > _KEPT * np.abs(by).max(axis=(1, 2))).any():
+                return None
+            return total / np.outer(units, units)
     return None
+
+
+def _balancing(sizes: np.ndarray) -> np.ndarray:
+    """(k,) units in which the rows of a form of sizes (k, k) have 1 as their largest entry.
+
+    Rows that are rounding stay so.
+    """
+    units = np.ones(len(sizes))
+    for _ in range(_BALANCED):
+        rows = (units[:, None] * sizes * units).max(axis=1)
+        units = units / np.sqrt(np.where(rows > _VANISHES * rows.max(initial=0.0), rows, 1.0))
+    return units
 
 
 def invariant_forms(slopes: Sequence[np.ndarray]) -> np.ndarray:
@@ -183,11 +207,12 @@ def invariant_forms(slopes: Sequence[np.ndarray]) -> np.ndarray:
     units -= units.transpose(0, 2, 1)
     several = np.asarray(slopes)[:, None]
     rows = (several.swapaxes(-1, -2) @ units + units @ several)[..., *above].swapaxes(-1, -2)
-    sizes = abs(rows).max(axis=(-2, -1), keepdims=True, initial=1e-300)
+    # Not those of the rows: with two entries there is one, the trace, which may be rounding.
+    sizes = abs(several[:, 0]).max(axis=(-2, -1), keepdims=True, initial=1e-300)
     equations = (rows / sizes).reshape(-1, len(units))
     # For many equations, the triangular factor has the same singular values and right vectors.
     _, s, right = np.linalg.svd(np.linalg.qr(equations, mode="r"))
-    return np.einsum("nu,uij->nij", right[(s > _NULL * s[0]).sum() :], units)
+    return np.einsum("nu,uij->nij", right[(s > _NULL).sum() :], units)
 
 
 @jax.jit

@@ -24,9 +24,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._arguments import arrays
-from jaxdyn._checks import floats
+from jaxdyn._checks import check_first, floats
 from jaxdyn._numerics import safe_sqrt
-from jaxdyn._records.kinds import check_first
 from jaxdyn.formulations.rigid import pose
 from jaxdyn.geometry.frames import check_rotation
 from jaxdyn.geometry.rotations import (

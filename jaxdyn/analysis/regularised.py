@@ -23,8 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import potential_energy
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
@@ -36,6 +35,7 @@ from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import choose_method
 from jaxdyn.status import Status
+from jaxdyn.system import potential_energy
 
 _UNREACHABLE_SPAN = 1e150  # a span of s that no motion reaches
 _NEWTON_STEPS = 2  # steps of Newton's method for s at the end, from some 1e-6 away

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import Field, Scene, check_scene

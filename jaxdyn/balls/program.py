@@ -14,8 +14,8 @@ from typing import Any
 import flint
 
 from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
+from jaxdyn.solvers.formulas.formulas import topological_order
 from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
-from jaxdyn.solvers.formulas.simplified import topological_order
 
 #: A function of the numbers at all places.
 Operation = Callable[[list], Any]

@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.ensemble import engine
 from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
-from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.variational import Variational
+from jaxdyn.integrate.flow import Variational
+from jaxdyn.integrate.march import Watch
 from jaxdyn.scales import sizes_at_start, sizes_at_starts
 from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.status import Status

@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.monodromy import tangents
 from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judge
 from jaxdyn.chaos.stretching import carry, start
 from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
-from jaxdyn.integrate.step_control import Limits
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scales import sizes_at_start
 from jaxdyn.scene import Field, Scene

@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks, _text
-from jaxdyn._records import labelled
-from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn import _checks, _labelled, _text
+from jaxdyn._labelled import Labelled, Values
 from jaxdyn.chaos.indicators import RTOL, megno
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
@@ -43,8 +42,8 @@ class ChaosMap(Record):
 
     __repr__ = _text.fields
     _repr_html_ = _text.html
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     def _to_labelled(self) -> Labelled:
         axes = "first", "second"

@@ -17,10 +17,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.integrate.flow import flow
-from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.variational import Variational
-from jaxdyn.plan.in_branch import Branch
+from jaxdyn.integrate.flow import Variational, flow
+from jaxdyn.integrate.march import Limits
+from jaxdyn.plan.plan import Branch
 from jaxdyn.solvers import Method
 from jaxdyn.status import Status
 
@@ -61,7 +60,7 @@ class Stretching(eqx.Module):
         return self.field
 
     def around(self, change: Callable, branch: Any) -> "Stretching":
-        """The same columns of the field in a branch of its conditions; see `plan.in_branch`."""
+        """The same columns of the field in a branch of its conditions; see `plan.plan`."""
         return Stretching(self.variational.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:

@@ -157,9 +157,9 @@ def _by_name(texts: Iterable[str]) -> dict[str, str]:
 
 def solver_names() -> tuple[str, ...]:
     """The values of --solver in lower case: the instances that `jaxdyn.solvers` exports."""
-    tree = ast.parse((_PACKAGE / "solvers" / "__init__.py").read_text(encoding="utf-8"))
-    (listed,) = (node.value for node in tree.body if isinstance(node, ast.Assign))
-    return tuple(name.lower() for name in ast.literal_eval(listed) if name.isupper())
+    tree = ast.parse((_PACKAGE / "solvers" / "__init__.pyi").read_text(encoding="utf-8"))
+    names = (x.name for node in tree.body if isinstance(node, ast.ImportFrom) for x in node.names)
+    return tuple(name.lower() for name in names if name.isupper())
 
 
 def hard_cases() -> dict[str, str]:

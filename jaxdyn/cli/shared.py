@@ -18,12 +18,12 @@ from typing import Annotated, Any
 import typer
 
 import jaxdyn
+from jaxdyn import _scene_files
 from jaxdyn._arithmetic import value
 from jaxdyn._text import fail
 from jaxdyn.cli import completion
-from jaxdyn.files.image_files import animation_path, picture_path
 from jaxdyn.files.input_files import MAX_BYTES, content
-from jaxdyn.files.output_files import page_path
+from jaxdyn.files.output_files import animation_path, page_path, picture_path
 
 MISUSE = 2  # exit code: invalid input
 BEGAN = time.perf_counter()  # when the command line began to load: libraries take a second or more
@@ -164,7 +164,8 @@ def start(app: typer.Typer) -> None:
         if isinstance(stream, io.TextIOWrapper):  # a terminal may support fewer characters
             stream.reconfigure(errors="replace")
     try:
-        code = app(standalone_mode=False)
+        with _scene_files.locate_errors():
+            code = app(standalone_mode=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except _Usage as error:

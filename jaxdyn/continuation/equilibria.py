@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.captured import with_captures
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
+from jaxdyn._records import with_captures
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from jaxdyn import _text
-from jaxdyn._records import labelled
-from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn import _labelled, _text
+from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn.analysis.eigenvalues import Eigenvalues, rate_eigenvalues, rate_verdict
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.kinds import Kind
@@ -119,8 +118,8 @@ class EquilibriumFamily:
 
         return bifurcations.equilibria([self], title="")
 
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     def _to_labelled(self) -> Labelled:
         labels, axes = self.make(self.members[0].parameter).labels(), ("member",)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.continuation import checkpoint
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo

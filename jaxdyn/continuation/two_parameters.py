@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.continuation import augmented
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields

@@ -46,12 +46,14 @@ car slows down uniformly, at mu g |s| / L, and stays straight. A small rotation 
 order. All of these are checked below.
 """
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import drawing, scenes, simulate
+from jaxdyn import drawing, ode, scenes, simulate, until
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
+from jaxdyn.integrate.events import When
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scenes.wheels import AXLES
 
@@ -60,13 +62,35 @@ TOPIC = "rolling and skating"
 
 
 J = 1500.0 + 1000.0 * 1.2**2  # about the front axle [kg m^2]
+#: Where the free axle is, ahead of G, and the locked one, ahead of the free one [m].
+PLACES = {"front": (-1.4, 2.6), "rear": (1.2, -2.6)}
 
 
-def by_hand(V, omega):
-    """Acceleration of G along the car, V' + s omega^2, and omega', with the rear wheels locked."""
-    force, u = 0.7 * 9.81 * 1000.0 * 1.2 / 2.6, np.hypot(V, 2.6 * omega)
-    yaw = (1200.0 * V * omega - force * 2.6**2 * omega / u) / J
-    return np.array([-force * V / u / 1000.0, yaw])
+def by_hand(t, y, p):
+    """The rates of V, of the speed w = b omega of the locked axle across the car, and of theta."""
+    (V, w, _), m, s, b = y, 1000.0, p["s"], p["b"]
+    inertia, force, u = 1500.0 + m * s**2, 0.7 * 9.81 * m * jnp.abs(s / b), jnp.hypot(V, w)
+    slowing = -s * (w / b) ** 2 - force * V / u / m
+    turning = m * s * V * w / inertia - force * b**2 * w / u / inertia
+    return jnp.stack([slowing, turning, w / b])
+
+
+def slow(t, y):
+    """How much faster than 1e-4 m/s the locked axle slides, in squares."""
+    return y[0] ** 2 + y[1] ** 2 - 1e-8
+
+
+def brake(page, locked):
+    """The motion to rest and the state there; where to stop it is known by the equations in (a)."""
+    scene, (s, b) = scenes.car(locked=locked), PLACES[locked]
+    hand = ode(by_hand, [20.0, 0.01 * b, 0.0], 60.0, params={"s": s, "b": b})
+    stop = until(hand, When(slow, -1), rtol=1e-12)
+    motion = simulate(scene, stop.t, samples=2001, rtol=1e-12)
+    turned = motion["theta"][-1]
+    statement = f"a: By hand it turns as far, {locked}"
+    page.equal(statement, stop.y[2], turned, within=1e-9, route="second formulation")
+    (way,) = scenes.braking(scene)["slide"].exits
+    return motion, eqx.filter_jit(way.change)(stop.t, motion.ys[-1])
 
 
 def solve(page: Page) -> None:
@@ -76,22 +100,17 @@ def solve(page: Page) -> None:
     power = 1000.0 * 2.6 * 20.0**2 / (2 * 0.7 * 9.81 * J)
     page.number("d: exponent of the growth from 20 m/s to rest, rear wheels locked", power)
     stops = {}
-    for locked, far in (("front", 1.4), ("rear", 1.2)):
-        scene = scenes.car(locked=locked)
-        stop = simulate_phases(scenes.braking(scene), "slide", scene.y0, 60.0, samples=300)
-        stops[f"{locked} wheels locked"] = stop
-        page.number(f"turned at rest, {locked} wheels locked", np.degrees(stop.y[2]), "degrees")
+    for locked, (s, _) in PLACES.items():
+        motion, rest = brake(page, locked)
+        stops[f"{locked} wheels locked"] = motion
+        page.number(f"turned at rest, {locked} wheels locked", np.degrees(rest[2]), "degrees")
 
         hardly = scenes.car(locked=locked, speed=10.0, spin=1e-6)
-        left = scenes.wheels.turning_left(hardly, 10.0 - 0.7 * 9.81 * far / 2.6)
+        left = scenes.wheels.turning_left(hardly, 10.0 - 0.7 * 9.81 * abs(s) / 2.6)
         page.number(f"rotation after 1 s from 10 m/s, {locked}", left, "of the first")
-        growth = hardly.rate(0.0, hardly.y0)[5] / 1e-6
+        growth = np.asarray(eqx.filter_jit(hardly.rate)(0.0, hardly.y0))[5] / 1e-6
         rate = scenes.turning_rate(hardly, 10.0)
         page.equal(f"Its rate of growth, {locked}", growth, rate, within=1e-12)
-
-    turning = scenes.car(spin=0.5)
-    rates = turning.rate(0.0, turning.y0)[jnp.array([3, 5])]
-    page.equal("a: The equations", rates, by_hand(20.0, 0.5), within=1e-12, route="by hand")
     page.equal("It is 0 at that speed", scenes.turning_rate(scenes.car(), edge), 0.0, within=1e-14)
 
     figure = drawing.trajectory(list(stops.values()), names=list(stops))
@@ -128,8 +147,12 @@ def ask(page: Page) -> None:
 
 
 def check(page: Page) -> None:
-    """Stop straight, turn a little, and slide without friction, as is known in closed form."""
+    """Stop by the search for rest, straight, turn a little, and slide without friction."""
     for locked, far in (("front", 1.4), ("rear", 1.2)):
+        scene = scenes.car(locked=locked)
+        stop = simulate_phases(scenes.braking(scene), "slide", scene.y0, 60.0, samples=300)
+        turned, by_hand = np.degrees(stop.y[2]), page[f"turned at rest, {locked} wheels locked"]
+        page.equal(f"Turned at rest, {locked}", turned, by_hand, within=1e-7, route="event")
         straight = scenes.car(locked=locked, spin=0.0)
         slide = simulate_phases(scenes.braking(straight), "slide", straight.y0, 60.0, samples=300)
         slowing = 0.7 * 9.81 * far / 2.6

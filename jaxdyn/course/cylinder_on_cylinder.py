@@ -33,6 +33,7 @@ The numbers belong to r = 0.5 m on R = 1 m, from rest at 0.001 rad, which change
 
 import jax
 import numpy as np
+from scipy import integrate
 
 from jaxdyn import drawing, scenes, simulate
 from jaxdyn.course.page import Page, show
@@ -41,17 +42,29 @@ PROBLEM = 37
 TOPIC = "rolling and skating"
 
 
+START = 1e-3  # [rad]
+
+
+def rolling_time(angle):
+    """Time [s] from rest at the start to an angle, by the energy; with theta = START + u^2."""
+
+    def pace(u):
+        fallen = 2 * np.sin(START + u**2 / 2) * np.sin(u**2 / 2)
+        return 2 * u / np.sqrt(4 / 3 * 9.81 / 1.5 * fallen)
+
+    return integrate.quad(pace, 0.0, np.sqrt(angle - START), epsabs=0.0, epsrel=1e-13)[0]
+
+
 def solve(page: Page) -> None:
-    """Roll to where contact ends, compare with a pendulum, and find the friction on the way."""
-    start = 1e-3
-    rolling = scenes.cylinder_on_cylinder(r=0.5, fixed=1.0, theta=start, t1=4.0)
-    end = scenes.contact_lost(rolling)
-    angle = np.arctan2(end.y[0], end.y[1])
+    """Roll to where contact ends, and find the friction on the way."""
+    rolling = scenes.cylinder_on_cylinder(r=0.5, fixed=1.0, theta=START, t1=4.0)
+    angle = np.arccos(4 / 7 * np.cos(START))
     page.number(
         "b: angle where contact ends, with unlimited friction", np.degrees(angle), "degrees"
     )
-    printed = "Contact ends where cos(theta) is 4/7 of its value at the start"
-    page.equal(printed, np.cos(angle), 4 / 7 * np.cos(start), within=1e-9)
+    motion = simulate(rolling, rolling_time(angle), samples=2001, rtol=1e-12)
+    end = np.arctan2(motion["x"][-1], motion["y"][-1])
+    page.equal("The motion takes the time that its energy says", end, angle, within=1e-9)
 
     for mu in (0.2, 0.4, 0.8):
         slips = np.arccos(4 * mu / np.hypot(7 * mu, 1.0)) - np.arctan2(1.0, 7 * mu)
@@ -59,8 +72,7 @@ def solve(page: Page) -> None:
         ratio = np.sin(slips) / (7 * np.cos(slips) - 4)
         page.equal("The friction needed there is the coefficient", ratio, mu, within=1e-14)
 
-    motion = simulate(rolling, end.t, samples=300, rtol=1e-12)
-    free = drawing.free_body(motion, float(motion.ts[250]))
+    free = drawing.free_body(motion, float(motion.ts[1670]))
     page.draw(free, "The free-body diagram: weight, normal force and friction.")
     page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
     look = (
@@ -71,20 +83,22 @@ def solve(page: Page) -> None:
 
 
 def check(page: Page) -> None:
-    """Compare the motion with an inverted pendulum, and the friction with its formula."""
-    start = 1e-3
-    rolling = scenes.cylinder_on_cylinder(r=0.5, fixed=1.0, theta=start, t1=4.0)
+    """Find the end of contact, and compare with a pendulum and with the formula of friction."""
+    rolling = scenes.cylinder_on_cylinder(r=0.5, fixed=1.0, theta=START, t1=4.0)
     end = scenes.contact_lost(rolling)
+    cosine, printed = np.cos(np.arctan2(end.y[0], end.y[1])), 4 / 7 * np.cos(START)
+    statement = "The normal force vanishes where cos(theta) is 4/7 of its value at the start"
+    page.equal(statement, cosine, printed, within=1e-9, route="event")
     motion = simulate(rolling, end.t, samples=300, rtol=1e-12)
     theta = np.arctan2(motion["x"], motion["y"])
-    inverted = scenes.pendulum(length=1.5, g=9.81 * 2 / 3, angle=np.pi - start)
+    inverted = scenes.pendulum(length=1.5, g=9.81 * 2 / 3, angle=np.pi - START)
     swing = simulate(inverted, end.t, samples=300, rtol=1e-12)
     same = "It moves as an inverted pendulum does with 2/3 of the gravity"
     page.equal(same, theta, np.pi - swing["theta"], within=1e-10, route="second formulation")
 
     before = theta < np.radians(54)
     needed = jax.jit(jax.vmap(scenes.friction_needed, (None, 0)))(rolling, motion.ys[before])
-    closed = np.sin(theta) / (7 * np.cos(theta) - 4 * np.cos(start))
+    closed = np.sin(theta) / (7 * np.cos(theta) - 4 * np.cos(START))
     page.equal("Friction over normal force", needed, closed[before], within=1e-9)
 
 

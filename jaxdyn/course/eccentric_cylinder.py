@@ -61,7 +61,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from scipy import optimize
+from scipy import integrate, optimize
 
 from jaxdyn import Scene, drawing, lagrangian, scenes, simulate, until
 from jaxdyn.course.page import Page, show
@@ -94,12 +94,27 @@ def rolling_law(t, q, v, p):
     return (p["m"] * square + p["inertia"]) * turning**2 / 2 - p["m"] * p["g"] * height
 
 
+def rate_squared(psi):
+    """The square of psi' [1/s^2] after a turn psi from rest, and m (r^2 + ...) + I, by energy."""
+    m, r, d, inertia, slope, g = NUMBERS.values()
+    about = inertia + m * (r**2 + d**2 + 2 * r * d * np.cos(psi))
+    fallen = r * psi * np.sin(slope) + 2 * d * np.sin(slope + psi / 2) * np.sin(psi / 2)
+    return 2 * m * g * fallen / about, about
+
+
+def rolling_time(psi):
+    """Time [s] from rest to a turn psi; with psi = u^2, which makes it smooth at the start."""
+
+    def pace(u):
+        return 2 * u / np.sqrt(rate_squared(u**2)[0])
+
+    return integrate.quad(pace, 0.0, np.sqrt(psi), epsabs=0.0, epsrel=1e-13)[0]
+
+
 def forces(psi):
     """Friction down the ramp and normal force [N] after a turn psi from rest."""
-    m, r, d, inertia, slope, g = (NUMBERS[name] for name in NUMBERS)
-    about = inertia + m * (r**2 + d**2 + 2 * r * d * np.cos(psi))
-    fallen = r * psi * np.sin(slope) + d * (np.cos(slope) - np.cos(psi + slope))
-    square = 2 * m * g * fallen / about
+    m, r, d, _, slope, g = NUMBERS.values()
+    square, about = rate_squared(psi)
     pull = m * g * (r * np.sin(slope) + d * np.sin(psi + slope))
     turning = (pull + m * r * d * np.sin(psi) * square) / about
     friction = m * ((r + d * np.cos(psi)) * turning - d * np.sin(psi) * square)
@@ -115,26 +130,27 @@ def excess(psi):
 
 def solve(page: Page) -> None:
     """Roll to where it slips and to where the normal force vanishes, and find the forces there."""
-    scene = scenes.cylinder_on_ramp(t1=10.0, mu=0.8, **NUMBERS)
-    end = scenes.contact_lost(scene)
-    rolled = end.y[2] - NUMBERS["slope"]
+    psi = np.linspace(0.0, 15.0, 100_000)[1:]
+    i = np.flatnonzero(forces(psi)[1] < 0)[0]
+    rolled = optimize.brentq(lambda psi: forces(psi)[1], psi[i - 1], psi[i], xtol=1e-13)
     page.number("c: it rolls until the normal force vanishes, with unlimited friction", rolled, "m")
     page.number("c: that is, beyond two turns", rolled - 4 * np.pi, "rad")
-    friction, normal = forces(float(rolled))
-    page.equal("c: No normal force is left there", normal, 0.0, within=1e-9, route="energy")
+    friction, _ = forces(rolled)
     page.number("c: friction that is left there", friction, "N")
     lifts = 0.5 * np.sin(rolled) * (1 + 0.5 * np.cos(rolled)) * friction / 0.4
     page.number("c: acceleration of G off the ramp without it", lifts, "m/s^2")
     page.true("c: A flight from there would enter the ramp", lifts < 0, route="Newton's law")
 
-    psi = np.linspace(0.0, float(rolled), 100_000)[1:-1]
     i = np.flatnonzero(excess(psi) > 0)[0]
     slips = optimize.brentq(excess, psi[i - 1], psi[i], xtol=1e-13)
     page.number("c: with a coefficient of 0.8 it slips after", slips, "m")
     friction, normal = forces(slips)
     page.equal("b: There |F| / N is 0.8", abs(friction) / normal, 0.8, within=1e-9, route="energy")
 
-    motion = simulate(scene, end.t, samples=300, rtol=1e-12)
+    scene = scenes.cylinder_on_ramp(t1=10.0, mu=0.8, **NUMBERS)
+    motion = simulate(scene, rolling_time(rolled), samples=2001, rtol=1e-12)
+    turned = motion["phi"][-1] - NUMBERS["slope"]
+    page.equal("The motion takes the time that its energy says", turned, rolled, within=1e-9)
     page.draw(drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
     look = (
         "It rolls until the ramp would have to pull, as if friction had no limit; with a "
@@ -146,7 +162,14 @@ def solve(page: Page) -> None:
 def check(page: Page) -> None:
     """Roll by Lagrange's equation, and find the friction from the multipliers of the contact."""
     scene = scenes.cylinder_on_ramp(t1=10.0, **NUMBERS)
-    end = scenes.contact_lost(scene).t
+    lost = scenes.contact_lost(scene)
+    rolled, end = (
+        page["c: it rolls until the normal force vanishes, with unlimited friction"],
+        lost.t,
+    )
+    page.equal(
+        "c: No normal force is left there", lost.y[2] - 0.2, rolled, within=1e-9, route="event"
+    )
     motion = simulate(scene, end, samples=300, rtol=1e-12)
     angle = simulate(lagrangian(rolling_law, [0.0], [0.0], params=NUMBERS), end, samples=300)
     same = "a: Lagrange's equation gives the same motion"

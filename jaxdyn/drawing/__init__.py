@@ -15,7 +15,7 @@ the command lines and `orbits.drawing` import this folder, since Matplotlib is s
 May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`.
 
 To add a picture, write a file with a function ``name(found, path=None, *, title=None)`` that checks
-its path by `image_files.picture_path`, draws on `figures.blank` with `figures.style` and ends with
+its path by `output_files.picture_path`, draws on `figures.blank` with `figures.style` and ends with
 `figures.finish`, and add a line below.
 """
 

@@ -22,14 +22,14 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import each
-from jaxdyn._records.kinds import check_first
 from jaxdyn.drawing.artists import Shapes
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import blank, legend_below, path_entries
 from jaxdyn.drawing.panels import colours, draw_lines, limits, panel, size
 from jaxdyn.drawing.solid import fill
-from jaxdyn.files.image_files import animation_path
+from jaxdyn.files.output_files import animation_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 
 #: Line styles of verdicts.
 STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}

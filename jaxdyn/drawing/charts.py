@@ -11,12 +11,12 @@ from matplotlib.colors import LinearSegmentedColormap, ListedColormap, TwoSlopeN
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.floquet import Chart
 from jaxdyn.chaos.maps import ChaosMap
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 
 _STABLE, _GROWING, _UNDECIDED = PALETTE[0], PALETTE[1], "#9a9a9a"
 _FAINT = "#fbe9de"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import second
 from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.fitting.result import LEVEL, Fit, with_bar
 
 _HIGH, _LOW = 2.0, 1.0  # [in] heights of the two panels for a column

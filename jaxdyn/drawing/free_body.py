@@ -16,7 +16,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Bbox
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_kind
+from jaxdyn._checks import check_kind
 from jaxdyn._text import brief
 from jaxdyn.analysis.free_body import BALANCE, Force, FreeBodies, FreeBody
 from jaxdyn.analysis.free_body import free_body as cut_free
@@ -24,7 +24,7 @@ from jaxdyn.drawing.artists import BODY, GROUND, HUNG
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish
 from jaxdyn.drawing.strokes import coil, dashpot
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.integrate.trajectory import Trajectory

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.drawing.contents import Paths, paths
 from jaxdyn.drawing.figures import blank, finish, legend_below, mark, path_entries, style
 from jaxdyn.drawing.panels import WIDTH, colours, draw_paths, draw_starts, limits
 from jaxdyn.drawing.titles import heading, scenes_of
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jaxdyn import _checks
 from jaxdyn.drawing.figures import blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 
 
 def bode(

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
@@ -18,7 +18,7 @@ from jaxdyn.drawing.curves import samples_reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.drawing.artists import ABOVE_AREAS, Shapes, draw_pose
 from jaxdyn.drawing.contents import Paths, in_time, paths, places
 from jaxdyn.drawing.figures import (
@@ -31,7 +31,7 @@ from jaxdyn.drawing.panels import colours, draw_paths, draw_starts, limits, pane
 from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading, scenes_of
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene

@@ -10,7 +10,7 @@ import equinox as eqx
 import numpy as np
 from matplotlib.mathtext import MathTextParser
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import words
 from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints

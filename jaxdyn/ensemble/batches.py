@@ -17,8 +17,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from jaxdyn.ensemble.lanes import Ends, Motions, integrate
-from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.step_control import Limits
+from jaxdyn.integrate.march import Limits, Watch
 from jaxdyn.solvers import Method
 
 _AXIS = "motions"

@@ -3,9 +3,9 @@
 The search of `integrate.event_search` looks into a step by more steps from its start. In a lane
 these are the lane's own steps, so that all lanes go on looking and stepping together, vectorised,
 and none waits for another: the watch steers its run. A step that may hide crossings, as judged from
-the values and slopes at both ends and at a node before (`bracketing`), is taken again with half its
-length. A step with a crossing is taken again up to where Newton's method expects it, until it ends
-there; the run goes on from the crossing.
+the values and slopes at both ends and at a node before (`are_settled`), is taken again with half
+its length. A step with a crossing is taken again up to where Newton's method expects it, until it
+ends there; the run goes on from the crossing.
 """
 
 from typing import NamedTuple
@@ -16,11 +16,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.event_search.beginning import Beginning
-from jaxdyn.integrate.event_search.bracketing import Stretch
+from jaxdyn.integrate.event_search.crossings import Beginning, Stretch
 from jaxdyn.integrate.event_search.event_values import Clocks, at, sizes
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.observing import StepDecision, Watch
+from jaxdyn.integrate.march import StepDecision, Watch
 from jaxdyn.scene import Field
 
 _GUESSES = 5  # Newton steps for the zero of the polynomial through the ends of a step

@@ -17,11 +17,11 @@ import numpy as np
 from rich.progress import Progress
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.ensemble.batches import Job, cores, mesh_of
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.march import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver

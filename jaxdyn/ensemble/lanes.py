@@ -21,22 +21,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks, _text
-from jaxdyn._records import labelled
-from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn import _checks, _labelled, _text
+from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import number_of, second
-from jaxdyn.integrate.lookahead import Lookahead, look_from_start, lookahead
-from jaxdyn.integrate.march import UNROLLED_BELOW
-from jaxdyn.integrate.observing import Watch, clip
+from jaxdyn.integrate.march import (
+    UNROLLED_BELOW,
+    Limits,
+    Lookahead,
+    StepControl,
+    Watch,
+    clip,
+    first_step,
+    look_from_start,
+    lookahead,
+)
 from jaxdyn.integrate.pieces import run_pieces
-from jaxdyn.integrate.step_control import Limits, StepControl, first_step
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.formulas.simplified import simplify
+from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import operations
-from jaxdyn.solvers.sizes import allowed_error, groups_of, grow, sizes_after_rejection
-from jaxdyn.solvers.stepper import StepError
+from jaxdyn.solvers.stepper import StepError, allowed_error, groups_of, grow, sizes_after_rejection
 from jaxdyn.status import Status
 
 #: Number of lanes in a group. The compiler unrolls a loop over 16 or fewer before vectorisation,
@@ -90,7 +95,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: pandas is not installed.
         """
-        return labelled.frame(self._to_labelled(scene))
+        return _labelled.frame(self._to_labelled(scene))
 
     def to_xarray(self, scene: Scene) -> Any:
         """The ends as an xarray Dataset along the axis "motion".
@@ -100,7 +105,7 @@ class Ends(NamedTuple):
         Raises:
           ValueError: xarray is not installed.
         """
-        return labelled.to_dataset(self._to_labelled(scene))
+        return _labelled.to_dataset(self._to_labelled(scene))
 
     def _to_labelled(self, scene: Scene) -> Labelled:
         labels, axes = scene.labels(), ("motion",)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn._checks import as_float, floats
-from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.march import Watch
 from jaxdyn.scene import Field, Scene, System
 
 _NEWTON_STEPS = 4  # steps of Newton's method for the least distance within a step

@@ -1,6 +1,6 @@
 """Files that are written and read: paths, scenes as JSON, motions as archives and as tables.
 
-`input_files` reads files; `output_files` and `image_files` check paths before the work. The `codec`
+`input_files` reads files; `output_files` checks paths before the work. The `codec`
 turns values of every kind, arrays and scenes among them, into JSON and back; the `layout` says what
 a file is, and writes documents; a `journal` grows line by line, written by one program or by
 several in turn. `loading` reads a file of any kind by its format, with readers that packages
@@ -24,7 +24,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "codec",
         "data_frames",
         "digests",
-        "image_files",
         "input_files",
         "journal",
         "layout",

@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxdyn import _checks
-from jaxdyn._records import labelled
-from jaxdyn._records.kinds import check_first
+from jaxdyn import _checks, _labelled
+from jaxdyn._checks import check_first
 from jaxdyn._text import fail
 from jaxdyn.effects import PairGravity
 from jaxdyn.files.input_files import MAX_BYTES, content
@@ -144,7 +143,7 @@ def to_rebound(scene: Scene) -> Any:
         raise _checks.fail("scene", "free points under PairGravity alone", got)
     gravity = scene.effects[0]
     assert isinstance(gravity, PairGravity)
-    sim = labelled.package("rebound", "to_rebound").Simulation()
+    sim = _labelled.package("rebound", "to_rebound").Simulation()
     sim.G = float(gravity.G)
     r, v, m = (np.asarray(x) for x in scene.points(0.0, scene.y0))
     flat = np.zeros((len(m), 3 - r.shape[1]))

@@ -31,8 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import captures_of_record
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record, captures_of_record
 from jaxdyn.formulations.attitude import Attitude
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.geometry.inertia import MaterialPoints

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn import _checks
-from jaxdyn._records import labelled
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn import _checks, _labelled
+from jaxdyn._checks import check_first
+from jaxdyn._labelled import Labelled, Values
 from jaxdyn._text import second
 from jaxdyn.integrate.phase import END, HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
@@ -19,16 +18,16 @@ _UNTRACED = "Convert what a compiled function returns."
 @check_first
 def dataset(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a Dataset; see `Trajectory.to_xarray`."""
-    labelled.package("xarray", "to_xarray")
+    _labelled.package("xarray", "to_xarray")
     _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
-        return labelled.to_dataset(_labels_of_phases(motion))
+        return _labelled.to_dataset(_labels_of_phases(motion))
     shape = motion.batch_shape
     scene = motion.one(*(0 for _ in shape)).scene
     axes = (*_axes(shape), "sample" if shape else "t")
     time = Values(axes, motion.ts, _units(scene)["t"])
-    return labelled.to_dataset(
-        Labelled({"t": time}, labelled.entries(axes, motion.ys, scene.labels()))
+    return _labelled.to_dataset(
+        Labelled({"t": time}, _labelled.entries(axes, motion.ys, scene.labels()))
     )
 
 
@@ -46,7 +45,7 @@ def _labels_of_phases(motion: HybridTrajectory) -> Labelled:
 @check_first
 def frame(motion: Trajectory | HybridTrajectory) -> Any:
     """The samples of a motion as a DataFrame; see `Trajectory.to_pandas`."""
-    pandas = labelled.package("pandas", "to_pandas")
+    pandas = _labelled.package("pandas", "to_pandas")
     _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
         return _of_phases(pandas, motion)

@@ -13,12 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks, solvers
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.files import archives
 from jaxdyn.files.codec import decode_scene, encode
 from jaxdyn.files.layout import Layout
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
@@ -29,7 +28,8 @@ LAYOUT = Layout("jaxdyn-motion", 2, "`motion.save`", {1: False})
 RECORD = "motion.json"
 _REMEDY = "Give the path of a file that `motion.save` wrote; if it is one, it is damaged."
 #: Methods by their names in files.
-_METHODS = {x.name: x for x in map(vars(solvers).get, solvers.__all__) if isinstance(x, Method)}
+_EXPORTED = (getattr(solvers, name) for name in solvers.__all__)
+_METHODS = {x.name: x for x in _EXPORTED if isinstance(x, Method)}
 #: Type and axes of each array of a motion, after the axes of a batch: s samples, k entries.
 _ARRAYS = {
     "ts": ("float", "s"),

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.labelled import Labelled
+from jaxdyn._checks import check_first
+from jaxdyn._labelled import Labelled
 from jaxdyn._text import fail, second
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_kind
+from jaxdyn._checks import check_kind
 from jaxdyn.fitting import measurements, result
 from jaxdyn.fitting.multiple_shooting import estimate
 from jaxdyn.fitting.result import Fit, FitError, FitStatus

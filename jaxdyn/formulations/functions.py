@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import refuse_narrow
-from jaxdyn._records.captured import PASS_AS_PARAMS
+from jaxdyn._records import PASS_AS_PARAMS
 
 
 class WithFunctions(eqx.Module):

@@ -22,9 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks, _shapes
+from jaxdyn import _checks
 from jaxdyn._numerics import solve_spd
-from jaxdyn._shapes import potential_energy
 from jaxdyn.formulations.functions import (
     as_params,
     call,
@@ -42,6 +41,7 @@ from jaxdyn.formulations.mechanism import (
     with_rates,
 )
 from jaxdyn.scene import Effect, Scene, System
+from jaxdyn.system import check_value, potential_energy
 
 #: Ratio of the smallest to the largest eigenvalue of d2L/dv2 that may be only rounding.
 _SINGULAR = 1e-13
@@ -204,7 +204,7 @@ def lagrangian(
         check_function(name, function, params, *args)
         values = (t, q0, v0)[: len(args)]
         of = eqx.Partial(call, function, params)
-        _shapes.check_value(name, (), one, of, *values)
+        check_value(name, (), one, of, *values)
     system = Lagrangian(functions, params, name_entries(names, "q", len(q0)))
     name = name_of(functions[0]) if len(functions) == 1 else ""
     return Scene(system, y0=jnp.concatenate([q0, v0]), t1=t1, name=name)

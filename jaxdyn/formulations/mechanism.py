@@ -16,13 +16,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import materialise, runtime_one
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.joints import Joint, Part
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
-from jaxdyn.system import Record
+from jaxdyn.system import Record, generalized_forces, total_force
 
 #: Forms of the constraint of a rod, as scenes name them; see `stretch`.
 TIES = ("length", "square")

@@ -17,9 +17,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn._shapes import check_force, total_force
 from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
+from jaxdyn.system import check_force, total_force
 
 _AXES = "xyz"
 #: 1 / sqrt(m) of a test particle [kg^-1/2], as a part of the largest float: any force on it exceeds

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn import _checks, _shapes
-from jaxdyn._records.repeated import check_repeatable
+from jaxdyn import _checks
+from jaxdyn._records import check_repeatable
 from jaxdyn.formulations.functions import (
     as_params,
     call,
@@ -26,6 +26,7 @@ from jaxdyn.formulations.functions import (
 )
 from jaxdyn.formulations.structure import Structure, flatten_start
 from jaxdyn.scene import Scene, System
+from jaxdyn.system import check_value
 
 
 class Ode(System):
@@ -190,7 +191,7 @@ def ode(
     )
     t, each = jnp.zeros(()), "One for each entry of y0."
     try:
-        _shapes.check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
+        check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
     except Exception:
         _check_order(system, t, y0)
         raise
@@ -201,10 +202,10 @@ def ode(
         def energy_of(t, y):
             return call(energy, params, t, system.tree(y))
 
-        _shapes.check_value("energy", (), one, energy_of, t, y0)
+        check_value("energy", (), one, energy_of, t, y0)
     for key, _ in moves:
         name = f"generators {key!r}"
-        _shapes.check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
+        check_value(name, y0.shape, each, lambda y, key=key: system.generators(y)[key], y0)
     scene = Scene(system, y0=y0, t1=t1, name=name_of(rate))
     if second_order and not _checks.is_traced(scene):
         scene.check()  # `solve` would not, and a wrong claim gives wrong motions

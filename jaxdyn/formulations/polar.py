@@ -6,9 +6,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn._shapes import total_force
 from jaxdyn.joints import particles
 from jaxdyn.scene import Points, System
+from jaxdyn.system import total_force
 
 
 class PolarParticle(System):

@@ -16,13 +16,14 @@ momentum in space is `energy.angular_momentum`.
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import solve_spd
-from jaxdyn._records.kinds import check_first
-from jaxdyn._shapes import generalized_forces, total_force
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
 from jaxdyn.geometry.inertia import MaterialPoints
@@ -30,6 +31,7 @@ from jaxdyn.geometry.vectors import cross
 from jaxdyn.joints import Joint, body, pinned
 from jaxdyn.scene import Effect, Points, Scene, System
 from jaxdyn.sketch import Looks, Shape, traces
+from jaxdyn.system import generalized_forces, total_force
 
 #: Largest deviation of the attitude of a start from a unit quaternion or a rotation matrix.
 CONSISTENT = 1e-9
@@ -83,6 +85,11 @@ def pose(scene: Scene, t: Array, y: Array) -> Pose:
     Along a motion: ``energy.along(rigid.pose, motion)``.
     """
     del t
+    return _pose(scene, y)
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _pose(scene: Scene, y: Array) -> Pose:
     system: Any = scene.system
     if isinstance(system, MechanismSystem):
         mechanism: Any = system.mechanism
@@ -205,8 +212,8 @@ class RigidBody(System):
         if _checks.is_traced((self, y)):
             return
         a = self._parts(y)[1]
-        nearest = self.attitude.nearest(a)
-        off = float(jnp.max(jnp.abs(nearest - a)))
+        nearest = np.asarray(_nearest(self.attitude, a))
+        off = np.abs(nearest - a).max()
         if not off <= CONSISTENT:
             raise _checks.fail(
                 "y0",
@@ -271,7 +278,7 @@ def check_matter(matter: MaterialPoints) -> None:
     _checks.positive("mass", jnp.sum(matter.m), "Masses are in kg.")
     if _checks.is_traced(matter):
         return
-    moments = jnp.linalg.eigvalsh(inertia_matrix(matter))
+    moments = _moments(matter)
     if not moments[0] > 1e-12 * moments[2]:
         raise _checks.fail(
             "matter",
@@ -279,6 +286,16 @@ def check_matter(matter: MaterialPoints) -> None:
             f"principal moments {moments.tolist()}",
             "A line has no inertia about itself: take a thin cylinder.",
         )
+
+
+@jax.jit
+def _moments(matter: MaterialPoints) -> Array:
+    return jnp.linalg.eigvalsh(inertia_matrix(matter))
+
+
+@eqx.filter_jit
+def _nearest(attitude: Attitude, a: Array) -> Array:
+    return attitude.nearest(a)
 
 
 def about_centre(matter: MaterialPoints) -> MaterialPoints:

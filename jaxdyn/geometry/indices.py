@@ -20,8 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import as_float, fail, float64
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import as_float, check_first, fail, float64
 
 _FACTOR = re.compile(r"\s*\*?\s*(?:(\d+\.?\d*)|([A-Za-z]+)(?:_([a-z]+))?)\s*")
 

@@ -178,6 +178,7 @@ class Principal(NamedTuple):
 
 
 @arrays
+@jax.jit  # one program, where each operation by itself would be one at its first call
 def principal(body: Body) -> Principal:
     """Principal moments and right-handed principal axes about the centre.
 
@@ -254,6 +255,11 @@ def equimomental(body: Body) -> MaterialPoints:
       flat, and those derivatives are returned; `scenes.bodies.jack` is smooth there too.
     """
     body.check()
+    return _equimomental(body)
+
+
+@jax.jit
+def _equimomental(body: Body) -> MaterialPoints:
     P = jnp.trace(body.inertia) / 2 * jnp.eye(3) - body.inertia
     size = jnp.trace(P)
     columns = []

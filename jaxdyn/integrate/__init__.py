@@ -2,15 +2,14 @@
 
 `simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` has what they return, the folder
 `errors` says how accurate that is, `spans` checks their arguments. `flow` is the compiled solve
-with its derivatives in both modes, by the variational equations of `variational`. `adjoint` has the
-gradient of one loss with respect to many numbers (`adjoint=True`), `fixed` the solve with the
-parameters as constants, `step_control` the step size, `observing` the samples and the limits of a
-run, `switching` the change to another method where the default does not suit a motion. `march` is
-the loop over steps, `lookahead` keeps them from passing over brief parts of a rate, `pieces`
-follows rates with conditions, each piece in one branch. Events are in `events` (the calls, and what
-they return) and in the folder `event_search` (the search within a step). Piecewise-smooth motions
-are in `phases` (the calls, which phase is first and next) and `phase` (one phase, and when a state
-fits it).
+with its derivatives in both modes, by the variational equations, and the change to another method
+where the default does not suit a motion. `adjoint` has the gradient of one loss with respect to
+many numbers (`adjoint=True`), `fixed` the solve with the parameters as constants. `march` is the
+loop over steps: their size, samples on the way, and that none passes over brief parts of a rate.
+`pieces` follows rates with conditions, each piece in one branch. Events are in `events` (the calls,
+and what they return) and in the folder `event_search` (the search within a step). Piecewise-smooth
+motions are in `phases` (the calls, which phase is first and next) and `phase` (one phase, and when
+a state fits it).
 
 May import: `solvers`, `plan`. A scene is used only through its rate, its projection and its labels.
 

@@ -22,9 +22,9 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.integrate.flow import SolveResult, flow
-from jaxdyn.integrate.step_control import Limits
+from jaxdyn.integrate.march import Limits
 from jaxdyn.plan import plan_of
-from jaxdyn.plan.in_branch import Branch, InBranch
+from jaxdyn.plan.plan import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
 

@@ -17,17 +17,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._checks import as_float
+from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.record import Record
-from jaxdyn._records.repeated import check_repeatable
+from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
-from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
-from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
@@ -326,6 +323,8 @@ def _search(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
     y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)
     event = jnp.where(happened & fine, found.event, -1)
-    same = coincident(field, events, y0, t0, t, y, jnp.where(t1 > t0, 1.0, -1.0))
-    same = (event >= 0) & (same | (jnp.arange(len(events)) == event))
+    same = jnp.arange(len(events)) == event
+    if len(events) > 1:  # a look costs a fifth of a search's compile time
+        direction = jnp.where(t1 > t0, 1.0, -1.0)
+        same = same | (event >= 0) & coincident(field, events, y0, t0, t, y, direction)
     return Stop(t=t, y=y, event=event, status=found.status, coincident=same)

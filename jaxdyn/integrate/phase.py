@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import sizes, values
 from jaxdyn.integrate.events import Event

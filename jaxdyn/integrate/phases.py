@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.integrate.events import stop_of
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
 from jaxdyn.integrate.simulation import simulate
@@ -72,7 +72,7 @@ def simulate_phases(
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
         raise _checks.fail("max_phases", "at least 1", max_phases)
-    t, y = jnp.asarray(float(t0)), jnp.asarray(y0, dtype=float)
+    t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
     name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
     check_scene(phases[name].scene.starting(y, t1))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)

@@ -14,13 +14,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
-from jaxdyn.integrate.march import History, SolveResult, march
-from jaxdyn.integrate.step_control import Limits
+from jaxdyn.integrate.march import History, Limits, SolveResult, march
 from jaxdyn.plan import Plan, plan_of
-from jaxdyn.plan.in_branch import Branch, InBranch, in_branch, jump, without_wrappers
+from jaxdyn.plan.plan import Branch, InBranch, in_branch, jump, without_wrappers
 from jaxdyn.plan.times import next_change
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.sizes import state_of
+from jaxdyn.solvers.stepper import state_of
 from jaxdyn.status import Status
 
 #: Roundings of state and time by which the margin of a condition at a switch may miss zero.

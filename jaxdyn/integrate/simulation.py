@@ -13,14 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.notes import notes_on
+from jaxdyn._checks import as_float, check_first
+from jaxdyn._records import notes_on
+from jaxdyn.integrate import errors
 from jaxdyn.integrate.adjoint import adjoint_flow
-from jaxdyn.integrate.errors import error_estimate
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.fixed import FixedField
-from jaxdyn.integrate.flow import SolveResult, flow
+from jaxdyn.integrate.flow import SolveResult, flow, run_or_switch
+from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS as MAX_STEPS
 from jaxdyn.integrate.spans import RTOL as RTOL
 from jaxdyn.integrate.spans import (
@@ -31,8 +31,6 @@ from jaxdyn.integrate.spans import (
     padding,
     sampled_span,
 )
-from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.integrate.trajectory import Trajectory, raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import RADAU9, Method, Solver
@@ -121,7 +119,7 @@ def simulate(
             remedy = "The tolerances are found from digits."
             raise _checks.fail("digits", "no rtol, atol or dt with it", "one", remedy)
         # One method serves all tolerances that are tried.
-        method = check_method(scene, solver, rtol=error_estimate.FINEST)
+        method = check_method(scene, solver, rtol=errors.FINEST)
         result, error, switched = _to_digits(scene, (t0, t1, ts), options, method, digits, throw)
     if throw:
         raise_unless_ok(result.status, scene)
@@ -143,7 +141,7 @@ def simulate(
 def _to_digits(
     scene: Scene, span: Span, options: SolverOptions, method: Method, digits: float, refuse: bool
 ) -> tuple[SolveResult, Estimate, bool]:
-    """The result of `error_estimate.reach` by one method, and whether that is `RADAU9`."""
+    """The result of `errors.reach` by one method, and whether that is `RADAU9`."""
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
@@ -155,7 +153,7 @@ def _to_digits(
     _, switched = _solve(scene, span, loose, method, default=default, noise=QUIET)
     if switched:
         method, default = RADAU9, False
-    return *error_estimate.reach(run, scene, span[-1], digits, method.name, refuse), switched
+    return *errors.reach(run, scene, span[-1], digits, method.name, refuse), switched
 
 
 @check_first

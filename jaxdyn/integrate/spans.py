@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float, refuse_unreal, too_large
-from jaxdyn.integrate.step_control import Limits
+from jaxdyn.integrate.march import Limits
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import RTOL as RTOL
@@ -42,7 +42,7 @@ T = TypeVar("T")
 
 
 class Share(float):
-    """An absolute tolerance in parts of the sizes of a motion; see `solvers.sizes`."""
+    """An absolute tolerance in parts of the sizes of a motion; see `solvers.stepper`."""
 
 
 class SolverOptions(NamedTuple):

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn.integrate.errors.estimate import Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import of_samples
-from jaxdyn.integrate.step_control import Limits
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver

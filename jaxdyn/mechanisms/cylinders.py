@@ -22,10 +22,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._shapes import total_force
 from jaxdyn.joints import along, body
 from jaxdyn.scene import Points, System
 from jaxdyn.sketch import Shape, circle, line, traces
+from jaxdyn.system import total_force
 
 #: Kinds of contact; a slip is named by the direction of the contact point along t.
 CONTACTS = ("roll", "slip_on", "slip_back", "fly")

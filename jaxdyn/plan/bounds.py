@@ -1,9 +1,9 @@
 """Bounds of functions of time over an interval, by interval arithmetic within compiled programs.
 
 Each value that moves becomes a pair (low, high) that encloses it while time runs through an
-interval; see `solvers.intervals` for the same on the host, with rounding outwards. Here rounding is
-left out: bounds decide where steps end, not what is proved. An operation without a rule gives the
-whole line, so that what is not understood counts as unknown.
+interval; see `solvers.enclosures` for the same on the host, with rounding outwards. Here rounding
+is left out: bounds decide where steps end, not what is proved. An operation without a rule gives
+the whole line, so that what is not understood counts as unknown.
 """
 
 import functools

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_kind
+from jaxdyn._checks import check_kind
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory, single
 from jaxdyn.scene import Effect, Scene, check_scene

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.files.output_files import page_path, replace
 from jaxdyn.player.choices import Ask, Choices, complete
 from jaxdyn.player.model import model

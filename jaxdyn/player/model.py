@@ -21,7 +21,7 @@ import scipy.linalg
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._text.tables import unit_of
+from jaxdyn._text import unit_of
 from jaxdyn.analysis.momenta import angular_momentum_about, centre_of_mass
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.phase import END, Exit, Phase

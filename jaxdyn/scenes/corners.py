@@ -6,7 +6,7 @@ To add phases, write a function of the scene in the file of its family, and add 
 from collections.abc import Callable
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.mechanisms.car import Car
 from jaxdyn.mechanisms.cylinders import Cylinder

@@ -32,8 +32,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._checks import as_float
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import as_float, check_first
 from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate.events import Event, Stop, until
 from jaxdyn.integrate.phase import Exit, Phase

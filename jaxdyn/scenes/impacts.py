@@ -14,8 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float, floats
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import as_float, check_first, floats
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.joints import Load, particles

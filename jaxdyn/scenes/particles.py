@@ -6,8 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn._checks import floats
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, floats
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity, unless_zero
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.polar import PolarParticle, polar_basis, polar_state

@@ -11,8 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import as_float, check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.scenes.sections import DRAWN, RestrictedThreeBody, libration_points

@@ -6,8 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import floats
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, floats
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.choice import route
 from jaxdyn.integrate.events import Event, Stop, until

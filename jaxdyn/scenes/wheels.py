@@ -38,9 +38,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float, floats
+from jaxdyn._checks import as_float, check_first, floats
 from jaxdyn._numerics import safe_norm, square_norm
-from jaxdyn._records.kinds import check_first
 from jaxdyn.effects import unless_zero
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event

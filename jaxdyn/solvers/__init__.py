@@ -17,75 +17,19 @@
   ``diffrax.Kvaerno5()``; see `from_diffrax`.
 
 `choice` selects the one for a scene. The folder contains `method` (the interface), `stepper` (one
-step as diffrax calls it, with compensated sums, and the loop over steps), `sizes` (the sizes in
-which a tolerance is absolute by default), `pairs` (with corrections of rounded tables),
+step as diffrax calls it, with compensated sums, the loop over steps, and the sizes in which a
+tolerance is absolute by default), `pairs` (with corrections of rounded tables),
 `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax);
 `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
-`intervals` and `enclosures` bound the values of formulas over boxes in doubles, for equilibria;
-proofs of orbits use `balls`.
+`enclosures` bounds the values of formulas over boxes in doubles, for equilibria; proofs of orbits
+use `balls`.
 
 May import: `jaxdyn`, that is the files at the top level.
 
 To add a solver, write a subclass of `Method` in a file of its own, and export the class and its
-instances below; `jaxdyn run --solver` then accepts them.
+instances in ``__init__.pyi``; `jaxdyn run --solver` then accepts them.
 """
 
-from jaxdyn.solvers.choice import Solver, default_solver
-from jaxdyn.solvers.compositions import (
-    BLANES_MOAN6,
-    KAHAN_LI8,
-    SOFRONIOU_SPALETTA10,
-    VERLET,
-    Composition,
-)
-from jaxdyn.solvers.exchange import DOPRI8, from_diffrax, to_diffrax
-from jaxdyn.solvers.gauss import GAUSS8, GAUSS12, Gauss
-from jaxdyn.solvers.method import Advance, Method
-from jaxdyn.solvers.pairs import EULER, NYSTROM12, RK4, VERNER9, Pair
-from jaxdyn.solvers.radau import RADAU5, RADAU9, Radau
-from jaxdyn.solvers.stoermer import STOERMER14, STOERMER18, Stoermer
-from jaxdyn.solvers.taylor.method import (
-    TAYLOR8,
-    TAYLOR12,
-    TAYLOR14,
-    TAYLOR16,
-    TAYLOR20,
-    Taylor,
-    has_series,
-)
+import lazy_loader
 
-__all__ = [
-    "BLANES_MOAN6",
-    "DOPRI8",
-    "EULER",
-    "GAUSS8",
-    "GAUSS12",
-    "KAHAN_LI8",
-    "NYSTROM12",
-    "RADAU5",
-    "RADAU9",
-    "RK4",
-    "SOFRONIOU_SPALETTA10",
-    "STOERMER14",
-    "STOERMER18",
-    "TAYLOR8",
-    "TAYLOR12",
-    "TAYLOR14",
-    "TAYLOR16",
-    "TAYLOR20",
-    "VERLET",
-    "VERNER9",
-    "Advance",
-    "Composition",
-    "Gauss",
-    "Method",
-    "Pair",
-    "Radau",
-    "Solver",
-    "Stoermer",
-    "Taylor",
-    "default_solver",
-    "from_diffrax",
-    "has_series",
-    "to_diffrax",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

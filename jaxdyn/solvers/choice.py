@@ -7,8 +7,8 @@ import diffrax
 import numpy as np
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.notes import notes_on
+from jaxdyn._checks import check_first
+from jaxdyn._records import notes_on
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.exchange import from_diffrax
 from jaxdyn.solvers.method import Method

@@ -49,7 +49,7 @@ class RoundedField(eqx.Module):
     noise: Noise
 
     def around(self, change: Callable, branch: Any) -> "RoundedField":
-        """The same noise of the field in a branch of its conditions; see `plan.in_branch`."""
+        """The same noise of the field in a branch of its conditions; see `plan.plan`."""
         return RoundedField(change(self.field, branch), self.noise)
 
     def rate(self, t: Array, y: Array) -> Array:

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import objects, trace
+from jaxdyn.solvers.formulas.formulas import objects, topological_order, trace
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
     LOGIC,
@@ -26,7 +26,6 @@ from jaxdyn.solvers.formulas.graph import (
     NotElementary,
     Number,
 )
-from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.symbolic.parameters import parameters, rebuild
 
 #: The largest number of nodes for which code is written.

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import _shapes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.attitude import Quaternion
 from jaxdyn.formulations.constrained import Constrained
@@ -50,6 +49,7 @@ from jaxdyn.symbolic.reading import read
 from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols, halves, symbols
+from jaxdyn.system import generalized_forces, potential_energy, total_force
 
 
 class Derived(NamedTuple):
@@ -132,7 +132,7 @@ def _newton(scene: Scene) -> Derived:
         per_mass = [e for e in field.effects if e.accelerates]
         gravity = sum((e.acceleration(t, r, v, m) for e in per_mass), jnp.zeros_like(r))
         others = [e for e in field.effects if not e.accelerates]
-        return gravity, _shapes.total_force(others, t, r, v, m), m
+        return gravity, total_force(others, t, r, v, m), m
 
     gravity, force, masses = read(scene, found, quantities)
     m = np.repeat(masses, scene.system.d)
@@ -150,7 +150,7 @@ def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
 
     def potential(field, t, y):
         r, _, m = field.system.points(t, y)
-        return _shapes.potential_energy(field.effects, t, r, m)
+        return potential_energy(field.effects, t, r, m)
 
     (potential_,) = read(scene, found, potential)
     return {"T": kinetic.item(), "V": potential_.item()}
@@ -316,7 +316,7 @@ def _of_points(mechanism: Mechanism, effects, t, q, v) -> tuple:
     r, velocity = positions_and_velocities(mechanism, t, q, v)
     m = mechanism.masses()
     kinetic = 0.5 * jnp.sum(m[:, None] * velocity * velocity)
-    return kinetic, _shapes.potential_energy(effects, t, r, m)
+    return kinetic, potential_energy(effects, t, r, m)
 
 
 def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict[Symbol, float]]:
@@ -384,7 +384,7 @@ def _polar(scene: Scene) -> Derived:
     radius, speed = as_expression(r), as_expression(vr)
 
     def forces(field, t, y):
-        (force,) = _shapes.total_force(field.effects, t, *field.system.points(t, y))
+        (force,) = total_force(field.effects, t, *field.system.points(t, y))
         return [jnp.sum(force * e) for e in polar_basis(y[1])], field.system.m
 
     along, across, m = _row(read(scene, found, forces))
@@ -538,12 +538,12 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         system = field.system
         effects = tuple(e for e, yes in zip(field.effects, heavy, strict=True) if not yes)
         r, v, m = system.points(t, y)
-        forces = _shapes.total_force(effects, t, r, v, m)
+        forces = total_force(effects, t, r, v, m)
         inside = rotate(system.attitude.matrix(_attitude(field, y)).T, forces)
         s = system.matter.r
         moments = cross(s.T, inside.T).T
         whole = jnp.concatenate([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
-        for f in _shapes.generalized_forces(effects, t, *system.coordinates(y)):
+        for f in generalized_forces(effects, t, *system.coordinates(y)):
             whole = whole + jnp.concatenate([jnp.zeros(6 - len(f)), f])
         return whole
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.scene import Scene
-from jaxdyn.solvers.formulas.formulas import objects, trace
+from jaxdyn.solvers.formulas.formulas import objects, topological_order, trace
 from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementary, Number
-from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
 from jaxdyn.symbolic.parameters import rebuild
 from jaxdyn.symbolic.simplifying import simplify

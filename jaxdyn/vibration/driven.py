@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.vibration.inputs import Input, check_input

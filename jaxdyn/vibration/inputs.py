@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from jaxdyn.analysis.linearize import is_second_order
 from jaxdyn.effects.prescribed import ConstantForce
 from jaxdyn.scene import Effect, Field, Scene

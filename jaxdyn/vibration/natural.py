@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.eigenvalues import rate_eigenvalues
 from jaxdyn.analysis.linearize import check_equilibrium, is_second_order, jacobian, mass_matrix
 from jaxdyn.scene import Scene, check_scene

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 
 
 class Signal(Record):

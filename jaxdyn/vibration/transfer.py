@@ -13,8 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.record import Record
+from jaxdyn._checks import check_first
+from jaxdyn._records import Record
 from jaxdyn.analysis.linearize import check_equilibrium, jacobian
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.vibration.inputs import Base, Input, check_input

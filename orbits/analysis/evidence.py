@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Status
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.integrate.flow import SolveResult
 from jaxdyn.solvers import Method
@@ -22,11 +22,10 @@ from orbits.hybrid.equations import Chain
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import advance, other_solver
 from orbits.orbit import Orbit, gap
-from orbits.shooting.effort import TIGHT
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.newton import RANK_TOLERANCE
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest, with_segments
-from orbits.shooting.units import InUnits
+from orbits.shooting.strategy import TIGHT
 
 
 @dataclasses.dataclass(frozen=True)

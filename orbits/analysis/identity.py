@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.analysis.energy import angular_momentum, change
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints

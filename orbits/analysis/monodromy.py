@@ -18,16 +18,14 @@ from jaxdyn import Scene, Status, System
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
-from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.symmetry import Symmetry
+from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, gap
 from orbits.shooting import newton
-from orbits.shooting.collocation.steps import NODES, linearise_steps
-from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.equations import Equations, InUnits, pieces
+from orbits.shooting.gauss_steps import NODES, linearise_steps
 from orbits.shooting.segment import Piece, linearise_end
 from orbits.shooting.segmentation import cut_into_segments
-from orbits.shooting.units import InUnits
 
 _SAMPLES = 1024  # samples of a period, for the mean of the divergence
 _ROUNDING = 1e-12  # rounding error of that mean, relative to its size

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, simulate
-from jaxdyn._checks import choice, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice, fail
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import energy
 from jaxdyn.vibration.outputs import Output

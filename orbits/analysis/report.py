@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn._checks import fail
+from jaxdyn._checks import check_first, fail
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import with_null
 from jaxdyn.files.codec import decode
 from jaxdyn.status import IntegrationError

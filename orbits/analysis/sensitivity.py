@@ -20,23 +20,21 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.quantities import extremes_in_time
 from orbits.analysis.stability import Stability, stability
-from orbits.closing.conditions import Hold, conditions
+from orbits.closing.closings import Hold, conditions
 from orbits.hybrid.equations import Chain, residuals
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import legs_of
 from orbits.orbit import Orbit
 from orbits.shooting import newton
-from orbits.shooting.equations import Equations, errors, pieces
+from orbits.shooting.equations import Equations, InUnits, errors, pieces
 from orbits.shooting.segment import end_of
 from orbits.shooting.segmentation import cut_into_segments
-from orbits.shooting.units import InUnits
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
 _APART = 3.0

@@ -25,8 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import check_untraced, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, check_untraced, fail
 from jaxdyn.analysis.eigenvalues import (
     ROUNDING,
     SAFETY,

@@ -15,8 +15,7 @@ import itertools
 
 import numpy as np
 
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.trajectory import explanation, raise_unless_ok
 from jaxdyn.status import IntegrationError, Status

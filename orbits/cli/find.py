@@ -136,7 +136,7 @@ def _strategy(
     if collocation:
         return orbits.Collocation()
     first = orbits.Descent() if rough else orbits.Shooting()
-    return orbits.shooting.automatic.Automatic(first) if collocation is None else first
+    return orbits.shooting.multiple.Automatic(first) if collocation is None else first
 
 
 def _remedy(orbit: "orbits.Orbit") -> str:

@@ -1,7 +1,7 @@
-"""Closing conditions: the state that a motion must reach after a part of its period.
+"""What must hold for a motion to be a periodic orbit: how it closes, and further conditions.
 
-The condition decides how long a motion is integrated and how many numbers are unknown. Plain
-closing is y(T) = y(0). With a symmetry g of the scene, y(T / n) = g y(0) may be sufficient: a
+The closing condition decides how long a motion is integrated and how many numbers are unknown.
+Plain closing is y(T) = y(0). With a symmetry g of the scene, y(T / n) = g y(0) may be sufficient: a
 choreography of three bodies needs a third of a period. A motion that starts on the fixed set of a
 time reversal and meets such a set again retraces its path, which takes half of a period and half of
 the unknowns. A motion that closes up to a rotation by an unknown angle is a relative periodic
@@ -13,6 +13,8 @@ import dataclasses
 import functools
 import itertools
 import math
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -21,18 +23,127 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import choice, fail, whole
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.record import Record
-from orbits.closing.sizes import sizes
-from orbits.closing.symmetry import (
-    EXACT,
-    IDENTITY,
-    Symmetry,
-    order,
-    point_symmetry,
-    time_reversal,
-)
+from jaxdyn._checks import array, as_float, check_first, choice, fail, positive, whole
+from jaxdyn._records import Record
+from jaxdyn.analysis import energy as energies
+from orbits.closing.sizes import rates_at, sizes, times
+
+# ---- Symmetries of a scene that permute the entries of its state and change their signs
+#
+# These include relabelling equal bodies, reflections, half turns and time reversals, but not
+# rotations by other angles, for which see `orbits.relative`.
+
+#: Largest error, in units of the sizes, by which a symmetry may fail to preserve the vector field.
+EXACT = 1e-9
+
+A = TypeVar("A", Array, np.ndarray)
+
+
+class Symmetry(Record):
+    """The map y -> g y, where entry i of g y is ``signs[i]`` times entry ``places[i]`` of y.
+
+    Attributes:
+      places: (k,) index of the entry that each entry comes from; None for the identity.
+      signs: (k,) +1 or -1 for each entry; None for all +1.
+      reversing: whether it maps motions to time-reversed motions.
+    """
+
+    places: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    signs: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    reversing: bool = eqx.field(static=True, default=False)
+
+    def act(self, y: A) -> A:
+        """(k,) the symmetry applied to a state, or to a rate up to the direction of time."""
+        y = y if self.places is None else y[np.array(self.places)]
+        return y if self.signs is None else y * np.array(self.signs, float)
+
+    @property
+    def inverse(self) -> "Symmetry":
+        """The symmetry that undoes this one."""
+        signs = self.signs
+        if self.places is None:
+            return self
+        back = np.argsort(self.places)
+        signs = None if signs is None else tuple(np.array(signs)[back].tolist())
+        return Symmetry(tuple(back.tolist()), signs, self.reversing)
+
+    def check(self, scene: Scene, later: float = 0.0) -> None:
+        """Raise ValueError unless this maps motions of the scene to motions of the scene.
+
+        The images begin at time `later`, from which a reversing symmetry counts time backwards.
+        """
+        k = len(scene.y0)
+        if self.places is not None and sorted(self.places) != list(range(k)):
+            raise fail(
+                "closing",
+                f"a permutation of the {k} entries of the state",
+                f"one of {len(self.places)} places",
+                "choreography(n, d) makes one for n free points in d dimensions.",
+            )
+        if self.signs is not None and not (len(self.signs) == k and {*self.signs} <= {1, -1}):
+            raise fail("closing", f"{k} signs, each 1 or -1", f"{self.signs}")
+        self._check_rate(scene, later)
+
+    def _check_rate(self, scene: Scene, later: float) -> None:
+        # Otherwise the motion after the first part would not be an image of the first part.
+        if self == IDENTITY and not later:
+            return
+        ts, y, back = times(scene), np.asarray(scene.y0), -1.0 if self.reversing else 1.0
+        there = np.asarray(rates_at(scene, later + back * ts, self.act(y)))
+        here = back * np.stack([self.act(f) for f in np.asarray(rates_at(scene, ts, y))])
+        most = EXACT * 2 * np.pi / float(scene.t1) * sizes(scene)
+        if not (np.abs(there - here) <= most).all():
+            raise fail(
+                "closing",
+                "a symmetry of the scene",
+                "one that changes its forces",
+                "Bodies that are exchanged need equal masses, forces that depend on the sign of a "
+                "velocity have no time reversal, and a drive must be the image of itself a part of "
+                "the period earlier.",
+            )
+
+
+IDENTITY = Symmetry()
+
+
+def order(act: Callable[[np.ndarray], np.ndarray], k: int) -> int:
+    """The order of a symmetry on states of k entries: the power that is the identity."""
+    entries = np.arange(1, k + 1)
+    image, times = act(entries), 1
+    while not np.array_equal(image, entries):
+        image, times = act(image), times + 1
+    return times
+
+
+def point_symmetry(order, axes=(1, 1), *, reversing: bool = False) -> Symmetry:
+    """A symmetry of free points: a relabelling, reflections of axes, optionally a time reversal.
+
+    Args:
+      order: (n,) index of the point whose place each point takes.
+      axes: (d,) +1 or -1 for each axis of space.
+      reversing: whether time is reversed, which changes the signs of the velocities once more.
+    Example:
+      >>> point_symmetry([1, 0, 2], (-1, -1), reversing=True).signs  # fixes Euler's starts
+      (-1, -1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1)
+    """
+    order, axes = np.asarray(order), np.asarray(axes)
+    n, d = len(order), len(axes)
+    one = (order[:, None] * d + np.arange(d)).ravel()
+    signs = np.tile(axes, n)
+    return Symmetry(
+        tuple(np.concatenate([one, n * d + one]).tolist()),
+        tuple(np.concatenate([signs, -signs if reversing else signs]).tolist()),
+        reversing,
+    )
+
+
+def time_reversal(k: int) -> Symmetry:
+    """The time reversal of a state [q, v] of k entries, which changes the signs of v."""
+    half = k // 2
+    return Symmetry(None, (1,) * half + (-1,) * half, reversing=True)
+
+
+# ---- Closing conditions: the state that a motion must reach after a part of its period
 
 #: Angles tried for the first guess of the angle of a relative orbit: at least so many, and so many
 #: for each turn of the fastest entries in 2 pi.
@@ -443,3 +554,121 @@ def _commutator(scene: Scene, turn: str) -> tuple[Array, Array]:
 
     f, g = rate(scene.y0), generator(scene.y0)
     return tuple(jax.jvp(a, (scene.y0,), (b,))[1] for a, b in ((generator, f), (rate, g)))
+
+
+# ---- Conditions on an orbit besides closing: a given energy, period, entry of the start
+#
+# Periodic orbits of conservative scenes form families, of which a condition selects a member.
+# Without one, `find` returns the member through the given start, if that is periodic, and otherwise
+# a member near it.
+
+
+class Condition(Record):
+    """One smooth equation on an orbit."""
+
+    @abc.abstractmethod
+    def value(self, scene: Scene, y0: Float[Array, " k"], period: Array) -> Array:
+        """() the error of the condition, zero where it holds."""
+
+    def fix(
+        self, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds (k + 1,) of start and period that keep the condition where the guess satisfies it.
+
+        An entry that bounds hold does not move at all, not even by rounding.
+        """
+        del guess
+        return lower, upper
+
+    def check(self, scene: Scene) -> None:
+        """Raise ValueError if the condition does not apply to the scene."""
+        del scene
+
+
+def _hold(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+    """Bounds that hold one entry of start and period, if the guess has the level."""
+    if guess[entry] == float(level):
+        here = np.arange(len(guess)) == entry % len(guess)
+        lower, upper = (np.where(here, guess, bound) for bound in (lower, upper))
+    return lower, upper
+
+
+class Energy(Condition):
+    """The condition that the energy has a given value [J]."""
+
+    level: Array = eqx.field(converter=as_float)
+
+    def value(self, scene, y0, period):
+        del period
+        return energies.energy(scene, jnp.zeros(()), y0) - self.level
+
+    def check(self, scene):
+        array("energy", self.level, (), "It is the energy of the orbit.")
+        energies.energy(scene, jnp.zeros(()), scene.y0)  # raises for a scene without one
+
+
+class Period(Condition):
+    """The condition that the full period has a given value [time of the scene]."""
+
+    length: Array = eqx.field(converter=as_float)
+
+    def value(self, scene, y0, period):
+        del scene, y0
+        return period - self.length
+
+    def fix(self, guess, lower, upper):
+        return _hold(-1, self.length, guess, lower, upper)
+
+    def check(self, scene):
+        positive("period", array("period", self.length, (), "It is a time."), "It is a time.")
+
+
+class Section(Condition):
+    """The phase condition that the orbit starts where an entry of the state has a given value.
+
+    All members of a family may pass there, with different values of the other entries; to select
+    one member, hold these too, or the energy.
+    """
+
+    entry: int = eqx.field(static=True)
+    level: Array = eqx.field(converter=as_float, default=0.0)
+
+    def value(self, scene, y0, period):
+        del scene, period
+        return y0[self.entry] - self.level
+
+    def fix(self, guess, lower, upper):
+        return _hold(self.entry, self.level, guess, lower, upper)
+
+    def check(self, scene):
+        k = len(scene.y0)
+        if not (isinstance(self.entry, int) and 0 <= self.entry < k):
+            raise fail("entry", f"an entry of the state, 0 to {k - 1}", repr(self.entry))
+        array("level", self.level, (), "It is the value of the entry.")
+
+
+#: What `find` and others accept as `hold`: conditions, or names of entries of the start.
+Hold = Condition | str | Sequence[Condition | str]
+
+
+def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
+    """The conditions in `hold`; the name of an entry stands for its value at the scene's start.
+
+    Raises:
+      ValueError: an element is neither a `Condition` nor the name of an entry of the state, or
+        does not apply to the scene.
+    """
+    names = [label for label, _ in scene.system.labels()]
+    given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
+    found = []
+    for one in given:
+        if isinstance(one, str):
+            entry = names.index(choice("hold", one, names))
+            one = Section(entry, scene.y0[entry])
+        if not isinstance(one, Condition):
+            remedy = f"orbits.Energy(-1.0) is one, and so is the name of an entry: {names}."
+            raise fail("hold", "a Condition", repr(one), remedy)
+        one.check_functions()
+        one.check(scene)
+        found.append(one)
+    return tuple(found)

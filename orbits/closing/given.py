@@ -12,10 +12,8 @@ from jaxdyn import Scene, System
 from jaxdyn._checks import array, array_of_shape, check_untraced, fail, positive
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import check_scene
-from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.conditions import Condition, Hold, conditions
+from orbits.closing.closings import EXACT, PLAIN, Closing, Condition, Hold, conditions
 from orbits.closing.sizes import PHASES, SPREAD, alike, rates_at, sizes
-from orbits.closing.symmetry import EXACT
 
 _DIFFERENTIATE = (
     "Find the orbit outside of the transformation; orbits.differentiable(scene, orbit) has its "

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene
-from jaxdyn._records.notes import notes_on
+from jaxdyn._records import notes_on
 from jaxdyn.plan import plan_of
 from jaxdyn.scales import at_rest, groups, with_one_more
 

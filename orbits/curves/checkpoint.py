@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn._checks import fail
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, SavedBranch, walks_in
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
-from orbits.closing.closings import Return
-from orbits.closing.symmetry import Symmetry
+from orbits.closing.closings import Return, Symmetry
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
 from orbits.curves.steps import frame_at, orbit_of

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, check_untraced, fail, positive, whole
-from jaxdyn._records.captured import with_captures
+from jaxdyn._records import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.branch import BranchProblem, follow, outside
 from jaxdyn.continuation.checkpoint import Codec, Log

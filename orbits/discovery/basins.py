@@ -18,7 +18,7 @@ import numpy as np
 
 import jaxdyn
 from jaxdyn import Scene, _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.chaos.lyapunov import lyapunov_exponents
 from jaxdyn.ensemble import engine

@@ -19,8 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, choice, fail, positive, whole
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import array, check_first, choice, fail, positive, whole
 from jaxdyn.scenes.restricted import libration_point, restricted
 from orbits.discovery.seeds import Seed
 

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._shapes import check_value
 from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
+from jaxdyn.system import check_value
 from orbits.discovery.settling import (
     CHAOTIC,
     CYCLE,

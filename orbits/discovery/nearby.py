@@ -7,18 +7,16 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import check_first, fail
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
-from orbits.closing.closings import PLAIN, Closing, Reversal
-from orbits.closing.conditions import Energy
+from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
 from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
-from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
 from orbits.shooting.finding import AUTOMATIC, find
 from orbits.shooting.newton import Iteration

@@ -15,13 +15,11 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._checks import positive
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, positive
 from jaxdyn.scenes import three_body
 from orbits.analysis.same import same_orbit
 from orbits.analysis.words import word
-from orbits.closing.closings import reversal
-from orbits.closing.symmetry import point_symmetry
+from orbits.closing.closings import point_symmetry, reversal
 from orbits.discovery.chunks import Box
 from orbits.discovery.journal import Find
 from orbits.discovery.search import SearchResult, search

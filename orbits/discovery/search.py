@@ -17,9 +17,8 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import check_untraced, fail, positive, whole
+from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
 from jaxdyn.files.codec import encode

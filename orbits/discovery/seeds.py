@@ -14,15 +14,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, fail, positive
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import array, check_first, fail, positive
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import check_equilibrium, linearize
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
-from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.closing.sizes import largest_entry
-from orbits.closing.symmetry import Symmetry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import quick_solve
 

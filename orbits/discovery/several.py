@@ -10,17 +10,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_untraced, fail, whole
+from jaxdyn._checks import check_first, check_untraced, fail, whole
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from orbits.analysis.same import minimal_period, same_orbit
-from orbits.closing.closings import PLAIN, Closing
-from orbits.closing.conditions import Hold
+from orbits.closing.closings import PLAIN, Closing, Hold
 from orbits.orbit import Orbit
 from orbits.shooting.deflation import Deflated
-from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.finding import AUTOMATIC, find
+from orbits.shooting.strategy import GOAL, RTOL
 
 
 @check_first

@@ -8,11 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.targets.loops import FewestLoops, fewest
 
 _SAMPLES = 300

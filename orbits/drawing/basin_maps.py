@@ -7,7 +7,7 @@ from matplotlib.patches import Patch
 from jaxdyn import _checks
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.discovery.settling import CHAOTIC, Basins
 from orbits.discovery.tipping import BasinFractions
 

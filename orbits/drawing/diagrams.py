@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn._checks import choice
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice
 from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.drawing.families import MARKS
 from orbits.families.diagram import Diagram, extremes
 
@@ -69,7 +68,7 @@ def diagram(
                 ms=6,
                 ls="",
                 zorder=4,
-                label=str(point.kind),
+                label=f"{point.kind} of orbits",
             )
     for point in (x for family in found.rests for x in family.special):
         place = ([point.parameter], [point.state[index]])

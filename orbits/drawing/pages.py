@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxdyn import _text
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.files.output_files import page_path
 from jaxdyn.player import Playing
 from jaxdyn.player.choices import Choices, Curve

@@ -24,7 +24,7 @@ from jaxdyn.drawing.panels import (
 from jaxdyn.drawing.series import time_series
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.closing.sizes import sizes
 from orbits.families.family import first_scene
 from orbits.hybrid.legs import HybridOrbit

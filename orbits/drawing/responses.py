@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import choice, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.drawing.bifurcations import STRETCHES, stretches
 from jaxdyn.drawing.figures import (
     INK,
@@ -24,7 +23,7 @@ from jaxdyn.drawing.figures import (
     style,
 )
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.vibration.outputs import Output
 from orbits.analysis.quantities import amplitude, phase
 from orbits.drawing.families import MARKS

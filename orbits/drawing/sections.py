@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.figures import INK, blank, finish, shades, style
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from jaxdyn.integrate.events import Reaches
 from orbits.sections.completion import least_energies
 from orbits.sections.coordinates import entry

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.targets.aim import Hits, Throws
 from orbits.targets.launch import angle_of, landings, launch
 

@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import _checks, simulate
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.tori.record import Torus
 
 _AROUND, _ALONG = 48, 60  # lines of the surface each way

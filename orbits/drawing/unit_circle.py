@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.drawing.figures import (
     INK,
     PALETTE,
@@ -15,7 +15,7 @@ from jaxdyn.drawing.figures import (
     style,
 )
 from jaxdyn.drawing.titles import readable
-from jaxdyn.files.image_files import picture_path
+from jaxdyn.files.output_files import picture_path
 from orbits.analysis.stability import Stability
 
 _SIDE = 4.2  # inches

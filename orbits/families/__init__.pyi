@@ -4,7 +4,7 @@ from . import checkpoint as checkpoint
 from . import parameters as parameters
 from .criticality import Criticality as Criticality
 from .diagram import Diagram as Diagram
+from .diagram import load as load
 from .family import Family as Family
 from .graph import Graph as Graph
-from .loading import load as load
 from .sensitivity import special_parameter as special_parameter

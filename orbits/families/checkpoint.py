@@ -13,15 +13,13 @@ from jaxdyn._checks import fail
 from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, SavedBranch
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
-from orbits.closing.closings import Closing
+from orbits.closing.closings import Closing, Symmetry
 from orbits.closing.given import driven
-from orbits.closing.symmetry import Symmetry
 from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain
-from orbits.shooting.effort import GOAL
-from orbits.shooting.equations import Equations
-from orbits.shooting.units import InUnits
+from orbits.shooting.equations import Equations, InUnits
+from orbits.shooting.strategy import GOAL
 
 #: What the file of a continuation calls a family: one of orbits, or one of chains of legs.
 ORBITS, CHAINS = "orbits", "chains"
@@ -128,7 +126,7 @@ class _About(NamedTuple):
     rtol: float
 
 
-def family(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
+def family_of(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
     """The family that a file holds as a `SavedBranch`.
 
     Raises:

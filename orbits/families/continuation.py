@@ -19,14 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn._checks import check_untraced, fail, positive, whole
-from jaxdyn._records.captured import with_captures
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
+from jaxdyn._records import with_captures
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.same import same_orbit
-from orbits.closing.conditions import Hold, conditions
+from orbits.closing.closings import Hold, conditions
 from orbits.families import checkpoint
 from orbits.families.bifurcations import special_points, zero_between
 from orbits.families.chains import ChainSurface

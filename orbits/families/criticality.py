@@ -27,8 +27,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System, _text
-from jaxdyn._checks import check_untraced, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, check_untraced, fail
 from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.stability import stability

@@ -12,14 +12,18 @@ from typing import Any
 import numpy as np
 
 from jaxdyn import _progress, _text
-from jaxdyn._checks import whole
-from jaxdyn.continuation.checkpoint import Log, lock, open_log
+from jaxdyn._checks import fail, whole
+from jaxdyn._records import with_captures
+from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, Log, lock, open_log, walks_in
 from jaxdyn.continuation.equilibria import continue_equilibria
 from jaxdyn.continuation.equilibria import switch_branch as other_rests
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.loading import equilibria
+from jaxdyn.files.codec import decode
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
+from orbits.families.checkpoint import ORBITS, family_of
 from orbits.families.continuation import continue_family, switch_branch
 from orbits.families.family import Family, Member
 from orbits.families.hopf import from_hopf, in_sizes
@@ -305,3 +309,36 @@ def extremes(member: Member, entry: int) -> tuple[float, float]:
     """The smallest and the largest value of an entry of the state along an orbit."""
     values = np.asarray(simulate(member.orbit.scene, samples=_SAMPLES).ys)[:, entry]
     return float(values.min()), float(values.max())
+
+
+# ---- Bifurcation diagrams, and families in a parameter, read from a file
+
+
+def load(path: str | Path, make: Make) -> Diagram:
+    """The families of equilibria and of orbits in a file, which may still be being written.
+
+    Args:
+      path: path of the file that `orbits.diagram`, `orbits.continue_family` or
+        `jaxdyn.continue_equilibria` wrote with ``path=``.
+      make: the scene for each value of the parameter, as it was given to them: files hold only
+        numbers.
+    Returns:
+      All families as a diagram; for an interrupted run, what it had found.
+    Raises:
+      ValueError: the file is of another kind, was edited or damaged, has a family without a
+        parameter or with conditions, or does not hold equilibria and orbits of these scenes.
+    """
+    make = with_captures("make", make)
+    walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
+    rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
+    around = [walk for walk in walks if walk.begin.what == ORBITS]
+    depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
+    families = tuple(family_of(walk, make) for walk in around)
+    special = [point for each in (*rests, *families) for point in each.special]
+    failures = []
+    for note in (note for note in notes if FAILURE in note):
+        at = [x for x in special if place_of(x).items() <= note.items()]
+        if not at:
+            raise fail("file", "failures at special points", "others", OTHER)
+        failures.append(Failure(at[0], decode(note[FAILURE], str, FAILURE, OTHER)))
+    return Diagram(rests, families, tuple(depths), tuple(failures))

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from jaxdyn import Scene, _text
+from jaxdyn import Scene, _labelled, _text
 from jaxdyn._checks import fail
-from jaxdyn._records import labelled
-from jaxdyn._records.labelled import Labelled, Values, entries
+from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import joule, number_of, second
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
@@ -118,8 +117,8 @@ class Family:
 
         return pages.family_page(self, path)
 
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     def _to_labelled(self) -> Labelled:
         labels, axes = self.members[0].orbit.scene.labels(), ("member",)

@@ -17,8 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _progress, _text
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
@@ -32,9 +31,8 @@ from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 from orbits.shooting.deflation import distance, known_orbits
-from orbits.shooting.effort import GOAL
-from orbits.shooting.equations import Equations
-from orbits.shooting.units import units_of_unknowns
+from orbits.shooting.equations import Equations, units_of_unknowns
+from orbits.shooting.strategy import GOAL
 
 #: Distance, in units, up to which two special points are one: each is known only to the root of
 #: rounding, and lies between samples.

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from jaxdyn._checks import fail, finite
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail, finite
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
@@ -13,8 +12,8 @@ from orbits.closing.sizes import largest_entry
 from orbits.families.steps import parameter_at
 from orbits.families.surface import OrbitSurface
 from orbits.orbit import Orbit, SearchError
-from orbits.shooting.effort import GOAL, RTOL
 from orbits.shooting.equations import Equations
+from orbits.shooting.strategy import GOAL, RTOL
 
 #: The usual distance of an orbit from an equilibrium, as a share of the sizes of its entries.
 _SMALL = 1e-2

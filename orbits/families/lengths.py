@@ -19,9 +19,8 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.closing.sizes import sizes_along
 from orbits.motion import sample
-from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.equations import Equations, Lengths, pieces, sizes_at
 from orbits.shooting.segment import Make, scene_of
-from orbits.shooting.units import Lengths, sizes_at
 
 
 def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import choice, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.scenes import catalogue
 
 _ASIDE, _LATER = 0.1, 0.3  # offset of a state, and a time, where a drive or damper acts, if any

@@ -17,14 +17,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import differentiable, pose, residual
-from orbits.closing.conditions import Hold
+from orbits.closing.closings import Hold
 from orbits.families.family import Member, smooth_orbit
+from orbits.shooting.equations import InUnits
 from orbits.shooting.segment import Make
-from orbits.shooting.units import InUnits
 
 #: A singular value of the closing equations' Jacobian at a fold is zero below this share of the
 #: largest. Its remainder there is the root of the rounding error of the parameter.

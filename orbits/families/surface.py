@@ -22,11 +22,17 @@ from orbits.closing.sizes import rate
 from orbits.families.lengths import lengths
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
-from orbits.shooting.collocation.mesh import STEP_SHARE, on, quality, refine
-from orbits.shooting.equations import Equations
+from orbits.shooting.collocation import STEP_SHARE, on, quality, refine
+from orbits.shooting.equations import (
+    Equations,
+    InUnits,
+    Lengths,
+    Units,
+    units_at,
+    units_of_unknowns,
+)
 from orbits.shooting.outcomes import is_determined, orbit_at
 from orbits.shooting.segmentation import recut
-from orbits.shooting.units import InUnits, Lengths, Units, units_at, units_of_unknowns
 
 _CORRECTIONS = 8  # most Newton steps of the corrector; more mean that the step was too long
 #: Singular values below this share of the largest belong to directions of the surface. Those of

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 from jaxdyn._checks import fail
 from jaxdyn.files.codec import decode_fields, decode_part, decode_scene, encode
 from jaxdyn.files.digests import DAMAGED
-from orbits.closing.closings import Closing
+from orbits.closing.closings import Closing, Symmetry
 from orbits.closing.given import check_drive, driven
-from orbits.closing.symmetry import Symmetry
 from orbits.families.family import smooth_orbit
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit, Outcome

@@ -5,8 +5,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode_fields, encode
 from jaxdyn.files.digests import DAMAGED

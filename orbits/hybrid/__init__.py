@@ -1,8 +1,7 @@
 """Piecewise-smooth periodic motions: smooth legs joined by events.
 
 `legs` defines such a motion, `phases` makes its legs from the phases of a scene, `equations` has
-its equations, `search` solves them, also away from known solutions, and `margins` says how far it
-is from grazing.
+its equations, and `search` solves them, also away from known solutions.
 
 May import: `shooting`.
 

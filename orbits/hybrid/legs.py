@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text, simulate
-from jaxdyn._records.record import Record
+from jaxdyn._records import Record
 from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import keep_state

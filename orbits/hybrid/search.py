@@ -25,8 +25,8 @@ from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
 from orbits.shooting.deflation import SAME, Deflated, Walk, away
-from orbits.shooting.effort import GOAL, RTOL, SECONDS, Effort
 from orbits.shooting.multiple import Shooting
+from orbits.shooting.strategy import GOAL, RTOL, SECONDS, Effort
 
 # ---- Distances of chains of legs from known ones, for deflation
 #

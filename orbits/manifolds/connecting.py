@@ -1,7 +1,7 @@
 """Connections of equilibria and of orbits: the call."""
 
 from jaxdyn import Scene, _checks
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.integrate.events import Event
 from orbits.manifolds.between_equilibria import Make, connect_rests
 from orbits.manifolds.between_orbits import Asked, connect_orbits

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _checks, ensemble
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.scene import check_scene

@@ -15,14 +15,12 @@ from jaxdyn._checks import fail
 from jaxdyn.analysis import energy as energies
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.formulas import Formulas, topological_order
 from jaxdyn.solvers.formulas.graph import Node, Number
-from jaxdyn.solvers.formulas.simplified import topological_order
 from jaxdyn.system import System
-from orbits.closing.closings import Closing, Return, Reversal
+from orbits.closing.closings import Closing, Return, Reversal, Symmetry
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes, sizes_along
-from orbits.closing.symmetry import Symmetry
 from orbits.motion import sample
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations, float_matrix, power_of_2

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.monodromy import symplectic_form
 from jaxdyn.balls.arithmetic import arb, precision
 from jaxdyn.balls.decimals import decimal
@@ -22,9 +22,8 @@ from orbits.proof.krawczyk import Test, krawczyk_test
 from orbits.proof.posing import equations_of, integrals_of, table
 from orbits.proof.refinement import LEAST_DIGITS, MOST_DIGITS, solve
 from orbits.proof.stability import multipliers
-from orbits.proof.stability.forms import forms_of
 from orbits.proof.stability.spectrum import Spectrum, spectrum
-from orbits.proof.stability.structure import structure
+from orbits.proof.stability.structure import forms_of, structure
 from orbits.proof.theorems import missing
 
 # ---- Whether equal bodies of an orbit follow one curve at equal times apart, as a choreography

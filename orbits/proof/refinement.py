@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
-from jaxdyn._records.kinds import check_first
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
 from jaxdyn.balls.motion import End, bits_of

@@ -14,11 +14,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jaxdyn import Scene, _text
-from jaxdyn._checks import check_untraced, fail, positive, whole
-from jaxdyn._records import labelled
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn import Scene, _labelled, _text
+from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
+from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import check_scene
@@ -79,8 +77,8 @@ class Backbone:
 
         return responses.backbone(self, title="")
 
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     @property
     def frequencies(self) -> np.ndarray:

@@ -18,11 +18,9 @@ import numpy as np
 from jaxtyping import Array
 from scipy.optimize import minimize_scalar
 
-from jaxdyn import Scene, _text
-from jaxdyn._checks import array, check_untraced, fail, positive, whole
-from jaxdyn._records import labelled
-from jaxdyn._records.kinds import check_kind
-from jaxdyn._records.labelled import Labelled, Values
+from jaxdyn import Scene, _labelled, _text
+from jaxdyn._checks import array, check_kind, check_untraced, fail, positive, whole
+from jaxdyn._labelled import Labelled, Values
 from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
 from jaxdyn.continuation.kinds import Kind
@@ -84,8 +82,8 @@ class FrequencyResponse:
 
         return responses.overview(self)
 
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     @property
     def folds(self) -> tuple[tuple[Member, ...], ...]:

@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import fail, finite, is_traced, numbers
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, fail, finite, is_traced, numbers
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import look

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import choice, fail
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first, choice, fail
 from jaxdyn.integrate.events import Event, Reaches
 from orbits.closing.sizes import sizes
 

@@ -15,8 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import as_float, check_shape, fail, finite, numbers, whole
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import as_float, check_first, check_shape, fail, finite, numbers, whole
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, Every, Reaches, as_events
 from jaxdyn.integrate.spans import MAX_STEPS

@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn._text import with_null
 from jaxdyn.files.output_files import replace, table_path
 from jaxdyn.status import Status

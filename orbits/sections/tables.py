@@ -8,12 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from rich.progress import Progress
 
-from jaxdyn import Scene, Status, _text, ensemble
-from jaxdyn._checks import check_untraced, fail, finite, numbers, whole
+from jaxdyn import Scene, Status, _labelled, _text, ensemble
+from jaxdyn._checks import check_first, check_untraced, fail, finite, numbers, whole
+from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._progress import report_progress
-from jaxdyn._records import labelled
-from jaxdyn._records.kinds import check_first
-from jaxdyn._records.labelled import Labelled, Values, entries
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
@@ -62,8 +60,8 @@ class SectionPoints(NamedTuple):
 
     __repr__ = _text.fields
     _repr_html_ = _text.html
-    to_pandas = labelled.to_pandas
-    to_xarray = labelled.to_xarray
+    to_pandas = _labelled.to_pandas
+    to_xarray = _labelled.to_xarray
 
     def _to_labelled(self) -> Labelled:
         labels = self.scene.labels()

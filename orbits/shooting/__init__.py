@@ -1,13 +1,12 @@
 """How the closing equations are solved: Newton's method, segments, logarithmic time.
 
-`finding` has `orbits.find`, which looks for an orbit by a `strategy`: `multiple` by Newton's method
-in segments, also from starts that need only another period, `descent` from a rough guess,
-`deflation` away from known orbits, the folder `collocation` on a mesh, `automatic` by one strategy
-and then another. `equations` has the residual and its Jacobian for the segments that `segment`
-integrates;
-`newton` is Newton's method and `outcomes` says how it ended; `segmentation` decides on the number
-and the places of segments; `effort` has the tolerances and step limits of the search; `units` makes
-the equations dimensionless; `trivial` finds the directions with multipliers of 1.
+`finding` has `orbits.find`, which looks for an orbit by a `strategy`, with tolerances and limits:
+`multiple` by Newton's method in segments, also from starts that need only another period, and by
+default then by another strategy, `descent` from a rough guess, `deflation` away from known orbits,
+`collocation` on a mesh. `equations` has the residual and its Jacobian for the segments that
+`segment` integrates or `gauss_steps` crosses in one implicit step each, dimensionless; `newton` is
+Newton's method and `outcomes` says how it ended; `segmentation` decides on the number and the
+places of segments; `trivial` finds the directions with multipliers of 1.
 
 May import: `orbits`, that is the files at the top level.
 

@@ -37,13 +37,11 @@ from orbits.closing.sizes import alike, coupled_sizes, sizes
 from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
-from orbits.shooting.effort import Effort
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.multiple import Shooting
 from orbits.shooting.outcomes import Trouble, orbit_at
 from orbits.shooting.segmentation import cut_into_segments
-from orbits.shooting.strategy import Search, Strategy
-from orbits.shooting.units import InUnits
+from orbits.shooting.strategy import Effort, Search, Strategy
 
 #: Distance from a known orbit, relative to its size, below which an orbit is the same.
 SAME = 1e-4

@@ -26,14 +26,11 @@ import numpy as np
 from jaxtyping import Array
 
 from orbits.orbit import Orbit, Outcome
-from orbits.shooting.automatic import Automatic
-from orbits.shooting.effort import Effort
-from orbits.shooting.equations import Equations
-from orbits.shooting.multiple import Shooting
+from orbits.shooting.equations import Equations, InUnits
+from orbits.shooting.multiple import Automatic, Shooting
 from orbits.shooting.newton import Iteration
 from orbits.shooting.outcomes import orbit_at
-from orbits.shooting.strategy import Search, Strategy
-from orbits.shooting.units import InUnits
+from orbits.shooting.strategy import Effort, Search, Strategy
 
 #: Its import takes as long as a search from a good guess, which does not need it.
 optax: Any = lazy_loader.load("optax")

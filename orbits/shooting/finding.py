@@ -9,23 +9,19 @@ import equinox as eqx
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
-from jaxdyn._records.kinds import check_first
-from orbits.closing.closings import PLAIN, Closing, symmetric_closing
-from orbits.closing.conditions import Hold
+from jaxdyn._checks import check_first, fail
+from orbits.closing.closings import PLAIN, Closing, Hold, symmetric_closing
 from orbits.closing.given import Problem, pose
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome, SearchError
-from orbits.shooting.automatic import Automatic
-from orbits.shooting.collocation.search import Collocation
+from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
 from orbits.shooting.descent import Descent
-from orbits.shooting.effort import GOAL, RTOL, SECONDS, Effort
 from orbits.shooting.equations import Equations
-from orbits.shooting.multiple import Shooting
+from orbits.shooting.multiple import Automatic, Shooting
 from orbits.shooting.newton import Iteration
-from orbits.shooting.strategy import Search, Strategy, check_strategy
+from orbits.shooting.strategy import GOAL, RTOL, SECONDS, Effort, Search, Strategy, check_strategy
 
 #: The default of `find`.
 AUTOMATIC = Automatic()

@@ -9,8 +9,8 @@ from jaxdyn._text import number_of
 from orbits.motion import attracts
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
-from orbits.shooting.effort import Effort
-from orbits.shooting.equations import Equations
+from orbits.shooting.collocation import Collocation
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
 from orbits.shooting.segmentation import (
     SEGMENTS_MOST,
@@ -18,8 +18,7 @@ from orbits.shooting.segmentation import (
     segments_needed,
     with_segments,
 )
-from orbits.shooting.strategy import Search, Strategy
-from orbits.shooting.units import InUnits
+from orbits.shooting.strategy import Effort, Search, Strategy
 
 # ---- More segments for an orbit whose residual is rounding that they may reduce
 
@@ -186,3 +185,25 @@ def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
         iterations=result.iterations,
         rtol=effort.rtol,
     )
+
+
+# ---- The default strategy: one of the others, then collocation where that fails and it may help
+
+
+@dataclasses.dataclass(frozen=True)
+class Automatic(Strategy):
+    """A strategy, followed by `Collocation` where it fails and the guess is stiff.
+
+    Attributes:
+      first: the strategy that is tried first.
+    """
+
+    first: Strategy = dataclasses.field(default_factory=Shooting)
+
+    def orbit(self, search: Search) -> Orbit:
+        """The orbit near the guess, or the best iterate and the reason."""
+        orbit = self.first.orbit(search)
+        if orbit.ok or search.effort.over or not Collocation.may_help(search, orbit):
+            return orbit
+        again = Collocation().orbit(dataclasses.replace(search, segments=None))
+        return again if again.ok else orbit

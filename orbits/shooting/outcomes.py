@@ -10,12 +10,11 @@ from jaxtyping import Array
 from jaxdyn import Status
 from orbits.motion import advance, logarithmic_period, other_solver, quick_solve
 from orbits.orbit import CLOSED, Orbit, Outcome, gap
-from orbits.shooting.effort import TIGHT
-from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.equations import Equations, InUnits, pieces, sizes_at
 from orbits.shooting.newton import Result
 from orbits.shooting.segment import MAX_STEPS
 from orbits.shooting.segmentation import SEGMENTS_MOST, largest
-from orbits.shooting.units import InUnits, sizes_at
+from orbits.shooting.strategy import TIGHT
 
 #: Rounding errors made over one segment, in units of the machine epsilon.
 _SEGMENT_ROUNDINGS = 64.0

@@ -15,9 +15,8 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.regularised import logarithmic_span
 from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, quick_solve
-from orbits.shooting.equations import Equations, pieces
+from orbits.shooting.equations import Equations, pieces, sizes_at
 from orbits.shooting.segment import UNTIMED, Limits
-from orbits.shooting.units import sizes_at
 
 #: Largest growth of errors in the start over a motion in one segment: rounding of 1e-16 then stays
 #: well below the goal.

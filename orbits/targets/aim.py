@@ -21,8 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import array, fail, positive
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import array, check_first, fail, positive
 from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
 from orbits.targets.launch import Landings, angle_of, are_followed, check_throw, free_sine, landings

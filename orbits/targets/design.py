@@ -20,7 +20,7 @@ from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
 from jaxdyn.status import Code
 from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable
-from orbits.closing.conditions import Hold
+from orbits.closing.closings import Hold
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 

@@ -20,8 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _text, scenes, simulate
-from jaxdyn._checks import array, check_untraced, fail, positive, whole
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import array, check_first, check_untraced, fail, positive, whole
 from jaxdyn.analysis._roots import root
 from jaxdyn.effects import CentralForce, PowerLaw
 from orbits.orbit import Orbit, SearchError

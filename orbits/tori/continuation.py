@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn import _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
 from jaxdyn.files.codec import decode, decode_fields, encode

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jaxdyn import Scene, _checks, _text
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from orbits.analysis.monodromy import return_in_basis, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven

@@ -9,7 +9,7 @@ from jax import lax
 
 from jaxdyn import _programs
 from jaxdyn.solvers.formulas import formulas
-from jaxdyn.solvers.formulas.simplified import simplify
+from jaxdyn.solvers.formulas.formulas import simplify
 
 
 def looped(y):

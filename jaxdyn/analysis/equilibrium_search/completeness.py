@@ -14,10 +14,9 @@ from jaxtyping import Array
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy, rates
 from jaxdyn.scene import Field
-from jaxdyn.solvers.enclosures import Dual, enclosures
+from jaxdyn.solvers.enclosures import Dual, Interval, add, enclosures, multiply
 from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 from jaxdyn.solvers.formulas.graph import Node, NotElementary
-from jaxdyn.solvers.intervals import Interval, add, multiply
 
 # ---- Where in a box the zeros of a vector field can be: interval bisection
 #
@@ -29,7 +28,7 @@ from jaxdyn.solvers.intervals import Interval, add, multiply
 # maps the box X into its inside holds exactly one; where K misses X it holds none. Any other box
 # is bisected. What remains when boxes are tiny, or too many, is undecided: a zero at which the
 # Jacobian is singular, a curve of zeros, or a place where the field has no derivative. Everything
-# else is proved, since bounds allow for rounding (`solvers.intervals`).
+# else is proved, since bounds allow for rounding (`solvers.enclosures`).
 #
 # Reference: Krawczyk (1969), Computing 4, 187; Neumaier (1990), Interval Methods for Systems of
 # Equations, chapter 5.

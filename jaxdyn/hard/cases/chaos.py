@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxdyn.accuracy.horizon import trusted_time
 from jaxdyn.hard.case import Case, Figure
-from jaxdyn.integrate.errors.estimate import gaps, scales
+from jaxdyn.integrate.errors import gaps, scales
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.nbody import three_body
 from jaxdyn.scenes.pendula import double_pendulum, triple_pendulum

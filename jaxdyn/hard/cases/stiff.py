@@ -7,7 +7,7 @@ none. An L-stable method damps those below its tolerance, and then costs the sam
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._records.kinds import check_first
+from jaxdyn._checks import check_first
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.effects import SinusoidalForce, Spring

@@ -16,16 +16,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn._records.kinds import check_first
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import time_slope
 from jaxdyn.integrate.events import Event, as_events
-from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.flow import flow, run_or_switch
+from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
-from jaxdyn.integrate.step_control import Limits
-from jaxdyn.integrate.switching import run_or_switch
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver

@@ -1,13 +1,13 @@
 """Where functions of the state first cross zero along a motion: the search behind `events`.
 
 Every accepted step is sampled at a few places, reached by steps of the method itself (an
-interpolant would be accurate to 7 digits only), for values and slopes. `bracketing` decides
+interpolant would be accurate to 7 digits only), for values and slopes. `are_settled` decides
 between which of these places a value may have crossed zero unseen; there the sampling is refined
 until the values decide, or the spacing reaches its minimum. So a value that dips below zero and
 comes back within a step is found, to rounding. The time found is polished to full precision.
 
 A value that is within rounding of zero at the start is on the side to which the motion goes, see
-`beginning`. So a motion that starts on an event (after a bounce, say) has left it, and does not
+`Beginning`. So a motion that starts on an event (after a bounce, say) has left it, and does not
 meet it again until it returns. A search that continues from an event is given the side.
 """
 
@@ -18,15 +18,173 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_search.beginning import Beginning
-from jaxdyn.integrate.event_search.bracketing import are_settled
-from jaxdyn.integrate.event_search.event_values import Clocks, Sight, directions, values
-from jaxdyn.integrate.march import History, march
-from jaxdyn.integrate.observing import Watch
-from jaxdyn.integrate.step_control import StepControl
+from jaxdyn.integrate.event_search.event_values import (
+    Clocks,
+    Sight,
+    bends,
+    directions,
+    look,
+    values,
+)
+from jaxdyn.integrate.march import History, StepControl, Watch, march
 from jaxdyn.solvers import Method
-from jaxdyn.solvers.sizes import allowed_error
+from jaxdyn.solvers.stepper import allowed_error
 from jaxdyn.status import Status
+
+# ---- Which side of an event a motion is on just after its start
+
+#: Roundings of state and time by which a value at a start on an event may miss zero.
+_ROUNDINGS = 16
+#: Part of the first step within which the first terms of its series show how the motion continues.
+_CLOSE = 2.0**-10
+
+
+class Beginning(NamedTuple):
+    """A motion at its start, and the E events there.
+
+    Attributes:
+      t: () time.
+      y: (k,) state.
+      rate: (k,) its rate.
+      turn: (k,) the state's second derivative.
+      g: (E,) values.
+      slope: (E,) slopes in time.
+      noise: (E,) rounding of the values there.
+      speeds: (E,) one rounding of a slope.
+      bends: (E,) one rounding of a second derivative.
+    """
+
+    t: Array
+    y: Array
+    rate: Array
+    turn: Array
+    g: Array
+    slope: Array
+    noise: Array
+    speeds: Array
+    bends: Array
+
+    @classmethod
+    def of(cls, field, events: tuple, t: Array, y: Array) -> "Beginning":
+        """The beginning at (t, y); `field` has ``rate(t, y)`` and a ``system``."""
+        rate = field.rate(t, y)
+        here = look(field, events, t, y)
+        return cls(
+            t=t,
+            y=y,
+            rate=rate,
+            turn=jax.jvp(field.rate, (t, y), (jnp.ones_like(t), rate))[1],
+            g=here.values,
+            slope=here.slopes,
+            noise=here.rounding + jnp.abs(t) * here.speeds,
+            speeds=here.speeds,
+            bends=bends(field, events, t, y),
+        )
+
+    def sides(self, events: tuple, h: Array, wanted: Array) -> Array:
+        """(E,) signs just after the start, before a first step h ().
+
+        If the motion starts on an event, the slope decides. Where the slope is zero as well, it
+        depends on whether the value changes its sign there, as y^3 does: if so, the motion is
+        leaving. If not, a crossing in the wanted direction counts: otherwise a ball that bounces by
+        less than rounding would fall through the floor. If both directions are wanted, the motion
+        has left.
+
+        Args:
+          events: as in `of`.
+          h: () first step, negative backwards in time.
+          wanted: (E,) signs after the crossings that count, 0 for both.
+        """
+        ahead = jnp.sign(h)
+        moved = _ROUNDINGS * (self.noise + jnp.abs(h) * self.speeds + h * h * self.bends)
+        moving = jnp.abs(self.slope) > _ROUNDINGS * self.speeds
+        before, after = (self._near(events, s * _CLOSE * h, moved) for s in (-1.0, 1.0))
+        still = jnp.where(before * after < 0, after, -wanted)
+        leaving = jnp.where(moving, ahead * jnp.sign(self.slope), still)
+        return jnp.where(jnp.abs(self.g) <= moved, leaving, jnp.sign(self.g))
+
+    def _near(self, events: tuple, h: Array, noise: Array) -> Array:
+        """(E,) signs a short time later, by the first terms of the series; 0 within rounding."""
+        g = values(events, self.t + h, self.y + h * self.rate + 0.5 * h * h * self.turn)
+        return jnp.where(jnp.abs(g) > noise, jnp.sign(g), 0.0)
+
+
+# ---- Whether a smooth function can cross zero between sample points
+#
+# Between two neighbouring samples the function is the cubic with its values and slopes there, up to
+# f'''' w^4 / 384 with w the width of the stretch. The size of f'''' follows from the differences of
+# the third derivatives of neighbouring cubics. A cubic lies in the hull of its four Bernstein
+# coefficients, and its slope in that of their differences. So a stretch is settled if the
+# coefficients stay clear of zero by more than the doubt, or are monotone, so that the values at the
+# ends decide. Other stretches have to be sampled more closely.
+
+#: Factor by which fourth derivatives may exceed the estimate from neighbouring cubics.
+_SAFETY = 4.0
+#: Error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most.
+_CUBIC_ERROR_DIVISOR = 384.0
+
+
+def are_settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array) -> Array:
+    """(s - 1, E) whether each of E functions crosses zero between samples only as its sides say.
+
+    Args:
+      times: (s,) times of the samples, increasing or decreasing; s > 2.
+      g: (s, E) values.
+      slope: (s, E) slopes in time.
+      sides: (s, E) signs of the values; where a value is within rounding of zero, the sign before.
+      noise: (s, E) values up to this are rounding.
+    Limits: wrong for functions whose samples look smooth but which are not smooth in between.
+    """
+    width = jnp.diff(times)[:, None]
+    parts = Stretch(g[:-1], g[1:], slope[:-1], slope[1:], width)
+    between = 0.5 * (width[1:] + width[:-1])
+    fourth = jnp.max(jnp.abs(jnp.diff(parts.third, axis=0) / between), axis=0)
+    return parts.is_settled(fourth[None], sides[:-1], sides[1:], jnp.maximum(noise[:-1], noise[1:]))
+
+
+class Stretch(NamedTuple):
+    """Neighbouring samples of functions; all arrays of one shape.
+
+    Attributes:
+      g0: values at the first sample.
+      g1: values at the second sample.
+      slope0: slopes in time at the first sample.
+      slope1: slopes at the second sample.
+      width: the time between them, of either sign.
+    """
+
+    g0: Array
+    g1: Array
+    slope0: Array
+    slope1: Array
+    width: Array
+
+    @property
+    def third(self) -> Array:
+        """The third derivative of the cubics."""
+        rise = self.g1 - self.g0
+        return (6 * self.width * (self.slope0 + self.slope1) - 12 * rise) / self.width**3
+
+    def is_settled(self, fourth: Array, before: Array, after: Array, noise: Array) -> Array:
+        """Whether the functions cross zero only as their sides tell.
+
+        Args:
+          fourth: size of the fourth derivatives.
+          before: signs of the values at the first sample, see `are_settled`.
+          after: signs at the second sample.
+          noise: values up to this are rounding.
+        """
+        doubt = _SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
+        d0, d1 = self.width * self.slope0, self.width * self.slope1
+        b1, b2 = self.g0 + d0 / 3, self.g1 - d1 / 3
+        middle = b2 - b1
+        clear = (before == after) & (before * b1 > doubt) & (before * b2 > doubt)
+        rises = (d0 >= -noise) & (middle > doubt) & (d1 >= -noise)
+        falls = (d0 <= noise) & (middle < -doubt) & (d1 <= noise)
+        largest = jnp.maximum(jnp.maximum(jnp.abs(b1), jnp.abs(b2)), doubt)
+        largest = jnp.maximum(largest, jnp.maximum(jnp.abs(self.g0), jnp.abs(self.g1)))
+        return clear | rises | falls | (largest <= noise)
+
 
 # ---- The times of events, from brackets to full precision
 
@@ -207,7 +365,7 @@ class Crossing(NamedTuple):
       status: () `Status` code.
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
-      sizes: (k,) sizes of the motion so far, see `solvers.sizes`.
+      sizes: (k,) sizes of the motion so far, see `solvers.stepper`.
     """
 
     t: Array

@@ -1,7 +1,7 @@
 """Taylor series of the solution: explicit, of any order, for scenes with short formulas.
 
 A step sums the series of the solution about its start, whose coefficients follow from the
-formulas of the rate (`formulas`, `recurrences`). For a handful of numbers and many digits that
+formulas of the rate (`formulas`, `terms`). For a handful of numbers and many digits that
 takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
 to the order, and nothing is evaluated inside the step. How much of a proposed step is taken is read
 off its terms (`terms`), so that hardly any step is rejected. At its end the error is multiplied by
@@ -26,9 +26,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import in_one_kernel
-from jaxdyn.solvers.formulas.formulas import Formulas
+from jaxdyn.solvers.formulas.formulas import Formulas, is_guarded, products, shortest
 from jaxdyn.solvers.formulas.graph import FUNCTIONS, Node, NotElementary
-from jaxdyn.solvers.formulas.simplified import is_guarded, products, shortest
 from jaxdyn.solvers.method import (
     Advance,
     Method,
@@ -39,7 +38,7 @@ from jaxdyn.solvers.method import (
 )
 from jaxdyn.solvers.pairs import VERNER9
 from jaxdyn.solvers.taylor import terms
-from jaxdyn.solvers.taylor.recurrences import solution
+from jaxdyn.solvers.taylor.terms import solution
 
 #: Most sums of products at each order; with more of them programs compile for ten seconds and
 #: longer, exceed the processor's instruction cache, and run no faster than a pair.

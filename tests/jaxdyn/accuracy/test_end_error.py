@@ -11,7 +11,7 @@ import pytest
 from jaxdyn import scenes, simulate
 from jaxdyn.accuracy.end_error import EndError, end_error, perturb
 from jaxdyn.hard.cases import chaos
-from jaxdyn.integrate.errors.estimate import gaps
+from jaxdyn.integrate.errors import gaps
 from jaxdyn.integrate.phases import HybridTrajectory
 from jaxdyn.scenes import catalogue
 

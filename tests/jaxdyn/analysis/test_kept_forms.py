@@ -8,6 +8,7 @@ from odes import restricted
 import jaxdyn
 from jaxdyn import effects, scenes
 from jaxdyn.analysis.monodromy import form_change, invariant_form, invariant_forms
+from orbits.closing.sizes import sizes
 
 
 def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
@@ -17,6 +18,39 @@ def test_the_form_of_the_restricted_bodies_is_that_of_turning_axes():
     exact -= exact.T
     found = invariant_form(jaxdyn.ode(restricted, [0.5, 0.8, 0.0, 0.1], 1.0, params=0.01))
     assert np.abs(found / found[0, 2] - exact).max() < 1e-9
+
+
+def test_the_form_of_one_coordinate_is_kept_however_it_is_written():
+    def swing(t, y):
+        return [2 * y[1], -0.5 * jnp.sin(y[0])]
+
+    found = invariant_form(jaxdyn.ode(swing, [0.7, 0.0], 6.0))
+    np.testing.assert_allclose(found / found[0, 1], [[0.0, 1.0], [-1.0, 0.0]], atol=1e-12)
+
+
+def stretched(t, y, damping):
+    """A bond that a transverse oscillation stretches: V = (1 - exp(-x))^2 + (0.85 + 0.3 x) z^2."""
+    x, z, u, v = y
+    pull = -2 * (1 - jnp.exp(-x)) * jnp.exp(-x) - 0.3 * z * z
+    return [u, v, pull - damping * u, -1.7 * z - 0.6 * x * z]
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 1e-3, 1e-5])
+@pytest.mark.parametrize("beside", [0.0, 1e-12])
+def test_small_motions_beside_an_axis_have_the_form_of_large_ones(amplitude, beside):
+    # Along the mode z, the size of x is the square of the amplitude, and x may be rounding.
+    start = np.array([beside, amplitude, 0.0, 0.0])
+
+    def form(damping):
+        scene = jaxdyn.ode(stretched, start, 4.8, params=damping)
+        each = sizes(scene)
+        found = invariant_form(scene, each)
+        return found if found is None else found / np.outer(each, each)
+
+    found = form(0.0)
+    exact = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.eye(2), np.zeros((2, 2))]])
+    np.testing.assert_allclose(found / found[0, 2], exact, atol=1e-8)
+    assert form(1e-9) is None
 
 
 @pytest.mark.parametrize(

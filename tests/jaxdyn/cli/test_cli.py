@@ -269,7 +269,8 @@ def test_auto_is_that_of_the_library_and_warnings_are_printed(jaxdyn):
 
 
 def test_every_solver_has_its_name(jaxdyn):
-    for name, solver in vars(solvers).items():
+    for name in solvers.__all__:
+        solver = getattr(solvers, name)
         if isinstance(solver, solvers.Method):
             assert run._method(name.lower()) is solver
     assert run._method("auto") is None

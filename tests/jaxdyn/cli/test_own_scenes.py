@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from jaxdyn import _scene_files
+
 ROESSLER = '''
 import jaxdyn
 from shared import CONSTANT
@@ -131,3 +133,54 @@ def test_misuse_is_one_line(folder, command, words, message):
     assert out == ""
     assert err.count("\n") == 1
     assert message in err
+
+
+FAULTY = """import jaxdyn
+
+
+def unpacks():
+    def rate(t, y):
+        x, v, w = y
+        return [v, -x]
+
+    return jaxdyn.ode(rate, [1.0, 0.0])
+
+
+def misspells():
+    return jaxdyn.ode(lambda t, y: [y[1], -Y[0]], [1.0, 0.0])
+
+
+def calls():
+    return jaxdyn.ode(lambda t, y: -y, 1.0, labels="x")
+
+
+def misuses():
+    return jaxdyn.ode(lambda t, y: -y, [1.0], names=["x", "x"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (
+            "unpacks",
+            'faulty.py, line 6, in rate: "x, v, w = y" raised ValueError: not enough values to '
+            "unpack (expected 3, got 2)",
+        ),
+        ("misspells", "raised NameError: name 'Y' is not defined"),
+        ("calls", "raised TypeError: ode() got an unexpected keyword argument 'labels'"),
+        ("misuses", "error: names: expected"),
+    ],
+)
+def test_an_error_of_a_line_of_the_file_names_the_line(folder, command, function, message):
+    (folder / "faulty.py").write_text(FAULTY)
+    code, out, err = command("jaxdyn", "run", f"faulty.py:{function}")
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert message in err
+
+
+def test_an_error_of_this_library_keeps_its_traceback():
+    with pytest.raises(ZeroDivisionError), _scene_files.locate_errors():
+        _ = 1 / 0

@@ -17,7 +17,7 @@ from jaxdyn.ensemble import watches
 from jaxdyn.ensemble.batches import _alone
 from jaxdyn.ensemble.lanes import WIDTH
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.observing import Watch
+from jaxdyn.integrate.march import Watch
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import catalogue
 from jaxdyn.solvers import NYSTROM12, RADAU9, VERNER9

@@ -12,7 +12,7 @@ from scipy import optimize
 from jaxdyn import Scene, Status, scenes, solvers
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.integrate.event_search.bracketing import are_settled
+from jaxdyn.integrate.event_search.crossings import are_settled
 from jaxdyn.integrate.events import Event, Reaches, until
 from jaxdyn.scene import Effect
 

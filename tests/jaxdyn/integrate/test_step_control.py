@@ -11,12 +11,11 @@ from helpers import gap, kepler, kepler_state
 import jaxdyn
 from jaxdyn import scenes
 from jaxdyn.analysis.regularised import regularize
-from jaxdyn.integrate.observing import Samples
+from jaxdyn.integrate.march import Samples, StepControl
 from jaxdyn.integrate.simulation import solve
-from jaxdyn.integrate.step_control import StepControl
 from jaxdyn.scales import Groups
 from jaxdyn.solvers import KAHAN_LI8, VERNER9
-from jaxdyn.solvers.sizes import allowed_error, grow
+from jaxdyn.solvers.stepper import allowed_error, grow
 
 
 @pytest.mark.parametrize("solver", [None, VERNER9], ids=["Nystrom", "Verner"])

@@ -9,9 +9,8 @@ from helpers import formulas_of
 
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.completeness import isolate
-from jaxdyn.solvers.enclosures import Dual, enclosures
+from jaxdyn.solvers.enclosures import Dual, Interval, enclosures
 from jaxdyn.solvers.formulas.graph import NotElementary
-from jaxdyn.solvers.intervals import Interval
 
 
 def _bounds(field, lows, highs):

@@ -10,7 +10,7 @@ from helpers import EXACT, SOLVED, gap, kepler
 import jaxdyn
 from jaxdyn import accuracy, scenes
 from jaxdyn.accuracy.convergence import fixed_steps
-from jaxdyn.integrate.errors import error_estimate
+from jaxdyn.integrate import errors
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.solvers import VERNER9
 from jaxdyn.solvers.perturbed import QUIET, Noise, RoundedField
@@ -105,4 +105,4 @@ def test_plain_sums_are_rounded_as_states_are():
     missed = gap(plain, np.array([np.cos(1.0), -np.sin(1.0)]))
     assert SOLVED > missed > 10 * np.finfo(float).eps
     assert 0.1 < model / missed < 10
-    assert error_estimate.FINEST < model
+    assert errors.FINEST < model

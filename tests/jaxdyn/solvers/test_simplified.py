@@ -12,7 +12,7 @@ from benchmarks.classics import links
 from jaxdyn import ode, solve
 from jaxdyn.scenes import catalogue
 from jaxdyn.solvers import NYSTROM12, VERNER9
-from jaxdyn.solvers.formulas.simplified import simplify
+from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import operations
 
 #: Composed scenes, whose rates shrink.

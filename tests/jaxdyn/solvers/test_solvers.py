@@ -19,7 +19,8 @@ from jaxdyn import scenes, simulate, solvers
 from jaxdyn.solvers import EULER, NYSTROM12, RK4, VERNER9, Method, from_diffrax
 
 TSIT5 = from_diffrax(diffrax.Tsit5())
-METHODS = [x for x in vars(solvers).values() if isinstance(x, Method)]
+EXPORTED = [getattr(solvers, name) for name in solvers.__all__]
+METHODS = [x for x in EXPORTED if isinstance(x, Method)]
 PAIRS = pytest.mark.parametrize("pair", [NYSTROM12, VERNER9, TSIT5], ids=lambda p: p.name)
 
 

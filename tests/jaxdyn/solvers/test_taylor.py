@@ -24,10 +24,9 @@ from jaxdyn.solvers import (
     has_series,
 )
 from jaxdyn.solvers.choice import reason
+from jaxdyn.solvers.formulas.formulas import products, topological_order
 from jaxdyn.solvers.formulas.graph import NotElementary
-from jaxdyn.solvers.formulas.simplified import products, topological_order
-from jaxdyn.solvers.taylor.recurrences import solution
-from jaxdyn.solvers.taylor.terms import _CAUTION
+from jaxdyn.solvers.taylor.terms import _CAUTION, solution
 from jaxdyn.status import Status
 
 ORDER = 12

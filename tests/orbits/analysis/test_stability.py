@@ -144,6 +144,25 @@ def test_the_flow_has_an_integral_where_the_form_is_kept():
 
 
 @pytest.mark.slow
+def test_a_rate_of_unlike_oscillations_is_stable_by_its_form_alone():
+    # The transverse mode of a bond, which it stretches by the square of the amplitude.
+    def rate(t, y):
+        x, z, u, v = y
+        return [u, v, -2 * x + 3 * x * x - 0.3 * z * z, -1.7 * z - 0.6 * x * z]
+
+    scene = jaxdyn.ode(rate, [0.0, 0.0, 0.0, 0.0], 3.0)
+    for amplitude in (1e-3, 0.15):
+        seeds = orbits.discovery.seeds.modes(scene, scene.y0, amplitude)
+        seed = max(seeds, key=lambda seed: seed.period)
+        result = orbits.stability(orbits.find(scene, seed.y0, seed.period))
+        assert (result.verdict, result.unit) == ("stable", 2)
+        assert result.reasons == ("integral of flow", "flow")
+        # Beside it the bond oscillates by sqrt(2).
+        turns = np.sqrt(2 / 1.7)
+        assert abs(result.exponents[0] - abs(turns - round(turns))) < amplitude
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("c", [1e-8, -1e-8, 1e-10])
 def test_hardly_any_damping_is_no_conservative_scene(c):
     def rate(t, y, c):

@@ -11,9 +11,9 @@ from jaxdyn import scenes
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.integrate import events
 from orbits.families import graph
+from orbits.families.chains import margins
 from orbits.files import family_files
 from orbits.hybrid.equations import Chain
-from orbits.hybrid.margins import margins
 
 E, G, TURN = 0.8, 9.81, 10.0
 PERIOD = 2 * math.pi / TURN

@@ -19,7 +19,7 @@ from jaxdyn.balls.field import ball_field, scene_formulas
 from orbits.proof import posing, proving
 from orbits.proof.posing import equations_of
 from orbits.proof.stability import multipliers, structure
-from orbits.proof.stability.forms import forms_of
+from orbits.proof.stability.structure import forms_of
 
 _TABLE = Path(__file__).parents[2] / "published_three_body.csv"
 

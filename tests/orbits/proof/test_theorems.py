@@ -208,6 +208,7 @@ def _on_one_curve_after_a_turn(scene):
         _closure(),
         formulas=formulas,
         field=posing.ball_field(formulas),
+        sizes=(1.0,) * 16,
         embed=np.eye(16, dtype=int),
         goal=np.eye(16, dtype=int),
     )

@@ -12,11 +12,10 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from orbits import Outcome
-from orbits.shooting.collocation import steps
-from orbits.shooting.collocation.elimination import Chain, condense, expand
-from orbits.shooting.collocation.mesh import quality
-from orbits.shooting.effort import GOAL
+from orbits.shooting import gauss_steps
+from orbits.shooting.collocation import Chain, condense, expand, quality
 from orbits.shooting.finding import AUTOMATIC
+from orbits.shooting.strategy import GOAL
 
 #: Period of van der Pol's cycle for mu = 1000: the time between two passages of x = 1.5 by
 #: `solvers.RADAU9` at rtol 1e-13, and by SciPy's Radau at 1e-12 to the digits 1614.40112581.
@@ -52,11 +51,11 @@ def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
     scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 1.0)
     spans = jnp.array([3.0, 6.0])
     starts = jnp.array([[1.0, 0.0]] * 2)
-    pieces = steps.Piece(start=starts, t0=jnp.zeros(2), span=spans, parameter=jnp.zeros(2))
-    found, slopes = steps.linearise_steps(scene, pieces, make=None)
+    pieces = gauss_steps.Piece(start=starts, t0=jnp.zeros(2), span=spans, parameter=jnp.zeros(2))
+    found, slopes = gauss_steps.linearise_steps(scene, pieces, make=None)
     errors = np.abs(found.end - jnp.stack([jnp.cos(spans), -jnp.sin(spans)], axis=1)).max(axis=1)
     assert 16.0 < np.log2(errors[1] / errors[0]) < 18.0  # 17 of a step
-    estimates = steps.local_errors(scene, pieces, make=None).max(axis=1)
+    estimates = gauss_steps.local_errors(scene, pieces, make=None).max(axis=1)
     assert np.abs(estimates / errors - 1).max() < 0.1
     # A linear equation: the derivative by the start takes the start to the end.
     assert np.abs(jnp.einsum("nij,nj->ni", slopes.start, starts) - found.end).max() < 1e-14
@@ -188,7 +187,7 @@ def test_the_mesh_follows_a_family():
 @pytest.mark.slow
 def test_a_family_ends_where_no_mesh_is_fine_enough(monkeypatch):
     start = orbits.find(van_der_pol(1.0, 6.66), strategy=orbits.Collocation())
-    monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", len(start.mesh) // 2)
+    monkeypatch.setattr("orbits.shooting.collocation._MOST", len(start.mesh) // 2)
     family = orbits.continue_family(start, van_der_pol, 1.0, step=5.0, within=(0.0, 50.0))
     assert "errors of the steps of collocation exceed the goal" in family.end
     assert max(member.orbit.residual for member in family.members) <= GOAL
@@ -210,8 +209,8 @@ def test_misuse_of_collocation_is_refused():
 
 @pytest.mark.slow
 def test_a_mesh_with_too_few_intervals_is_no_orbit(monkeypatch):
-    monkeypatch.setattr("orbits.shooting.collocation.mesh._MOST", 16)
-    monkeypatch.setattr("orbits.shooting.collocation.mesh._FIRST", 16)
+    monkeypatch.setattr("orbits.shooting.collocation._MOST", 16)
+    monkeypatch.setattr("orbits.shooting.collocation._FIRST", 16)
     cycle = orbits.find(van_der_pol(20.0, 40.0), strategy=orbits.Collocation(), throw=False)
     assert cycle.outcome in (Outcome.MESH_LIMIT, Outcome.NO_DESCENT)
     assert not cycle.ok

@@ -21,7 +21,7 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.newton import FreePoints
 from orbits import Outcome, motion
 from orbits.shooting import descent, equations, outcomes, segment
-from orbits.shooting.effort import Effort
+from orbits.shooting.strategy import Effort
 
 
 class Spring(Effect):

@@ -9,10 +9,9 @@ import pytest
 
 import jaxdyn
 import orbits
-from orbits.shooting.equations import Equations
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.segment import Limits, linearise_end
 from orbits.shooting.segmentation import cut_into_segments, recut, with_segments
-from orbits.shooting.units import InUnits
 
 RTOL = 1e-12
 SIZES = np.array([20.0, 20.0, 40.0])

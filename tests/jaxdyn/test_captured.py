@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn._records.captured import captures
+from jaxdyn._records import captures
 
 STIFFNESS = 2.0
 COUNTED = {"calls": 0}

@@ -6,9 +6,8 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jaxdyn import scenes
-from jaxdyn._records import notes
-from jaxdyn._records.notes import notes_on
+from jaxdyn import _records, scenes
+from jaxdyn._records import notes_on
 
 
 def test_notes_are_kept_with_a_scene_whose_numbers_cannot_change():
@@ -16,10 +15,10 @@ def test_notes_are_kept_with_a_scene_whose_numbers_cannot_change():
     notes_on(scene)["asked"] = "answer"
     assert notes_on(scene) == {"asked": "answer"}
     assert notes_on(scene.starting(scene.y0)) == {}
-    before = len(notes._noted._known)
+    before = len(_records._noted._known)
     del scene
     gc.collect()
-    assert len(notes._noted._known) < before
+    assert len(_records._noted._known) < before
 
 
 def test_there_are_none_on_numbers_that_may_change():

@@ -1,16 +1,84 @@
-"""Numbers with their units, and records as tables: the `__repr__` of scenes, motions, results."""
+"""Text for people: error messages, numbers with their units, records as tables and as HTML.
 
+Descriptions of objects never raise: arrays that are long or traced are shown by their shape.
+Neither JAX nor NumPy, which load slowly, is imported here.
+"""
+
+import base64
 import collections
 import dataclasses
+import difflib
 import enum
 import functools
 import inspect
 import math
+import numbers
 import re
+import reprlib
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, ParamSpec
+from html import escape
+from typing import Any, ParamSpec, TypeVar
+
+# ---- Messages of misuse: ``name: expected ..., got .... What to do.``, each a ValueError
+#
+# `jaxdyn._checks` has these functions too, and those that need arrays.
+
+
+def fail(name: str, expected: str, got: Any, remedy: str = "") -> ValueError:
+    """The ValueError with a message in this project's format."""
+    return ValueError(f"{name}: expected {expected}, got {got}.{' ' + remedy if remedy else ''}")
+
+
+def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = "") -> int:
+    """x; raises unless it is a whole number from least to most."""
+    if type(x) is int and least <= x <= most:
+        return x
+    if not isinstance(x, numbers.Integral) or isinstance(x, bool) or int(x) < least:
+        raise fail(name, f"a whole number, at least {least}", reprlib.repr(x), remedy)
+    if int(x) > most:
+        raise fail(name, f"at most {most}", reprlib.repr(x), remedy)
+    return int(x)
+
+
+def flag(name: str, x: Any) -> bool:
+    """x; raises unless it is True or False: other values would count as one of them."""
+    if not isinstance(x, bool):
+        raise fail(name, "True or False", repr(x))
+    return x
+
+
+def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> str:
+    """x; raises unless it is among the choices, and suggests the nearest one.
+
+    For a long list of choices, `listed_by` is the command that prints them.
+    """
+    choices = sorted(choices)
+    if x not in choices:
+        near = difflib.get_close_matches(str(x), choices, n=1)
+        hint = f"Did you mean {near[0]!r}?" if near else ""
+        which = f"one of {', '.join(choices)}" if choices else "no name, since there is none"
+        which = f"one that `{listed_by}` shows" if listed_by else which
+        raise fail(name, which, repr(x), hint)
+    return x
+
+
+def number_of(n: int, noun: str, plural: str = "") -> str:
+    """A number with its noun, e.g. "1 loop" or "2 families".
+
+    Args:
+      n: the number.
+      noun: the singular.
+      plural: the plural; the noun with an s by default.
+    Example:
+      >>> number_of(1, "loop"), number_of(0, "loop"), number_of(2, "family", "families")
+      ('1 loop', '0 loops', '2 families')
+    """
+    return f"{n} {noun if n == 1 else plural or noun + 's'}"
+
+
+# ---- Numbers with their units, and records as tables: the `__repr__` of scenes, motions, results
 
 _MOST_NUMBERS = 6  # most numbers of an array that are shown
 _MOST_ENTRIES = 12  # most entries of a state that are shown
@@ -269,3 +337,82 @@ def table(head: str, rows: Iterable[tuple[str, str]]) -> Table:
     written = Table("\n".join([head, *lines]).replace("\0", " "))
     written.head, written.rows = head, kept
     return written
+
+
+# ---- Results for JSON, which has no NaN and no infinities: null stands for both
+
+
+def with_null(value: Any) -> Any:
+    """A value of lists, dictionaries and arrays with None for each number that is not finite.
+
+    Arrays become nested lists.
+
+    Example:
+      >>> with_null({"error": float("nan"), "steps": (3, 4)})
+      {'error': None, 'steps': [3, 4]}
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: with_null(x) for key, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [with_null(x) for x in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# ---- Tables as HTML, in notebooks, with a small picture where there is one to draw
+#
+# Whatever happens, a notebook shows something: without a picture the table alone, and text that is
+# no table as it is. Colours are those of the notebook, light or dark.
+
+T = TypeVar("T")
+
+_LEFT = 'style="text-align: left; vertical-align: top"'
+_HEAD = 'style="text-align: left; white-space: nowrap"'  # a narrow table would break it
+_NARROW = 'style="max-width: 40em"'  # so that the picture is beside it
+_ROW = 'style="display: flex; flex-wrap: wrap; gap: 1em; align-items: flex-start"'
+
+
+def html(self: Any) -> str:
+    """The table of `repr` as HTML: the `_repr_html_` of classes whose `repr` is one."""
+    return _html_of_text(_description(self))
+
+
+def with_picture(draw: Callable[[T], Any]) -> Callable[[T], str]:
+    """Decorate a method that draws an object: its `_repr_html_`, the table beside that picture.
+
+    Args:
+      draw: the method; it returns a `jaxdyn.drawing.figures.Picture`.
+    """
+
+    @functools.wraps(draw)
+    def shown(self: T) -> str:
+        text = _description(self)
+        try:
+            data = base64.b64encode(draw(self).small()).decode()
+        except Exception:  # nothing to draw, or nothing that can be drawn
+            return _html_of_text(text)
+        about = f"Picture of {text.splitlines()[0]}"
+        image = f'<img alt="{escape(about)}" src="data:image/png;base64,{data}">'
+        return f"<div {_ROW}>{_html_of_text(text)}{image}</div>"
+
+    return shown
+
+
+def _description(x: Any) -> str:
+    """The text of an object, as the `Table` that its `__repr__` makes, if it makes one."""
+    try:
+        return inspect.unwrap(type(x).__repr__)(x)
+    except Exception:  # which `never_raising` handles
+        return repr(x)
+
+
+def _html_of_text(text: str) -> str:
+    if not isinstance(text, Table):
+        return f"<pre>{escape(text)}</pre>"
+    rows = "".join(
+        f'<tr><th scope="row" {_LEFT}>{escape(name)}</th><td {_LEFT}>{escape(said)}</td></tr>'
+        for name, said in text.rows
+    )
+    head = f"<caption {_HEAD}><strong>{escape(text.head)}</strong></caption>"
+    return f"<table {_NARROW}>{head}<tbody>{rows}</tbody></table>"

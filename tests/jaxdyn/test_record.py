@@ -12,7 +12,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn._records.captured import _MOST_KEPT, _kept, captures
+from jaxdyn._records import _MOST_KEPT, _kept, captures
 from jaxdyn.effects import Spring
 from jaxdyn.integrate import events
 from jaxdyn.integrate.phase import END, Exit, Phase

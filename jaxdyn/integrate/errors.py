@@ -1,33 +1,217 @@
-"""Error estimates of solutions: by a finer solution to compare with, and by the effect of rounding.
+"""How large the error of a solution is, for anything that can be run at a tolerance.
 
-A solution at a tolerance differs from one at a thousandth of it by its own error, up to a
-thousandth. That is the whole estimate while the second one is more accurate. Once rounding
-dominates, both solutions may share the same rounding error, so that their difference hides it;
-therefore `rounding_error` measures it separately.
-
-This file has the arithmetic, for anything that can be run at a tolerance; it is used by
-`accuracy` and `simulate(digits=...)`.
+`Estimate` is the record of what is found, with the digits it leaves; several runs are compared,
+and the effect of rounding is measured. `accuracy` and `simulate(digits=...)` use it.
 """
 
 import itertools
 import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
-from jaxdyn.integrate.errors.estimate import (
-    ROUNDING_MARGIN,
-    Estimate,
-    digits_of,
-    gaps,
-    kind_of,
-    scales,
-)
-from jaxdyn.integrate.errors.rounding_error import Run, of_writing, rounding
-from jaxdyn.scene import Scene
+from jaxdyn import _checks, _text
+from jaxdyn.plan import plan_of
+from jaxdyn.scales import at_start
+from jaxdyn.scene import Field, Scene
+from jaxdyn.solvers.perturbed import Noise
+from jaxdyn.system import Record
+
+# ---- The record of an error estimate, and differences of states in the units of their entries
+
+#: Distance of a promised digit from rounding, in spreads of two draws; 1 in 26 is wrong by more.
+ROUNDING_MARGIN = 5.0
+#: Entries below this part of what others move them by may be only rounding.
+_NOTHING = 1e-10
+
+
+class Estimate(Record):
+    """How far a solution is from the exact one.
+
+    Attributes:
+      ts: (s,) times [s].
+      ys: (s, k) the solution.
+      error: (s, k) estimated absolute error of each entry, in its unit.
+      rounding: (s, k) the part of it that no tolerance removes; NaN where not measured.
+      scale: (k,) the measure of errors: the largest entry of its kind. Angles are taken modulo a
+        turn.
+      kind: the kind of estimate.
+      solver: name of the method of the solution.
+      other: name of the method of the second solution.
+      wanted: () digits requested, if any.
+      fineness: (2,) tolerances, or steps, of the solution and of the second one.
+    """
+
+    ts: Array
+    ys: Array
+    error: Array
+    rounding: Array
+    scale: Array
+    fineness: Array
+    kind: str = eqx.field(static=True)
+    solver: str = eqx.field(static=True)
+    other: str = eqx.field(static=True)
+    wanted: Array | float | None = None
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        digits = f"{self.digits:.1f} at {len(self.ts)} times, at most {self.most_digits:.1f}"
+        rows = [("digits", digits), ("basis", self.basis), ("shortfall", self.shortfall)]
+        return _text.table("Estimate", rows)
+
+    _repr_html_ = _text.html
+
+    @property
+    def relative(self) -> float:
+        """Largest error relative to the scale; NaN if a run failed; host only."""
+        return float(np.max(np.asarray(self.error) / np.asarray(self.scale)))
+
+    @property
+    def digits(self) -> float:
+        """Correct digits at all times, 0 if none; NaN if a run failed; host only."""
+        return digits_of(self.relative)
+
+    @property
+    def most_digits(self) -> float:
+        """Digits certain in double precision with any solver; host only."""
+        return digits_of(
+            ROUNDING_MARGIN * np.max(np.asarray(self.rounding) / np.asarray(self.scale))
+        )
+
+    @property
+    def basis(self) -> str:
+        """The basis of the estimate, as text; host only."""
+        mine, its = np.asarray(self.fineness)
+        return f"{self.kind}: {self.solver} at {mine:.1e} against {self.other} at {its:.1e}"
+
+    @property
+    def shortfall(self) -> str:
+        """Why requested digits were not reached, and the remedy; empty if they were; host only."""
+        sure = min(self.digits, self.most_digits)
+        if self.wanted is None or not sure < self.wanted:
+            return ""
+        held = self.until(self.wanted)
+        where = "at no sample" if np.isnan(held) else f"up to t = {held:.6g}"
+        return (
+            f"{self.wanted:g} digits were requested; over the whole span {sure:.1f} are certain, "
+            f"all of them {where}. Rounding, amplified, limits any solver to "
+            f"{self.most_digits:.1f} certain digits: shorten the span."
+        )
+
+    def until(self, digits: float) -> float:
+        """Time up to which this many digits are certain; NaN if at no time; host only."""
+        off = np.maximum(self.error, ROUNDING_MARGIN * np.nan_to_num(self.rounding))
+        # With > instead, a run that failed, whose errors are NaN, would be right to its end.
+        wrong = ~((off / np.asarray(self.scale)).max(axis=1) <= 10.0**-digits)
+        first = int(np.argmax(wrong)) if wrong.any() else len(wrong)
+        return float(self.ts[first - 1]) if first else float("nan")
+
+
+def kind_of(kind: str, scene: Scene) -> str:
+    """A kind of estimate, and what the estimate, like the solution, is blind to; host only."""
+    unread = plan_of(scene.field, len(scene.y0)).unread
+    return f"{kind}, blind to {', '.join(sorted(unread))}" if unread else kind
+
+
+def digits_of(error) -> float:
+    """() correct digits at a relative error, 0 if none; NaN for an error that is not finite."""
+    return max(0.0, -float(np.log10(error))) if np.isfinite(error) else float("nan")
+
+
+def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
+    """(k,) largest magnitude over times (s, k) of the entries of a kind, see `scales.Groups`.
+
+    Entries that are zero, or rounding, are measured by what others move them by; 1 if none does.
+    """
+    sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
+    return np.asarray(_of_kinds(scene.field, sizes, scene.y0, scene.t1))
+
+
+@eqx.filter_jit
+def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
+    # Angles are not capped at a radian: differences are within a turn.
+    kinds = field.groups._replace(most=(np.inf,) * len(y0))
+    sizes, moved = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
+    sizes = jnp.where(sizes > _NOTHING * moved, sizes, moved)
+    return jnp.where(sizes == 0, 1.0, sizes)
+
+
+def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(s, k) differences of states in the system's sense, angles modulo a turn."""
+    plain = ys - others
+    wrapped = np.asarray(_differences(scene.system, ys, others))
+    # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain difference is exact.
+    return np.where(np.abs(plain) <= 1.0, plain, wrapped)
+
+
+@eqx.filter_jit
+def _differences(system, ys, others):
+    return jax.vmap(system.difference)(ys, others)
+
+
+# ---- The effect of rounding on a motion, from solving it again with each step perturbed at random
+#
+# Two solutions may share the same rounding error, so that their difference hides it. Relative
+# perturbations in the ninth digit change the states; that change, scaled to half of the last digit,
+# is the effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time,
+# near an unstable motion exponentially.
+
+#: (scene, (2,) tolerance, noise of each step) -> a result whose `ys` are (s, k) states, NaN where
+#: not reached.
+Run = Callable[..., Any]
+
+_PERTURBATIONS = (1e-9, 1e-13, 1e-15)  # relative to each step, to measure the effect of rounding
+_MAX_LINEAR_GAP = 0.1  # part of the scale: motions farther apart do not differ linearly
+_DRAWS = 2  # number of random perturbations; with one, the effects of two steps may cancel
+_EPS = float(np.finfo(float).eps)
+
+
+def rounding(
+    run: Run, scene: Scene, ys: np.ndarray, tolerance: np.ndarray, draws: int = _DRAWS
+) -> np.ndarray:
+    """(s, k) the effect of rounding on the states `ys` that `run` finds at a tolerance.
+
+    It is the root mean square of the changes of the states by random perturbations of each step,
+    scaled from perturbations large enough to be measured down to half a spacing of doubles. At each
+    time the largest perturbation counts with which motions stay close. Where none do, no digit is
+    certain and the scale itself is returned.
+    """
+    scale = scales(scene, ys)
+    found = np.broadcast_to(scale, ys.shape).copy()
+    known = np.zeros(len(ys), bool)
+    for size in _PERTURBATIONS:
+        noises = [Noise(np.asarray(size), np.asarray(draw, np.uint64)) for draw in range(draws)]
+        moved = [gaps(scene, np.asarray(run(scene, tolerance, noise).ys), ys) for noise in noises]
+        spread = np.sqrt(np.mean(np.square(moved), axis=0))
+        close = np.logical_and.accumulate((spread / scale <= _MAX_LINEAR_GAP).all(axis=1))
+        new = close & ~known
+        found[new] = 0.5 * _EPS / size * spread[new]
+        known |= close
+        if known.all():
+            break
+    return np.maximum(found, of_writing(ys))
+
+
+def of_writing(ys: np.ndarray) -> np.ndarray:
+    """(s, k) the rounding error of storing a result."""
+    return 0.5 * _EPS * np.abs(ys)
+
+
+# ---- Error estimates of solutions: by a finer solution to compare with, and by the effect of
+# rounding
+#
+# A solution at a tolerance differs from one at a thousandth of it by its own error, up to a
+# thousandth. That is the whole estimate while the second one is more accurate. Once rounding
+# dominates, both solutions may share the same rounding error, so that their difference hides it;
+# therefore `rounding` measures it separately.
+#
+# This file has the arithmetic, for anything that can be run at a tolerance; it is used by
+# `accuracy` and `simulate(digits=...)`.
 
 Names = tuple[str, str, str]
 

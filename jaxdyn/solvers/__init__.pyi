@@ -1,0 +1,36 @@
+"""The names of jaxdyn.solvers: for type checkers, and for imports when they are first used."""
+
+from . import choice as choice
+from .choice import Solver as Solver
+from .choice import default_solver as default_solver
+from .compositions import BLANES_MOAN6 as BLANES_MOAN6
+from .compositions import KAHAN_LI8 as KAHAN_LI8
+from .compositions import SOFRONIOU_SPALETTA10 as SOFRONIOU_SPALETTA10
+from .compositions import VERLET as VERLET
+from .compositions import Composition as Composition
+from .exchange import DOPRI8 as DOPRI8
+from .exchange import from_diffrax as from_diffrax
+from .exchange import to_diffrax as to_diffrax
+from .gauss import GAUSS8 as GAUSS8
+from .gauss import GAUSS12 as GAUSS12
+from .gauss import Gauss as Gauss
+from .method import Advance as Advance
+from .method import Method as Method
+from .pairs import EULER as EULER
+from .pairs import NYSTROM12 as NYSTROM12
+from .pairs import RK4 as RK4
+from .pairs import VERNER9 as VERNER9
+from .pairs import Pair as Pair
+from .radau import RADAU5 as RADAU5
+from .radau import RADAU9 as RADAU9
+from .radau import Radau as Radau
+from .stoermer import STOERMER14 as STOERMER14
+from .stoermer import STOERMER18 as STOERMER18
+from .stoermer import Stoermer as Stoermer
+from .taylor.method import TAYLOR8 as TAYLOR8
+from .taylor.method import TAYLOR12 as TAYLOR12
+from .taylor.method import TAYLOR14 as TAYLOR14
+from .taylor.method import TAYLOR16 as TAYLOR16
+from .taylor.method import TAYLOR20 as TAYLOR20
+from .taylor.method import Taylor as Taylor
+from .taylor.method import has_series as has_series
