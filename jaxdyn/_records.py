@@ -81,7 +81,7 @@ def notes_on(tree: PyTree) -> dict[Any, Any] | None:
 # ---- Values that a user's function captures: global variables, and the variables of its closure
 #
 # In a compiled program they are constants. If one changes afterwards, as in a notebook, a program
-# compiled before would silently go on with the old value. So a `Record` (a system, an effect, an
+# compiled before would silently keep using the old value. So a `Record` (a system, an effect, an
 # event) remembers a digest of what its functions and its methods captured: a record that is made
 # again is compiled again, and an old one is refused.
 #

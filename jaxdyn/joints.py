@@ -1,7 +1,7 @@
 """Bodies cut free, and what holds them: what `analysis.free_body` asks of a system.
 
-A system says of which bodies it consists (`Part`), where these are held, by what and in which
-directions (`Joint`), and which forces its own equations have besides those of effects (`Load`). The
+A system lists the bodies that it consists of (`Part`), where these are held, by what and in which
+directions (`Joint`), and the forces of its own equations besides those of effects (`Load`). The
 forces in the joints are not among these: they are the multipliers of a constrained formulation, or
 follow from the accelerations.
 """

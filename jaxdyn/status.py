@@ -45,7 +45,7 @@ class Status(Code):
     SINGULAR = (
         4,
         "The constraints stopped determining the motion: they lose rank in a pose (a linkage at "
-        "a dead centre, where it may go on in more than one way), contradict each other, or do not "
+        "a dead centre, where it may continue in several ways), contradict each other, or do not "
         "hold at the start. Stop earlier, change a length, or take out a constraint; "
         "`constraints.conditioning` shows where.",
     )
@@ -85,9 +85,9 @@ class Status(Code):
     )
     UNSEEN_WITHIN_STEP = (
         11,
-        "The motion within the step of the event is not what its ends tell: a force acts where "
+        "The motion within the step of the event does not follow from its ends: a force acts where "
         "a long step passed over it, as a wind in a thin layer of air, or the event itself changes "
-        "millions of times. Stop before that place and go on from there, or pass max_step=.",
+        "millions of times. Stop before that point and restart from there, or pass max_step=.",
     )
     STIFF = (
         12,

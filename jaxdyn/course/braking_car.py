@@ -62,7 +62,7 @@ TOPIC = "rolling and skating"
 
 
 J = 1500.0 + 1000.0 * 1.2**2  # about the front axle [kg m^2]
-#: Where the free axle is, ahead of G, and the locked one, ahead of the free one [m].
+#: Distance of the free axle ahead of G, and of the locked one ahead of the free one [m].
 PLACES = {"front": (-1.4, 2.6), "rear": (1.2, -2.6)}
 
 
@@ -76,18 +76,19 @@ def by_hand(t, y, p):
 
 
 def slow(t, y):
-    """How much faster than 1e-4 m/s the locked axle slides, in squares."""
+    """The squared sliding speed of the locked axle minus that of 1e-4 m/s."""
     return y[0] ** 2 + y[1] ** 2 - 1e-8
 
 
 def brake(page, locked):
-    """The motion to rest and the state there; where to stop it is known by the equations in (a)."""
+    """The motion to rest and the state there; the equations of (a) give the time at which it
+    ends."""
     scene, (s, b) = scenes.car(locked=locked), PLACES[locked]
     hand = ode(by_hand, [20.0, 0.01 * b, 0.0], 60.0, params={"s": s, "b": b})
     stop = until(hand, When(slow, -1), rtol=1e-12)
     motion = simulate(scene, stop.t, samples=2001, rtol=1e-12)
     turned = motion["theta"][-1]
-    statement = f"a: By hand it turns as far, {locked}"
+    statement = f"a: Equations by hand, same turn, {locked}"
     page.equal(statement, stop.y[2], turned, within=1e-9, route="second formulation")
     (way,) = scenes.braking(scene)["slide"].exits
     return motion, eqx.filter_jit(way.change)(stop.t, motion.ys[-1])

@@ -64,7 +64,7 @@ def solve(page: Page) -> None:
     )
     motion = simulate(rolling, rolling_time(angle), samples=2001, rtol=1e-12)
     end = np.arctan2(motion["x"][-1], motion["y"][-1])
-    page.equal("The motion takes the time that its energy says", end, angle, within=1e-9)
+    page.equal("The motion takes as long as energy predicts", end, angle, within=1e-9)
 
     for mu in (0.2, 0.4, 0.8):
         slips = np.arccos(4 * mu / np.hypot(7 * mu, 1.0)) - np.arctan2(1.0, 7 * mu)

@@ -150,7 +150,7 @@ def solve(page: Page) -> None:
     scene = scenes.cylinder_on_ramp(t1=10.0, mu=0.8, **NUMBERS)
     motion = simulate(scene, rolling_time(rolled), samples=2001, rtol=1e-12)
     turned = motion["phi"][-1] - NUMBERS["slope"]
-    page.equal("The motion takes the time that its energy says", turned, rolled, within=1e-9)
+    page.equal("The motion takes as long as energy predicts", turned, rolled, within=1e-9)
     page.draw(drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
     look = (
         "It rolls until the ramp would have to pull, as if friction had no limit; with a "
@@ -168,7 +168,7 @@ def check(page: Page) -> None:
         lost.t,
     )
     page.equal(
-        "c: No normal force is left there", lost.y[2] - 0.2, rolled, within=1e-9, route="event"
+        "c: The normal force vanishes there", lost.y[2] - 0.2, rolled, within=1e-9, route="event"
     )
     motion = simulate(scene, end, samples=300, rtol=1e-12)
     angle = simulate(lagrangian(rolling_law, [0.0], [0.0], params=NUMBERS), end, samples=300)

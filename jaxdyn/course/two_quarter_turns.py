@@ -4,8 +4,8 @@ A body is turned by 90 degrees about the y axis, and then by 90 degrees about th
 axis and the angle of the one turn that does the same, by looking at where the axes go. Then apply
 the formula for a turn about an axis twice, to the three unit vectors and to any vector (x, y, z).
 
-Answer: It is a turn by 120 degrees about (1, 1, 1): x goes to -z and on to y, y goes on to z, and z
-to x and stays there. So (x, y, z) goes to (z, x, y).
+Answer: It is a turn by 120 degrees about (1, 1, 1): x goes to -z and then to y, y then goes to z,
+and z to x and stays there. So (x, y, z) goes to (z, x, y).
 """
 
 import math

@@ -1,11 +1,11 @@
 """A watch that records the crossings of an event, in the lanes of an ensemble.
 
 The search of `integrate.event_search` looks into a step by more steps from its start. In a lane
-these are the lane's own steps, so that all lanes go on looking and stepping together, vectorised,
+these are the lane's own steps, so that all lanes keep searching and stepping together, vectorised,
 and none waits for another: the watch steers its run. A step that may hide crossings, as judged from
 the values and slopes at both ends and at a node before (`are_settled`), is taken again with half
 its length. A step with a crossing is taken again up to where Newton's method expects it, until it
-ends there; the run goes on from the crossing.
+ends there; the run continues from the crossing.
 """
 
 from typing import NamedTuple

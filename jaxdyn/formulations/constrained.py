@@ -178,7 +178,7 @@ class Constrained(MechanismSystem):
                 "y0",
                 "a pose whose constraints determine the motion",
                 "one where they lose rank",
-                "It could go on in several ways (a linkage at a dead centre); start beside it.",
+                "It could continue in several ways (a linkage at a dead centre); start beside it.",
             )
 
     def _solve(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:

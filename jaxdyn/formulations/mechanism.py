@@ -58,7 +58,8 @@ class Mechanism(Record):
         return None
 
     def loses(self, t0: Array, q0: Array, t1: Array, q1: Array) -> Array | None:
-        """Whether () a step from q0 to q1 passes a pose where q does not say how to go on."""
+        """Whether () a step from q0 to q1 passes a pose where q does not determine how to
+        continue."""
         del t0, q0, t1, q1
         return None
 

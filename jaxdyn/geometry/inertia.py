@@ -74,7 +74,7 @@ class Body(Record):
         moments = np.linalg.eigvalsh(inertia)
         if moments[0] + moments[1] - moments[2] < -_EQUAL * abs(size):
             remedy = "Check signs and units."
-            wanted = "moments of which none is larger than the other two together"
+            wanted = "moments such that none is larger than the other two together"
             raise _checks.fail("inertia", wanted, moments.tolist(), remedy)
 
     def __add__(self, other: "Body") -> "Body":

@@ -282,7 +282,7 @@ def run_or_switch(
     limited = limits.until_stiff(MOST_LIMITED)
     first = run(limited, method=method)
     if _checks.is_traced(first.status):
-        # A trace is under way of which none of the values is a part.
+        # A trace is in progress that involves none of the values.
         return run(limits, method=method), False
     # NumPy reads it: int() of a JAX array takes three times as long as an empty program.
     status = np.asarray(first.status).item()

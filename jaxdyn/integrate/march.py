@@ -43,7 +43,7 @@ from jaxdyn.status import Status
 # A method judges a step by what it sees of the rate at a handful of times, and misses a pulse
 # between them. So before a step is taken, bounds of each part of the rate that depends on time
 # alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
-# seen becomes shorter. Parts that depend on time and state are looked at likewise after a step, and
+# seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and #
 # a step in which something may be hidden is rejected.
 
 #: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
@@ -159,7 +159,7 @@ _CLOSE_ULPS = 100.0  # spacings from the end within which a step is too short; a
 
 
 class Samples(eqx.Module):
-    """The states at the wanted times, as the run goes on.
+    """The states at the requested times, filled in as the run proceeds.
 
     Attributes:
       next: () index of the first time not reached yet.
@@ -202,10 +202,10 @@ class Samples(eqx.Module):
 
 
 class StepDecision(NamedTuple):
-    """How a run goes on after a step that a watch has seen.
+    """How a run continues after a step that a watch has seen.
 
     Attributes:
-      keep: () whether it goes on from the end of the step, else again from its start.
+      keep: () whether it continues from the end of the step; otherwise it repeats the step.
       following: () the time at which the next step may end.
       memory: the memory of the watch.
       stop: () whether the run ends here.
@@ -276,7 +276,7 @@ class StepAttempt(NamedTuple):
 
     @property
     def keep(self) -> Array:
-        """() whether the run goes on from its end."""
+        """() whether the run continues from its end."""
         return self.fine & ~self.sampling
 
 

@@ -44,9 +44,9 @@ class FourBar(Mechanism):
     end: Array
     crossed: bool = eqx.field(static=True, default=False)
     singular: ClassVar[str] = (
-        "Where coupler and rocker are in line, the crank does not say how they go on. "
+        "Where coupler and rocker are in line, the crank does not determine how they continue. "
         "formulation='constrained' or 'loop' passes a dead centre of the crank; at a change point, "
-        "where all bars are in line, the linkage may go on in two ways."
+        "where all bars are in line, the linkage may continue in two ways."
     )
 
     def coordinates(self):

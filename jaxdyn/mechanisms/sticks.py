@@ -142,8 +142,8 @@ class Sideways(Mechanism):
     l: Array  # noqa: E741 the course's name
     axis: int = eqx.field(static=True, default=0)
     singular: ClassVar[str] = (
-        "At the level of the hinge the coordinate does not say how the mass goes on: "
-        "scenes.sideways_edge says when it gets there, and scenes.pendulum goes on."
+        "At the level of the hinge the coordinate does not determine how the mass continues: "
+        "scenes.sideways_edge says when it gets there; continue with scenes.pendulum."
     )
     side: Array | float = -1.0
 

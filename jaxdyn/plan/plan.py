@@ -463,8 +463,9 @@ class InBranch(NamedTuple):
 #
 # A rate with conditions (``where``, ``sign``, ``abs``, ``max``, ``floor``, ``mod``, tables, ...) is
 # smooth between the times at which one of them changes. `Walk` repeats the program of a rate with
-# the outcome of each condition as an argument, the branch, so that a step across such a time knows
-# nothing of the other side. Beside the rate it returns how far each condition is from changing, its
+# the outcome of each condition as an argument, the branch, so that a step across such a time is #
+# not affected by the other side. Beside the rate it returns how far each condition is from
+# changing, its
 # margin, and the outcomes that hold at the point.
 #
 # What a condition is, and its margin:
@@ -839,7 +840,7 @@ _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "a
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
 ) | {"squeeze", "convert_element_type", "copy", "slice", "reduce_sum"}
-#: Likewise operations of which only one operand moves, such as a force divided by a mass.
+#: Likewise operations in which only one operand varies, such as a force divided by a mass.
 _SCALES = frozenset({"mul", "div", "dot_general"})
 
 

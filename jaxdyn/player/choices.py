@@ -68,7 +68,7 @@ class Choices(NamedTuple):
 
 
 def complete(choices: Choices) -> Scene:
-    """The first of the scenes with the most effects, of which the others lack some.
+    """The first of the scenes with the most effects; the others may lack some of these.
 
     Raises:
       ValueError: there are no scenes, one is invalid, they are not of one kind, or scenes that run

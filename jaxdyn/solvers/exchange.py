@@ -134,7 +134,7 @@ class DiffraxMethod(Method):
     several: ClassVar[bool] = False
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        """A step whose iterations go on to rounding."""
+        """A step whose iterations continue to the rounding level."""
         eps = jnp.finfo(y.dtype).eps
         return self.advance_within(field, t, h, y, (jnp.asarray(eps), jnp.asarray(eps)))
 

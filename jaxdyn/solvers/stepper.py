@@ -34,7 +34,7 @@ class _Run(NamedTuple):
       y: (k, ...) the state.
       solver_state: the state of the solver.
       controller_state: the state of step control.
-      result: whether it goes on.
+      result: whether it continues.
       accepted: () number of steps kept.
     """
 

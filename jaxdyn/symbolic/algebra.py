@@ -277,7 +277,7 @@ class Expression:
 
     @property
     def content(self) -> Coefficient:
-        """The largest positive rational number of which all coefficients are integer multiples."""
+        """The largest positive rational number that divides all coefficients into integers."""
         found = [Fraction(c) for c in self.terms.values() if isinstance(c, Fraction)]
         if len(found) < len(self.terms):
             return ONE

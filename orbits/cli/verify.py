@@ -57,7 +57,7 @@ def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
 
 def prove_command(
     file: OrbitFile,
-    digits: Annotated[int, typer.Option(help="Decimal digits of the enclosures, about.")] = 30,
+    digits: Annotated[int, typer.Option(help="Decimal digits of the enclosures, roughly.")] = 30,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:

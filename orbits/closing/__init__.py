@@ -1,9 +1,9 @@
 """Conditions for a motion to be periodic: closings, symmetries, further conditions.
 
 `closings` has the ways to close (plainly, as a choreography, up to a rotation, by reversal), the
-symmetries of which they consist, and what selects a member of a family (its energy, its period, an
-entry of the state); `given` checks the arguments of a search, and `sizes`
-has the units in which entries of a state are compared.
+symmetries that they are made of, and the conditions that select a member of a family (its energy,
+its period, an entry of the state); `given` checks the arguments of a search, and `sizes` has the
+units in which entries of a state are compared.
 
 May import: `jaxdyn`.
 

@@ -558,7 +558,7 @@ def _commutator(scene: Scene, turn: str) -> tuple[Array, Array]:
 
 # ---- Conditions on an orbit besides closing: a given energy, period, entry of the start
 #
-# Periodic orbits of conservative scenes form families, of which a condition selects a member.
+# Periodic orbits of conservative scenes form families; a condition selects one member.
 # Without one, `find` returns the member through the given start, if that is periodic, and otherwise
 # a member near it.
 

@@ -1,7 +1,7 @@
 """Chains of legs as a surface of solutions, so that families of them are followed as of orbits.
 
-The unknowns are those of `orbits.hybrid.equations`. The solutions go on beyond a grazed event, but
-as chains that are not motions; so grazing is a special point at which a family ends.
+The unknowns are those of `orbits.hybrid.equations`. The solutions continue beyond a grazed event,
+but as chains that are not motions; so grazing is a special point at which a family ends.
 """
 
 import dataclasses

@@ -1,6 +1,6 @@
 """The equilibrium between two members of a family, to which its orbits shrink.
 
-Beyond it the family would go on with the same orbits, half a period later: there the flow at the
+Beyond it the family would continue with the same orbits, half a period later: there the flow at the
 start is reversed. Steps along the family do not find it, since each is across the flow at its own
 start and they may pass beside it; instead an orbit is shrunk towards it. A family that comes near
 an equilibrium without shrinking, as towards a homoclinic orbit, is recognised by its period, which

@@ -407,7 +407,7 @@ def units_of_unknowns(equations: Equations, x: np.ndarray, lengths: Lengths) -> 
 
 
 def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
-    """(m,) the units of equations, the first of which are errors of states with sizes `states`.
+    """(m,) the units of equations that begin with errors of states, whose sizes are `states`.
 
     The unit of a condition is the norm of its changes (m, n) when each unknown changes by its unit;
     the equations of a drive, which are the last ones, have unit 1.
@@ -463,7 +463,7 @@ class InUnits:
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The residual (m,) and the Jacobian (m, n), in the units, at x (n,) in its own units.
 
-        An iteration that goes on from the last evaluation does not repeat it.
+        An iteration that continues from the last evaluation does not repeat it.
         """
         found = self._at(x)
         return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)

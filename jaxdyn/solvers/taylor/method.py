@@ -234,7 +234,7 @@ def _hides(node: Node) -> bool:
     """Whether the series of a step may be that of another function than the one at its end.
 
     An exponential may be flat, to all digits, at the start. A root may pass a double zero of its
-    argument, as the speed |v| does where a puck stops: its series goes on with -|v|. That of a
+    argument, as the speed |v| does where a puck stops: its series continues with -|v|. That of a
     negative power of such a root, other than the inverse root, has no value there.
     """
     if not node.moving:

@@ -127,7 +127,7 @@ def test_a_dead_centre_at_the_start_is_reported(rate):
     assert not constraints.conditioning(flat, 0.0, flat.y0).determined
     message = (
         r"^y0: expected a pose whose constraints determine the motion, got one where they lose "
-        r"rank\. It could go on in several ways .*; start beside it\.$"
+        r"rank\. It could continue in several ways .*; start beside it\.$"
     )
     with pytest.raises(ValueError, match=message):
         simulate(flat)

@@ -51,7 +51,7 @@ def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
     said = refusal(folding(0.0).check)
     assert said.startswith("y0: expected a pose whose constraints determine the motion, got one ")
     assert said.endswith(
-        "It could go on in several ways (a linkage at a dead centre); start beside it."
+        "It could continue in several ways (a linkage at a dead centre); start beside it."
     )
     folding(1e-3).check()
 
