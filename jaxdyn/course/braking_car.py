@@ -81,8 +81,7 @@ def slow(t, y):
 
 
 def brake(page, locked):
-    """The motion to rest and the state there; the equations of (a) give the time at which it
-    ends."""
+    """The motion to rest and the state there; the equations of (a) give its duration."""
     scene, (s, b) = scenes.car(locked=locked), PLACES[locked]
     hand = ode(by_hand, [20.0, 0.01 * b, 0.0], 60.0, params={"s": s, "b": b})
     stop = until(hand, When(slow, -1), rtol=1e-12)

@@ -58,8 +58,7 @@ class Mechanism(Record):
         return None
 
     def loses(self, t0: Array, q0: Array, t1: Array, q1: Array) -> Array | None:
-        """Whether () a step from q0 to q1 passes a pose where q does not determine how to
-        continue."""
+        """Whether () a step from q0 to q1 passes a pose where q has several continuations."""
         del t0, q0, t1, q1
         return None
 

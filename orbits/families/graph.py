@@ -254,8 +254,7 @@ def _apart(one: Orbit, two: Orbit) -> float:
 
 
 def _leads(family: Family, end: Member, place: Place, times: int) -> bool:
-    """Whether the family continues from an end to the place, with the orbit traced so many
-    times."""
+    """Whether the family continues from an end to the place, its orbit traced `times` times."""
     period = times * place.period
     if abs(end.orbit.period - period) > _NEAR * period:
         return False
