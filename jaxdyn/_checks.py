@@ -35,7 +35,7 @@ _placed = jax.jit(lambda x: x)
 NARROW_RTOL = 1e-6
 _NARROW = (
     "32-bit floats: about five digits of a motion are right over some periods, fewer over long "
-    "spans and where it is sensitive, and nothing tells how many. jaxdyn.configure() enables 64."
+    "spans and where it is sensitive; how many is not known. jaxdyn.configure() enables 64 bits."
 )
 
 

@@ -128,9 +128,9 @@ def materialise(x: Array, one: Array) -> Array:
     """x itself, as an array that XLA computes once instead of once for each of its uses.
 
     XLA on CPU copies cheap producers into every consumer: in unrolled Runge-Kutta stages the
-    whole weighted sum of slopes is recomputed for each entry the force looks at, which costs a
-    third of the run time. A division counts as expensive and is not copied; by a number that
-    is 1 only at run time it cannot be simplified away either, and dividing by 1 is exact.
+    whole weighted sum of slopes is recomputed for each entry that the force reads, which costs a
+    third of the run time. A division counts as expensive and is not copied; by a number that is 1
+    only at run time it cannot be simplified away either, and dividing by 1 is exact.
     ``optimization_barrier`` would be clearer, but is removed before fusion.
 
     Args:
@@ -148,9 +148,9 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     there are more than a few; a short solve spends most of its time there (measured: 60 us for
     one step of the three-body problem against 12 us this way). So the whole calculation becomes
     the body of a loop that runs once, which XLA folds like any small loop. XLA must not be able to
-    tell that it runs once: the limit of the count, 1 or 1/2, both of which end it after one round,
-    is known only at run time. The arguments depend on the round, since zero times its number is
-    added to them; otherwise loop-invariant code would be moved out.
+    deduce that it runs once: the limit of the count, 1 or 1/2, both of which end it after one
+    round, is known only at run time. The arguments depend on the round, since zero times its number
+    is added to them; otherwise loop-invariant code would be moved out.
 
     Args:
       fn: a pure function of arrays, with array results; never differentiated.

@@ -44,10 +44,10 @@ _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
 _REACH = 2
-#: Second time at which the rate is looked at, in times of the motion after the start: not half of
+#: Second time at which the rate is evaluated, in times of the motion after the start: not half of
 #: one, where a force that is zero at the start may be zero again.
 LATER = 0.37
-#: Distance from the start at which it is looked at, as a part of the sizes: a coupling that
+#: Distance from the start at which it is evaluated, as a part of the sizes: a coupling that
 #: vanishes at the start, as in a product of two entries at zero, does not vanish there.
 _ASIDE = 1 / 16
 #: Time over which the change of a rate is seen, as a part of the horizon.
@@ -424,9 +424,9 @@ def _slopes(field: Any, t: Array, ys: Array) -> Array:
 def _by_its_change(
     field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
 ) -> tuple[Scales, Array]:
-    """The result of `at_start` for known groups, of sizes `here` (k,); looks at the rate.
+    """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
-    It looks at the start and twice a little after it, at both of these with a rounding added, and
+    The rate is evaluated at the start, twice a little later (both with a rounding added), and
     beside the start, displaced by what rounding makes; then later in the motion, there with a
     rounding added, which may make more there, and again beside the start.
     """
@@ -488,15 +488,12 @@ class _Round(NamedTuple):
     """What a round of `at_start` takes, as factors.
 
     Attributes:
-      later: when the rate is looked at, in times of the motion.
-      aside: how far from the state it is looked at, as a part of the sizes.
-      here: how much of |y0| is kept, at least.
-      kept: how much of the sizes is kept.
-      first: how much the rate adds to the sizes in the time that is known first.
-      time: how much it adds in the time of the motion.
-      product: how much of |J| times the sizes is taken.
-      step: how much of it is taken in a time.
-      shrinks: whether the time is at most that in which the fastest entry changes by its size:
+      later: when the rate is evaluated, in times of the motion. aside: how far from the state it is
+      evaluated, as a part of the sizes. here: how much of |y0| is kept, at least. kept: how much of
+      the sizes is kept. first: how much the rate adds to the sizes in the time that is known first.
+      time: how much it adds in the time of the motion. product: how much of |J| times the sizes is
+      taken. step: how much of it is taken in a time. shrinks: whether the time is at most that in
+      which the fastest entry changes by its size:
         sizes must not be too large, since the motion soon shows larger ones, but never smaller.
     """
 

@@ -85,7 +85,7 @@ class Outcome(Code):
     UNCONFIRMED = (
         12,
         "The motion closes by the integrator that found it, but not by another one: its rate is "
-        "not smooth, or changes faster than the steps see. Pass a smaller rtol, and look at the "
+        "not smooth, or changes faster than the steps see. Pass a smaller rtol, and check the "
         "rate: orbits of motions with corners are found by legs (orbits.hybrid).",
     )
     OPEN_CHAIN = (

@@ -19,8 +19,8 @@ multiplied by s, one eigenvalue of A + E is within
     |F_ii| + sum_j |F_ij| / s
 
 of eigenvalue i, if that disc meets no other. The number s is chosen so that the others take half of
-the room between them. Entry by entry, F is bounded by what several changes of A by looser
-tolerances show, times `_SAFETY_ENTRIES`, and by what they do not show: rounding, and a part of the
+the room between them. Entry by entry, F is bounded by the largest of several changes of A under
+looser tolerances, times `_SAFETY_ENTRIES`, plus what these do not show: rounding, and a part of the
 error's norm.
 
 Reference: Stewart, Sun (1990), Matrix Perturbation Theory, chapters IV and V.1 (Gershgorin); Elsner

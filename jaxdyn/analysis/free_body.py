@@ -47,7 +47,7 @@ class Force(NamedTuple):
       at: (d,) its point of attack [m].
       couple: a further moment: () in the plane, (3,) in space [N m].
       source: "effect"; "multiplier" of a constraint, from the equations of motion; "balance" where
-        it is what keeps the bodies in balance.
+        it follows from the balance of forces and moments.
     """
 
     name: str

@@ -8,8 +8,8 @@ basic frequencies. The largest oscillation is where the windowed Fourier integra
 is largest. It is found on the grid of a fast Fourier transform, refined by Newton's method, and
 subtracted; all oscillations found so far are then refined together, by Newton's method on their
 joint least-squares problem, since each disturbs the others. Laskar's window
-chi = c_p (1 + cos(pi s))^p, s in [-1, 1], makes the disturbance by what is not subtracted fall
-like T^-(2p + 2).
+chi = c_p (1 + cos(pi s))^p, s in [-1, 1], makes the disturbance by oscillations that are not
+subtracted decrease like T^-(2p + 2).
 """
 
 import math

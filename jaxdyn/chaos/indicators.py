@@ -102,7 +102,7 @@ def _variational(field: Field) -> Variational:
 
 #: Default relative tolerance of a step.
 RTOL = 1e-10
-#: Two tangents closer than this are aligned as far as doubles can tell, and the run ends.
+#: Two tangents closer than this are aligned to double precision, and the run ends.
 ALIGNED = 1e-14
 
 

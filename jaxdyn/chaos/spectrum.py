@@ -34,7 +34,7 @@ class LyapunovSpectrum(Record):
         scenes, also with uniform damping (Dressler 1988), and has no meaning for others. NaN for an
         odd or incomplete spectrum.
       dimension: () Kaplan-Yorke dimension [1]: that of the set on which the motion runs, if its
-        volume neither grows nor shrinks; NaN if the exponents are too few to tell.
+        volume neither grows nor shrinks; NaN if too few exponents are known.
       dimension_bar: () its error bar [1], from those of the exponents.
       time: () the time averaged over, without the transient [s].
       chunk: () time between two orthonormalisations [s].

@@ -20,8 +20,7 @@ and of the forearm about the elbow, which moves:
     (1/3) theta2'' + (1/2) theta1'' cos D - (1/2) theta1'^2 sin D = -(1/2) sin theta2
 
 The first minus the second is (4/3) theta1'' + (1/2) theta2'' cos D + (1/2) theta2'^2 sin D =
--(3/2) sin theta1; with the second it is what `balance` in the code solves for theta1'' and
-theta2''.
+-(3/2) sin theta1; `balance` in the code solves it, with the second, for theta1'' and theta2''.
 
 (b) Each bar alone has three equations, with the force P of the hinge and the force Q from the
 forearm on the upper arm at the elbow; e_i = (sin theta_i, -cos theta_i) points along bar i:

@@ -14,8 +14,8 @@ r = (1, 0, 2) m and F = (2, -1, 3) N.
 
 (c) The statement asked for, as far as it is true of this page: "The book and the course's site were
 not read for it, so nothing is claimed of chapters 1 to 3, one section of chapter 17, and appendix
-A. What they are named for, vectors, components, products and moments, is what problems 2, 4, 5 and
-40 to 42 work out and check."
+A. The subjects in their titles, vectors, components, products and moments, are worked out and
+checked in problems 2, 4, 5 and 40 to 42."
 """
 
 import numpy as np

@@ -44,7 +44,7 @@ class FitStatus(Code):
     )
     NO_MOTION = (
         3,
-        "The motion from the guess could not be computed. Look at jaxdyn.simulate of the guess, "
+        "The motion from the guess could not be computed. Check jaxdyn.simulate of the guess, "
         "and begin with another one.",
     )
 

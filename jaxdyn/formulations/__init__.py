@@ -4,9 +4,9 @@
 coordinates), `constrained` (constraints and rolling conditions, by Lagrange multipliers;
 `dependence` finds which of them are redundant), `rigid` (a body in space; `attitude` is its
 orientation, a quaternion or a matrix), `prescribed` (a given motion).
-`mechanism` is what the formulations of mechanisms share: coordinates and the points that they
-place. `extended` is a system with further entries in its state. `choice` sets one mechanism up in
-several formulations.
+`mechanism` has the parts that formulations of mechanisms share: coordinates and the points that
+they place. `extended` is a system with further entries in its state. `choice` sets one mechanism up
+in several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
 Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given, `structure`

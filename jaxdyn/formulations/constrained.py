@@ -104,8 +104,8 @@ class Constrained(MechanismSystem):
         The rows of G at the end, projected onto those at the start, are X times the latter. X is
         the identity for a short step, and singular where the rows pass a pose of lost rank. A
         positive determinant is not enough, since X may be far from the identity: all its leading
-        minors must be positive. Other steps are too long to tell. Each half of the step is tested,
-        since a step that passes two such poses may have turned X back to the identity.
+        minors must be positive. Other steps are too long for a decision. Each half of the step is
+        tested, since a step that passes two such poses may have turned X back to the identity.
         """
         (q0, v0), (q1, v1) = jnp.split(y0, 2), jnp.split(y1, 2)
         # Halfway on the cubic through both ends.

@@ -50,7 +50,7 @@ def check_function(name: str, function: Any, params: Any, *args: str) -> Callabl
         remedy = "It gets `params` as its last argument if and only if params=... is given."
         got = f"one of {inspect.signature(function)}"
         raise _checks.fail(name, wanted, got, remedy) from error
-    except ValueError:  # some built-in functions do not tell their signature
+    except ValueError:  # some built-in functions have no signature
         pass
     try:
         hash(function)

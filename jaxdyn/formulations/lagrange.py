@@ -5,8 +5,8 @@
 For a mechanism (`Lagrange`) L = T - V, where V sums the potentials of the effects that have one,
 and Q pulls back the forces of those that have none. It takes second derivatives of the energies at
 each step: it is the route to compare others with (newton_euler is faster), and the one that follows
-a textbook line by line. For a Lagrangian that is given as a function (`lagrangian`), Q is what the
-effects do to the coordinates.
+a textbook line by line. For a Lagrangian that is given as a function (`lagrangian`), Q is the
+generalised force of the effects.
 
 The energy of a bare L is the energy function h = v . dL/dv - L, which is conserved where L does not
 depend on time. It is T + V where T is of second degree in the velocities; in coordinates that move

@@ -88,7 +88,7 @@ class FreePoints(System):
 
     def canonical(self, t, y):
         if not _checks.is_traced(self.m) and (np.asarray(self.m) == 0).any():
-            return None  # the momenta of test particles do not tell their velocities
+            return None  # the momenta of test particles do not determine velocities
         r, v, m = self.points(t, y)
         return _state(r, m[:, None] * v)
 

@@ -126,7 +126,8 @@ def digits_of(error) -> float:
 def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
     """(k,) largest magnitude over times (s, k) of the entries of a kind, see `scales.Groups`.
 
-    Entries that are zero, or rounding, are measured by what others move them by; 1 if none does.
+    Entries that are zero, or rounding, are measured by the change that others cause; 1 if none
+    does.
     """
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
     return np.asarray(_of_kinds(scene.field, sizes, scene.y0, scene.t1))

@@ -292,7 +292,7 @@ class Observing(eqx.Module):
       limit: (2,) maximum number of all steps, and of those that stability limits; and () the end of
         the span that must be reached within it. None where steps are counted, and the run is ended,
         elsewhere.
-      look: how far a step may go by what the rate hides, if anything limits it.
+      look: how far a step may go without missing brief parts of the rate, if these limit it.
       max_step: () how far it may go by request, if that is limited.
     """
 

@@ -85,7 +85,7 @@ class Skated(Mechanism):
                 "skates",
                 "conditions that differ",
                 f"skates on a common normal line (condition number {condition:.3g})",
-                "They ask for the same twice, and their two forces cannot be told apart: "
+                "They state the same condition twice, and their two forces are not unique: "
                 "move or turn one, or leave it out.",
             )
 

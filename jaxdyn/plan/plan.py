@@ -858,7 +858,7 @@ def _degree(name: str, params, args: list[Value]) -> float:
     if name == "square":
         return degrees[0] * 2
     if name in _WAVES and degrees[0] <= 1:
-        return 1.0  # it varies everywhere: what a method sees of it tells how long a step may be
+        return 1.0  # it varies everywhere: its samples show a method how long a step may be
     return math.inf
 
 

@@ -13,7 +13,7 @@ from jaxdyn.plan.bounds import Bounds
 from jaxdyn.plan.plan import Plan
 
 #: Places in a step at which parts in time are sampled, as fractions of it: no simple fractions, and
-#: not its ends, since a method may look at those once or not at all.
+#: not its ends, since a method may evaluate those once or not at all.
 _PLACES = np.array([0.103, 0.347, 0.611, 0.869])
 #: Largest ratio of the range that a part may have in a step to the range of its samples. A method
 #: that sees an eighth of a variation judges the step by its error.

@@ -37,7 +37,7 @@ def cannonball(
 ) -> Scene:
     """A ball thrown from the origin, x to the right and y up (problems 9, 12, 27).
 
-    Problem 12 gives no drag coefficient: take 1 kg/m, and look at others. Problem 27 calls
+    Problem 12 gives no drag coefficient: take 1 kg/m, and try others. Problem 27 calls
     itself a continuation of problem 10, but it continues 12, with c = 0.5 kg/m. The solution in
     closed form for linear drag is in `jaxdyn.scenes.ballistics`.
 

@@ -116,7 +116,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
     errors of the pair; hence the limit of 1e-11. For more than 12 bodies, which the pair
     vectorises, it takes 1.3 times as long.
 
-    A series does not look at the rate within a step: what acts in a place so small that a step
+    A series does not evaluate the rate within a step: a force in a region so small that a step
     passes over it, as a wind in a thin layer, is missed more easily than by the pair.
 
     For derivatives, events and ensembles, which cross several steps side by side, the pair is used.

@@ -79,7 +79,7 @@ _OPEN = (
     "scene (energy=, integrals=)."
 )
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
-_LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and tell nothing
+_LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -360,13 +360,13 @@ class _Runs(NamedTuple):
 
 
 def _leaves(run: Returned) -> bool:
-    """Whether a run over the period leaves the orbit by so much that segments tell more."""
+    """Whether a run over the period leaves the orbit by so much that segments are better."""
     return run.status == Status.OK and not (norm(run.m) <= _GROWN and run.gap <= _APART)
 
 
 _NO_MAP = (
     "The return map of the chain is no finite number: a leg runs into a singularity, or its "
-    "derivative overflows. Look at the legs by `HybridOrbit.trajectory`, or pass a smaller rtol."
+    "derivative overflows. Check the legs with `HybridOrbit.trajectory`, or pass a smaller rtol."
 )
 
 

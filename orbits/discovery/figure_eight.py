@@ -47,7 +47,7 @@ def figure_eight(
       say: called with a line of text at each stage.
       report: called after each Newton step.
     Returns:
-      (plain, eight); look at their `outcome`: a stage that fails returns its best iterate.
+      (plain, eight); check their `outcome`: a stage that fails returns its best iterate.
     Raises:
       ValueError: an argument has the wrong shape or is not finite, or the masses differ.
     """

@@ -204,7 +204,7 @@ _MEANING = {
     "subcritical": "What branches off lies where the orbit is stable, and is unstable.",
     "undecided": "The coefficient is zero within its bar: a point of codimension two is near.",
     "resonance": "The rotation is in a strong resonance (1:3 or 1:4): the coefficient does not "
-    "decide. Look at the orbits of three or four periods.",
+    "decide. Search for the orbits of three or four periods.",
 }
 
 

@@ -87,13 +87,13 @@ class Certificate:
     def _stability(self) -> str:
         """What the multipliers prove, in words."""
         if not self.verdict_proved:
-            return "not proved: multipliers cannot be told from each other, or from the circle"
+            return "not proved: multipliers are too close to each other, or to the circle"
         sizes = [_size(z) for z in self.multipliers]
         outside = sum(size - bar > 1 for size, bar in sizes)
         inside = sum(size + bar < 1 for size, bar in sizes)
         where = {"outside": outside, "inside": inside, "on": len(sizes) - outside - inside}
         if self.verdict == "unstable":
-            where["not told from"] = where.pop("on")
+            where["not separated from"] = where.pop("on")
         told = ", ".join(f"{n} {place}" for place, n in where.items() if n)
         return f"linearly {self.verdict}" + (
             f": multipliers {told} the unit circle" if told else ""

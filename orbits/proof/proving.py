@@ -85,7 +85,7 @@ def _bodies(state: list[arb], n: int) -> list[list[arb]]:
 _BOX = 10.0  # digits by which a box is wider than the error of its centre
 _LEAST_RADIUS = 1e-300  # least radius of a box, which is a float
 _SPARE = 6.0
-#: Additional digits where multipliers cannot be told apart: some published three-body orbits with
+#: Additional digits where multipliers cannot be separated: some published three-body orbits with
 #: 32 digits lack five.
 _SHARPER = 12
 #: An orbit in doubles is as near to the true one as its closing error says, within this factor
@@ -128,7 +128,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
         python-flint is missing.
       SearchError: nothing is proved (``throw=True``).
     Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
-      where multipliers cannot be told apart, even with twelve more digits, which are tried in a
+      where multipliers cannot be separated, even with twelve more digits, which are tried in a
       narrower box and take as long again. Multipliers have some ten digits fewer than the start.
       The period need not be the shortest one.
     Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,

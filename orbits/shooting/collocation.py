@@ -84,7 +84,7 @@ def first_guess(
     It starts where the motion from the guess is slowest, if any start will do, and the period is
     the time after which it comes nearest to its start: on a mesh, jumps of a relaxation
     oscillation cannot move by more than their width in a Newton step. Where the time allowed by
-    `effort` is up, the guess is returned as it stands.
+    `effort` is up, the guess is returned as it is.
     """
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)

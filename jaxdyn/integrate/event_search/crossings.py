@@ -166,7 +166,7 @@ class Stretch(NamedTuple):
         return (6 * self.width * (self.slope0 + self.slope1) - 12 * rise) / self.width**3
 
     def is_settled(self, fourth: Array, before: Array, after: Array, noise: Array) -> Array:
-        """Whether the functions cross zero only as their sides tell.
+        """Whether the functions cross zero only where their signs at the samples differ.
 
         Args:
           fourth: size of the fourth derivatives.
@@ -239,10 +239,10 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
     The search has arrived where a neighbour of the state, or of the time, is on the other side: the
-    size of the value does not tell, since a value that is flat at its zero is tiny far from it. The
-    low end may be the start of the motion, with a value of rounding noise, so the sign there is
-    known from the bracket, not evaluated. In the end, when only rounding remains, it steps back to
-    a state that is not beyond the event: a ball released below the floor, even by one rounding, may
+    size of the value is no criterion: a value that is flat at its zero is tiny far from it. The low
+    end may be the start of the motion, with a value of rounding noise, so the sign there is known
+    from the bracket, not evaluated. In the end, when only rounding remains, it steps back to a
+    state that is not beyond the event: a ball released below the floor, even by one rounding, may
     never come above it, and would fall through.
     """
     found, towards = bracket.found, bracket.towards
@@ -455,7 +455,7 @@ class _Seen(NamedTuple):
     bracket: Bracket
     beginning: Beginning
     begun: Array  # () whether a step has been accepted
-    unseen: Array  # () whether more happened within a step than could be looked at
+    unseen: Array  # () whether more happened within a step than could be resolved
 
 
 class _Survey(NamedTuple):

@@ -91,10 +91,10 @@ def bends(field, events: tuple, t: Array, y: Array) -> Array:
 def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]:
     """(E,) signs of the values, 0 where rounding decides, and (E,) how much it changes them.
 
-    A sign is known if all neighbours of the state have it. No bound on the value itself could tell:
+    A sign is known if all neighbours of the state have it. No bound on the value itself would do:
     y^5 is below every bound long before y is zero to rounding. A few neighbours are evaluated
     instead of the derivatives with respect to all entries: that costs less where there are many
-    entries, and tells the rounding within the value as well.
+    entries, and includes the rounding within the value.
 
     Args:
       events: modules with ``value(t, y)``.
@@ -224,7 +224,7 @@ class Sight(eqx.Module):
 
 
 def time_slope(rise, slope, happened):
-    """The derivative of the time of an event by what changed its value by `rise`.
+    """The derivative of the time of an event, from that of its value at a fixed time.
 
     Args:
       rise: the derivative of the value at a fixed time; None if it is 0 for all numbers.

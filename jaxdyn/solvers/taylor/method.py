@@ -206,7 +206,7 @@ def series_of(system, y: Array, longest: int | None = None) -> Series | None:
     Args:
       system: see `has_series`.
       y: (k,) a state.
-      longest: number of operations of a rate above which it is not looked at: finding the formulas
+      longest: number of operations of a rate above which it is not analysed: finding the formulas
         of a thousand takes a tenth of a second.
     Returns:
       What it costs; None for more numbers than `Taylor` is made for, for a rate of too many

@@ -257,7 +257,7 @@ def last(c: list[Coefficient], part: Array) -> Array:
 
 
 def error(c: list[Coefficient], part: Array) -> Array:
-    """The error at a part of the step: the sizes of terms that tell it, with the last's sign."""
+    """The error at a part of the step: the sizes of terms that show it, with the last's sign."""
     told = ((weight, times(c[k], lax.integer_pow(part, k))) for k, weight in _weights(len(c) - 1))
     sizes = (times(weight, jnp.abs(term)) for weight, term in told if term is not None)
     found = _or_zero(functools.reduce(plus, sizes, None))
@@ -265,7 +265,7 @@ def error(c: list[Coefficient], part: Array) -> Array:
 
 
 def squares(series: list[list[Coefficient]], inverses: list[Array]) -> dict[int, Coefficient]:
-    """Squares of the terms that tell the error, in tolerances, by order: means over all entries.
+    """Squares of the terms that show the error, in tolerances, by order: means over all entries.
 
     Args:
       series: the terms of each entry.
@@ -296,7 +296,7 @@ def reach(squares: dict[int, Coefficient]) -> Array:
 
 
 def _weights(order: int) -> Iterator[tuple[int, np.float64]]:
-    """The orders of the terms that tell the error, and the weight of each.
+    """The orders of the terms that show the error, and the weight of each.
 
     They are the last two and, in case these vanish by symmetry, earlier ones: terms of the second
     half count, since x'' = -x^7 from x = 0 has only every eighth one.

@@ -29,7 +29,7 @@ class Spectrum:
     """The non-trivial multipliers and what they prove.
 
     Attributes:
-      values: enclosures, one for each multiplier; empty if these cannot be told apart.
+      values: enclosures, one for each multiplier; empty if these cannot be separated.
       verdict: "stable", "unstable" or "undecided".
     """
 
