@@ -59,7 +59,7 @@ _HORIZON = 2.0**10
 _PERTURBED = 4.0
 #: Multiple of the motion's own speed above which the rounding found belongs to another place.
 _FASTER = 16.0
-#: Least part of a rate that rounding makes of it where the rate is hardly anything else.
+#: Least part of a rate that is rounding where the rate is little else.
 _ALL_ROUNDING = 2.0**-16
 #: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
 _USUAL = 2.0**12

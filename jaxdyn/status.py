@@ -70,8 +70,8 @@ class Status(Code):
     )
     FEW_CROSSINGS = (
         8,
-        "The span ended before the wanted number of crossings. Raise t1, ask for fewer, or choose "
-        "an event that the motion crosses again and again.",
+        "The span ended before the requested number of crossings. Raise t1, ask for fewer, or "
+        "choose an event that the motion crosses repeatedly.",
     )
     FORBIDDEN = (
         9,

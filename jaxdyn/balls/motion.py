@@ -64,7 +64,7 @@ def follow(
       y: (k) the start.
       span: () the length in time.
       digits: the truncation error of each step is below 10^-digits of the largest entry.
-      slopes: whether the derivative with respect to the start is wanted.
+      slopes: whether to return the derivative with respect to the start.
       more_order: what is added to the order, for a second opinion with other steps.
     Raises:
       ArithmeticError: the motion runs into a singularity, or takes too many steps.

@@ -34,7 +34,7 @@ _SYNONYMS = {
 }
 
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
-_LINES = 3  # a guide with the word in so many lines is about it
+_LINES = 3  # a guide that has the word in this many lines is about it
 
 
 def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:

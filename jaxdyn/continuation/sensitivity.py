@@ -41,7 +41,7 @@ class DifferentiablePoint(NamedTuple):
 
 
 def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
-    """A fold or a Hopf point near a known one, for `jax.grad`, `jax.jvp` and the like.
+    """A fold or a Hopf point near a known one, for `jax.grad`, `jax.jvp` and so on.
 
     Args:
       make: parameter -> scene, as for `continue_equilibria`, with the numbers to differentiate by:

@@ -82,7 +82,7 @@ class Units(NamedTuple):
 
     @classmethod
     def of(cls, numbers: np.ndarray, entries: int) -> "Units":
-        """The units in a record, with so many entries of the state."""
+        """The units in a record, for a state with this many entries."""
         return cls(numbers[:entries], numbers[entries:-1], float(numbers[-1]))
 
     @property
@@ -179,7 +179,7 @@ def units_of(make: Callable, point: Equilibrium | CurvePoint) -> Units:
 
 
 def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
-    """The units at an equilibrium x (n,): a state of so many entries, then the parameters."""
+    """The units at an equilibrium x (n,): a state with this many entries, then the parameters."""
     y, values = x[:entries], x[entries:]
     scene = make(*map(jnp.asarray, values))
     each, time, _ = scales.at_rest(scene.field, scales.groups(scene.system), y)

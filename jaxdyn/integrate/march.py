@@ -245,7 +245,7 @@ class Seen(NamedTuple):
     """The memory of a run's observers.
 
     Attributes:
-      samples: the states at the wanted times.
+      samples: the states at the requested times.
       watch: the memory of the watch, if any.
       steps: () steps so far, also rejected ones; None where they are counted elsewhere.
     """
@@ -586,7 +586,7 @@ class SolveResult(Record):
 
     Attributes:
       y1: (k,) state at the end; NaN if it was not reached.
-      ys: (s, k) states at the wanted times; NaN where not reached.
+      ys: (s, k) states at the requested times; NaN where not reached.
       steps: () accepted steps.
       rejected: () rejected steps.
       status: () `Status` code.

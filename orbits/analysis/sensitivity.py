@@ -136,7 +136,7 @@ def differentiable(
 ) -> DifferentiableChain: ...
 @check_first
 def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *, hold: Hold = ()):
-    """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and the like.
+    """The orbit of a scene near a known one, for `jax.grad`, `jax.jvp` and so on.
 
     Args:
       scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of

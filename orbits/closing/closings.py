@@ -145,8 +145,8 @@ def time_reversal(k: int) -> Symmetry:
 
 # ---- Closing conditions: the state that a motion must reach after a part of its period
 
-#: Angles tried for the first guess of the angle of a relative orbit: at least so many, and so many
-#: for each turn of the fastest entries in 2 pi.
+#: Angles tried for the first guess of the angle of a relative orbit: at least this many, and this
+#: many for each turn of the fastest entries in 2 pi.
 _ANGLES_TRIED, _ANGLES_A_TURN = 64, 16
 #: Steps for each turn, and terms, of the series of a rotation; a rotation by 2 pi is then accurate
 #: to rounding: 0.4^16 / 16! < 1e-19.

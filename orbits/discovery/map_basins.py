@@ -105,7 +105,7 @@ class _Map(eqx.Module):
         return vector("step", call(self.function, self.params, y), y)
 
     def times(self, y: Array, count: int) -> Array:
-        """(k,) the state after so many steps."""
+        """(k,) the state after the given number of steps."""
         return jax.lax.fori_loop(0, count, lambda _, y: self(y), y)
 
 

@@ -131,7 +131,7 @@ def _spans(scene: Scene) -> Iterator[float]:
 
 
 def _steps(scene: Scene, span: float) -> int:
-    """Steps of a motion over a span, or more than are wanted; 0 where it fails."""
+    """Steps of a motion over a span, or more than the limit; 0 where it fails."""
     run = quick_solve(scene, span, rtol=_RTOL, max_steps=2 * _MOST_STEPS)
     if run.status == Status.STEP_LIMIT:
         return 2 * _MOST_STEPS

@@ -225,7 +225,7 @@ def switch_branch(
       (orbit, parameter); NaN for the parameter where the family has none.
     Raises:
       ValueError: `special` is an ordinary member, `times` > 1 where the family closes by a
-        symmetry, or the closing of a chain of legs does not hold after so many periods.
+        symmetry, or the closing of a chain of legs does not hold after that many periods.
       SearchError: no other branch was found.
     """
     if special.kind is None:

@@ -105,7 +105,7 @@ class Family:
         """A page on which its orbits run, one of them chosen by a slider or in a picture.
 
         Each shows its path, period and stability, and a motion that starts a thousandth aside; of
-        more than 150 orbits so many are chosen evenly.
+        more than 150 orbits, 150 are chosen evenly.
 
         Args:
           path: a file to write the page to, .html; it needs no other file.

@@ -33,7 +33,7 @@ _KINDS = (Kind.FOLD, Kind.DOUBLING, Kind.TORUS)
 
 @check_first
 def special_parameter(point: Member, make: Make, *, hold: Hold = ()) -> Array:
-    """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and the like.
+    """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and so on.
 
     ``orbits.differentiable(make(p), point.orbit)`` with this parameter p is the orbit itself, if it
     is not at a fold.

@@ -121,7 +121,7 @@ _ATTEMPTS = 24  # most crossings of strands that are tried
 _SAME_ENERGY = 1e-9  # difference of energies, relative to their terms, up to which they are equal
 _SAME = 1e-6  # connections closer than this, in periods and in time, are the same
 _BEYOND = 0.1  # how far a crossing may lie beyond the end of a piece of a curve, in its length
-_SHIFTED = 10.0  # a shift of more than so many errors of the ends is a difference of energies
+_SHIFTED = 10.0  # a shift of more than this many errors of the ends is a difference of energies
 _DIMENSIONS = 3  # dimensions of the level sets in which surfaces of motions meet along motions
 
 

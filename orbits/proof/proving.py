@@ -129,8 +129,8 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
       SearchError: nothing is proved (``throw=True``).
     Limits: one segment, hence orbits of moderate instability; `proved` without `verdict_proved`
       where multipliers cannot be separated, even with twelve more digits, which are tried in a
-      narrower box and take as long again. Multipliers have some ten digits fewer than the start.
-      The period need not be the shortest one.
+      narrower box and double the time. Multipliers have some ten digits fewer than the start. The
+      period need not be the shortest one.
     Reference: Krawczyk (1969), Computing 4, 187; Kapela, Zgliczynski (2003), Nonlinearity 16,
       1899 (choreographies); Kapela, Simo (2007), Nonlinearity 20, 1241 (the eight's stability).
     Example:
@@ -156,7 +156,7 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
 
 
 def _prove(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -> Certificate:
-    """The certificate of a box about the numbers of the orbit, solved to so many digits."""
+    """The certificate of a box about the numbers of the orbit, solved to a number of digits."""
     try:
         numbers, lost = solve(system, digits + _SPARE)
     except SearchError as error:

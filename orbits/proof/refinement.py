@@ -1,4 +1,4 @@
-"""More digits of an orbit: its start, period and multipliers, to as many digits as wanted."""
+"""More digits of an orbit: its start, period and multipliers, to as many digits as requested."""
 
 import math
 

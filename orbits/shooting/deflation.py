@@ -59,7 +59,7 @@ _BESIDE = 0.1
 #: and 2.9 cycles of Lorenz's system, 0.3 alone none and 5.8; 0.03 and 1 in turn find 7 of 8 and
 #: 5.4.
 _DAMPINGS = (0.03, 1.0)
-_TRIES = 3  # all iterations together may take so many times the limit of one
+_TRIES = 3  # all iterations together may take this many times the limit of one
 _LONGEST = 0.1  # longest step, relative to the known orbits' size and to the guessed period
 _NEAR = 1e-6  # closing error from which Newton's method without deflation finds the same orbit
 _HALVINGS = 5  # most halvings of a step into a singularity

@@ -121,7 +121,7 @@ def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.n
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
 _ROUNDING = 4 * np.finfo(float).eps
-_BEFORE = 3  # a bracket begins so many speeds earlier, since sampled angles miss the best ones
+_BEFORE = 3  # a bracket begins this many speeds earlier, since sampled angles miss the best ones
 
 
 class Hits(eqx.Module):

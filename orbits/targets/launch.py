@@ -143,7 +143,7 @@ def _is_uniform(scene: Scene, velocity: Array, length: Array) -> Array:
 # ---- One throw: where it lands, and the derivatives of that with respect to its angle and speed
 
 RTOL = 1e-13
-_PATIENCE = 100.0  # flights longer than so many times v / g count as endless
+_PATIENCE = 100.0  # flights longer than this many times v / g count as endless
 _STEPS = 20_000  # most steps of a flight; one that needs more is stiff
 _TINY = np.finfo(float).tiny
 _GRAIN = 16 * np.finfo(float).eps  # rounding of the speed, in any direction, as a share of it

@@ -19,7 +19,7 @@ def rotation(n: int, shift) -> tuple[np.ndarray, np.ndarray]:
 
     Args:
       n: number of points, odd.
-      shift: (s,) angles at which the curve is wanted [rad].
+      shift: (s,) angles at which the curve is evaluated [rad].
     """
     x = np.asarray(shift)[:, None] - angles(n)[None]
     k = np.arange(1, n // 2 + 1)[:, None, None]

@@ -31,7 +31,7 @@ from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
 
-#: Crossings found by one call of the program where all are wanted.
+#: Crossings found by one call of the program where all are requested.
 _AT_ONCE = 64
 
 

@@ -3,7 +3,7 @@
 Multipliers that are 1 by an integral or a symmetry come in defective groups, whose computed values
 would be as uncertain as a root of the rounding. Where the reason for each is known as a vector,
 `reduce` reduces the matrix to the others, which are simple. Where only their number is known,
-`deflate` divides the characteristic polynomial by x - 1 so many times.
+`deflate` divides the characteristic polynomial by x - 1 a number of times.
 """
 
 import math
