@@ -19,7 +19,7 @@ class Values(NamedTuple):
     Attributes:
       axes: names of the axes of `array`.
       array: the numbers, or texts.
-      unit: "1" for none; "" for what is no quantity, or whose unit is not known.
+      unit: "1" for none; "" for what is not a quantity, or has no known unit.
     """
 
     axes: tuple[str, ...]

@@ -323,7 +323,7 @@ class Scene(Record):
         """The same scene with one more effect.
 
         Raises:
-          ValueError: it is no effect, or one that the system would ignore.
+          ValueError: it is not an effect, or is one that the system would ignore.
         """
         check_kind("effect", effect, (Effect,))
         _check_accepted(self.system, effect)

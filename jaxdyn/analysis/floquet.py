@@ -184,7 +184,7 @@ def _conditions(make, x: Array, y: Array, rtol) -> Array:
     """(3,) functions that vanish where a multiplier crosses the unit circle."""
     _, M = end_and_derivative(*make(x, y), rtol)
     trace, det = M[0, 0] + M[1, 1], M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    # Without damping det(M) is 1 up to rounding, which is no crossing.
+    # Without damping det(M) is 1 up to rounding, which is not a crossing.
     damped = jnp.where(jnp.abs(det - 1) < _MAX_DETERMINANT_ERROR, 1.0, det)
     return jnp.stack([1 - trace + damped, 1 + trace + damped, damped - 1])
 

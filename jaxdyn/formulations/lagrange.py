@@ -179,7 +179,7 @@ def lagrangian(
       A scene without material points. Its energy is T + V, or for a bare L the energy function
       v . dL/dv - L; its momenta are dL/dv. Effects may act on its coordinates (motors, brakes).
     Raises:
-      ValueError: `L` is no such function; d2L/dv2 is not positive definite at the start; `q0`,
+      ValueError: `L` is not such a function; d2L/dv2 is not positive definite at the start; `q0`,
         `v0`, `t1` or `params` are not finite numbers; `names` are not n different ones.
     Limits: see `jaxdyn.ode`.
     Example:

@@ -143,7 +143,7 @@ def ode(
     Returns:
       A scene without material points, for everything that takes one.
     Raises:
-      ValueError: `rate`, `energy`, an integral or a generator is no such function or returns
+      ValueError: `rate`, `energy`, an integral or a generator is not such a function or returns
         another shape; `y0`, `t1` or `params` are not finite numbers; `names` are not k different
         ones.
     Limits: a program is compiled for each function, so define them once, not as a lambda in a

@@ -61,7 +61,7 @@ def flatten_start(y0: Any, names: Any = None) -> tuple[Any, Any, Structure | Non
     stays as it is, and has no structure.
 
     Raises:
-      ValueError: a leaf of a pytree is no array of finite numbers.
+      ValueError: a leaf of a pytree is not an array of finite numbers.
     """
     if not _is_tree(y0):
         return y0, names, None

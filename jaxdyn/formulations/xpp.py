@@ -37,7 +37,7 @@ from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn.scene import Scene, System
 
-#: Length of a text, in characters: a longer one is no model that a person wrote.
+#: Length of a text, in characters: no model written by a person is longer.
 _LONGEST = 200_000
 _DEFAULT_SPAN = 20.0  # the default of XPPAUT
 _SPAN = "total"
@@ -155,7 +155,8 @@ class Maker:
       text: a text in the language of ``.ode`` files.
       name: the name of the scenes.
     Raises:
-      ValueError: a line is not understood, or declares what is no differential equation.
+      ValueError: a line is not understood, or declares something other than a differential
+        equation.
     Example:
       >>> import jaxdyn
       >>> swing = Maker("par k=4; x'=v; v'=-k*x; init x=1")

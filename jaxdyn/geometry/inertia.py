@@ -207,7 +207,7 @@ def principal(body: Body) -> Principal:
 
 
 def _with_direction(axis: Vector) -> Vector:
-    # A unit vector has a component above 0.577, and 0.55 is no sine or cosine of 30, 45 or 60
+    # A unit vector has a component above 0.577, and 0.55 is not a sine or cosine of 30, 45 or 60
     # degrees, for which rounding would decide.
     leading = axis[jnp.argmax(jnp.abs(axis) > 0.55)]
     return jnp.where(leading < 0, -axis, axis)

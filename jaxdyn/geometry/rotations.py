@@ -242,7 +242,7 @@ def matrix_rate_from_world(R_wb: Matrix, omega_w: Vector) -> Matrix:
 
 
 def _upper(q: Wxyz) -> Wxyz:
-    """q or -q, whichever has a scalar that is not negative; NaN for q = 0, which is no rotation."""
+    """q or -q, whichever has a scalar that is not negative; NaN for q = 0, not a rotation."""
     return jnp.where(square_norm(q) == 0, jnp.nan, jnp.where(q[0] < 0, -q, q))
 
 

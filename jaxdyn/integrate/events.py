@@ -107,7 +107,7 @@ class Event(Record):
         return 0
 
     def check(self, k: int) -> None:
-        """Raise ValueError if this is no event of a state of k entries."""
+        """Raise ValueError if this is not an event of a state of k entries."""
         leaves, tree = jax.tree.flatten(self)
         shape = _value_shape(tree, tuple(np.shape(leaf) for leaf in leaves), k)
         if shape:

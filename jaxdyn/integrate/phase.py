@@ -96,7 +96,7 @@ class Exit(Record):
 
     @property
     def side(self) -> int:
-        """The sign of the event's value within the phase; 0 if it is no bound."""
+        """The sign of the event's value within the phase; 0 if it is not a bound."""
         return -self.event.direction if self.one_sided else 0
 
 

@@ -479,10 +479,10 @@ class InBranch(NamedTuple):
 # - which of several numbers is the largest or the smallest: how far it is from the next one; the
 #   order of a few numbers is made of comparisons.
 #
-# Equality is no condition: programs ask for it in order to guard a removable singularity, and it
-# holds at single points only. But derivatives of ``max`` and ``min`` ask with it which operand was
-# taken, also on the surface, where steps end and both are equal: there the branch answers.
-# Conditions on numbers of the scene alone are evaluated as they stand. Those within loops of
+# Equality does not count as a condition: programs test it to guard a removable singularity, and it
+# holds at single points only. But derivatives of ``max`` and ``min`` use it to find which operand was
+# taken, also on the surface, where steps end and both are equal: there the branch decides.
+# Conditions on numbers of the scene alone are evaluated as they are. Those within loops of
 # unknown length, and choices such as the pivots of a linear system, cannot be read; `Walk.unread`
 # names them.
 

@@ -327,7 +327,7 @@ class Equations(Printed):
         Args:
           y: (k,) an equilibrium; by default the state of zeros.
         Raises:
-          ValueError: `y` is no equilibrium, or the scene has constraints or depends on time.
+          ValueError: `y` is not an equilibrium, or the scene has constraints or depends on time.
         """
         zeros = np.zeros(np.shape(self.scene.y0))
         at = np.asarray(_checks.array("y", zeros if y is None else y, zeros.shape))

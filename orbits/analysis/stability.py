@@ -365,7 +365,7 @@ def _leaves(run: Returned) -> bool:
 
 
 _NO_MAP = (
-    "The return map of the chain is no finite number: a leg runs into a singularity, or its "
+    "The return map of the chain is not finite: a leg runs into a singularity, or its "
     "derivative overflows. Check the legs with `HybridOrbit.trajectory`, or pass a smaller rtol."
 )
 

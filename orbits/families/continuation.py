@@ -88,7 +88,7 @@ _NUDGE = 1e-6  # length along a tangent, for a difference quotient
 _ANYWHERE = (-np.inf, np.inf)
 _ENDS = {
     Kind.REST: "an equilibrium, to which the orbits shrink",
-    Kind.GRAZING: "a grazed event, beyond which the chains are no motions",
+    Kind.GRAZING: "a grazed event, beyond which the chains are not motions",
 }
 _PASSED = "a bound of a leg, which the chains pass"
 _NOT_SIMPLE = (

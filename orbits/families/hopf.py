@@ -21,8 +21,8 @@ _SMALL = 1e-2
 #: systems.
 _SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
 _NO_ORBIT = (
-    "No orbit was found at this amplitude. Try a smaller one, or leave it out: at a distance from "
-    "the equilibrium orbits are no ellipses, and from a degenerate Hopf point none may begin."
+    "No orbit was found at this amplitude. Try a smaller one, or leave it out: far from the "
+    "equilibrium, orbits are not ellipses, and at a degenerate Hopf point none may begin."
 )
 _NO_ORBIT_AT_ALL = (
     "No orbit was found at amplitudes down to 1 / 100 of the usual one. From a degenerate Hopf "

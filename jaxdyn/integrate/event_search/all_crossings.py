@@ -80,8 +80,8 @@ def crossings(
 ) -> Crossings:
     """All crossings of an event by one motion: times, states and directions.
 
-    A motion that starts on the event has left it: its start is no crossing. See `events.until` for
-    the rules, and for how the times are found to full precision.
+    A motion that starts on the event has left it: its start is not a crossing. See `events.until`
+    for the rules, and for how the times are found to full precision.
 
     Args:
       scene: system, effects, start.
@@ -103,8 +103,8 @@ def crossings(
       The `Crossings`, differentiable in forward and reverse mode, any number of times, in the
       start, the times, and the numbers of the scene and of the event.
     Raises:
-      ValueError: `event` is no event, `most` is not positive, or missing inside a transformation,
-        or a number is out of range, as for `simulate`.
+      ValueError: `event` is not an event, `most` is not positive, or missing inside a
+        transformation, or a number is out of range, as for `simulate`.
       IntegrationError: the motion failed before t1 (``throw=True``).
     Limits: those of `events.until`; derivatives are infinite where the motion touches the event.
     Example:

@@ -43,7 +43,7 @@ from jaxdyn.solvers.formulas.graph import (
 )
 from jaxdyn.solvers.method import Rate, programs
 
-# ---- Functions composed of others, for an arithmetic in which cancellation is no concern
+# ---- Functions composed of others, for an arithmetic in which cancellation does not matter
 #
 # In doubles sinh x = (exp x - exp -x) / 2 is all rounding near 0; balls make up for it by more
 # bits.
@@ -377,7 +377,7 @@ def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()
 
 
 def _check_program(closed) -> None:
-    """Raise for a program with effects, such as prints, or arrays that are no numbers."""
+    """Raise for a program with effects, such as prints, or arrays of other than numbers."""
     if closed.effects:
         raise NotElementary("a program with effects")
     for jaxpr in programs(closed.jaxpr):
