@@ -22,7 +22,7 @@ def smooth(function: Callable) -> Callable:
     """Decorate a function whose conditions do not require a step of an integration to end.
 
     Such conditions choose between two formulas of one smooth function, or decide a rank. They are
-    evaluated as they stand; otherwise `jaxdyn.plan` would read them as switches of the rate.
+    evaluated as they are; otherwise `jaxdyn.plan` would read them as switches of the rate.
     """
 
     @functools.wraps(function)

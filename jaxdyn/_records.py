@@ -2,7 +2,7 @@
 
 `Record` is the class of systems, effects, events and other parts of a scene, and says how they are
 pickled. What a user's functions read besides their arguments is found in their code; whether it has
-changed since is asked before each run, and whether they depend on their arguments alone when they
+changed since is checked before each run, and whether they depend on their arguments alone when they
 are traced. `notes_on` keeps what was found out about a record as long as it exists.
 
 To add a kind of record, write a subclass of `Record`; an entry point that takes one calls its

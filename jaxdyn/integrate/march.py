@@ -632,7 +632,7 @@ def march(
     """States of a smooth motion, the final memory of a watch, its sizes; without derivatives.
 
     Args:
-      field: see `flow`; its conditions are evaluated as they stand.
+      field: see `flow`; its conditions are evaluated as they are.
       y0: (k, ...) start.
       t0: () start time.
       t1: () end time, before or after t0.

@@ -480,8 +480,8 @@ class InBranch(NamedTuple):
 #   order of a few numbers is made of comparisons.
 #
 # Equality does not count as a condition: programs test it to guard a removable singularity, and it
-# holds at single points only. But derivatives of ``max`` and ``min`` use it to find which operand was
-# taken, also on the surface, where steps end and both are equal: there the branch decides.
+# holds at single points only. But derivatives of ``max`` and ``min`` use it to find the operand #
+# that was taken, also on the surface, where steps end and both are equal: there the branch decides.
 # Conditions on numbers of the scene alone are evaluated as they are. Those within loops of
 # unknown length, and choices such as the pivots of a linear system, cannot be read; `Walk.unread`
 # names them.

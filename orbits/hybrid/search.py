@@ -193,7 +193,7 @@ def _deflated_chains(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit
     if unlike:
         told = (
             "unlike of orbits.find_hybrid is now strategy=orbits.Deflated(known); the old argument "
-            "goes with the next version."
+            "will be removed in the next version."
         )
         warnings.warn(told, DeprecationWarning, stacklevel=3)
         strategy = Deflated(unlike)

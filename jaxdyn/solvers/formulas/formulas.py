@@ -661,7 +661,7 @@ def simplify(rate: Rate) -> Rate:
     0.6 (a double pendulum) of the time, and a step with tangents 0.03 (a triple pendulum) to 0.5,
     since loops over the unknowns of a linear system, as in a mass matrix, are written out.
 
-    Conditions, and functions without a Taylor series, are evaluated as they stand.
+    Conditions, and functions without a Taylor series, are evaluated as they are.
 
     Limits: rates with derivatives of their own (``jax.custom_jvp``, `stop_gradient`) are left as
       they are. The derivative of the largest of three or more numbers at a tie is a different
