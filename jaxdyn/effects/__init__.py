@@ -11,8 +11,8 @@ May import: `jaxdyn`, that is the files at the top level.
 
 To add an effect, write a subclass of `Effect` (`jaxdyn/system.py`) in the file of its family, with
 a `potential` or a `force`, `velocity_dependent = False` if the force does not depend on velocity, a
-`check` of its parameters, a `sketch` if it can be drawn, and a line in ``__init__.pyi``. A new family, such as
-magnetic fields, gets a file of its own.
+`check` of its parameters, a `sketch` if it can be drawn, and a line in
+``__init__.pyi``. A new family, such as magnetic fields, gets a file of its own.
 """
 
 import lazy_loader

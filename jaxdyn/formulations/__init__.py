@@ -14,8 +14,8 @@ is the pytree that a state may stand for. `xpp` reads equations that are written
 
 May import: `geometry`.
 
-To add a formulation, write a `System` in a file of its own, and a line in ``__init__.pyi``; if every `Mechanism`
-can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
+To add a formulation, write a `System` in a file of its own, and a line in ``__init__.pyi``; if
+every `Mechanism` can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
 """
 
 import lazy_loader
