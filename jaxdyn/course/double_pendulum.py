@@ -42,13 +42,25 @@ Its equations are the two that `balance` solves, and the motion is the same.
 
 (d) `jaxdyn course 31 --play` animates it.
 
-(e) Known without integrating: the energy, here 1/2, is constant; small swings have the squared
+(e) i. There are other ways from the same laws to the same accelerations. The two balances are
+linear in theta1'' and theta2'': left side less right side at zero accelerations is h, its change
+from there to a unit of each is a column of M, and M (theta1'', theta2'') = -h. So nothing has to be
+sorted by hand; a Jacobian, or a symbolic program's EquationsToMatrix, finds the same M. Such a
+program can also write the solution out: `jaxdyn equations double_pendulum --code python` prints a
+function to copy. From the ten equations of (b) one may take theta1'' and theta2'' alone and go on
+with four numbers, or integrate all twelve of the two free bodies; then errors part the hinges
+unless something holds them, as a projection after each step does here.
+
+ii. The checks below subtract one result from the other, and the energy from its first value.
+
+iii. Known without integrating: the energy, here 1/2, is constant; small swings have the squared
 frequencies 3 - 6 / sqrt(7) and 3 + 6 / sqrt(7), that is 0.732 and 5.268; without gravity the
 angular momentum about the hinge is constant; hanging, standing and folded bars may rest.
 """
 
 import math
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -70,6 +82,36 @@ def balance(t, y):
     return jnp.concatenate([v, jnp.linalg.solve(inertia, moment)])
 
 
+def by_columns(q, v):
+    """theta1'' and theta2'' from the values of the two balances at zero and unit accelerations."""
+    (sin1, sin2), sin, cos = np.sin(q), np.sin(q[0] - q[1]), np.cos(q[0] - q[1])
+
+    def lacks(a):
+        elbow = a[1] / 3 + (a[0] * cos - v[0] ** 2 * sin + sin2) / 2
+        hinge = 4 / 3 * a[0] + a[1] / 3 + ((a[0] + a[1]) * cos + (v[1] ** 2 - v[0] ** 2) * sin) / 2
+        return np.array([hinge + (3 * sin1 + sin2) / 2, elbow])
+
+    h = lacks(np.zeros(2))
+    return np.linalg.solve(np.stack([lacks(unit) - h for unit in np.eye(2)], axis=1), -h)
+
+
+def by_free_bodies(q, v):
+    """theta1'' and theta2'' from the ten equations of two free bars and two hinges."""
+    along, across = np.array([np.sin(q), -np.cos(q)]), np.array([np.cos(q), np.sin(q)])
+    i, o, weight = np.eye(2), np.zeros((2, 2)), np.array([0.0, -1.0])
+    left, right = np.zeros((10, 10)), np.zeros(10)  # r1'', r2'', theta1'', theta2'', P, Q
+    left[:4] = np.block([[i, o, o, -i, -i], [o, i, o, o, i]])
+    right[:4] = *weight, *weight
+    # (e / 2) x F is (-e_y, e_x) . F / 2, and (-e_y, e_x) is the unit vector across the bar.
+    left[4, [4, 6, 7, 8, 9]] = 1 / 12, *across[:, 0] / 2, *-across[:, 0] / 2
+    left[5, [5, 8, 9]] = 1 / 12, *-across[:, 1] / 2
+    left[6:8, :2], left[6:8, 4] = i, -across[:, 0] / 2
+    left[8:, :6] = np.block([-i, i, -across / 2])
+    right[6:8] = -along[:, 0] * v[0] ** 2 / 2
+    right[8:] = -(along @ v**2) / 2
+    return np.linalg.solve(left, right)[4:6]
+
+
 PRECISELY = {"samples": 3001, "rtol": 1e-13}
 
 
@@ -88,6 +130,11 @@ def solve(page: Page) -> None:
     page.number("end of the forearm there", by_lagrange.r[-1, 2], "m")
 
     compare(page, "Lagrange", by_balance.ys[:, :2], by_lagrange.ys[:, :2])
+    y = np.array([0.4, -1.1, 0.7, -1.3])
+    rates = eqx.filter_jit(by_lagrange.scene.rate)(0.0, y)[2:]
+    for route, way in {"columns": by_columns, "ten equations": by_free_bodies}.items():
+        statement = f"e: Accelerations from the {route}"
+        page.equal(statement, way(y[:2], y[2:]), rates, within=1e-13, route="second formulation")
     drift = energy.drift(by_lagrange)
     page.equal("The energy stays the same", drift, 0.0, within=1e-12, route="conservation")
 
