@@ -10,13 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 os.environ.setdefault("MPLBACKEND", "Agg")
-# Most of the time of tests is XLA's compiler, for programs that run once: it takes half as long
-# without its optimisations. Flags that are set already are kept: `XLA_FLAGS=" " pytest` tests the
-# programs that users run.
-os.environ.setdefault(
-    "XLA_FLAGS",
-    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true",
-)
 
 import jax
 import pytest
@@ -43,7 +36,7 @@ def _checked_modules(package: str) -> set[str]:
 shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 
 import jaxdyn  # noqa: E402
-from jaxdyn.gallery.compiling import FULLY, share_context  # noqa: E402
+from jaxdyn.gallery.compiling import FULLY, configure_quickly, share_context  # noqa: E402
 
 pytest_plugins = ["costs"]
 
@@ -52,11 +45,13 @@ _MOST_MEMORY = 3e9  # [bytes] that a process keeps from one file to the next
 # They make the stored references with packages that the tests do not need.
 collect_ignore = ["references"]
 
-jaxdyn.configure()
+if "XLA_FLAGS" in os.environ:  # `XLA_FLAGS=" " pytest` tests the programs that users run
+    jaxdyn.configure()
+    share_context()
+else:
+    configure_quickly()
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
-share_context()
-
 
 # Compiling makes millions of objects that stay: looking through them all again and again would
 # take a fifteenth of the time.

@@ -54,8 +54,9 @@ from jaxdyn import drawing, ode, scenes, simulate, until
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
 from jaxdyn.integrate.events import When
-from jaxdyn.integrate.phases import simulate_phases
+from jaxdyn.integrate.phases import HybridTrajectory, simulate_phases
 from jaxdyn.scenes.wheels import AXLES
+from jaxdyn.status import Status
 
 PROBLEM = 32
 TOPIC = "rolling and skating"
@@ -81,16 +82,20 @@ def slow(t, y):
 
 
 def brake(page, locked):
-    """The motion to rest and the state there; the equations of (a) give its duration."""
+    """The slide and the stop; the equations of (a) give the duration of the slide."""
     scene, (s, b) = scenes.car(locked=locked), PLACES[locked]
     hand = ode(by_hand, [20.0, 0.01 * b, 0.0], 60.0, params={"s": s, "b": b})
     stop = until(hand, When(slow, -1), rtol=1e-12)
-    motion = simulate(scene, stop.t, samples=2001, rtol=1e-12)
-    turned = motion["theta"][-1]
+    slide = simulate(scene, stop.t, samples=2001, rtol=1e-12)
+    turned = slide["theta"][-1]
     statement = f"a: Equations by hand, same turn, {locked}"
     page.equal(statement, stop.y[2], turned, within=1e-9, route="second formulation")
     (way,) = scenes.braking(scene)["slide"].exits
-    return motion, eqx.filter_jit(way.change)(stop.t, motion.ys[-1])
+    lasts, rest = eqx.filter_jit(lambda way, *at: (way.lasts(*at), way.change(*at)))(
+        way, stop.t, slide.ys[-1]
+    )
+    whole = {"names": ("slide",), "pieces": (slide,), "path": (("slide", 0),), "ended": True}
+    return HybridTrajectory(**whole, t=stop.t + lasts, y=rest, status=Status.OK)
 
 
 def solve(page: Page) -> None:
@@ -101,9 +106,8 @@ def solve(page: Page) -> None:
     page.number("d: exponent of the growth from 20 m/s to rest, rear wheels locked", power)
     stops = {}
     for locked, (s, _) in PLACES.items():
-        motion, rest = brake(page, locked)
-        stops[f"{locked} wheels locked"] = motion
-        page.number(f"turned at rest, {locked} wheels locked", np.degrees(rest[2]), "degrees")
+        stops[f"{locked} wheels locked"] = motion = brake(page, locked)
+        page.number(f"turned at rest, {locked} wheels locked", np.degrees(motion.y[2]), "degrees")
 
         hardly = scenes.car(locked=locked, speed=10.0, spin=1e-6)
         left = scenes.wheels.turning_left(hardly, 10.0 - 0.7 * 9.81 * abs(s) / 2.6)

@@ -41,7 +41,19 @@ Its equations are the two that `balance` solves, and the motion is the same.
 
 (d) `jaxdyn course 31 --play` animates it.
 
-(e) Known without integrating: the energy, here 1/2, is constant; small oscillations have the
+(e) i. Other ways lead from the same laws to the same accelerations. The two balances are linear in
+theta1'' and theta2'': their residuals at zero accelerations are h, the change of the residuals from
+there to a unit acceleration is a column of M, and M (theta1'', theta2'') = -h. So no terms have to
+be collected by hand; a Jacobian, or EquationsToMatrix of a symbolic program, gives the same M. Such
+a program can also print the solution: `jaxdyn equations double_pendulum --code python` writes a
+function to copy. Of the solution of the ten equations of (b), theta1'' and theta2'' suffice for a
+state of four numbers. Or all twelve numbers of the two free bodies are integrated; then errors
+separate the hinges unless something keeps them together, as the projection after each step does
+here.
+
+ii. The checks below compare the results with one another, and the energy with its first value.
+
+iii. Known without integrating: the energy, here 1/2, is constant; small oscillations have the
 squared frequencies 3 - 6 / sqrt(7) and 3 + 6 / sqrt(7), that is 0.732 and 5.268; without gravity
 the angular momentum about the hinge is constant; hanging, standing and folded bars are in
 equilibrium.
@@ -49,6 +61,7 @@ equilibrium.
 
 import math
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -70,38 +83,75 @@ def balance(t, y):
     return jnp.concatenate([v, jnp.linalg.solve(inertia, moment)])
 
 
+def by_columns(q, v):
+    """theta1'' and theta2'' from the values of the two balances at zero and unit accelerations."""
+    (sin1, sin2), sin, cos = np.sin(q), np.sin(q[0] - q[1]), np.cos(q[0] - q[1])
+
+    def lacks(a):
+        elbow = a[1] / 3 + (a[0] * cos - v[0] ** 2 * sin + sin2) / 2
+        hinge = 4 / 3 * a[0] + a[1] / 3 + ((a[0] + a[1]) * cos + (v[1] ** 2 - v[0] ** 2) * sin) / 2
+        return np.array([hinge + (3 * sin1 + sin2) / 2, elbow])
+
+    h = lacks(np.zeros(2))
+    return np.linalg.solve(np.stack([lacks(unit) - h for unit in np.eye(2)], axis=1), -h)
+
+
+def by_free_bodies(q, v):
+    """theta1'' and theta2'' from the ten equations of two free bars and two hinges."""
+    along, across = np.array([np.sin(q), -np.cos(q)]), np.array([np.cos(q), np.sin(q)])
+    i, o, weight = np.eye(2), np.zeros((2, 2)), np.array([0.0, -1.0])
+    left, right = np.zeros((10, 10)), np.zeros(10)  # r1'', r2'', theta1'', theta2'', P, Q
+    left[:4] = np.block([[i, o, o, -i, -i], [o, i, o, o, i]])
+    right[:4] = *weight, *weight
+    # (e / 2) x F is (-e_y, e_x) . F / 2, and (-e_y, e_x) is the unit vector across the bar.
+    left[4, [4, 6, 7, 8, 9]] = 1 / 12, *across[:, 0] / 2, *-across[:, 0] / 2
+    left[5, [5, 8, 9]] = 1 / 12, *-across[:, 1] / 2
+    left[6:8, :2], left[6:8, 4] = i, -across[:, 0] / 2
+    left[8:, :6] = np.block([-i, i, -across / 2])
+    right[6:8] = -along[:, 0] * v[0] ** 2 / 2
+    right[8:] = -(along @ v**2) / 2
+    return np.linalg.solve(left, right)[4:6]
+
+
+PRECISELY = {"samples": 3001, "rtol": 1e-13}
+
+
+def compare(page, route, one, other):
+    """Check that two routes give the same angles (s, 2), early and late."""
+    for t, within in ((10, 1e-11), (30, 1e-8)):
+        statement = f"Balance and {route} give the same angles at t = {t}"
+        page.equal(statement, one[100 * t], other[100 * t], within=within, route=route)
+
+
 def solve(page: Page) -> None:
-    """Solve all formulations, compare them, and start again with a tiny displacement."""
-    precisely = {"samples": 601, "rtol": 1e-13}
-    by_lagrange = simulate(scenes.double_pendulum(formulation="lagrange"), **precisely)
-    by_constraints = simulate(scenes.double_pendulum(formulation="constrained"), **precisely)
-    by_balance = simulate(ode(balance, [math.pi / 2, math.pi, 0.0, 0.0], 30.0), **precisely)
+    """Solve by balance and by Lagrange, compare, and start again with a tiny displacement."""
+    by_lagrange = simulate(scenes.double_pendulum(formulation="lagrange"), **PRECISELY)
+    by_balance = simulate(ode(balance, [math.pi / 2, math.pi, 0.0, 0.0], 30.0), **PRECISELY)
     page.number("angles at t = 30", by_balance.ys[-1, :2], "rad")
     page.number("end of the forearm there", by_lagrange.r[-1, 2], "m")
 
-    angles = by_lagrange.ys[:, :2]
-    tied = np.stack([by_constraints["theta1"], by_constraints["theta2"]], axis=1)
-    for t, within in ((10, 1e-11), (30, 1e-8)):
-        name, i = f"give the same angles at t = {t}", 20 * t
-        for route, other in (("Lagrange", angles), ("constraints", tied)):
-            statement = f"Balance and {route} {name}"
-            page.equal(statement, by_balance.ys[i, :2], other[i], within=within, route=route)
+    compare(page, "Lagrange", by_balance.ys[:, :2], by_lagrange.ys[:, :2])
+    y = np.array([0.4, -1.1, 0.7, -1.3])
+    rates = eqx.filter_jit(by_lagrange.scene.rate)(0.0, y)[2:]
+    for route, way in {"columns": by_columns, "ten equations": by_free_bodies}.items():
+        statement = f"e: Accelerations from the {route}"
+        page.equal(statement, way(y[:2], y[2:]), rates, within=1e-13, route="second formulation")
     drift = energy.drift(by_lagrange)
     page.equal("The energy stays the same", drift, 0.0, within=1e-12, route="conservation")
 
-    hanging = linearize(by_lagrange.scene, jnp.zeros(4)).eigenvalues
+    hanging = np.asarray(linearize(by_lagrange.scene, np.zeros(4)).eigenvalues)
     squares = np.sort(np.abs(hanging) ** 2)[::2]
     page.number("e: squared frequencies of small swings", squares, "1/s^2")
     known = 3 + np.array([-6, 6]) / math.sqrt(7)
     page.equal("e: They are 3 -+ 6 / sqrt(7)", squares, known, within=1e-12)
 
     beside = by_lagrange.scene.starting([math.pi / 2 + 1e-5, math.pi, 0.0, 0.0])
-    aside = simulate(beside, **precisely)
-    grown = np.abs(monodromy(by_lagrange.scene, period=30.0)[:, 0]).max()
+    aside = simulate(beside, **PRECISELY)
+    grown = np.abs(np.asarray(monodromy(by_lagrange.scene, period=30.0))[:, 0]).max()
     page.number("growth until t = 30 of a small error of theta1 at the start", grown)
 
     look = "The end of the forearm draws a tangle that never repeats."
-    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
+    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[200]))
     page.draw(free, "The forces on each bar: hinge 2 acts on both, in opposite directions.")
     page.draw(drawing.trajectory(by_lagrange), look)
     motions = {"released": by_lagrange, "1e-5 rad aside": aside}
@@ -109,7 +159,11 @@ def solve(page: Page) -> None:
 
 
 def check(page: Page) -> None:
-    """The growth of a small error by two starts close together, in another formulation."""
+    """The motion by constraints, and the growth of an error by two starts close together."""
+    by_balance = simulate(ode(balance, [math.pi / 2, math.pi, 0.0, 0.0], 30.0), **PRECISELY)
+    tied = simulate(scenes.double_pendulum(formulation="constrained"), **PRECISELY)
+    angles = np.stack([tied["theta1"], tied["theta2"]], axis=1)
+    compare(page, "constraints", by_balance.ys[:, :2], angles)
     end = [
         simulate(ode(balance, [math.pi / 2 + off, math.pi, 0.0, 0.0], 30.0), rtol=1e-13).ys[-1]
         for off in (-1e-8, 1e-8)

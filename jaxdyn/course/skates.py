@@ -43,7 +43,6 @@ The numbers belong to m = 1 kg, I = 0.5 kg m^2 and two skates at (1, 0) and (-0.
 angles 0.4 and -0.2 rad.
 """
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import drawing, scenes, simulate
@@ -53,44 +52,54 @@ PROBLEM = 39
 TOPIC = "rolling and skating"
 
 
+TWO = {"at": ((1.0, 0.0), (-0.5, 0.3)), "headings": (0.4, -0.2)}
+PRECISELY = {"samples": 2001, "rtol": 1e-12}
+
+
 def solve(page: Page) -> None:
-    """One skate in two places, then two skates, by two formulations and by hand."""
-    circle = simulate(scenes.one_skate(), 10.0, samples=400, rtol=1e-12)
-    t = circle.ts
-    by_hand = jnp.stack([jnp.sin(t), 1 - jnp.cos(t)], axis=1)
+    """One skate in two places, then two skates, by the equations and by hand."""
+    circle = simulate(scenes.one_skate(), 10.0, **PRECISELY)
+    t = np.asarray(circle.ts)
+    by_hand = np.stack([np.sin(t), 1 - np.cos(t)], axis=1)
     page.equal("Skate under the centre: a circle", circle.ys[:, :2], by_hand, within=1e-11)
 
     behind = scenes.one_skate(at=(-0.5, 0.0))
-    glide = simulate(behind, 15.0, samples=400, rtol=1e-12)
+    glide = simulate(behind, 15.0, **PRECISELY)
     energy = 0.5 * (1.0 + 0.5**2) + 0.5 * 0.5
-    page.number("final speed of the glide", jnp.hypot(*glide.ys[-1, 3:5]), "m/s")
-    final = glide.ys[-1, 3:5] @ jnp.array(
-        [jnp.cos(glide["theta"][-1]), jnp.sin(glide["theta"][-1])]
-    )
+    theta, velocity = np.asarray(glide["theta"][-1]), np.asarray(glide.ys)[-1, 3:5]
+    page.number("final speed of the glide", np.hypot(*velocity), "m/s")
+    final = velocity @ np.array([np.cos(theta), np.sin(theta)])
     page.equal("It ends ahead with all the energy", final, np.sqrt(2 * energy), within=1e-11)
 
-    scene = scenes.two_skates(at=((1.0, 0.0), (-0.5, 0.3)), headings=(0.4, -0.2))
-    two = simulate(scene, 15.0, samples=400, rtol=1e-12)
-    lagrange = simulate(scenes.skates.by_lagrange(scene), 15.0, samples=400, rtol=1e-12)
-    same = "Newton-Euler and Lagrange agree on two skates"
-    page.equal(same, two.ys, lagrange.ys, within=1e-11, route="second formulation")
+    scene = scenes.two_skates(**TWO)
+    two = simulate(scene, 15.0, **PRECISELY)
     simple = scenes.skates.elementary_motion(scene, two.ts)
-    page.equal("Both are the uniform turn found by hand", two.ys, simple, within=1e-11)
-    centre = scenes.skates.meeting_point(scene)
+    page.equal("Two skates: the uniform turn found by hand", two.ys, simple, within=1e-11)
+    centre = np.asarray(scenes.skates.meeting_point(scene))
     page.number("point where the normals meet", centre, "m")
-    away = jnp.linalg.norm(two.ys[:, :2] - centre, axis=1)
-    page.equal("The distance from it is constant", jnp.ptp(away), 0.0, within=1e-11)
+    away = np.linalg.norm(np.asarray(two.ys)[:, :2] - centre, axis=1)
+    page.equal("The distance from it is constant", np.ptp(away), 0.0, within=1e-11)
 
     alike = scenes.two_skates(at=((0.0, 1.0), (0.0, -1.0)), headings=(0.0, 0.0))
-    conditions = np.linalg.matrix_rank(alike.system.mechanism.twists())
+    conditions = np.linalg.matrix_rank(np.asarray(alike.system.mechanism.twists()))
     page.true("Skates on one normal are one condition", conditions == 1, route="rank")
 
     figure = drawing.trajectory([glide, two], names=["one skate, behind", "two skates"])
     page.draw(figure, "One skate ends in a straight glide; two skates run round one point.")
-    begins = simulate(behind, 5.0, samples=400, rtol=1e-12)  # all fit into one view
+    begins = simulate(behind, 5.0, **PRECISELY)  # all fit into one view
     motions = {"below the mass centre": circle, "behind it": begins}
     page.play(motions, "A circle, and a turn that ends in a glide.", choose="one skate")
     page.play(two, "On two skates it turns uniformly round one point.")
+
+
+def check(page: Page) -> None:
+    """Two skates by the other formulation."""
+    scene = scenes.two_skates(**TWO)
+    two, lagrange = (
+        simulate(one, 15.0, **PRECISELY) for one in (scene, scenes.skates.by_lagrange(scene))
+    )
+    same = "Newton-Euler and Lagrange agree on two skates"
+    page.equal(same, two.ys, lagrange.ys, within=1e-11, route="second formulation")
 
 
 def ask(page: Page) -> None:

@@ -45,19 +45,20 @@ Limiting cases. If the lower bars are light, the first one swings like a simple 
 pendulum about its hinge is constant. The first two are checked.
 """
 
+import equinox as eqx
 import numpy as np
+from scipy import optimize
 
-from jaxdyn import crossings, drawing, linearize, scenes, simulate
+from jaxdyn import drawing, linearize, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.integrate import events
 
 PROBLEM = 43
 TOPIC = "pendulums and linkages"
 
 
 BARS = {"m": (1.0, 1.0, 1.0), "length": (1.0, 1.0, 1.0), "rates": (0.0, 0.0, 0.0)}
-PRECISELY = {"samples": 401, "rtol": 1e-13}
+PRECISELY = {"samples": 2001, "rtol": 1e-13}
 A = np.array([[7 / 3, 3 / 2, 1 / 2], [3 / 2, 4 / 3, 1 / 2], [1 / 2, 1 / 2, 1 / 3]])
 B = np.array([5 / 2, 3 / 2, 1 / 2])
 
@@ -70,13 +71,24 @@ def by_hand(angles, rates):
     )
 
 
+def period_of(swing):
+    """The time [s] at which the crank rests for the second time after its start at rest."""
+    scene, rates = swing.scene, np.asarray(swing["theta1_dot"])[1:]
+    i = 1 + np.flatnonzero(rates[1:] * rates[:-1] < 0)[1]
+
+    def rate(t):
+        return simulate(scene, t, **PRECISELY)["theta1_dot"][-1]
+
+    return optimize.brentq(rate, *swing.ts[i : i + 2], xtol=1e-14)
+
+
 def solve(page: Page) -> None:
     """Swing the triple pendulum and the linkage; their equations, periods and energies."""
     triple = simulate(scenes.triple_pendulum(), **PRECISELY)
     names = ("theta1", "theta2", "theta3")
     page.number("angles of the triple pendulum after 10 s", [triple[n][-1] for n in names], "rad")
     y = np.array([0.5, 2.0, -1.0, 0.3, -0.7, 1.1])
-    found, known = triple.scene.rate(0.0, y)[3:], by_hand(y[:3], y[3:])
+    found, known = eqx.filter_jit(triple.scene.rate)(0.0, y)[3:], by_hand(y[:3], y[3:])
     page.equal("Triple pendulum: the equations", found, known, within=1e-12, route="by hand")
     hanging = triple.scene.starting(np.zeros(6))
     rates = np.sort(np.abs(linearize(hanging, np.zeros(6)).eigenvalues))[::2]
@@ -87,10 +99,9 @@ def solve(page: Page) -> None:
     linkage = scenes.four_bar(angle=2.0, formulation="newton_euler")  # by the crank alone
     crank = simulate(linkage, 10.0, **PRECISELY)
     page.number("angle of the crank after 10 s", crank["theta1"][-1], "rad")
-    k = [name for name, _ in linkage.labels()].index("theta1_dot")
-    turns = crossings(linkage, events.Reaches(k), 20.0, most=2, rtol=1e-13)
-    page.number("Linkage: period of its swing from 2 rad, at rest", turns.ts[1], "s")
-    back = simulate(linkage, turns.ts[1], samples=2, rtol=1e-13).ys[-1]
+    period = period_of(crank)
+    page.number("Linkage: period of its swing from 2 rad, at rest", period, "s")
+    back = simulate(linkage, period, **PRECISELY).ys[-1]
     page.equal("Linkage: Then it is back at its start", back, linkage.y0, within=1e-10)
     refused = ""
     try:

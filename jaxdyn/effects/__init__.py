@@ -11,31 +11,10 @@ May import: `jaxdyn`, that is the files at the top level.
 
 To add an effect, write a subclass of `Effect` (`jaxdyn/system.py`) in the file of its family, with
 a `potential` or a `force`, `velocity_dependent = False` if the force does not depend on velocity, a
-`check` of its parameters, a `sketch` if it can be drawn, and a line below. A new family, such as
-magnetic fields, gets a file of its own.
+`check` of its parameters, a `sketch` if it can be drawn, and a line in
+``__init__.pyi``. A new family, such as magnetic fields, gets a file of its own.
 """
 
-from jaxdyn.effects._parts import unless_zero
-from jaxdyn.effects.central import CentralForce, PowerLaw
-from jaxdyn.effects.drag import DryFriction, LinearDrag, QuadraticDrag
-from jaxdyn.effects.gravity import PairGravity, UniformGravity
-from jaxdyn.effects.links import Dashpot, HingeDamper, Spring, SpringNetwork
-from jaxdyn.effects.prescribed import ConstantForce, SinusoidalForce, StepForce
+import lazy_loader
 
-__all__ = [
-    "CentralForce",
-    "ConstantForce",
-    "Dashpot",
-    "DryFriction",
-    "HingeDamper",
-    "LinearDrag",
-    "PairGravity",
-    "PowerLaw",
-    "QuadraticDrag",
-    "SinusoidalForce",
-    "Spring",
-    "SpringNetwork",
-    "StepForce",
-    "UniformGravity",
-    "unless_zero",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -30,6 +30,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn import formulations
 from jaxdyn._checks import fail
 from jaxdyn._records import Record, captures_of_record
 from jaxdyn.formulations.attitude import Attitude
@@ -319,6 +320,8 @@ def decode_part(
 def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
     """All concrete classes that a file may name: the loaded subclasses of these kinds."""
     families()  # load those of the ready-made scenes
+    for name in formulations.__all__:
+        getattr(formulations, name)  # and those of equations of one's own
     found: dict[str, type] = {}
     waiting = list(kinds)
     while waiting:

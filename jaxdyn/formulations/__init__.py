@@ -14,42 +14,10 @@ is the pytree that a state may stand for. `xpp` reads equations that are written
 
 May import: `geometry`.
 
-To add a formulation, write a `System` in a file of its own, and a line below; if every `Mechanism`
-can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
+To add a formulation, write a `System` in a file of its own, and a line in ``__init__.pyi``; if
+every `Mechanism` can be set up in it, a row of `_FREE` in `choice` offers it to all mechanisms.
 """
 
-from jaxdyn.formulations import (
-    attitude,
-    choice,
-    constrained,
-    extended,
-    functions,
-    lagrange,
-    mechanism,
-    newton,
-    newton_euler,
-    ode,
-    polar,
-    prescribed,
-    rigid,
-    structure,
-    xpp,
-)
+import lazy_loader
 
-__all__ = [
-    "attitude",
-    "choice",
-    "constrained",
-    "extended",
-    "functions",
-    "lagrange",
-    "mechanism",
-    "newton",
-    "newton_euler",
-    "ode",
-    "polar",
-    "prescribed",
-    "rigid",
-    "structure",
-    "xpp",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,6 +13,6 @@ To add a tool, write a function in the file of its topic. It takes lists as well
 cases.
 """
 
-from jaxdyn.geometry import balance, euler, frames, indices, inertia, kinematics, rotations, vectors
+import lazy_loader
 
-__all__ = ["balance", "euler", "frames", "indices", "inertia", "kinematics", "rotations", "vectors"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

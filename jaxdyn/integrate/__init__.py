@@ -1,6 +1,6 @@
 """From a start to samples: solving, step control, derivatives, events, phases.
 
-`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` has what they return, the folder
+`simulation` has `jaxdyn.simulate` and `jaxdyn.solve`, `trajectory` has what they return,
 `errors` says how accurate that is, `spans` checks their arguments. `flow` is the compiled solve
 with its derivatives in both modes, by the variational equations, and the change to another method
 where the default does not suit a motion. `adjoint` has the gradient of one loss with respect to
@@ -14,10 +14,9 @@ a state fits it).
 May import: `solvers`, `plan`. A scene is used only through its rate, its projection and its labels.
 
 To add a kind of result, write a file beside `events` that uses `flow` or `event_search` and the
-limits of `spans`; if users call it, add a line below.
+limits of `spans`; if users call it, add a line in ``__init__.pyi``.
 """
 
-from jaxdyn.integrate import events, phases
-from jaxdyn.integrate.event_search.all_crossings import Crossings
+import lazy_loader
 
-__all__ = ["Crossings", "events", "phases"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -258,7 +258,8 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
 
     def run(held_to, method: Method) -> Stop:
         held_to = jax.tree.map(jnp.asarray, held_to)
-        return _compiled(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
+        locate = _locate if traced else _compiled
+        return locate(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
 
     return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]
 
@@ -283,7 +284,9 @@ def as_events(events, k: int) -> tuple[Event, ...]:
     return given
 
 
+# Compiled within the rule of derivatives, as `flow` is.
 @eqx.filter_custom_jvp
+@eqx.filter_jit
 def _locate(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
     search = functools.partial(_search, method=method)
     args = (field, events, y0, sides, t0, t1, limits)

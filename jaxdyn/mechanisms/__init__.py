@@ -9,32 +9,10 @@ from above), `euler_body` (a rigid body by Euler angles), `disk` (a disk that ro
 May import: `formulations`.
 
 To add a mechanism, write a file with a `Mechanism` (coordinates, points, ties), which then runs in
-every formulation, or with a `System` of its own if no formulation fits, and add a line below. A
-ready-made scene of it belongs in `scenes`.
+every formulation, or with a `System` of its own if no formulation fits, and add a line to
+``__init__.pyi``. A ready-made scene of it belongs in `scenes`.
 """
 
-from jaxdyn.mechanisms import (
-    bars,
-    car,
-    cylinders,
-    disk,
-    euler_body,
-    four_bar,
-    guided,
-    rods,
-    skates,
-    sticks,
-)
+import lazy_loader
 
-__all__ = [
-    "bars",
-    "car",
-    "cylinders",
-    "disk",
-    "euler_body",
-    "four_bar",
-    "guided",
-    "rods",
-    "skates",
-    "sticks",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -31,6 +31,7 @@ from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import leaves, parameters, rebuild
+from jaxdyn.symbolic.symbols import places
 from jaxdyn.system import Effect, Points, System
 
 #: Up to this many effects have switches of their own; the number of rates is two to this power.
@@ -479,15 +480,21 @@ def _parameters(scene: Scene) -> list[dict]:
         for _ in range(leaf.value.size)
     ]
     known, words = parameters(scene), [_words(name) for name in _names(scene)]
+    at = (place for leaf in leaves(scene.field) for place in places(leaf))
     return [
-        {"name": name, "label": _label(name, words), "value": float(value), **one}
-        for name, value, one in zip(known.names, known.values, found, strict=True)
+        {"name": name, "label": _label(name, place, words), "value": float(value), **one}
+        for name, place, value, one in zip(known.names, at, known.values, found, strict=True)
     ]
 
 
-def _label(name: str, effects: list[str]) -> str:
-    """The label of a parameter: the name of its effect, if any, in front."""
-    return re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
+def _label(name: str, place: str, effects: list[str]) -> str:
+    """The label of a parameter: the name of its effect, if any, in front.
+
+    Its place in an array is counted from 1, or it is the name of an axis: `m 2`, `at 1, x`.
+    """
+    stem = re.sub(r"^effects\[(\d+)\]\.", lambda found: f"{effects[int(found[1])]}: ", name)
+    stem = re.sub(r"\[[\d,]*\]$", "", stem)
+    return f"{stem} {re.sub(r'(?=[xyz])', ', ', place).lstrip(', ')}".rstrip()
 
 
 def _unit(scene: Scene, path: tuple[str, ...]) -> str:

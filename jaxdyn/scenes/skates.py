@@ -13,6 +13,7 @@ if they are parallel: `elementary_motion`.
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -123,8 +124,12 @@ def elementary_motion(scene: Scene, ts: Array) -> Array:
     omega, the centre moves by (s vx - c vy, c vx + s vy). Both ratios have limits at omega = 0, so
     a straight line needs no special treatment.
     """
-    x, y, theta, vx, vy, omega = scene.y0
-    ts = jnp.asarray(ts)
+    return _turning(scene.y0, jnp.asarray(ts))
+
+
+@jax.jit
+def _turning(y0: Array, ts: Array) -> Array:
+    x, y, theta, vx, vy, omega = y0
     turned = omega * ts
     s = ts * jnp.sinc(turned / jnp.pi)
     c = ts * jnp.sinc(turned / (2 * jnp.pi)) * jnp.sin(turned / 2)

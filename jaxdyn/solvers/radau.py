@@ -5,8 +5,9 @@ step are damped instead of limiting it (Hairer, Wanner, Solving Ordinary Differe
 IV.8). With Z_i = Y_i - y the equations Z = h A F(y + Z) are solved by simplified Newton
 iterations: one Jacobian per step. The eigenvectors of A split the system of s k unknowns into
 (s + 1) / 2 systems of k unknowns, one real and the others complex, inverted without LAPACK.
-Iterations continue until rounding stops them; the last change counts as error, so a step that does
-not converge is rejected like one that is too long.
+Iterations continue until rounding stops them. The last change of one that has not converged counts
+as error, so its step is rejected like one that is too long; that of one that has converged is
+rounding, of which shorter steps have as much.
 """
 
 import dataclasses
@@ -116,11 +117,13 @@ class Radau(Method):
 
         far = jnp.full((), jnp.inf, y.dtype)
         z = jnp.zeros((*y.shape, self.stages), y.dtype)
-        _, z, last, _, _ = jax.lax.while_loop(go_on, again, (0, z, jnp.zeros_like(y), far, far))
+        start = 0, z, jnp.zeros_like(y), far, far
+        _, z, last, change, _ = jax.lax.while_loop(go_on, again, start)
+        missed = jnp.where(change > _CONVERGED * rounding.eps, jnp.abs(last), 0.0)
         gamma, e = self._embedded_weights
         raw = h * gamma * field(t, y) + mix(e[None], z)[..., 0]
         error = _apply(inverses[0].real, raw)
-        return Advance(z[..., -1], jnp.abs(error) + jnp.abs(last))
+        return Advance(z[..., -1], jnp.abs(error) + missed)
 
 
 def _jacobian(field: Rate, t: Array, y: Array) -> Array:

@@ -176,7 +176,7 @@ def _parameters(
         several = counts[stem + index] > 1
         seen[stem + index] += 1
         order = str(seen[stem + index]) if several else ""
-        for place, value in zip(_places(leaf), leaf.value.ravel().tolist(), strict=True):
+        for place, value in zip(places(leaf), leaf.value.ravel().tolist(), strict=True):
             if value == 0 or leaf.is_fixed:
                 found.append(number(value))
                 continue
@@ -218,13 +218,15 @@ def _spelling(leaf: Leaf) -> tuple[str, str]:
     return _SPELLED.get(field) or split_name(field)
 
 
-def _places(leaf: Leaf) -> Iterable[str]:
+def places(leaf: Leaf) -> Iterable[str]:
     """The indices of the entries of an array: numbers from 1, or axes."""
     shape = leaf.value.shape
     field = next(part for part in reversed(leaf.path) if not part.startswith("["))
     axes = "xyz" if field in _VECTORS or len(shape) == 2 else ""
     if not shape or shape == (1,):
         return [""]
+    if len(shape) > 2:
+        return [",".join(str(i + 1) for i in at) for at in np.ndindex(shape)]
     if len(shape) == 1:
         return [axes[i] if axes else str(i + 1) for i in range(shape[0])]
     rows = [str(i + 1) if shape[0] > 1 else "" for i in range(shape[0])]

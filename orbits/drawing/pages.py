@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxdyn import _text
+from jaxdyn import Scene, _text, scenes
 from jaxdyn._checks import check_first, fail
 from jaxdyn.files.output_files import page_path
 from jaxdyn.player import Playing
 from jaxdyn.player.choices import Choices, Curve
 from jaxdyn.player.live import write_page
+from jaxdyn.scenes.corners import has_corners
 from orbits.families.family import Family
 from orbits.files.family_files import Entry, Listing, listing
 from orbits.hybrid.legs import HybridOrbit
@@ -22,21 +23,42 @@ _DIGITS = 8  # of a period
 
 
 @check_first
-def orbit_page(orbit: Orbit, path=None) -> Playing:
-    """A page on which an orbit runs beside a motion whose start differs by a thousandth.
+def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> Playing:
+    """A page on which an orbit runs; a smooth one beside a motion from 0.1 percent aside.
 
     Args:
-      orbit: from `find`.
+      orbit: from `find` or `find_hybrid`.
       path: a file to write the page to, .html.
     Raises:
-      ValueError: as `Orbit.live`.
+      ValueError: as `Orbit.live` and `HybridOrbit.live`.
     """
     path = _page_path(path)
     if not orbit.ok:
         raise fail("orbit", "one that was found", orbit.outcome.name, orbit.message)
-    name = _text.title_of(orbit.scene).replace("_", " ")
-    choices = Choices({"": orbit.scene}, whole=True)
-    return write_page(choices, path, title=f"Orbit of {name}", motions=2)
+    chain = isinstance(orbit, HybridOrbit)
+    scene = _scene_of_chain(orbit) if chain else orbit.scene
+    name = _text.title_of(scene).replace("_", " ")
+    # A chain starts at an event; a start aside may be beyond it.
+    return write_page(
+        Choices({"": scene}, whole=True),
+        path,
+        title=f"Orbit of {name}",
+        motions=1 if chain else 2,
+    )
+
+
+def _scene_of_chain(orbit: HybridOrbit) -> Scene:
+    """The scene of a chain, whose phases the page runs.
+
+    Raises:
+      ValueError: its legs are not phases of a ready-made scene.
+    """
+    scene = orbit.legs[0].scene.starting(orbit.y0, orbit.period)
+    known = scenes.phases_of(scene) if has_corners(scene) else {}
+    if not orbit.path or not {name for name, _ in orbit.path} <= set(known):
+        remedy = "It is drawn by orbits.drawing.orbits."
+        raise fail("orbit", "a chain of phases of a ready-made scene", "other legs", remedy)
+    return scene
 
 
 @check_first

@@ -8,7 +8,8 @@ found.
 
 - Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
   is stationary along the family. A multiplier is 1 there.
-- Branch point: a non-trivial multiplier passes through 1, and a second family crosses.
+- Branch point: a non-trivial multiplier passes through 1, and a second family crosses. Along the
+  branch of a pitchfork that bends, it comes to 1 and returns, and the parameter is stationary.
 - Period doubling: a multiplier passes through -1.
 - Equilibrium: the orbits have shrunk to nothing, and the family ends (`shrinking`).
 - Torus point: a complex pair crosses the unit circle.
@@ -67,6 +68,9 @@ def special_points(
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
     told = _known_tests(surface, a, b)
     places = [(kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
+    turns = next((point for kind, point in places if kind == Kind.FOLD), None)
+    if turns is not None and _bends(surface, a, b, turns, told):
+        places = [(Kind.BRANCH, turns) if kind == Kind.FOLD else (kind, x) for kind, x in places]
     found = [_with_kind(surface, kind, point) for kind, point in places if point is not None]
     if _leave_in_pairs(surface, a, b):
         found += _boundary(surface, a, b)
@@ -130,12 +134,27 @@ def _same(a: Member, b: Member) -> bool:
     return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
+def _bends(surface: Surface, a: Member, b: Member, turns: Member, told: set[Kind]) -> bool:
+    """Whether a family turns where another one crosses it, as the bent branch of a pitchfork does.
+
+    At a fold a multiplier passes through 1; there it comes to 1 and returns.
+    """
+    test = _TESTS[Kind.BRANCH]
+    returns = Kind.BRANCH in told and test(surface, a) * test(surface, b) > 0
+    return returns and _crosses(surface, turns)
+
+
+def _crosses(surface: Surface, member: Member) -> bool:
+    """Whether a second family crosses at a member."""
+    return surface.aside(member.point.x, member.tangent, member.point.sizes) is not None
+
+
 def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     """The point with its kind."""
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
     hidden = point.alike.shape[1] and surface.parts == 1
-    if kind == Kind.BRANCH and hidden and surface.aside(point.point.x, point.tangent) is None:
+    if kind == Kind.BRANCH and hidden and not _crosses(surface, point):
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)
 

@@ -243,12 +243,13 @@ def switch_branch(
         remedy = "Give none: then the difference of the states closes, angles up to whole turns."
         raise fail("closes", f"one that holds after {times} periods", "another one", remedy)
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
-    aside = surface.aside(x, ahead - x)
+    aside = surface.aside(x, ahead - x, point.sizes)
     if aside is None:
         raise SearchError(_NOT_SIMPLE)
-    aside, here = -aside if opposite else aside, surface.point(x, point.residual, 0)
+    aside = -aside if opposite else aside
+    here = surface.point(x, point.residual, 0, point.sizes)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
-        found = surface.nearest(x + size * aside, across=aside)
+        found = surface.nearest(x + size * aside, across=aside, near=point)
         # The known branch, which bends towards the other direction, would be as far away there as
         # the root of the amplitude. With a given amplitude any orbit is accepted.
         beside = np.inf if amplitude is not None else _BESIDE * size

@@ -248,9 +248,14 @@ class Surface(abc.ABC):
             growth=self._growth(closed, result.x),
         )
 
-    def point(self, x: np.ndarray, residual: float, iterations: int) -> Point:
-        """The point at x (n,), which is known to be a solution; its Jacobian is NaN."""
-        jacobian, here = np.full((1, x.size), np.nan), self._lengths(x)
+    def point(
+        self, x: np.ndarray, residual: float, iterations: int, least: np.ndarray | float = 0.0
+    ) -> Point:
+        """The point at x (n,), which is known to be a solution; its Jacobian is NaN.
+
+        Its sizes (k,) are at least `least`.
+        """
+        jacobian, here = np.full((1, x.size), np.nan), self._lengths(x, least)
         return Point(
             self.equations, x, jacobian, here.sizes, self._units(x, here), residual, iterations
         )
@@ -273,14 +278,16 @@ class Surface(abc.ABC):
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return Lengths(point.sizes, parameter)
 
-    def aside(self, x: np.ndarray, along: np.ndarray) -> np.ndarray | None:
+    def aside(self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.
 
         Args:
           x: (n,) the branch point.
           along: (n,) the direction of the known branch.
+          sizes: (k,) lower bounds of the sizes: an entry that only the bent branch of a pitchfork
+            has is rounding at the point.
         """
-        closed = self._closing_in_units(x, self._lengths(x))
+        closed = self._closing_in_units(x, self._lengths(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return None

@@ -90,6 +90,19 @@ class HybridOrbit:
 
         return periodic.overview(self)
 
+    def live(self, path=None):
+        """A page that runs the orbit through its phases; see `jaxdyn.player.live`.
+
+        Args:
+          path: an .html file to write the page to; the page needs no other file.
+        Raises:
+          ValueError: this is not an orbit, it was not found from the phases of a ready-made scene
+            (`scenes.phases_of`), or `path` cannot be written.
+        """
+        from orbits.drawing import pages
+
+        return pages.orbit_page(self, path)
+
     def check_functions(self) -> None:
         """Raise ValueError if a number that a function of a leg captured has changed."""
         for leg in self.legs:

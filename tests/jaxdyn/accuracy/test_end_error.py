@@ -143,6 +143,7 @@ def test_a_motion_at_rest_has_its_digits():
     assert found.least > 9
 
 
+@pytest.mark.slow
 def test_what_has_died_away_is_measured_by_what_it_was():
     again = runner(100.0)
     found = end_error(again(scenes.oscillator(c=1.0), 1e-6), again, rtol=1e-6)

@@ -93,7 +93,7 @@ def test_an_estimate_says_what_it_rests_on():
 # ---- so many digits, please
 
 
-@pytest.mark.sample("flipping body-9")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "digits"), [("flipping body", 4), ("flipping body", 9), ("ellipse 0.9", 12)]
 )

@@ -89,6 +89,7 @@ def test_a_motion_with_a_repeated_rod_is_the_same():
     assert gap(a.ys, b.ys) < 10 * SOLVED
 
 
+@pytest.mark.slow
 def test_the_same_rod_twice_has_the_same_derivatives():
     once, twice = (frame(pairs) for pairs in (SIDES, (*SIDES, (0, 1))))
     jacobians = [jax.jit(jax.jacfwd(lambda y, s=s: s.rate(0.0, y)))(s.y0) for s in (once, twice)]
@@ -136,6 +137,7 @@ def test_a_dead_centre_at_the_start_is_reported(rate):
     assert np.isnan(end.y1).all()
 
 
+@pytest.mark.slow
 def test_a_motion_that_ends_in_a_dead_centre_is_reported():
     # Moved there by hand, backwards from it: the run from beside it ends in the flat pose.
     beside = parallelogram(np.pi / 2 - 0.1, 1.0)

@@ -102,13 +102,14 @@ def test_drift_is_rounding_without_drag_and_exact_with_it():
     assert abs(float(drift(simulate(slowed, 1.0))) - (1 - np.exp(-2))) < 1e-9
 
 
+@pytest.mark.sample("effects0")
 @pytest.mark.parametrize("effects", [(), (LinearDrag(1.0),)])
 def test_drift_of_what_never_moves_is_zero(effects):
     still = Scene(FreePoints(1.0, d=1), effects, y0=[3.0, 0.0])
     assert float(drift(simulate(still, 1.0))) == 0.0
 
 
-@pytest.mark.sample("moves0-causes0")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("moves", "causes"),
     [
@@ -159,12 +160,14 @@ def _ball(*effects):
     return Scene(FreePoints(2.0), effects, y0=[1.0, 0.0, 0.0, 1.5], t1=3.0)
 
 
+@pytest.mark.slow
 def test_a_force_that_does_no_work_changes_no_energy():
     found = energy_change(simulate(_ball(Spring(1.0), Magnetic())))
     assert (found.causes, found.works, found.without_potential) == ((), (), ())
     assert "because" not in found.message
 
 
+@pytest.mark.slow
 def test_the_work_of_a_force_without_potential_is_measured():
     motion = simulate(_ball(WithoutForce(), Magnetic(), UniformGravity()))
     found = energy_change(motion)

@@ -123,6 +123,7 @@ def test_a_circle_of_equilibria_is_reported_as_a_continuum():
     assert all(x.portrait == "degenerate" for x in found.linearizations)
 
 
+@pytest.mark.slow
 def test_none_in_the_box_is_none():
     found = equilibria(spring_mass(k=10.0, g=10.0), [5, 5], [6, 6], starts=16)
     assert len(found) == 0

@@ -106,6 +106,7 @@ def _chain(n: int, k: float = 3.0, m: float = 2.0) -> Scene:
     return Scene(FreePoints(np.full(n, m), 1), (springs,), y0=y0)
 
 
+@pytest.mark.slow
 def test_modes_of_a_free_chain():
     n = 4
     modes = linearize.modes(_chain(n))
@@ -116,6 +117,7 @@ def test_modes_of_a_free_chain():
     assert gap(modes.shapes[:, 0] / modes.shapes[0, 0], np.ones(n)) < 10 * EXACT
 
 
+@pytest.mark.slow
 def test_modes_of_a_pendulum_below_and_above():
     scene = Scene(NewtonEuler(Arm()), (UniformGravity(9.0),), y0=[0.0, 0.0])
     assert gap(linearize.modes(scene).squares, [4.5]) < EXACT

@@ -40,7 +40,7 @@ QUESTIONS = {
 ON_THE_HOST = QUESTIONS | {"energy_change": (hanging, lambda motion: energy_change(motion).works)}
 
 
-@pytest.mark.sample("drift", "drift of another", "along", "antenna")
+@pytest.mark.sample("drift of another", "along")
 @pytest.mark.parametrize("name", ON_THE_HOST)
 def test_another_number_of_samples_compiles_nothing(name, caplog):
     make, question = ON_THE_HOST[name]

@@ -42,6 +42,7 @@ def test_bars_hold_where_there_are_more_oscillations_than_asked_for():
     assert found.residual > 0.1
 
 
+@pytest.mark.slow
 def test_a_pendulum_has_odd_multiples_of_its_frequency():
     motion = jaxdyn.simulate(scenes.pendulum(angle=2.0), 400.0, samples=4001, rtol=1e-13)
     found = frequencies(motion, motion.scene.labels()[0][0], count=4)

@@ -102,6 +102,7 @@ def test_transcritical_branch_is_followed():
     np.testing.assert_allclose(other.states[:, 0], other.parameters / 2, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_first_lyapunov_coefficient_of_the_normal_form():
     # With |q| = 1, x = sqrt(2) z: the coefficient is 2 (-1/2) / 2.
     family = jaxdyn.continue_equilibria(PLANAR, -0.3, [0.0, 0.0], within=(-0.5, 0.5))

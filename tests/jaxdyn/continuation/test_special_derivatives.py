@@ -20,6 +20,7 @@ def cubic(q):
     return make
 
 
+@pytest.mark.slow
 def test_folds_by_a_number_of_their_scenes():
     family = jaxdyn.continue_equilibria(cubic(1.5), -1.0, [-1.4], within=(-2, 2))
     for fold in family.special:

@@ -82,7 +82,7 @@ def assert_alike(there, here, units):
         np.testing.assert_allclose(one.state / each, other.state, atol=1e-6)
 
 
-@pytest.mark.sample("units2")
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_a_hopf_point(units):
     of = ([7.0, 7.0, 19.0], 20.0, (14, 28), 8 / 3)
@@ -105,7 +105,7 @@ def test_folds(units):
         assert quadratic < 0  # signs do not depend on units
 
 
-@pytest.mark.sample("units0")
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_a_branch_from_an_equilibrium_at_0(units):
     of = ([0.0, 0.0, 0.0], 0.5, (0, 2), 8 / 3)

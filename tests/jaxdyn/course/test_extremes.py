@@ -34,6 +34,7 @@ def test_a_largest_value_is_found_where_the_quantity_turns():
     np.testing.assert_allclose(found.y, [0.0, -2.0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_may_be_at_an_end():
     found = largest(SWING, leaving)
     assert found.t == 5.0

@@ -62,6 +62,16 @@ def test_as_many_samples_as_a_curve_needs_stay_as_they_are():
     assert gap(paths(motion).xyz, motion.r) == 0
 
 
+@pytest.mark.sample(
+    "double_pendulum-names0",
+    "four_bar-names1",
+    "n_pendulum-names2",
+    "cart_pendulum-names3",
+    "cylinder_on_ramp-names6",
+    "turntable-names10",
+    "three_body-names11",
+    "pendulum-names12",
+)
 @pytest.mark.parametrize(
     ("name", "names"),
     [
@@ -171,7 +181,7 @@ def test_a_drawing_of_a_ledger_and_of_logarithmic_time_is_that_of_their_system()
     assert system.sketch(jnp.zeros(()), jnp.append(bound.y0, jnp.zeros(2))) == ()
 
 
-@pytest.mark.sample("cylinder_on_cylinder")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cylinder_on_cylinder", "cylinder_on_ramp"])
 def test_rims_move_with_the_cylinder_and_touch_what_they_roll_on(name):
     scene = getattr(scenes, name)(t1=0.6)

@@ -185,6 +185,7 @@ def test_rods_are_drawn_where_they_start_and_later(pendulum):
     assert _legend(figure) == ["start", "end"]
 
 
+@pytest.mark.slow
 def test_springs_and_anchors_are_drawn():
     (ax,) = drawing.trajectory(simulate(scenes.two_springs(), 0.1, samples=3)).axes
     (pins,) = [line for line in ax.lines if _is_pin(line)]
@@ -527,6 +528,7 @@ def test_thirty_frames_a_second_keep_the_length(ball, tmp_path):
         assert gif.info["duration"] == 30
 
 
+@pytest.mark.slow
 def test_few_or_uneven_samples_make_all_frames(throws, stopped, tmp_path):
     few = _sampled(throws[2], np.array([0, 10, 39]))
     for i, motion in enumerate((few, stopped)):

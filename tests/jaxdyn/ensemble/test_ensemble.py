@@ -63,7 +63,7 @@ def zoo_gap(name):
     return gap(out.y1, expected) / max(1.0, np.abs(expected).max())
 
 
-@pytest.mark.sample("cannonball")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cannonball", "satellite"])
 def test_scenes_with_drag_and_with_projection(name):
     assert zoo_gap(name) < SOLVED
@@ -75,6 +75,7 @@ def test_every_scene_of_the_zoo(name):
     assert zoo_gap(name) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_pair_of_choice_is_used():
     scene, y0s = near_eight(2)
     general = ensemble.run(scene + LinearDrag(0.0), y0s, 1.0, rtol=RTOL)
@@ -190,6 +191,7 @@ def test_the_closest_return_is_the_least_of_many_samples():
         assert abs(distance - distances[inside]) < 3e-3  # speed 1.5 times a spacing of samples
 
 
+@pytest.mark.slow
 def test_the_gap_may_leave_entries_out_and_wraps_angles():
     scene = scenes.pendulum()
     turning = scene.starting([0.0, 20.0])

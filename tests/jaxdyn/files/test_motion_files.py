@@ -112,6 +112,7 @@ def test_the_phases_of_a_scene_come_back_to_the_bit(name, path):
     assert_equal_to_the_bit(through_file(motion, path), motion)
 
 
+@pytest.mark.slow
 def test_what_is_read_warns_as_what_was_saved(path):
     motion = simulate(scenes.oscillator(), solver=solvers.VERLET, dt=1.5, samples=3)
     back = through_file(motion, path)
@@ -119,6 +120,7 @@ def test_what_is_read_warns_as_what_was_saved(path):
     assert back.warning == motion.warning != ""
 
 
+@pytest.mark.slow
 def test_numpy_reads_the_samples(path):
     motion = batch()
     motion.save(path)

@@ -34,6 +34,7 @@ def test_units_are_left_out_where_there_are_none(tmp_path):
     assert lines[0] == "t,x,y,z"
 
 
+@pytest.mark.slow
 def test_a_record_carries_the_warning():
     def stiff(scene, rtol):
         return simulate(scene, 1e-3, samples=2, rtol=rtol)

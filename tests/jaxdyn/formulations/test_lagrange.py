@@ -108,6 +108,7 @@ def test_the_energy_in_a_turning_frame_is_jacobis_integral():
     assert float(energy.drift(motion)) < SOLVED
 
 
+@pytest.mark.slow
 def test_an_energy_that_time_drives_is_not_conserved():
     def shaken(t, q, v):
         return 0.5 * v[0] ** 2 - 0.5 * (1 + 0.5 * jnp.cos(2 * t)) * q[0] ** 2

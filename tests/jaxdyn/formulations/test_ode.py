@@ -53,6 +53,7 @@ HUNT = jaxdyn.ode(
 )
 
 
+@pytest.mark.slow
 def test_lorenz_is_the_scene_of_that_name():
     params = {"sigma": 10.0, "rho": 28.0, "beta": 8 / 3}
     scene, own = jaxdyn.ode(odes.lorenz, [1.0, 1.0, 1.0], 2.0, params=params), scenes.lorenz()
@@ -146,6 +147,7 @@ def test_parameters_are_any_pytree_of_numbers():
     assert gap(solve(none, 3.0, rtol=1e-13).y1, [1 / 2.5]) < SOLVED
 
 
+@pytest.mark.slow
 def test_events_ensembles_and_backward_time():
     half = jaxdyn.until(FADING, Reaches(0, 1.0), 9.0, rtol=1e-13)
     assert abs(float(half.t) - np.log(2) / 0.7) < SOLVED

@@ -19,7 +19,7 @@ def bodies(n, d, massless=(1, 3)):
     return m, np.concatenate([5 * RNG.normal(size=n * d), 0.1 * RNG.normal(size=n * d)])
 
 
-@pytest.mark.sample("4-3")
+@pytest.mark.slow
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("n", [4, 12])
 def test_they_feel_the_field_of_the_others(n, d):
@@ -36,6 +36,7 @@ def test_they_feel_the_field_of_the_others(n, d):
     assert np.isfinite(energy.along(energy.momentum, motion)).all()
 
 
+@pytest.mark.slow
 def test_they_are_the_limit_of_small_masses():
     small = simulate(scenes.three_body(m=(1.0, 1.0, 1e-15)), 1.5, samples=3)
     none = simulate(scenes.three_body(m=(1.0, 1.0, 0.0)), 1.5, samples=3)

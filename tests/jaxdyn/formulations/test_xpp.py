@@ -65,6 +65,7 @@ def test_expressions(text, values):
     assert found == pytest.approx(values, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_numbers_are_arguments_and_have_derivatives():
     make = Maker("par k=4, c=0\nx'=v\nv'=-k*x-c*v\ninit x=1")
     end = jaxdyn.simulate(make(k=2.0, x=0.5, total=3.0)).ys[-1]

@@ -16,7 +16,7 @@ import jaxdyn
 from jaxdyn import Effect, effects, player, scenes, simulate
 from jaxdyn.gallery import poster
 from jaxdyn.player import pages
-from jaxdyn.player.model import _drawing, model
+from jaxdyn.player.model import _drawing, _parameters, model
 from jaxdyn.scenes import catalogue
 from jaxdyn.scenes.corners import has_corners
 from orbits.discovery import seeds
@@ -322,3 +322,16 @@ def test_a_name_cannot_break_out_of_the_page():
     text = scene.live().text
     assert text.count("</script>") == 2
     assert "<b>" not in text
+
+
+def test_places_in_arrays_are_counted_as_people_do():
+    def labels(scene):
+        return [one["label"] for one in _parameters(scene)]
+
+    assert labels(scenes.two_skates())[2:-1] == [
+        *("at 1, x", "at 1, y", "at 2, x", "at 2, y"),
+        *("headings 1", "headings 2"),
+    ]
+    assert labels(scenes.one_skate())[2:-1] == ["at x", "at y", "headings"]
+    assert labels(scenes.cart_pendulum()) == ["m 1", "m 2", "l", "g"]
+    assert labels(scenes.cannonball())[0] == "m"

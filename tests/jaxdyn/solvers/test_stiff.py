@@ -61,6 +61,13 @@ def test_van_der_pol_through_its_jumps():
     assert gap(out.y1, VAN_DER_POL_END) < 1e-9
 
 
+def test_steps_do_not_shrink_for_the_rounding_of_their_iterations():
+    out = solve(VAN_DER_POL, 1.0, solver=solvers.RADAU9, rtol=1e-15)
+    assert out.status == Status.OK
+    assert int(out.steps) < 4000  # 1980 at 1e-14
+    assert gap(out.y1, VAN_DER_POL_END) < 1e-9
+
+
 def test_derivatives_of_a_stiff_motion():
     # Where x ends does not depend on its start, y and z end in proportion to that of y.
     end = lambda y: solve(CHASED.starting(y), 2.0, solver=solvers.RADAU9, rtol=1e-12).y1  # noqa: E731

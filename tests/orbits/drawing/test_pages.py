@@ -84,9 +84,35 @@ def test_a_long_family_says_how_many_of_it_are_shown(swings):
     assert len(text) < 200_000
 
 
+def _chain(scene):
+    return orbits.find_hybrid(scenes.phases_of(scene), scene.y0)
+
+
+@pytest.mark.parametrize(
+    "scene", [scenes.simplest_walker(), scenes.ball_on_table(phase=1.2, velocity=3.0)]
+)
+def test_a_chain_runs_through_its_phases_and_closes(window, scene, tmp_path):
+    chain = _chain(scene)
+    chain.live(tmp_path / "page.html")
+    chromium.opened(window, tmp_path / "page.html")
+    live(window, f"seek({chain.period / 2})")
+    half = simulate(chain.legs[0].scene, chain.period / 2, samples=2, rtol=1e-13).ys
+    np.testing.assert_allclose(live(window, "state()")["now"], [half[-1]], rtol=0, atol=1e-9)
+    later = 1.5 * chain.period  # a phase of a drive grows by a whole turn
+    live(window, f"seek({later})")
+    (again,) = live(window, "state()")["now"]
+    np.testing.assert_allclose(np.sin(again), np.sin(half[-1]), rtol=0, atol=1e-8)
+
+
+def test_a_chain_of_other_legs_is_refused(tmp_path):
+    chain = _chain(scenes.rimless_wheel())
+    legs = orbits.find_hybrid(chain.legs, chain.y0, chain.spans)
+    assert "got other legs. It is drawn by orbits.drawing.orbits." in refusal(legs.live)
+    assert ".html" in refusal(lambda: chain.live(tmp_path / "page.png"))
+
+
 def test_a_family_of_chains_is_refused(tmp_path):
-    wheel = scenes.rimless_wheel()
-    roll = orbits.find_hybrid(scenes.phases_of(wheel), wheel.y0)
+    roll = _chain(scenes.rimless_wheel())
     listed = family_files.Listing(None, (family_files.Entry(roll, 0.0, 1.0, "stable"),), (), "")
     said = refusal(lambda: listed.live())
     assert said.startswith("family: expected orbits of one smooth motion, got chains of legs.")

@@ -75,6 +75,23 @@ def test_a_branch_point_and_the_branch_through_it(forks):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("step", [0.1, 0.5])
+def test_a_bent_branch_through_its_pitchfork_has_a_branch_point_there(forks, step):
+    orbit, a = orbits.switch_branch(forks, forks.special[0], amplitude=0.3)
+    make = maker(Pitchfork, [1.0, 0, 0])
+    bent = orbits.continue_family(orbit, make, a, members=12, step=step, down=True, within=(-1, 1))
+    heights = np.array([float(m.orbit.y0[2]) for m in bent.members])
+    assert heights[0] * heights[-1] < 0
+    assert np.abs(heights**2 - bent.parameters).max() < SOLVED
+    # The parameter is least there, but no multiplier passes through 1: it is no fold.
+    (point,) = bent.special
+    assert point.kind == Kind.BRANCH
+    assert abs(point.parameter) < 1e-12
+    straight, _ = orbits.switch_branch(bent, point)
+    assert abs(float(straight.y0[2])) < SOLVED
+
+
+@pytest.mark.slow
 def test_a_period_doubling_and_its_branch(doubled):
     (point,) = doubled.special
     assert point.kind == Kind.DOUBLING
