@@ -32,7 +32,7 @@ and the hinges are four conditions, r1 - e1 / 2 = 0 and r2 - e2 / 2 = r1 + e1 / 
 differentiated twice: ten linear equations for six accelerations and four components of forces.
 Their motion agrees with that of (a) in all digits that chaos leaves.
 
-(c) The Lagrangian is the kinetic less the potential energy,
+(c) The Lagrangian is the kinetic minus the potential energy,
 
     L = (2/3) theta1'^2 + (1/6) theta2'^2 + (1/2) theta1' theta2' cos D
         + (3/2) cos theta1 + (1/2) cos theta2.
@@ -46,12 +46,12 @@ theta1'' and theta2'': their residuals at zero accelerations are h, the change o
 there to a unit acceleration is a column of M, and M (theta1'', theta2'') = -h. So no terms have to
 be collected by hand; a Jacobian, or EquationsToMatrix of a symbolic program, gives the same M. Such
 a program can also print the solution: `jaxdyn equations double_pendulum --code python` writes a
-function to copy. Of the solution of the ten equations of (b), theta1'' and theta2'' suffice for a
-state of four numbers. Or all twelve numbers of the two free bodies are integrated; then errors
-separate the hinges unless something keeps them together, as the projection after each step does
-here.
+function to copy. From the solution of the ten equations of (b), a state of four numbers needs only
+theta1'' and theta2''. Alternatively, all twelve numbers of the two free bodies are integrated; then
+errors separate the hinges unless something keeps them together, as the projection after each step
+does here.
 
-ii. The checks below compare the results with one another, and the energy with its first value.
+ii. The checks below compare the results with one another, and the energy with its initial value.
 
 iii. Known without integrating: the energy, here 1/2, is constant; small oscillations have the
 squared frequencies 3 - 6 / sqrt(7) and 3 + 6 / sqrt(7), that is 0.732 and 5.268; without gravity

@@ -7,7 +7,7 @@ iterations: one Jacobian per step. The eigenvectors of A split the system of s k
 (s + 1) / 2 systems of k unknowns, one real and the others complex, inverted without LAPACK.
 Iterations continue until rounding stops them. The last change of one that has not converged counts
 as error, so its step is rejected like one that is too long; that of one that has converged is
-rounding, of which shorter steps have as much.
+rounding, which shorter steps do not reduce.
 """
 
 import dataclasses

@@ -24,7 +24,7 @@ _DIGITS = 8  # of a period
 
 @check_first
 def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> Playing:
-    """A page on which an orbit runs; a smooth one beside a motion from 0.1 percent aside.
+    """A page on which an orbit runs; beside a smooth one, a motion that starts 0.1 percent away.
 
     Args:
       orbit: from `find` or `find_hybrid`.
@@ -56,7 +56,7 @@ def _scene_of_chain(orbit: HybridOrbit) -> Scene:
     scene = orbit.legs[0].scene.starting(orbit.y0, orbit.period)
     known = scenes.phases_of(scene) if has_corners(scene) else {}
     if not orbit.path or not {name for name, _ in orbit.path} <= set(known):
-        remedy = "It is drawn by orbits.drawing.orbits."
+        remedy = "Draw it with orbits.drawing.orbits."
         raise fail("orbit", "a chain of phases of a ready-made scene", "other legs", remedy)
     return scene
 

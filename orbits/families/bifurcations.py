@@ -9,7 +9,7 @@ found.
 - Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
   is stationary along the family. A multiplier is 1 there.
 - Branch point: a non-trivial multiplier passes through 1, and a second family crosses. Along the
-  branch of a pitchfork that bends, it comes to 1 and returns, and the parameter is stationary.
+  bent branch of a pitchfork it reaches 1 and turns back, and the parameter is stationary.
 - Period doubling: a multiplier passes through -1.
 - Equilibrium: the orbits have shrunk to nothing, and the family ends (`shrinking`).
 - Torus point: a complex pair crosses the unit circle.

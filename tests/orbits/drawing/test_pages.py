@@ -107,7 +107,7 @@ def test_a_chain_runs_through_its_phases_and_closes(window, scene, tmp_path):
 def test_a_chain_of_other_legs_is_refused(tmp_path):
     chain = _chain(scenes.rimless_wheel())
     legs = orbits.find_hybrid(chain.legs, chain.y0, chain.spans)
-    assert "got other legs. It is drawn by orbits.drawing.orbits." in refusal(legs.live)
+    assert "got other legs. Draw it with orbits.drawing.orbits." in refusal(legs.live)
     assert ".html" in refusal(lambda: chain.live(tmp_path / "page.png"))
 
 
