@@ -56,7 +56,7 @@ def attribute_getter(
                 raise AttributeError(f"{error}. Did you mean {near[0]!r}?") from None
         place, now = new[name]
         whole = f"{place}.{now}".rstrip(".")
-        told = f"{package}.{name} is now {whole}; the next version removes the old name."
+        told = f"{package}.{name} is now {whole}; the old name is removed in the next version."
         warnings.warn(told, DeprecationWarning, stacklevel=2)
         found = importlib.import_module(place)
         return getattr(found, now) if now else found

@@ -159,7 +159,7 @@ def test_modules_that_moved_into_the_course_are_found_and_warn():
         (jaxdyn.studies, "upright", "jaxdyn.hard.cases.shaken"),
         (orbits.hybrid, "hopping", "jaxdyn.course.eccentric_cylinder"),
     ):
-        with pytest.warns(DeprecationWarning, match=f"{old} is now {new}; the old name goes"):
+        with pytest.warns(DeprecationWarning, match=f"{old} is now {new}; the old name is removed"):
             assert getattr(package, old).__name__ == new
 
 
