@@ -45,8 +45,8 @@ class Status(Code):
     SINGULAR = (
         4,
         "The constraints stopped determining the motion: they lose rank in a pose (a linkage at "
-        "a dead centre, where it may continue in several ways), contradict each other, or do not "
-        "hold at the start. Stop earlier, change a length, or take out a constraint; "
+        "a dead centre, where it may continue in more than one way), contradict each other, or do "
+        "not hold at the start. Stop earlier, change a length, or take out a constraint; "
         "`constraints.conditioning` shows where.",
     )
     STEP_TOO_LONG = (
