@@ -110,7 +110,7 @@ UPWARDS = {
     ("orbits/discovery/tipping.py", "orbits.drawing.basin_maps"),
     ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
-    ("orbits/tori/record.py", "orbits.drawing.tori"),
+    ("orbits/tori/torus.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),
     ("orbits/families/graph.py", "orbits.drawing.graphs"),
     ("orbits/responses/response.py", "orbits.drawing.responses"),

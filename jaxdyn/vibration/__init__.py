@@ -3,9 +3,9 @@
 `natural` has natural frequencies, damping ratios and mode shapes, with M, C and K; `transfer` the
 transfer functions from an input to an output and the frequency response functions that engineers
 name: receptance, mobility, accelerance, transmissibility. `inputs` has the ways to act on a scene
-(a force, a moving base, a parameter), `signals` their dependence on time (a sine, a step, a pulse,
-a sweep, a table), `outputs` the measured quantities; `driven` makes a scene with an input, for all
-functions that take a scene. The nonlinear responses of such a scene over frequency are
+(a force, a moving base, a parameter) and the measured quantities, `signals` the dependence on time
+(a sine, a step, a pulse, a sweep, a table); `driven` makes a scene with an input, for all functions
+that take a scene. The nonlinear responses of such a scene over frequency are
 `orbits.frequency_response`.
 
 May import: `analysis`, `effects`.

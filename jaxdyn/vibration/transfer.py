@@ -17,8 +17,7 @@ from jaxdyn._checks import check_first
 from jaxdyn._records import Record
 from jaxdyn.analysis.linearize import check_equilibrium, jacobian
 from jaxdyn.scene import Scene, check_scene
-from jaxdyn.vibration.inputs import Base, Input, check_input
-from jaxdyn.vibration.outputs import Output, output
+from jaxdyn.vibration.inputs import Base, Input, Output, check_input, output
 
 
 class TransferFunction(Record):

@@ -18,7 +18,7 @@ from jaxdyn import Scene, simulate
 from jaxdyn._checks import check_first, choice, fail
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import energy
-from jaxdyn.vibration.outputs import Output
+from jaxdyn.vibration.inputs import Output
 from orbits.orbit import Orbit
 
 #: Samples of a period. The error of the polynomial of degree 5 between two samples h apart is

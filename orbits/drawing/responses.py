@@ -24,7 +24,7 @@ from jaxdyn.drawing.figures import (
 )
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
-from jaxdyn.vibration.outputs import Output
+from jaxdyn.vibration.inputs import Output
 from orbits.analysis.quantities import amplitude, phase
 from orbits.drawing.families import MARKS
 from orbits.families.family import Family, Member

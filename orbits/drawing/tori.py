@@ -12,7 +12,7 @@ from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, le
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
-from orbits.tori.record import Torus
+from orbits.tori.torus import Torus
 
 _AROUND, _ALONG = 48, 60  # lines of the surface each way
 _RTOL = 1e-9

@@ -20,7 +20,7 @@ from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import check_scene
-from jaxdyn.vibration.outputs import Output
+from jaxdyn.vibration.inputs import Output
 from orbits.analysis.quantities import amplitude as amplitude_of
 from orbits.discovery.seeds import Seed, modes
 from orbits.families.continuation import continue_family

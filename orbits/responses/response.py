@@ -26,8 +26,7 @@ from jaxdyn.analysis.linearize import check_equilibrium
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import check_scene
 from jaxdyn.vibration.driven import driven
-from jaxdyn.vibration.inputs import Input, check_input
-from jaxdyn.vibration.outputs import Output
+from jaxdyn.vibration.inputs import Input, Output, check_input
 from jaxdyn.vibration.signals import Harmonic
 from jaxdyn.vibration.transfer import transfer_function
 from orbits.analysis.quantities import amplitude, phase

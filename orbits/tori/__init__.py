@@ -1,12 +1,12 @@
 """Quasi-periodic motions: invariant tori about elliptic periodic orbits.
 
-`torus` begins a torus with the Floquet vector of an orbit, `refinement` solves it with as many
-modes as it needs, by the equations of `invariance` for an invariant circle, which is a Fourier
-series of `circle`; `record` has the result, `continuation` poses families to the branch engine.
+`torus` begins a torus with the Floquet vector of an orbit and solves it with as many modes as it
+needs, by the equations of `invariance` for an invariant circle, which is a Fourier series of
+`circle`; `continuation` poses families to the branch engine.
 
 May import: `analysis`.
 
-To add a way to fix a torus in its family, write a row in `refinement`, for `invariance.Conditions`.
+To add a way to fix a torus in its family, write a row in `torus`, for `invariance.Conditions`.
 """
 
 import lazy_loader

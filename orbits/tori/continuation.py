@@ -21,9 +21,7 @@ from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
 from jaxdyn.files.codec import decode, decode_fields, encode
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
-from orbits.tori.record import Torus
-from orbits.tori.refinement import refine
-from orbits.tori.torus import GOAL, MOST_MODES
+from orbits.tori.torus import GOAL, MOST_MODES, Torus, refine
 
 _ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
 #: What the file of a continuation calls a family of tori.

@@ -1,20 +1,229 @@
 """A torus of two frequencies about an elliptic periodic orbit, from the orbit's Floquet vector."""
 
+import dataclasses
 import math
 
+import jax
 import numpy as np
 
 from jaxdyn import Scene, _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn.status import Code
 from orbits.analysis.monodromy import return_in_basis, tangents_in
 from orbits.analysis.stability import stability
 from orbits.closing.given import driven
 from orbits.closing.sizes import largest_entry, sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
-from orbits.tori.invariance import Unknowns, mean_energy
-from orbits.tori.record import Torus, TorusOutcome
-from orbits.tori.refinement import refine
+from orbits.tori.invariance import Conditions, Metric, Unknowns, error, mean_energy, solve
+
+# ---- The record of a torus: its circle, its rotation, and the outcome of the search for it
+
+
+class TorusOutcome(Code):
+    """Outcome of a search for a torus."""
+
+    FOUND = 0, "The circle is invariant."
+    NO_CONVERGENCE = (
+        1,
+        "Newton's method did not converge: there is no such torus near this one. Take a smaller "
+        "amplitude or step, or another rotation: close to a resonance tori break up.",
+    )
+    NOT_SMOOTH = (
+        2,
+        "The circle needs more Fourier modes than max_modes: it is close to a resonance or to the "
+        "last torus before chaos. Take a smaller amplitude, or raise max_modes or the goal.",
+    )
+    MOTION_ENDS = (
+        3,
+        "A motion on the circle cannot be integrated over the return time: it runs into a "
+        "singularity, or takes too many steps. Take a smaller amplitude.",
+    )
+    COLLAPSED = (
+        4,
+        "The circle shrank to a periodic orbit, which is invariant with any rotation. Take a "
+        "smaller step or amplitude, or a rotation that tori of this family have.",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Torus:
+    """An invariant torus, given by an invariant circle of the map over the time T.
+
+    Attributes:
+      scene: the scene.
+      points: (N, k) the circle, at equally spaced angles.
+      time: T, the time between returns to the circle: a period of the torus, which is that of the
+        drive in a driven scene [time of the scene].
+      rotation: angle rho by which the map turns the circle [rad]; its sign, which depends on the
+        sense of theta, and multiples of 2 pi are arbitrary.
+      amplitude: norm of the first harmonic of the circle [norm of a state]; a torus is asked for by
+        the component of this harmonic along the orbit's Floquet vector.
+      energy: mean energy of the circle; NaN for a scene without one.
+      error: largest error of invariance, between the points, in the sizes of the entries.
+      outcome: how the search ended; unless it is FOUND, this is the best iterate, not a torus.
+      held: "energy", "time" or "drive", the quantity that is kept along the family of tori.
+      rtol: tolerance of the integrations.
+    """
+
+    scene: Scene
+    points: np.ndarray
+    time: float
+    rotation: float
+    amplitude: float
+    energy: float
+    error: float
+    outcome: TorusOutcome
+    held: str
+    rtol: float
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        w = ", ".join(f"{x:.12g}" for x in self.frequencies)
+        rows = [
+            ("frequencies", f"{w} rad per unit of time"),
+            ("rotation", f"{self.rotation:.12g} rad in {self.time:.12g}"),
+            ("amplitude", _text.brief(self.amplitude)),
+            ("energy", "" if math.isnan(self.energy) else f"{self.energy:.12g}, held: {self.held}"),
+            ("circle", f"{len(self.points) // 2} modes, invariant to {_text.brief(self.error)}"),
+            ("outcome", f"{self.outcome.name}: {self.message}"),
+        ]
+        return _text.table(f"Torus of {_text.title_of(self.scene)}", rows)
+
+    @_text.with_picture
+    def _repr_html_(self):
+        from orbits.drawing import tori
+
+        return tori.torus(self, title="")
+
+    @property
+    def ok(self) -> bool:
+        """Whether this is a torus."""
+        return self.outcome == TorusOutcome.FOUND
+
+    @property
+    def message(self) -> str:
+        """How the search ended and what to try."""
+        return self.outcome.message
+
+    @property
+    def frequencies(self) -> tuple[float, float]:
+        """The two angular frequencies 2 pi / T and rho / T [rad per unit of time]."""
+        return 2 * math.pi / self.time, self.rotation / self.time
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """The unknowns for which Newton's method solved."""
+        return Unknowns(self.points, self.rotation, self.time)
+
+    def at(self, theta) -> np.ndarray:
+        """(s, k) states of the circle at angles theta (s,); in a driven scene, at time 0."""
+        return circle.at(self.points, _checks.host_array("theta", theta, (None,)))
+
+
+# ---- The torus near a circle: the conditions that single it out, and the modes that it needs
+
+_MORE = 1.5  # factor on the number of modes from attempt to attempt
+_COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
+
+
+def refine(
+    like: Torus,
+    start: Unknowns,
+    w: np.ndarray,
+    target: tuple,
+    *,
+    goal: float,
+    max_modes: int,
+) -> Torus:
+    """The torus near a start, with as many modes as it needs.
+
+    Args:
+      like: a torus of the same family, for what both share.
+      start: the first circle.
+      w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
+      target: ("amplitude", a), ("rotation", rho), or ("along", tangent, start, metric) for a step
+        of continuation, whose tangent is an `Unknowns` with as many points as the start, and a unit
+        vector in a `Metric`.
+      goal: largest error of invariance, in the sizes of the entries.
+      max_modes: largest number of modes.
+    """
+    now, metric = start, Metric.of(like.scene, start)
+    least = _COLLAPSED * metric.norm(circle.harmonic(start.points))
+    while True:
+        conditions = _conditions(like, now, start, w, target, metric)
+        done = solve(like.scene, now, conditions, like.rtol, metric)
+        found = _torus(like, done.unknowns)
+        if not np.isfinite(done.residual):
+            return dataclasses.replace(found, outcome=TorusOutcome.MOTION_ENDS)
+        off = error(like.scene, done.unknowns, like.rtol, metric)
+        found = dataclasses.replace(found, error=off, outcome=TorusOutcome.NO_CONVERGENCE)
+        if metric.norm(circle.harmonic(found.points)) < least:
+            return dataclasses.replace(found, outcome=TorusOutcome.COLLAPSED)
+        if off <= goal:
+            return dataclasses.replace(found, outcome=TorusOutcome.FOUND)
+        modes = len(now.points) // 2
+        if done.residual > max(goal, off):
+            return found
+        if modes == max_modes or not np.isfinite(off):
+            return dataclasses.replace(found, outcome=TorusOutcome.NOT_SMOOTH)
+        now = done.unknowns.resample(2 * min(math.ceil(_MORE * modes), max_modes) + 1)
+
+
+def _torus(like: Torus, found: Unknowns) -> Torus:
+    level = mean_energy(like.scene, found.points)[0] if like.scene.has_energy else math.nan
+    size = float(np.linalg.norm(circle.harmonic(found.points)))
+    return dataclasses.replace(
+        like,
+        points=found.points,
+        time=found.time,
+        rotation=found.rotation,
+        amplitude=size,
+        energy=like.energy if like.held == "energy" else level,
+    )
+
+
+def _conditions(
+    like: Torus, now: Unknowns, start: Unknowns, w: np.ndarray, target: tuple, metric: Metric
+) -> Conditions:
+    """The rows for a circle of as many points as `now`."""
+    n, k = now.points.shape
+    nothing = np.zeros(n * k)
+    # The first harmonic along w fixes theta = 0 by its imaginary, the amplitude by its real part.
+    share = metric.norm(w)  # norm in the metric of a unit of the amplitude
+    wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None] / metric.each**2 / share
+    phase, size = wave.imag.ravel(), wave.real.ravel()
+    duration = np.append(nothing, [0.0, 1 / metric.time])
+    rows, values = [np.append(phase, [0.0, 0.0])], [0.0]
+    if target[0] == "amplitude":
+        rows, values = [*rows, np.append(size, [0.0, 0.0])], [*values, target[1] * share]
+    elif target[0] == "rotation":
+        rows, values = [*rows, np.append(nothing, [1.0, 0.0])], [*values, target[1]]
+    else:
+        _, tangent, _, lengths = target
+        along = lengths.row(tangent.resample(n))
+        rows, values = [*rows, along], [*values, along @ start.resample(n).pack()]
+    if like.held == "drive":
+        rows, values = [*rows, duration], [*values, now.time / metric.time]
+    else:
+        # The circle is not moved along the flow.
+        reference = start.resample(n).points
+        flow = np.asarray(_rates(like.scene, reference)) / metric.each
+        flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each
+        rows = [*rows, np.append(flow.ravel(), [0.0, 0.0])]
+        values = [*values, flow.ravel() @ reference.ravel()]
+    if like.held == "time":
+        rows, values = [*rows, duration], [*values, like.time / metric.time]
+    level = like.energy if like.held == "energy" else None
+    return Conditions(np.array(rows), np.array(values), level)
+
+
+@jax.jit
+def _rates(scene: Scene, points):
+    return jax.vmap(lambda y: scene.rate(0.0, y))(points)
+
+
+# ---- The search for a torus about an orbit
 
 #: Default largest error of invariance, in the sizes of the entries.
 GOAL = 1e-11

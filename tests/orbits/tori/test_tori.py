@@ -15,7 +15,7 @@ import orbits
 from jaxdyn import chaos, scenes
 from orbits import drawing
 from orbits.tori import circle
-from orbits.tori.record import TorusOutcome
+from orbits.tori.torus import TorusOutcome
 
 PERIOD = 2 * math.pi / 60
 
