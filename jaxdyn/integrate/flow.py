@@ -203,7 +203,7 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 
 def _march(field, y0, *rest, method: Method) -> SolveResult:
     *_, limits = rest
-    plan = plan_of(without_wrappers(field), len(y0))
+    plan = plan_of(field, len(y0))
     # A caller who asks for steps of equal length wants them where they are.
     if (plan.size or len(limits.breaks)) and method.adaptive:
         return run_pieces(field, (), y0, *rest, method=method)[0]

@@ -48,7 +48,7 @@ def first_event(
       method: an adaptive one.
     """
     no_times = jnp.zeros(0)
-    if plan_of(without_wrappers(field), len(y0)).size or len(limits.breaks):
+    if plan_of(field, len(y0)).size or len(limits.breaks):
         found = run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
     else:
         found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)

@@ -251,13 +251,15 @@ def _conditions(walk: "Walk") -> Conditions:
     return Conditions(*(jnp.concatenate([jnp.zeros(0), *parts]) for parts in columns))
 
 
-def plan_of(system: PyTree, k: int, *, waves: bool = False) -> Plan:
-    """The plan of a system, a pytree of its numbers with ``rate(t, y)`` of a state (k,).
+def plan_of(field: PyTree, k: int, *, waves: bool = False) -> Plan:
+    """The plan of a field, a pytree of its numbers with ``rate(t, y)`` of a state (k,).
+
+    That of what is around a field, such as its variational equations, is the plan of the field.
 
     With `waves`, sines of time count among what a step may pass over: those of a rate show in the
     error that a method estimates, but nothing measures those of an event.
     """
-    leaves, tree = jax.tree.flatten(system)
+    leaves, tree = jax.tree.flatten(without_wrappers(field))
     return _plan(tree, tuple(map(_kind, leaves)), k, waves, jax.config.jax_enable_x64)
 
 
