@@ -108,7 +108,7 @@ UPWARDS = {
     ("orbits/families/family.py", "orbits.drawing.periodic"),
     ("orbits/discovery/settling.py", "orbits.drawing.basin_maps"),
     ("orbits/discovery/tipping.py", "orbits.drawing.basin_maps"),
-    ("orbits/manifolds/strands.py", "orbits.drawing.manifolds"),
+    ("orbits/manifolds/manifold.py", "orbits.drawing.manifolds"),
     ("orbits/analysis/stability.py", "orbits.drawing.unit_circle"),
     ("orbits/tori/torus.py", "orbits.drawing.tori"),
     ("orbits/families/diagram.py", "orbits.drawing.diagrams"),

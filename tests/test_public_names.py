@@ -154,10 +154,11 @@ def test_importing_the_packages_loads_nothing():
     assert run_python(code) == "set()"
 
 
-def test_modules_that_moved_into_the_course_are_found_and_warn():
+def test_modules_that_moved_are_found_and_warn():
     for package, old, new in (
         (jaxdyn.studies, "upright", "jaxdyn.hard.cases.shaken"),
         (orbits.hybrid, "hopping", "jaxdyn.course.eccentric_cylinder"),
+        (jaxdyn.files, "image_files", "jaxdyn.files.output_files"),
     ):
         with pytest.warns(DeprecationWarning, match=f"{old} is now {new}; the old name is removed"):
             assert getattr(package, old).__name__ == new

@@ -11,8 +11,8 @@ There are four independent ways, each of which gives an `Estimate` with its basi
 - `by_halving`: equal steps, their halves and quarters, with the observed order.
 
 None of them detects errors of the equations. All include the effect of rounding, see
-`rounding_error.rounding`; compared with exact solutions, the first two are within a factor of 5 of
-the true error in at least 95 of 100 cases (tests/jaxdyn/accuracy/test_estimates.py).
+`integrate.errors.rounding`; compared with exact solutions, the first two are within a factor of 5
+of the true error in at least 95 of 100 cases (tests/jaxdyn/accuracy/test_estimates.py).
 """
 
 from typing import NamedTuple

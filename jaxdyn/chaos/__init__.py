@@ -1,9 +1,8 @@
 """How regular or chaotic the motions of a scene are.
 
-`lyapunov` computes the Lyapunov exponents of one motion with the frame of tangents of
-`stretching`; `spectrum` is their record, with error bars. `indicators` has MEGNO, SALI and GALI
-for many starts at once; `maps` computes them over two numbers. `frequencies` resolves a motion into
-its frequencies.
+`lyapunov` computes the Lyapunov exponents of one motion, with error bars, by a frame of tangents
+that is carried along it. `indicators` has MEGNO, SALI and GALI for many starts at once; `maps`
+computes them over two numbers. `frequencies` resolves a motion into its frequencies.
 
 May import: `ensemble`, `analysis`.
 
@@ -13,9 +12,8 @@ line below.
 
 from jaxdyn.chaos.frequencies import Frequencies, frequencies
 from jaxdyn.chaos.indicators import Alignment, Megno, gali, megno, sali
-from jaxdyn.chaos.lyapunov import lyapunov_exponents
+from jaxdyn.chaos.lyapunov import LyapunovSpectrum, lyapunov_exponents
 from jaxdyn.chaos.maps import ChaosMap, chaos_map
-from jaxdyn.chaos.spectrum import LyapunovSpectrum
 
 __all__ = [
     "Alignment",

@@ -1,31 +1,347 @@
 """Lyapunov exponents of a motion: the mean rates at which nearby motions diverge or converge.
 
-Tangents are integrated with the motion and orthonormalised at short intervals (`stretching`). The
+Tangents are integrated with the motion and orthonormalised at short intervals (`carry`). The
 logarithms of their stretching are summed in `BATCHES` equal parts of the time: their mean is the
 exponent, their scatter its error bar.
 """
 
+import dataclasses
 import functools
+import math
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn.analysis.monodromy import tangents
-from jaxdyn.chaos.spectrum import BATCHES, LyapunovSpectrum, judge
-from jaxdyn.chaos.stretching import carry, start
-from jaxdyn.integrate.flow import flow
+from jaxdyn.integrate.flow import Variational, flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
 from jaxdyn.integrate.trajectory import raise_unless_ok
+from jaxdyn.plan.plan import Branch
 from jaxdyn.scales import sizes_at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
+from jaxdyn.system import Record
+
+# ---- Orthonormal tangents carried along a motion, and the factors by which they are stretched
+#
+# A frame Q of orthonormal tangents is integrated with the motion over a short chunk and then
+# orthonormalised again, V = Q' R. The diagonal of R contains the factors by which the chunk
+# stretches the flag of subspaces that Q spans; it is positive, and the sum of the logarithms over
+# time tends to the Lyapunov exponents.
+#
+# Orthonormalisation is by Gram-Schmidt with each column projected twice, which is as orthogonal as
+# Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside the loop.
+
+
+class Stretching(eqx.Module):
+    """A field for a state, its tangents, and the integral of the Jacobian's diagonal.
+
+    The columns of its state (k, 1 + m + 1) are the motion, m tangents, and the integrals of the k
+    diagonal entries of the Jacobian, whose sum is the integral of the divergence of the rate.
+
+    Attributes:
+      variational: the motion with its tangents.
+    """
+
+    variational: Variational
+
+    @classmethod
+    def of(cls, field) -> "Stretching":
+        """The field with tangents, for a field whose numbers are not perturbed."""
+        return cls(Variational(field, jax.tree.map(lambda _: None, field)))
+
+    def rate(self, t: Array, y: Array) -> Array:
+        """Rates (k, 1 + m + 1) of all columns."""
+        k = y.shape[0]
+        # The unit vectors are further tangents at this time: one linearisation for all.
+        rates = self.variational.rate(t, jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1))
+        diagonal = jnp.sum(rates[:, -k:] * jnp.eye(k), axis=1)
+        return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
+
+    @property
+    def field(self):
+        """The field of the state alone."""
+        return self.variational.field
+
+    @property
+    def single(self):
+        """The field of the state alone, under the name that solvers use."""
+        return self.field
+
+    def around(self, change: Callable, branch: Any) -> "Stretching":
+        """The same columns of the field in a branch of its conditions; see `plan.plan`."""
+        return Stretching(self.variational.around(change, branch))
+
+    def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
+        """State and tangents after a switch; how it stretches volumes counts as divergence."""
+        k = y.shape[0]
+        columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
+        columns = self.variational.jump(t, columns, old, new, which)
+        # The saltation matrix is the identity with a matrix of rank one: det = 1 + its trace.
+        stretched = jnp.log(jnp.abs(1.0 + jnp.trace(columns[:, -k:] - jnp.eye(k))))
+        return jnp.concatenate([columns[:, :-k], y[:, -1:] + stretched / k], axis=1)
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The state on its constraints, with its tangents along them."""
+        return jnp.concatenate([self.variational.project(t, y[:, :-1]), y[:, -1:]], axis=1)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """See `Field.undetermined`."""
+        return self.variational.undetermined(t, y)
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """See `Field.loses`."""
+        return self.variational.loses(t0, y0, t1, y1)
+
+
+class Carried(NamedTuple):
+    """A motion with its orthonormal tangents after a number of chunks.
+
+    Attributes:
+      y: (k,) state.
+      frame: (k, m) orthonormal tangents, in the sizes of the entries.
+      logs: (m,) logarithms of the factors by which they were stretched, summed.
+      divergence: () integral of the divergence of the rate.
+      steps: () accepted steps.
+      status: () `Status` code of the last chunk.
+      done: () number of chunks, as a float, since times are multiples of a chunk.
+    """
+
+    y: Array
+    frame: Array
+    logs: Array
+    divergence: Array
+    steps: Array
+    status: Array
+    done: Array
+
+
+def start(y: Array, frame: Array, status: Array) -> Carried:
+    """The motion with its tangents before the first chunk."""
+    return Carried(
+        y=y,
+        frame=frame,
+        logs=jnp.zeros(frame.shape[1]),
+        divergence=jnp.zeros(()),
+        steps=jnp.zeros((), int),
+        status=status,
+        done=jnp.zeros(()),
+    )
+
+
+def carry(
+    field,
+    begun: Carried,
+    sizes: Array,
+    t0: Array,
+    chunk: Array,
+    count: Array,
+    limits: Limits,
+    method: Method,
+) -> Carried:
+    """The motion, of entries of sizes (k,), and its tangents after `count` equal chunks from t0.
+
+    It stops at the first chunk that does not reach its end.
+    """
+    stretching = Stretching.of(field)
+
+    def again(now: Carried) -> Array:
+        return (now.done < count) & (now.status == Status.OK)
+
+    def advance(now: Carried) -> Carried:
+        t = t0 + now.done * chunk
+        frame = now.frame * sizes[:, None]
+        y = jnp.concatenate([now.y[:, None], frame, jnp.zeros_like(now.y)[:, None]], axis=1)
+        run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, method=method)
+        frame, factors = orthonormal(run.y1[:, 1:-1] / sizes[:, None])
+        return Carried(
+            y=run.y1[:, 0],
+            frame=frame,
+            logs=now.logs + jnp.log(factors),
+            divergence=now.divergence + jnp.sum(run.y1[:, -1]),
+            steps=now.steps + run.steps,
+            status=run.status,
+            done=now.done + 1.0,
+        )
+
+    return jax.lax.while_loop(again, advance, begun)
+
+
+def orthonormal(v: Array) -> tuple[Array, Array]:
+    """Q (k, m) and the positive diagonal (m,) of R with v = Q R, without LAPACK.
+
+    Args:
+      v: (k, m) independent columns, m <= k.
+    Example:
+      >>> import jax.numpy as jnp
+      >>> from jaxdyn.chaos.lyapunov import orthonormal
+      >>> Q, r = orthonormal(jnp.array([[3.0, 1.0], [4.0, 0.0]]))
+      >>> [round(float(x), 12) for x in r]
+      [5.0, 0.8]
+    """
+    m = v.shape[1]
+
+    def column(j, found):
+        q, r = found
+        here = jnp.arange(m) == j
+        x = jax.lax.dynamic_index_in_dim(v, j, 1, keepdims=False)
+        for _ in range(2):  # a single projection is not orthogonal for almost parallel columns
+            shares = jnp.sum(q * x[:, None], axis=0)
+            x = x - jnp.sum(q * shares[None, :], axis=1)
+        length = jnp.sqrt(jnp.sum(x * x))
+        return jnp.where(here[None, :], (x / length)[:, None], q), jnp.where(here, length, r)
+
+    return jax.lax.fori_loop(0, m, column, (jnp.zeros_like(v), jnp.zeros(m)))
+
+
+# ---- Lyapunov exponents as a result: means over parts of the time, their bars, and their checks
+
+#: Number of parts of the time whose means are compared.
+BATCHES = 32
+#: Two-sided 95 % quantile of Student's t with BATCHES - 1 degrees of freedom.
+_STUDENT = 2.04
+
+
+class LyapunovSpectrum(Record):
+    """Lyapunov exponents, their error bars, and the sums that must hold.
+
+    Attributes:
+      exponents: (m,) exponents in the order of the tangents, which tends to descending order [1/s].
+      bars: (m,) half-widths of 95 % intervals [1/s]; see `lyapunov_exponents`.
+      batches: (BATCHES, m) means over equal parts of the time [1/s].
+      divergence: () mean divergence of the rate along the motion [1/s], which is the sum of all
+        exponents.
+      trace_residual: () sum of all exponents minus `divergence` [1/s]: the error of the
+        integration, not of the average; NaN for an incomplete spectrum.
+      pairing_residual: () largest deviation of the sum of the i-th exponent from above and the i-th
+        from below from its value 2 `divergence` / k [1/s]. It is within the bars for Hamiltonian
+        scenes, also with uniform damping (Dressler 1988), and has no meaning for others. NaN for an
+        odd or incomplete spectrum.
+      dimension: () Kaplan-Yorke dimension [1]: that of the set on which the motion runs, if its
+        volume neither grows nor shrinks; NaN if too few exponents are known.
+      dimension_bar: () its error bar [1], from those of the exponents.
+      time: () the time averaged over, without the transient [s].
+      chunk: () time between two orthonormalisations [s].
+      steps: () accepted steps of the motion with its tangents.
+      status: () `Status` code; numbers are NaN unless it is OK.
+
+    Reference: Kaplan & Yorke (1979), Lecture Notes in Mathematics 730, 204; Dressler (1988),
+      Phys. Rev. A 38, 2103.
+    """
+
+    exponents: Array
+    bars: Array
+    batches: Array
+    divergence: Array
+    trace_residual: Array
+    pairing_residual: Array
+    dimension: Array
+    dimension_bar: Array
+    time: Array
+    chunk: Array
+    steps: Array
+    status: Annotated[Array, Status]
+
+    @_text.never_raising
+    def __repr__(self) -> str:
+        rows = [
+            (f"exponent {i + 1}", f"{_text.brief(float(x))} +- {float(bar):.1e}")
+            for i, (x, bar) in enumerate(zip(self.exponents, self.bars, strict=True))
+        ]
+        residuals = f"trace {float(self.trace_residual):.1e}"
+        if not np.isnan(self.pairing_residual):
+            residuals += f", pairing {float(self.pairing_residual):.1e}"
+        dimension, bar = float(self.dimension), float(self.dimension_bar)
+        rows += [
+            ("dimension", f"{_text.brief(dimension)} +- {bar:.1e}"),
+            ("divergence", _text.brief(self.divergence)),
+            ("residuals", residuals),
+            ("time", f"{_text.brief(self.time)}, in chunks of {_text.brief(self.chunk)}"),
+            ("status", f"{Status(int(self.status)).name}: {self.message}"),
+        ]  # fmt: skip
+        return _text.table("LyapunovSpectrum", _text.shorten(rows[:-5]) + rows[-5:])
+
+    _repr_html_ = _text.html
+
+    @property
+    def ok(self) -> bool:
+        """Whether the motion reached its end; host only."""
+        return int(self.status) == Status.OK
+
+    @property
+    def message(self) -> str:
+        """How the integration ended, and the remedy; host only."""
+        return Status(int(self.status)).message
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers but the batches as lists, with None for what is not finite; host only."""
+        names = (field.name for field in dataclasses.fields(self))
+        return {name: _text.with_null(getattr(self, name)) for name in names if name != "batches"}
+
+
+def judge(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
+    """The fields of a spectrum that follow from the means (BATCHES, m) over its batches."""
+    exponents, bars = _mean(batches, shear)
+    m = len(exponents)
+    full = m == k
+    trace = jnp.sum(exponents) - divergence
+    pairs = exponents + exponents[::-1] - (2.0 * divergence / k)[None]
+    none = jnp.full((), jnp.nan)
+    dimension, dimension_bar = _kaplan_yorke(batches, shear, full)
+    return {
+        "exponents": exponents,
+        "bars": bars,
+        "batches": batches,
+        "divergence": divergence,
+        "trace_residual": trace if full else none,
+        "pairing_residual": jnp.max(jnp.abs(pairs)) if full and k % 2 == 0 else none,
+        "dimension": dimension,
+        "dimension_bar": dimension_bar,
+    }
+
+
+def _mean(batches: Array, shear: Array) -> tuple[Array, Array]:
+    """Means of batches (BATCHES, m) and their bars (m,)."""
+    scatter = jnp.std(batches, axis=0, ddof=1) / math.sqrt(BATCHES)
+    return jnp.mean(batches, axis=0), _STUDENT * scatter + shear
+
+
+def _kaplan_yorke(batches: Array, shear: Array, full: bool) -> tuple[Array, Array]:
+    """The dimension j + (sum of the first j exponents) / |the next one|, and its bar.
+
+    Here j is the largest number of exponents whose sum is not negative. A sum within its own bar of
+    zero counts as zero: that is the first exponent of a limit cycle, or the sum of all of a
+    conservative scene.
+    """
+    exponents, bars = _mean(batches, shear)
+    sums, sum_bars = _mean(jnp.cumsum(batches, axis=1), shear)
+    held = sums >= -sum_bars
+    j = jnp.sum(jnp.cumprod(held.astype(int)))
+    m = len(exponents)
+    before = jnp.where(j > 0, jnp.take(sums, j - 1, mode="clip"), 0.0)
+    before_bar = jnp.where(j > 0, jnp.take(sum_bars, j - 1, mode="clip"), 0.0)
+    zero = before <= before_bar
+    rate = jnp.abs(jnp.take(exponents, j, mode="clip"))
+    share = jnp.where(zero, 0.0, before / rate)
+    bar = (before_bar + share * jnp.take(bars, j, mode="clip")) / rate
+    whole = jnp.where(full, float(m), jnp.nan)
+    unknown = jnp.isnan(exponents).any()
+    dimension = jnp.where(j == m, whole, j.astype(float) + share)
+    bar = jnp.where(j == m, whole * 0.0, bar)
+    return jnp.where(unknown, jnp.nan, dimension), jnp.where(unknown, jnp.nan, bar)
+
+
+# ---- The exponents of a motion
 
 #: Default relative tolerance of a step: the statistical error is far larger than that of the steps.
 RTOL = 1e-9

@@ -16,7 +16,9 @@ used, since command lines check paths before they load JAX.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach(
     __name__,
     [
         "archives",
@@ -32,4 +34,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "output_files",
         "tables",
     ],
+)
+#: Moved in version 0.3.
+__getattr__ = jaxdyn._doors.attribute_getter(
+    __name__, _listed, modules={"image_files": "jaxdyn.files.output_files"}
 )

@@ -12,7 +12,7 @@ from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, le
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
-from orbits.manifolds.strands import Manifold
+from orbits.manifolds.manifold import Manifold
 
 _COLOURS = {"unstable": PALETTE[1], "stable": PALETTE[0]}
 _WIDTH, _HEIGHT = 6.4, 5.6  # inches

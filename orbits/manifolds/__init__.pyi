@@ -2,4 +2,4 @@
 
 from .connection import Connection as Connection
 from .connection import ConnectionOutcome as ConnectionOutcome
-from .strands import Manifold as Manifold
+from .manifold import Manifold as Manifold

@@ -17,8 +17,7 @@ from orbits.closing.given import driven
 from orbits.closing.sizes import sizes
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.links import Links, Solution, sample, solve
-from orbits.manifolds.manifold import manifold
-from orbits.manifolds.strands import Manifold
+from orbits.manifolds.manifold import Manifold, manifold
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
 

@@ -5,7 +5,7 @@ constant within a step (masses, lengths) are distinguished from moving ones. A p
 factor in front of a list of moving ones, a sum collects equal products, and a - b and b - a differ
 by a factor of -1 where they are multiplied, divided by, or the argument of a function. So the same
 product of velocities, sines and cosines is one node, however the rate was written, and terms that
-cancel vanish. `simplified.topological_order` splits products into products of two factors again,
+cancel vanish. `formulas.topological_order` splits products into products of two factors again,
 and shares those.
 """
 

@@ -46,7 +46,7 @@ def solution(
 
     Args:
       formulas: the formulas of the rate.
-      nodes: the required nodes, in order (`simplified.topological_order`).
+      nodes: the required nodes, in order (`formulas.topological_order`).
       order: number of terms of each entry besides the first.
       h: () the step.
     """

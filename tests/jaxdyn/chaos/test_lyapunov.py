@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 import jaxdyn
 from jaxdyn import scenes
 from jaxdyn.chaos import lyapunov
-from jaxdyn.chaos.lyapunov import lyapunov_exponents
-from jaxdyn.chaos.stretching import orthonormal
+from jaxdyn.chaos.lyapunov import lyapunov_exponents, orthonormal
 
 
 def roessler(t, y, p):
