@@ -35,6 +35,7 @@ from jaxdyn import scenes, simulate
 from jaxdyn.accuracy import convergence
 from jaxdyn.course.page import Page, show
 from jaxdyn.drawing import figures
+from jaxdyn.integrate.events import Reaches
 from jaxdyn.scenes import ballistics
 
 PROBLEM = 9
@@ -74,7 +75,12 @@ def solve(page: Page) -> None:
     ax.set(xlabel="x / (tau v0)", ylabel="y / (tau v0)")
     ax.legend(frameon=False)
     page.draw(figure, "In units of tau v0 the paths tend to a triangle with a vertical side.")
-    page.play(shots, "Slow shots fly on a parabola; fast ones stop, and fall.", choose="v0 [m/s]")
+    page.play(
+        shots,
+        "Slow shots fly on a parabola; fast ones stop, and fall.",
+        choose="v0 [m/s]",
+        ends=Reaches(1, 0.0, -1),
+    )
 
     u = np.array([1.0, 1e2, 1e4])
     best = ballistics.best_angle(speed=u, g=1.0)

@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxdyn import drawing, scenes, simulate
 from jaxdyn.course.page import Page, show
+from jaxdyn.integrate.events import Reaches
 from orbits.targets import aim
 
 PROBLEM = 27
@@ -51,7 +52,7 @@ def solve(page: Page) -> None:
 
     figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
     page.draw(figure, "Two angles hit at 10 m/s, and one at the lowest speed, between them.")
-    page.play(motions, "All three land 2 m away, the steep shot last.")
+    page.play(motions, "All three land 2 m away, the steep shot last.", ends=Reaches(1, 0.0, -1))
 
 
 if __name__ == "__main__":

@@ -84,7 +84,12 @@ def solve(page: Page) -> None:
     names = [f"c = {c} kg/m" for c in shots]
     figure = drawing.trajectory(list(shots.values()), names=names, title="")
     page.draw(figure, "All throws are drawn for 1.2 s: the more drag, the shorter.")
-    page.play(shots, "With much drag it stops and falls.", choose="drag [kg/m]")
+    page.play(
+        shots,
+        "With much drag it stops and falls.",
+        choose="drag [kg/m]",
+        ends=events.Reaches(1, 0.0, -1),
+    )
 
 
 if __name__ == "__main__":

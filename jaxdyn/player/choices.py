@@ -1,6 +1,7 @@
 """Alternatives and questions on a page on which a scene runs: initial states and parameters."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -8,6 +9,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_kind
+from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory, single
 from jaxdyn.scene import Effect, Scene, check_scene
@@ -58,6 +60,8 @@ class Choices(NamedTuple):
       notes: a remark on each; () for none.
       whole: whether the path of each over its span is drawn at once, as for an orbit.
       curve: a plot to select from, or None.
+      ends: an event that ends each of the motions, which are smooth, such as landing; or None.
+      special: labels of the scenes that are marked at the slider, by their number.
     """
 
     scenes: Mapping[str, Scene]
@@ -65,6 +69,8 @@ class Choices(NamedTuple):
     notes: Sequence[str] = ()
     whole: bool = False
     curve: Curve | None = None
+    ends: Event | None = None
+    special: Mapping[int, str] = MappingProxyType({})
 
 
 def complete(choices: Choices) -> Scene:
@@ -146,18 +152,25 @@ def _alike(one: Any, other: Any) -> bool:
     return same and next(sizes) == next(sizes)
 
 
-def of_motions(motions: Mapping[str, Any], choose: str = "", notes: Sequence[str] = ()) -> Choices:
+def of_motions(
+    motions: Mapping[str, Any],
+    choose: str = "",
+    notes: Sequence[str] = (),
+    ends: Event | None = None,
+) -> Choices:
     """The scenes of computed motions, with their initial states and spans.
 
     Args:
       motions: results of `simulate` or `simulate_phases`, by name.
       choose: as in `Choices`.
       notes: as in `Choices`.
+      ends: as in `Choices`.
     Raises:
       ValueError: a motion cannot run on a page: it is a batch, ended early, began at a time other
         than 0, was integrated with equal steps, or has phases that no ready-made scene has.
     """
-    return Choices({name: _scene_of(one) for name, one in motions.items()}, choose, notes)
+    scenes = {name: _scene_of(one) for name, one in motions.items()}
+    return Choices(scenes, choose, notes, ends=ends)
 
 
 def _scene_of(motion: Any) -> Scene:

@@ -263,7 +263,8 @@
         this.late = this.t - before < 0.7 * passed;
         this.draw();
         if (this.failure()) this.say(this.failure());
-        if (this.runs.some((run) => run.motion.failed || run.motion.ended)) { this.pause(); this.say(this.failure()); return; }
+        const motions = this.runs.map((run) => run.motion);
+        if (motions.some((motion) => motion.failed) || motions.every((motion) => motion.ended)) { this.pause(); this.say(this.failure()); return; }
         requestAnimationFrame(step);
       };
       requestAnimationFrame(step);
@@ -550,10 +551,18 @@
 
     // The slider for the choice of scenes.
     chooser(parent) {
-      const { choose, starts } = this.data, row = this.make("div", { className: "chooser" }, parent), id = `live-${ids++}`;
+      const { choose, starts, special } = this.data, row = this.make("div", { className: "chooser" }, parent), id = `live-${ids++}`;
       this.make("label", { htmlFor: id, textContent: choose }, row);
       const slider = this.make("input", { type: "range", min: 0, max: starts.length - 1, step: 1, value: 0, id }, row), said = this.make("p", { className: "said chosen" }, parent);
       slider.addEventListener("input", () => this.choose(+slider.value));
+      if (special.length) {
+        const list = this.make("datalist", { id: `live-${ids++}` }, row), jumps = this.make("div", { className: "controls" }, parent);
+        slider.setAttribute("list", list.id);
+        for (const [i, label] of special) {
+          this.make("option", { value: i, label }, list);
+          this.press(label, () => this.choose(i), jumps);
+        }
+      }
       this.showChoice = () => {
         const { name, note } = starts[this.choice];
         slider.value = this.choice;

@@ -24,6 +24,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._text import unit_of
 from jaxdyn.analysis.momenta import angular_momentum_about, centre_of_mass
 from jaxdyn.formulations.constrained import Constrained
+from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import END, Exit, Phase
 from jaxdyn.player.choices import Ask, Choices, starts, starts_together
 from jaxdyn.player.pages import embed
@@ -88,11 +89,11 @@ def model(
     Raises:
       ValueError: the scene is invalid, or its rate or an exit of a phase has no formulas.
     """
-    scene = check_scene(scene)
+    scene, choices = check_scene(scene), choices or Choices({"": scene})
     outlines, marks, drawn = _drawing(scene)
     switches = _switches(scene)
     corners = _corners(scene)
-    variants = [_variant(scene, off, corners) for off in _choices_of(switches)]
+    variants = [_variant(scene, off, corners, choices.ends) for off in _choices_of(switches)]
     rough = any(_CONDITIONS.search(text) for text in _functions([v["phases"] for v in variants]))
     found = {
         "data": _data(scene, marks, outlines)
@@ -102,7 +103,7 @@ def model(
             "rough": rough,
             "motions": motions,
         }
-        | _offers(scene, choices or Choices({"": scene}), asks),
+        | _offers(scene, choices, asks),
         "variants": variants,
         "places": _javascript(scene, drawn),
         "forces": _javascript(scene, _forces) if any(map(_pulls, scene.effects)) else None,
@@ -218,15 +219,18 @@ def _without(scene: Scene, off: frozenset[int]) -> Scene:
     return Scene(scene.system, kept, y0=scene.y0, t1=scene.t1, name=scene.name)
 
 
-def _variant(scene: Scene, off: frozenset[int], corners: list[str]) -> dict[str, Any]:
+def _variant(
+    scene: Scene, off: frozenset[int], corners: list[str], ends: Event | None
+) -> dict[str, Any]:
     """A scene without some of its effects: its energies and its phases."""
+    names = _phases(_without(scene, off))
 
     def energies(moved: Scene, t: Array, y: Array) -> Array:
         return _row(moved.system.energies(t, y, _without(moved, off).effects))
 
     return {
         "energies": _javascript(scene, energies),
-        "phases": [_phase(scene, off, name, corners) for name in _phases(_without(scene, off))],
+        "phases": [_phase(scene, off, name, corners, ends) for name in names],
     }
 
 
@@ -242,6 +246,7 @@ def _offers(scene: Scene, choices: Choices, asks: Sequence[Ask]) -> dict[str, An
         "choose": choices.choose,
         "whole": choices.whole,
         "curve": choices.curve and choices.curve._asdict(),
+        "special": [[i, label] for i, label in choices.special.items()],
         "asks": [
             {"question": ask.question, "answer": ask.answer, "starts": together(ask.scenes)}
             for ask in asks
@@ -294,16 +299,19 @@ def _terms(scene: Scene) -> list[str]:
     return named if n == len(named) else [f"term {i + 1}" for i in range(n)]
 
 
-def _phases(scene: Scene) -> dict[str, Phase]:
-    """The phases of the motion; a smooth motion has a single one, without exits."""
-    return phases_of(scene) if has_corners(scene) else {"": Phase(scene, ())}
+def _phases(scene: Scene, ends: Event | None = None) -> dict[str, Phase]:
+    """The phases of the motion; a smooth motion has one, with at most one exit."""
+    exits = () if ends is None else (Exit(ends, END),)
+    return phases_of(scene) if has_corners(scene) else {"": Phase(scene, exits)}
 
 
-def _phase(scene: Scene, off: frozenset[int], name: str, corners: list[str]) -> dict[str, Any]:
+def _phase(
+    scene: Scene, off: frozenset[int], name: str, corners: list[str], ends: Event | None
+) -> dict[str, Any]:
     """A phase of a scene without some of its effects; phases are numbered, and the end is -1."""
 
     def phases(moved: Scene) -> dict[str, Phase]:
-        return _phases(_without(moved.starting(scene.y0), off))
+        return _phases(_without(moved.starting(scene.y0), off), ends)
 
     here = phases(scene)
     order = list(here)

@@ -1,5 +1,6 @@
 """Pages on which orbits run: one beside a neighbouring motion, or those of a family."""
 
+import collections
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -67,7 +68,7 @@ def family_page(family: Family | Listing, path=None) -> Playing:
 
     A motion whose start differs by a thousandth runs beside the orbit, and stays close if the orbit
     is stable. From a family of more than 150 orbits, 150 are selected evenly, with the first and
-    the last.
+    the last. All special points of the family are there too, marked at the slider and in the plot.
 
     Args:
       family: a family, or a list of one, from `family_files.load`.
@@ -80,30 +81,35 @@ def family_page(family: Family | Listing, path=None) -> Playing:
     if isinstance(family, Family):
         named = None if np.isnan(family.parameters).any() else "parameter"
         family = listing(family, named)
-    entries = _selection(family.members)
-    first = entries[0].orbit
+    selected = _selection(family.members)
+    first = selected[0].orbit
     if isinstance(first, HybridOrbit):
         remedy = "It is drawn by orbits.drawing.family."
         raise fail("family", "orbits of one smooth motion", "chains of legs", remedy)
+    entries = _with_special(selected, family.special)
     what, unit, across = _across(family, entries)
     periods = [entry.orbit.period for entry in entries]
     verdicts = [entry.verdict for entry in entries]
     time = _text.second(first.scene.labels())
     # Several may have the same value, for example on both sides of a fold.
-    names = [f"{i + 1}, {what} = {_text.brief(x, unit)}" for i, x in enumerate(across)]
+    numbered = zip(_numbers(entries), across, strict=True)
+    names = [f"{number}, {what} = {_text.brief(x, unit)}" for number, x in numbered]
+    kinds = ["" if entry.kind is None else str(entry.kind) for entry in entries]
     notes = [
         f"period {_text.brief(period, time, digits=_DIGITS)}, {verdict}"
         for period, verdict in zip(periods, verdicts, strict=True)
     ]
+    colours = [kind or verdict for kind, verdict in zip(kinds, verdicts, strict=True)]
     choices = Choices(
         dict(zip(names, (entry.orbit.scene for entry in entries), strict=True)),
         choose="member",
         notes=notes,
         whole=True,
-        curve=Curve((_label(what, unit), _label("period", time)), across, periods, verdicts),
+        curve=Curve((_label(what, unit), _label("period", time)), across, periods, colours),
+        special={i: kind for i, kind in enumerate(kinds) if kind},
     )
     count = _text.number_of(len(family.members), "orbit")
-    shown = f", {len(entries)} of them" if len(entries) < len(family.members) else ""
+    shown = f", {len(selected)} of them" if len(selected) < len(family.members) else ""
     name = _text.title_of(first.scene).replace("_", " ")
     return write_page(choices, path, title=f"Family of {count} of {name}{shown}", motions=2)
 
@@ -116,6 +122,40 @@ def _selection(members: Sequence[Entry]) -> list[Entry]:
     """A selection of members, at most as many as a page takes."""
     count = min(len(members), _MOST_MEMBERS)
     return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
+
+
+def _numbers(entries: Sequence[Entry]) -> list[str]:
+    """Numbers of the orbits; each kind of special point has its own: 7, 8, fold 1, 9."""
+    counts: collections.Counter[str] = collections.Counter()
+    found = []
+    for entry in entries:
+        kind = "" if entry.kind is None else f"{entry.kind} "
+        counts[kind] += 1
+        found.append(f"{kind}{counts[kind]}")
+    return found
+
+
+def _with_special(members: Sequence[Entry], special: Sequence[Entry]) -> list[Entry]:
+    """The members with each special point between the two to which it is the least detour."""
+    found = [*members]
+    points = np.array([_place(entry) for entry in [*members, *special]])
+    points = np.nan_to_num(points)  # a family without a parameter or energy has NaN throughout
+    sizes = np.ptp(points, axis=0)
+    points = points / np.where(sizes == 0, 1.0, sizes)
+    places = {id(entry): point for entry, point in zip([*members, *special], points, strict=True)}
+    for entry in special:
+        line = np.array([places[id(one)] for one in found])
+        away = np.linalg.norm(line - places[id(entry)], axis=1)
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        # Before the first and after the last member it is the distance to that.
+        detours = np.concatenate([away[:1], away[:-1] + away[1:] - steps, away[-1:]])
+        found.insert(int(np.argmin(detours)), entry)
+    return found
+
+
+def _place(entry: Entry) -> list[float]:
+    """The coordinates of an orbit among those of its family."""
+    return [entry.parameter, entry.energy, entry.orbit.period, *np.asarray(entry.orbit.y0).tolist()]
 
 
 def _across(family: Listing, entries: Sequence[Entry]) -> tuple[str, str, list[float]]:

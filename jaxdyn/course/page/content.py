@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn import _text
+from jaxdyn.integrate.events import Event
 from jaxdyn.player import Ask
 from jaxdyn.scene import Scene
 
@@ -57,12 +58,14 @@ class Played(NamedTuple):
       look: the caption, one sentence.
       choose: the parameter that the slider changes, with its unit; empty to show all together.
       inexact: whether the motions are shown because of their errors.
+      ends: an event that ends each motion where it runs, such as landing; or None.
     """
 
     motions: Mapping[str, Any]
     look: str
     choose: str = ""
     inexact: bool = False
+    ends: Event | None = None
 
 
 class Page:
@@ -118,7 +121,15 @@ class Page:
         """Add a picture (the result of a function of `drawing`), and its caption."""
         self.drawings.append(Drawing(figure, look))
 
-    def play(self, motions: Any, look: str, *, choose: str = "", inexact: bool = False) -> None:
+    def play(
+        self,
+        motions: Any,
+        look: str,
+        *,
+        choose: str = "",
+        inexact: bool = False,
+        ends: Event | None = None,
+    ) -> None:
         """Add a motion, or several by name, for a browser, as a running scene if possible.
 
         Args:
@@ -128,10 +139,12 @@ class Page:
             one of the motions. By default they are shown together.
           inexact: whether the motions are shown because of their errors: they are played as they
             were computed.
+          ends: an event that ends each motion where it runs, such as landing. By default a motion
+            continues after its span.
         """
         named = motions if isinstance(motions, Mapping) else {"": motions}
         self.played.append(
-            Played({str(name): one for name, one in named.items()}, look, choose, inexact)
+            Played({str(name): one for name, one in named.items()}, look, choose, inexact, ends)
         )
 
     def ask(

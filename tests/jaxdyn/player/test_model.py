@@ -15,7 +15,9 @@ from scipy.integrate import solve_ivp
 import jaxdyn
 from jaxdyn import Effect, effects, player, scenes, simulate
 from jaxdyn.gallery import poster
+from jaxdyn.integrate.events import Reaches
 from jaxdyn.player import pages
+from jaxdyn.player.choices import Choices
 from jaxdyn.player.model import _drawing, _parameters, model
 from jaxdyn.scenes import catalogue
 from jaxdyn.scenes.corners import has_corners
@@ -40,10 +42,10 @@ function run(model, t = model.data.span, on = 2 ** model.data.switches.length - 
 NAMES = "model.data.switches.map((x) => x.name)"
 
 
-def node(expression, scene=None):
+def node(expression, scene=None, **options):
     """The value of an expression in Node, with the integrator, `run` and the `model` of a scene."""
     source = pages.script("dop853", "motion") + _RUN
-    source += "" if scene is None else f"const model = {model(scene)};\n"
+    source += "" if scene is None else f"const model = {model(scene, **options)};\n"
     source += f"console.log(JSON.stringify({expression}, (_, x) => x === undefined ? null : x))"
     done = subprocess.run(["node", "-"], input=source, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
@@ -322,6 +324,16 @@ def test_a_name_cannot_break_out_of_the_page():
     text = scene.live().text
     assert text.count("</script>") == 2
     assert "<b>" not in text
+
+
+@needs_node
+def test_a_motion_ends_where_it_is_told_to():
+    throw = scenes.cannonball(drag=0.0, g=10.0, speed=10.0, angle=np.pi / 6)
+    lands = Choices({"": throw}, ends=Reaches(1, 0.0, -1))
+    ended = node("run(model, 5).ended", throw, choices=lands)
+    np.testing.assert_allclose(ended["t"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(ended["y"], [10 * 0.75**0.5, 0, 10 * 0.75**0.5, -5], atol=1e-11)
+    assert node("run(model, 5).ended", throw) is None
 
 
 def test_places_in_arrays_are_counted_as_people_do():

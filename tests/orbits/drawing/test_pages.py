@@ -1,5 +1,6 @@
 """Pages on which orbits and families run, in a real browser."""
 
+import dataclasses
 import json
 
 import browser as chromium
@@ -9,6 +10,7 @@ from helpers import refusal
 
 import orbits
 from jaxdyn import scenes, simulate
+from jaxdyn.continuation.kinds import Kind
 from orbits.drawing import pages
 from orbits.files import family_files
 
@@ -118,3 +120,27 @@ def test_a_family_of_chains_is_refused(tmp_path):
     assert said.startswith("family: expected orbits of one smooth motion, got chains of legs.")
     assert ".html" in refusal(lambda: listed.live(tmp_path / "page.png"))
     assert "family" in refusal(lambda: pages.family_page(3))
+
+
+@pytest.mark.slow
+def test_special_points_have_marks_in_their_places(window, swings, tmp_path):
+    listed = family_files.listing(swings)
+    fold = dataclasses.replace(listed.members[2], kind=Kind.FOLD)
+    last = dataclasses.replace(listed.members[-1], kind=Kind.REST)
+    members = (*listed.members[:2], *listed.members[3:-1])
+    dataclasses.replace(listed, members=members, special=(last, fold)).live(tmp_path / "page.html")
+    chromium.opened(window, tmp_path / "page.html")
+    starts = [entry.orbit.y0.tolist() for entry in listed.members]
+    assert live(window, "data.starts.map((one) => one.start)") == starts
+    ticks = window.find_elements("css selector", ".live .chooser option")
+    assert [one.get_attribute("value") for one in ticks] == ["2", "5"]
+    (mark,) = [
+        one for one in window.find_elements("css selector", ".live button") if one.text == "fold"
+    ]
+    mark.click()
+    assert live(window, "choice") == 2
+    said = window.find_element("css selector", ".live .chosen").text
+    assert said.startswith("fold 1, energy = ")
+    assert ": period " in said
+    shown = ["stable", "stable", "fold", "stable", "stable", "equilibrium"]
+    assert live(window, "data.curve.kinds") == shown
