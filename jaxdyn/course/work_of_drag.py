@@ -30,6 +30,8 @@ from jaxdyn.integrate import events
 PROBLEM = 12
 TOPIC = "one particle"
 
+LANDS = (1, 0.0, -1)  # y falls to 0
+
 
 def throws():
     """The same throw through air of different density, by the drag coefficient [kg/m]."""
@@ -44,7 +46,7 @@ def throws():
 def solve(page: Page) -> None:
     """Integrate the work with the motion, by three methods, and compare it with the energy."""
     shot = scenes.cannonball(speed=1.0, g=1.0, drag=1.0)
-    landing = until(shot, events.Reaches(1, 0.0, -1), 3.0, rtol=1e-13)
+    landing = until(shot, events.Reaches(*LANDS), 3.0, rtol=1e-13)
     page.number("a: lands after, without drag", 2**0.5, "s")
     page.number("a: lands after, with c = 1 kg/m", landing.t, "s")
     page.number("a: at the distance", landing.y[0], "m")
@@ -84,12 +86,8 @@ def solve(page: Page) -> None:
     names = [f"c = {c} kg/m" for c in shots]
     figure = drawing.trajectory(list(shots.values()), names=names, title="")
     page.draw(figure, "All throws are drawn for 1.2 s: the more drag, the shorter.")
-    page.play(
-        shots,
-        "With much drag it stops and falls.",
-        choose="drag [kg/m]",
-        ends=events.Reaches(1, 0.0, -1),
-    )
+    ends = events.Reaches(*LANDS)
+    page.play(shots, "With much drag it stops and falls.", choose="drag [kg/m]", ends=ends)
 
 
 if __name__ == "__main__":
