@@ -132,7 +132,8 @@ def solve(page: Page) -> None:
     """Roll to where it slips and to where the normal force vanishes, and find the forces there."""
     psi = np.linspace(0.0, 15.0, 100_000)[1:]
     i = np.flatnonzero(forces(psi)[1] < 0)[0]
-    rolled = optimize.brentq(lambda psi: forces(psi)[1], psi[i - 1], psi[i], xtol=1e-13)
+    left = optimize.root_scalar(lambda psi: forces(psi)[1], bracket=psi[i - 1 : i + 1], xtol=1e-13)
+    rolled = left.root
     page.number("c: it rolls until the normal force vanishes, with unlimited friction", rolled, "m")
     page.number("c: that is, beyond two turns", rolled - 4 * np.pi, "rad")
     friction, _ = forces(rolled)

@@ -338,8 +338,8 @@ def _off_precession(omega, moments: np.ndarray, axes: np.ndarray) -> float:
 @jax.jit
 def _precessing(axes: Array, omega_b: Array, ts: Array, moments: Array) -> Array:
     """(s, 3, 3) attitudes of B in closed form."""
-    moments = {"I1": moments[0], "I3": moments[2]}
-    return jax.vmap(lambda t: free_attitude(axes, omega_b, t, **moments))(ts)
+    first, _, third = moments
+    return jax.vmap(lambda t: free_attitude(axes, omega_b, t, I1=first, I3=third))(ts)
 
 
 if __name__ == "__main__":

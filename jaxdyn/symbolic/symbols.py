@@ -225,9 +225,10 @@ def places(leaf: Leaf) -> Iterable[str]:
     axes = "xyz" if field in _VECTORS or len(shape) == 2 else ""
     if not shape or shape == (1,):
         return [""]
-    if len(shape) > 2:
-        return [",".join(str(i + 1) for i in at) for at in np.ndindex(shape)]
     if len(shape) == 1:
         return [axes[i] if axes else str(i + 1) for i in range(shape[0])]
-    rows = [str(i + 1) if shape[0] > 1 else "" for i in range(shape[0])]
-    return [f"{row}{axes[j] if shape[1] <= 3 else j + 1}" for row in rows for j in range(shape[1])]
+    if len(shape) > 2:
+        return [",".join(str(i + 1) for i in at) for at in np.ndindex(shape)]
+    count, width = map(int, shape)
+    rows = [str(i + 1) if count > 1 else "" for i in range(count)]
+    return [f"{row}{axes[j] if width <= 3 else j + 1}" for row in rows for j in range(width)]
