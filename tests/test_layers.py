@@ -101,6 +101,7 @@ UPWARDS = {
     ("jaxdyn/continuation/curve.py", "jaxdyn.drawing.bifurcations"),
     ("orbits/orbit.py", "orbits.drawing.pages"),
     ("orbits/orbit.py", "orbits.drawing.periodic"),
+    ("orbits/hybrid/legs.py", "orbits.drawing.pages"),
     ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/families/family.py", "orbits.drawing.pages"),

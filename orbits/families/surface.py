@@ -293,10 +293,10 @@ class Surface(abc.ABC):
     def crossing(
         self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
     ) -> tuple[float, np.ndarray]:
-        """How far x is from a crossing of families, and (n,) the direction of the other; see `aside`.
+        """How far x is from a crossing of families, and (n,) the direction of the other one.
 
-        The distance is that of the equations from having such a direction, relative to their size;
-        NaN where they have no derivative.
+        The arguments are those of `aside`. The distance is that of the equations from having such a
+        direction, relative to their size; NaN where they have no derivative.
         """
         closed = self._closing_in_units(x, self._lengths(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
