@@ -44,6 +44,8 @@ _ZERO = 1e-3
 _SAME_PLACE = 1e-5
 #: Bars wider than this leave open where a multiplier within them is.
 _VAGUE = 0.1
+#: Families cross where the distance from that is below this part of that at the neighbours.
+_CROSSED = 1e-4
 #: Most halvings of a step in which multipliers seem to have crossed the circle in several ways.
 _HALVINGS = 8
 
@@ -140,13 +142,16 @@ def _bends(surface: Surface, a: Member, b: Member, turns: Member, told: set[Kind
     At a fold a multiplier passes through 1; there it comes to 1 and returns.
     """
     test = _TESTS[Kind.BRANCH]
-    returns = Kind.BRANCH in told and test(surface, a) * test(surface, b) > 0
-    return returns and _crosses(surface, turns)
+    if Kind.BRANCH not in told or test(surface, a) * test(surface, b) < 0:
+        return False
+    # Folds and branch points may come in one step, as on the way to a homoclinic orbit.
+    here, *beside = (surface.at(x.point).crossing(*_place(x))[0] for x in (turns, a, b))
+    return here < _CROSSED * max(beside)
 
 
-def _crosses(surface: Surface, member: Member) -> bool:
-    """Whether a second family crosses at a member."""
-    return surface.aside(member.point.x, member.tangent, member.point.sizes) is not None
+def _place(member: Member) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where a member is, the direction of its family, and the sizes of its entries."""
+    return member.point.x, member.tangent, member.point.sizes
 
 
 def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
@@ -154,7 +159,7 @@ def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
     hidden = point.alike.shape[1] and surface.parts == 1
-    if kind == Kind.BRANCH and hidden and not _crosses(surface, point):
+    if kind == Kind.BRANCH and hidden and surface.aside(*_place(point)) is None:
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)
 

@@ -287,14 +287,25 @@ class Surface(abc.ABC):
           sizes: (k,) lower bounds of the sizes: an entry that only the bent branch of a pitchfork
             has is rounding at the point.
         """
+        gap, direction = self.crossing(x, along, sizes)
+        return direction if gap < _BRANCH else None
+
+    def crossing(
+        self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
+    ) -> tuple[float, np.ndarray]:
+        """How far x is from a crossing of families, and (n,) the direction of the other one.
+
+        The arguments are those of `aside`. The distance is that of the equations from having such a
+        direction, relative to their size; NaN where they have no derivative.
+        """
         closed = self._closing_in_units(x, self._lengths(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
-            return None
+            return math.nan, np.full(len(x), np.nan)
         ahead = along / units / np.linalg.norm(along / units)
         known = np.column_stack([self._neutral(x, jacobian, units, closed.sizes), ahead])
         _, s, vt = np.linalg.svd(np.vstack([jacobian, np.linalg.norm(jacobian) * known.T]))
-        return units * vt[-1] if s[-1] < _BRANCH * s[0] else None
+        return float(s[-1] / s[0]), units * vt[-1]
 
 
 class OrbitSurface(Surface):
