@@ -176,6 +176,7 @@ def test_what_runs_away_is_cut_short():
     assert set(guesses.index) == {0}
 
 
+@pytest.mark.slow
 def test_each_window_has_its_closest_return():
     scene = two_cycles()
     later, before = np.array([0.0, 1.5, 2.8]), np.array([1.5, 2.8, 4.0])

@@ -72,6 +72,7 @@ def test_a_kepler_ellipse_has_keplers_period():
     assert orbits.analysis.closure(orbit) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_spring_given_by_its_potential():
     orbit = orbits.find(spring())
     assert abs(orbit.period - np.pi) < SOLVED  # 2 pi / sqrt(k / m)
