@@ -193,6 +193,7 @@ def test_events_and_crossings_switch_too():
     assert gap(found.ts, [np.log(2.0)]) < 1e-9
 
 
+@pytest.mark.slow
 def test_the_switch_is_kept_in_files(tmp_path):
     motion = simulate(scenes.two_springs(c_a=1e6), 1e-2, samples=2)
     assert motion.switched

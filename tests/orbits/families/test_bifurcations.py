@@ -39,7 +39,6 @@ def lyapunov(**integrals):
     return orbits.find(scene, hold="y0")
 
 
-@pytest.mark.slow
 def test_an_integral_that_the_scene_does_not_name_forces_a_unit_multiplier():
     family = orbits.continue_family(orbits.find(jaxdyn.ode(swing, [1.0, 0.0], 6.7)), members=6)
     assert family.special == ()
