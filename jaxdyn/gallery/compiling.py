@@ -5,8 +5,9 @@ long without its optimisations, and half of that again for small programs (seven
 ones, jaxlib 0.10.2) with its older emitters, which write LLVM's code directly instead of through
 MLIR; not splitting a program into parts saves another tenth. In addition, JAX creates and destroys
 an MLIR context for each program that it lowers, which takes a third of the processor time if
-programs are small; here all programs of a process share one context. Neither suits users' processes:
-their programs would run more slowly, and the memory of a context is freed only with the context.
+programs are small; here all programs of a process share one context. Neither suits users'
+processes: their programs would run more slowly, and the memory of a context is freed only with the
+context.
 """
 
 import functools
