@@ -166,7 +166,7 @@ FUNCTIONS = [
 ]
 
 
-@pytest.mark.sample("<lambda>1", "<lambda>4", "<lambda>5")
+@pytest.mark.sample("<lambda>1", "<lambda>2", "<lambda>4", "<lambda>5")
 @pytest.mark.parametrize("fn", FUNCTIONS)
 def test_bounds_enclose(fn):
     program = jax.make_jaxpr(fn)(0.0)

@@ -46,7 +46,6 @@ def orbit_of(rate, units, start, period, **options):
     return orbits.find(new, **options)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("units", SLOW)
 def test_a_cycle_without_an_integral(units):
     of = van_der_pol, [2.00861986087484, 0.0], 6.66328685932

@@ -245,7 +245,6 @@ SYMMETRIC = {
 }
 
 
-@pytest.mark.sample("mirror")
 @pytest.mark.parametrize("symmetry", SYMMETRIC)
 def test_a_search_that_fails_suggests_the_closing_of_a_symmetric_guess(symmetry):
     scene, closing, hint = SYMMETRIC[symmetry]
