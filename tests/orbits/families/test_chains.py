@@ -72,7 +72,6 @@ def test_the_branch_of_twice_the_period_is_stable(gaits):
     assert 0.0176 < second.parameter < 0.0178  # the next one of the cascade
 
 
-@pytest.mark.slow
 def test_a_family_of_bounces_has_the_fold_of_the_closed_form(bounce):
     family = orbits.continue_family(bounce, _ball, 0.1, down=True, within=(0.0, 0.1))
     (fold,) = family.special
