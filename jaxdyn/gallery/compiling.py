@@ -1,12 +1,13 @@
 """Fast compilation for the programs of the gallery and of the tests, except those that are timed.
 
 Most of the time of a page or a test is spent on compiling programs that run once. XLA takes half as
-long without its optimisations, and half of that again for small programs (three quarters for large
+long without its optimisations, and half of that again for small programs (seven tenths for large
 ones, jaxlib 0.10.2) with its older emitters, which write LLVM's code directly instead of through
-MLIR. In addition, JAX creates and destroys an MLIR context for each program that it lowers, which
-takes a third of the processor time if programs are small; here all programs of a process share one
-context. Neither suits users' processes: their programs would run more slowly, and the memory of a
-context is freed only with the context.
+MLIR; not splitting a program into parts saves another tenth. In addition, JAX creates and destroys
+an MLIR context for each program that it lowers, which takes a third of the processor time if
+programs are small; here all programs of a process share one context. Neither suits users'
+processes: their programs would run more slowly, and the memory of a context is freed only with the
+context.
 """
 
 import functools

@@ -81,6 +81,7 @@ print(os.environ.get("XLA_FLAGS"), *(w.message for w in caught), sep="|")
 _KNOWN, _LOST = "--xla_cpu_enable_fast_math=false", "--xla_nonsense=1"
 
 
+@pytest.mark.slow
 def test_a_new_jaxlib_is_asked_once_for_flags_that_it_may_have_lost(tmp_path):
     call = f"_config.add_flags([{_KNOWN!r}, {_LOST!r}], Path({str(tmp_path)!r}))"
     before = "from pathlib import Path; from jaxdyn import _config"

@@ -68,7 +68,7 @@ def test_ready_made_scenes_by_their_parameters():
     assert abs(int(theirs.steps) - int(ours.steps)) <= 1
 
 
-@pytest.mark.sample("False")
+@pytest.mark.slow
 @pytest.mark.parametrize("adjoint", [False, True])
 def test_gradients(adjoint):
     def end(scene, y0):

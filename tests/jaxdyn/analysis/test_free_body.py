@@ -83,7 +83,7 @@ def test_the_forces_on_every_body_add_up_to_what_moves_it(name):
     _check(scene, 0.0, scene.y0)
 
 
-@pytest.mark.sample("bead_on_parabola", "n_body")
+@pytest.mark.sample("bead_on_parabola")
 @pytest.mark.parametrize("name", WITH)
 def test_they_do_on_the_way(name):
     scene = scenes.catalogue.entry(name).make()

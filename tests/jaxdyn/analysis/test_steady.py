@@ -55,7 +55,7 @@ def test_a_top_nutates_about_slow_and_fast_precession(representation):
         assert abs(frequency - _nutation(float(rate))) < found.reduced.bars.max()
 
 
-@pytest.mark.sample("coordinates0")
+@pytest.mark.slow
 @pytest.mark.parametrize("coordinates", [{}, {"representation": "euler", "sequence": "XYZ"}])
 def test_a_sleeping_top_falls_below_its_critical_spin(coordinates):
     critical = float(critical_spin(**TOP))

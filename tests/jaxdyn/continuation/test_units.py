@@ -146,6 +146,7 @@ def test_curves_with_their_special_points(units):
     assert ratio == pytest.approx(known["a"] / known["b"], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_files_go_on_and_are_read_in_any_units(tmp_path):
     units, path = UNITS[0], tmp_path / "run.jsonl"
     of = ([7.0, 7.0, 19.0], 20.0, (14, 28), 8 / 3)

@@ -136,6 +136,7 @@ def test_a_top_in_quaternions():
     np.testing.assert_allclose(found, differences(state, 20.0, 1e-2), rtol=1e-7, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_stiff_motion():
     # Overdamped: x'' + c x' + k x = 0, with rates of -1 and -1e4.
     c, k = 1e4 + 1, 1e4

@@ -65,6 +65,7 @@ def test_no_motion_meets_again_the_event_that_it_starts_on(scene, event, rtol):
     assert (second[first < 100.0] > 1e-3).all()
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     strict=True, reason="one rounding before the event is more than rounding over the first step"
 )
@@ -87,6 +88,7 @@ def test_units_of_the_motion_do_not_matter(scale):
     assert abs(again.t - 2 * np.pi) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_decaying_swing_is_followed_far_below_the_rounding_of_its_start():
     scene = scenes.oscillator(c=2.0, k=2.0, t1=50.0)  # exp(-t) cos(t - phase)
     found = jaxdyn.crossings(scene, Reaches(0, 0.0), rtol=1e-14, atol=1e-300)

@@ -164,7 +164,7 @@ def _end_by(name, start):
     return lambda p, t, rtol: solve(make[name](p).starting(start), t, rtol=rtol).y1
 
 
-@pytest.mark.sample("lorenz")
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _OFF)
 def test_derivatives_of_long_motions_are_right_and_differences_are_not(name):
     kept = json.loads(_LONG.read_text())[name]

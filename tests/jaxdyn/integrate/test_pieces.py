@@ -48,7 +48,7 @@ def test_a_pulse_is_seen_by_every_method(solver):
     assert np.allclose(run.ys[-1], KICKED, rtol=0, atol=1e-8)
 
 
-@pytest.mark.sample("50", "2000")
+@pytest.mark.sample("2000")
 @pytest.mark.parametrize("samples", [2, 50, 2000])
 def test_a_pulse_at_rest_with_digits(samples):
     scene = jaxdyn.ode(kick, [0.0, 0.0], 20.0, params=0.2)
@@ -56,6 +56,7 @@ def test_a_pulse_at_rest_with_digits(samples):
     assert np.allclose(run.ys[-1], KICKED_AT_REST, rtol=0, atol=2e-12)
 
 
+@pytest.mark.slow
 def test_a_pulse_whose_tails_are_rounding():
     # tanh cancels to its rounding before the pulse, and a motion at rest has no size of its own.
     def rate(t, y):
@@ -76,6 +77,7 @@ def test_pulses_down_to_a_millionth_of_the_span(width):
     assert np.allclose(run.y1, impulse * np.array([np.sin(10), np.cos(10)]), rtol=1e-6)
 
 
+@pytest.mark.sample("0.001")
 @pytest.mark.parametrize("width", [0.3, 1e-3])
 def test_a_pulse_that_moves_past_the_motion(width):
     def rate(t, y, p):

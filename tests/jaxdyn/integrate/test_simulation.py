@@ -230,7 +230,7 @@ def swings():
     )
 
 
-@pytest.mark.sample("r", "momentum")
+@pytest.mark.sample("r")
 @pytest.mark.parametrize(
     "quantity",
     [

@@ -109,6 +109,7 @@ def test_a_branch_that_holds_gives_the_rate_itself(rate):
         assert (np.asarray(same.margins) >= 0).all()
 
 
+@pytest.mark.slow
 def test_margins_are_negative_exactly_where_outcomes_differ():
     found, field = plan(with_all_kinds)
     start = jnp.array([0.3, 0.3])
@@ -165,7 +166,7 @@ FUNCTIONS = [
 ]
 
 
-@pytest.mark.sample("<lambda>1", "<lambda>4", "<lambda>5")
+@pytest.mark.sample("<lambda>1", "<lambda>2", "<lambda>4", "<lambda>5")
 @pytest.mark.parametrize("fn", FUNCTIONS)
 def test_bounds_enclose(fn):
     program = jax.make_jaxpr(fn)(0.0)
@@ -188,7 +189,7 @@ def test_what_has_no_bounds_is_unknown():
     assert not np.isfinite(found.low).any()
 
 
-@pytest.mark.sample("0.123456-0.1", "0.5-0.1", "0.87654321-0.1")
+@pytest.mark.sample("0.87654321-0.1")
 @pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
 @pytest.mark.parametrize("centre", [1e-3, 0.123456, 0.5, 0.87654321])
 def test_a_step_ends_before_a_pulse_of_any_width(width, centre):

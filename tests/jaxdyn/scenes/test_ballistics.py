@@ -66,6 +66,7 @@ def test_problem_9_d_time_of_flight_against_lamberts_function(speed, angle):
     assert abs(float(found) / float(s * 2 / 3) - 1) < EXACT
 
 
+@pytest.mark.slow
 def test_problem_9_d_time_of_flight_against_the_event():
     numbers = {"speed": 30.0, "angle": 0.9, "m": 2.0, "linear": 0.7}
     down = events.until(cannonball(**numbers), events.Reaches(1, 0.0, -1), 20.0, rtol=1e-13)
@@ -91,6 +92,7 @@ def test_problem_9_e_best_angle_against_lamberts_function(speed):
     assert abs(float(found) / float(expected) - 1) < EXACT
 
 
+@pytest.mark.slow
 def test_problem_9_e_it_is_the_longest_range_and_tends_to_zero_like_log_v_over_v():
     def reach(angle, speed):
         t = flight_time(speed=speed, angle=angle)

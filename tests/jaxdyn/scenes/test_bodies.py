@@ -235,6 +235,7 @@ def test_steady_precession_stays_steady(steady, kind, i):
     assert gap(precession.wobble_and_spin(motion).wobble, rate) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_top_nutates_and_keeps_what_it_should():
     motions = [
         simulate(top(0.5, spin=180.0, representation=kind, **TOP), 3.0, samples=200, rtol=1e-13)
@@ -379,6 +380,7 @@ def test_upright_a_disk_rolls_straight_or_turns_on_the_spot():
         assert abs(residual) < SOLVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta", [1.2, 2.0])
 def test_a_disk_that_falls_flat_ends_there_above_the_ground(theta):
     scene = rolling_disk(theta, precession=0.0, spin=0.0)

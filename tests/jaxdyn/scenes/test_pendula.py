@@ -32,6 +32,7 @@ def test_pendulum_returns_after_its_elliptic_period(formulation):
     assert gap(motion.ys[-1], scene.y0) < SOLVED * 10
 
 
+@pytest.mark.slow
 def test_uniform_bar_is_a_pendulum_of_two_thirds_of_its_length():
     scene = pendula.n_pendulum(m=(2.0,), length=(1.2,), angles=(2.0,), rates=(0.0,), g=5.0)
     motion = simulate(scene, elliptic_period(0.8, 5.0, 2.0), samples=9, rtol=1e-13)
@@ -48,6 +49,7 @@ def test_shaken_pendulum_obeys_its_equation():
         assert gap(scene.rate(t, y)[1], expected) < EXACT * 1e3
 
 
+@pytest.mark.slow
 def test_fast_shaking_holds_a_stick_upright_and_slow_shaking_does_not():
     # Kapitza: upright if (amplitude frequency)^2 > 2 g L; 36 and 4 against 13.
     fast = simulate(pendula.shaken_pendulum(frequency=60.0), samples=200)
@@ -91,7 +93,7 @@ def test_double_pendulum_of_point_masses_obeys_the_equations_of_the_books():
         ]
 
 
-@pytest.mark.sample("newton_euler-False")
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("formulation", "relative"),
     [("newton_euler", False), ("lagrange", True), ("constrained", False)],

@@ -89,6 +89,7 @@ def test_its_estimate_is_no_smaller_than_its_error(method):
         assert error < 3 * float(jnp.abs(found.error).max()) + 1e-14
 
 
+@pytest.mark.sample("Stoermer 18")
 @pytest.mark.parametrize("method", BOTH, ids=lambda m: m.name)
 def test_a_period_of_the_eight_ends_where_it_ends_with_36_digits(method):
     scene = scenes.three_body()
@@ -137,7 +138,7 @@ def test_backwards_it_comes_back(method):
     assert gap(back, scene.y0) < SOLVED
 
 
-@pytest.mark.sample("Stoermer 18")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BOTH, ids=lambda m: m.name)
 def test_samples_are_as_right_as_the_end(method):
     scene = scenes.oscillator()

@@ -143,7 +143,7 @@ def _edges(t, y):
     return cut + far + y.at[jnp.array([0, 9, -1, 2])].get(mode="clip")
 
 
-@pytest.mark.sample("_looped", "_truths", "_empty", "_edges")
+@pytest.mark.sample("_looped", "_empty")
 @pytest.mark.parametrize(
     "rate", [_matrix, _moved, _looped, _chosen, _nothing_twice, _truths, _empty, _edges]
 )
@@ -197,6 +197,7 @@ def _error_and_estimate(rate, h, y):
     return float(jnp.abs(y + increment - end).max()), float(jnp.abs(found).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (3, 7))])
 def test_terms_that_symmetry_makes_vanish_do_not_hide_the_error(n):
     # With n = 7 neither x nor v has a term of order 11 or 12 about x = 0.
@@ -211,6 +212,7 @@ def test_the_estimate_is_the_last_term_with_caution():
     np.testing.assert_allclose(found, _CAUTION * 13 * 11 / 15600 / 8 * 0.3**12, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_step_is_as_long_as_its_terms_allow():
     def spherical(t, y):  # it swings past the pole, where steps have to be ten times as short
         theta, _, u, w = y
@@ -227,6 +229,7 @@ def test_a_step_is_as_long_as_its_terms_allow():
     assert errors[2] < 1e-10
 
 
+@pytest.mark.sample("-100000.0")
 @pytest.mark.parametrize("t1", [1e5, -1e5])
 def test_the_times_of_shortened_steps_are_exact(t1):
     # Half a spacing of the time at each of 30 000 steps would add up to 1e-9.
@@ -271,6 +274,7 @@ def test_samples_and_ends_are_reached_by_shortened_steps():
     assert gap(nothing.y1, orbit.y0) == 0
 
 
+@pytest.mark.slow
 def test_a_case_of_known_numbers_is_no_part_of_the_series():
     error, found = _error_and_estimate(lambda t, y: jnp.where(y == 0, 1.0, 2.0), 1.0, [0.0])
     assert error > 0.9
@@ -560,6 +564,7 @@ def _norm(x):
     return jnp.sqrt(x @ x)
 
 
+@pytest.mark.sample("_norm")
 @pytest.mark.parametrize("norm", [_norm, jnp.linalg.norm])
 def test_a_speed_that_passes_zero_does_not_become_negative(norm):
     # Thrown straight up: where it turns, the series of the root of v^2 goes on with -|v|.

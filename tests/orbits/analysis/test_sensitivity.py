@@ -171,6 +171,7 @@ def van_der_pol(t, y, mu):
     return [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]]
 
 
+@pytest.mark.slow
 def test_the_amplitude_of_a_cycle_by_its_parameter():
     def make(mu):
         return jaxdyn.ode(van_der_pol, [2.0, 0.0], 6.66, params=mu)

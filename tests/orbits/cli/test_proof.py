@@ -40,6 +40,7 @@ def test_a_file_is_refined_and_proved(orbits, swing):
         assert abs(mpmath.mpf(period["mid"]) - exact) <= mpmath.mpf(period["rad"])
 
 
+@pytest.mark.sample("prove-proof was repeated")
 @pytest.mark.parametrize(
     ("make", "words"),
     [("refine", "digits were computed again"), ("prove", "proof was repeated")],

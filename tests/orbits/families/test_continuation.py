@@ -129,6 +129,7 @@ def test_it_goes_down_and_stops_at_its_bounds():
     assert "bounds" in found.end
 
 
+@pytest.mark.slow
 def test_a_conservative_family_stops_at_a_bound_on_its_energy():
     swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
     bounds = (-9.81, -7.0)

@@ -1,17 +1,16 @@
 """Which families meet, where, and how often the one traces the other; their picture."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from odes import pitchfork_of_cycles, roessler, van_der_pol
+from odes import pitchfork_of_cycles, roessler
 
 import jaxdyn
 import orbits
 from orbits.families.graph import Graph, Place
-
-
-def _van_der_pol(mu):
-    return jaxdyn.ode(van_der_pol, [0.0, 0.0], 10.0, params=mu)
+from orbits.shooting.equations import Equations
 
 
 def _roessler(c):
@@ -76,9 +75,8 @@ def test_misuse():
     with pytest.raises(ValueError, match="families: expected at least one family of orbits"):
         orbits.graph([])
     swing = orbits.find(jaxdyn.scenes.pendulum(angle=0.5), period=2.0)
-    plain = orbits.continue_family(swing, members=2)
-    rests = jaxdyn.continue_equilibria(_van_der_pol, -1.0, [0.0, 0.0], step=0.3, members=6)
-    orbit, mu = orbits.from_hopf(rests, rests.special[0], amplitude=0.1)
-    other = orbits.continue_family(orbit, _van_der_pol, mu, members=2)
+    equations = Equations.of(swing)
+    other = dataclasses.replace(equations, make=lambda g: jaxdyn.scenes.pendulum(g=g))
+    families = [orbits.families.Family((), (), "", each) for each in (equations, other)]
     with pytest.raises(ValueError, match="families: expected all with a parameter, or all without"):
-        orbits.graph([plain, other])
+        orbits.graph(families)

@@ -70,6 +70,7 @@ def test_so_does_one_of_a_drive_and_its_file_says_so(tmp_path):
     assert len(again.members) == len(family.members)
 
 
+@pytest.mark.slow
 def test_one_that_passes_the_same_parameter_and_period_elsewhere_goes_on():
     """Of another radius at the same parameter: an ellipse is met twice there, on both sides."""
     first = orbits.find(circles_at(0.0), [np.sqrt(1.5), 0.0], 5.0)

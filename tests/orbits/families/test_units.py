@@ -82,7 +82,7 @@ def cycle(units, sign):
     return orbits.find(make(0.3 * units[1]), start, 2 * np.pi * units[2])
 
 
-@pytest.mark.sample("units2")
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_cycles_that_differ_in_an_entry_of_another_unit_are_two(units):
     up, down = cycle(units, 1.0), cycle(units, -1.0)

@@ -69,6 +69,7 @@ def _forwards(end, start):
     return (end - start)[1:]
 
 
+@pytest.mark.slow
 def test_legs_and_their_closing_are_given_again(tmp_path):
     path = tmp_path / "ball.json"
     ball = orbits.find_hybrid(_ball(), [0.0, 4.8, 1.0, 0.0], [1.0, 1.0], closes=_forwards)

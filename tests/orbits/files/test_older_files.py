@@ -94,6 +94,7 @@ def test_families_of_orbits_and_of_special_ones():
         assert np.abs(point.multipliers.values + 1).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_each_goes_on(tmp_path):
     path = tmp_path / "equilibria.jsonl"
     path.write_bytes((FILES / path.name).read_bytes())

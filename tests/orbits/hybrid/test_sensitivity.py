@@ -16,6 +16,7 @@ def _found(scene, **options):
     return orbits.find_hybrid(scenes.phases_of(scene), scene.y0, **options)
 
 
+@pytest.mark.slow
 def test_a_rimless_wheel_by_its_slope_and_gravity():
     roll = _found(scenes.rimless_wheel())
 

@@ -27,7 +27,7 @@ def scaled(t, y, numbers):
     return each * jnp.stack(front(y / each, value)) / time
 
 
-@pytest.mark.sample("units1")
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [([1.0, 1.0], 1.0, 1.0), *UNITS])
 def test_a_connection_of_equilibria(units):
     each, own, time = np.array(units[0]), units[1], units[2]

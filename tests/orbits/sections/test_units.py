@@ -44,6 +44,7 @@ def stars(units):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 def test_a_section_and_its_map(units):
     length, time, mass = units

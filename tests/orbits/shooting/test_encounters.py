@@ -210,6 +210,7 @@ def ended(e, s, rtol=1e-13, **how):
     return solve_regularised(kepler(e), SPAN, s, rtol=rtol, **how)
 
 
+@pytest.mark.slow
 def test_the_end_is_that_of_plain_time_wherever_logarithmic_time_ends():
     plain = solve(kepler(0.9), SPAN, rtol=1e-14).y1
     s = logarithmic_span(kepler(0.9), SPAN)

@@ -72,6 +72,7 @@ def test_a_kepler_ellipse_has_keplers_period():
     assert orbits.analysis.closure(orbit) < SOLVED
 
 
+@pytest.mark.slow
 def test_a_spring_given_by_its_potential():
     orbit = orbits.find(spring())
     assert abs(orbit.period - np.pi) < SOLVED  # 2 pi / sqrt(k / m)
@@ -258,6 +259,7 @@ def test_a_search_that_fails_suggests_the_closing_of_a_symmetric_guess(symmetry)
         assert "symmetric" not in str(caught.value)
 
 
+@pytest.mark.sample("6.0-False")
 @pytest.mark.parametrize(("growth", "found"), [(3.0, True), (6.0, False)])
 def test_an_orbit_that_doubles_do_not_hold_is_none(growth, found):
     # exp(12 pi) = 2e16 times the rounding of a start: its segments join all the same.

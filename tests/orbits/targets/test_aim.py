@@ -315,6 +315,7 @@ def test_the_course_problem(drag):
     assert aim.hit(scene, 2.0, least.speed * (1 + 1e-9)).ok
 
 
+@pytest.mark.slow
 def test_too_far_for_any_speed():
     best = aim.slowest(scenes.cannonball(g=10.0, drag=0.5), 2000.0)
     assert best.outcome == aim.Aim.OUT_OF_REACH

@@ -76,6 +76,7 @@ def conservative(units):
     return orbits.find(new, hold=orbits.Energy(0.1 * units[2]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "units", [UNITS[0], *(pytest.param(x, marks=pytest.mark.slow) for x in UNITS[1:])]
 )
