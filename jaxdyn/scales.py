@@ -426,11 +426,14 @@ def _by_its_change(
 ) -> tuple[Scales, Array]:
     """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
-    The rate is evaluated at the start, twice a little later (both with a rounding added), and
-    beside the start, displaced by what rounding makes; then later in the motion, there with a
-    rounding added, which may make more there, and again beside the start.
+    The rate is evaluated at the start and, for a motion from rest, right after it, since the span
+    may be a mere limit; twice a little later (both with a rounding added), and beside the start,
+    displaced by what rounding makes; then later in the motion, there with a rounding added, which
+    may make more there, and again beside the start.
     """
     off = rounding(y0)
+    # A time that is short for any motion.
+    at_once = float(np.sqrt(jnp.finfo(y0.dtype).tiny))
 
     def motion(f: Array, then: Array, noise: Array, horizon: Array) -> tuple[Array, Array]:
         noise = groups.largest(noise)
@@ -452,25 +455,27 @@ def _by_its_change(
 
     def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
         first, then, later, noise, most, horizon, moving = carry
-        soon = (n == 1) | (n == 2) | (n == 3)
-        rounded, far = (n == 3) | (n == 4) | (n == 7), (n == 6) | (n == 7)
+        soon = (n == 2) | (n == 3) | (n == 4)
+        rounded, far = (n == 4) | (n == 5) | (n == 8), (n == 7) | (n == 8)
         tau, sizes = motion(first, then, noise, horizon)
-        time = ahead * (_AHEAD * horizon * soon.astype(float) + LATER * tau * far.astype(float))
-        aside = (n == 5) | (n == 8)
-        off_by = lax.select(n == 5, horizon * noise, tau * most) * aside.astype(float)
+        after = lax.select(n == 1, lax.full_like(span, at_once), _AHEAD * horizon)
+        time = after * (soon | (n == 1)).astype(float) + LATER * tau * far.astype(float)
+        time = ahead * time
+        aside = (n == 6) | (n == 9)
+        off_by = lax.select(n == 6, horizon * noise, tau * most) * aside.astype(float)
         at = y0 + time * first + off_by
         rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
         slowest = _most(here, groups.largest(lax.abs(rate)))
-        slowest = lax.select(moving, slowest, lax.sqrt(_AHEAD * horizon * slowest))
-        new = ((n == 0) | ((n == 1) & ~moving)) & (slowest > 0)
+        slowest = lax.select(moving, slowest, lax.sqrt(after * slowest))
+        new = ((n == 0) | (((n == 1) | (n == 2)) & ~moving)) & (slowest > 0)
         moving = (slowest > 0) & (n == 0) | moving & (n > 0)
-        horizon = lax.select(new, lax.min(horizon, _HORIZON * slowest), horizon)
+        horizon = lax.select(new, lax.min(span, _HORIZON * slowest), horizon)
         first = lax.select(n == 0, rate, first)
-        then, later = lax.select(n == 2, rate, then), lax.select(n == 6, rate, later)
-        gap = _finite(rate - lax.select(n == 3, then, lax.select(n == 7, later, first)))
-        noise = lax.select((n > 2) & (n < 6), lax.max(noise, gap), noise)
-        counts = (n > 2) & (n != 6) & (~far | _as_fast(rate, gap, tau, sizes))
+        then, later = lax.select(n == 3, rate, then), lax.select(n == 7, rate, later)
+        gap = _finite(rate - lax.select(n == 4, then, lax.select(n == 8, later, first)))
+        noise = lax.select((n > 3) & (n < 7), lax.max(noise, gap), noise)
+        counts = (n > 3) & (n != 7) & (~far | _as_fast(rate, gap, tau, sizes))
         most = lax.select(
             counts, lax.max(most, _notable(groups, gap, rate, sizes / tau, aside)), most
         )
@@ -479,7 +484,7 @@ def _by_its_change(
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
     begin = zero, zero, zero, zero, zero, span, jnp.ones((), bool)
-    (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(9))
+    (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(10))
     tau, sizes = motion(f, then, noise, horizon)
     return Scales(sizes, tau, most), f
 

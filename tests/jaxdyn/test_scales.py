@@ -10,6 +10,8 @@ from units import rewritten
 
 import jaxdyn
 from jaxdyn import scales, scenes
+from jaxdyn.analysis.regularised import regularize
+from jaxdyn.hard.cases.encounters import pythagorean
 
 
 def coupled(t, y):
@@ -75,6 +77,16 @@ def test_a_span_that_is_a_mere_limit_changes_nothing(scene):
         found = start(dataclasses.replace(scene, t1=jnp.asarray(far)))
         np.testing.assert_allclose(found[0], near[0], rtol=1e-4)
         assert found[1] == pytest.approx(near[1], rel=1e-4)
+
+
+def test_a_span_that_is_a_mere_limit_changes_nothing_from_rest_in_logarithmic_time():
+    # Speeds that grew for such a span would stop the bodies, since slowness is 1 / (T - E).
+    slow = regularize(pythagorean())
+    near = start(dataclasses.replace(slow, t1=jnp.asarray(100.0)))
+    for far in (1e8, 1e150):
+        found = start(dataclasses.replace(slow, t1=jnp.asarray(far)))
+        np.testing.assert_allclose(found[0], near[0], rtol=1e-6)
+        assert found[1] == pytest.approx(near[1], rel=1e-6)
 
 
 def test_the_time_of_an_angle_is_that_of_its_motion_in_every_unit_of_time():

@@ -112,9 +112,10 @@ def test_its_file_keeps_the_time_it_is_followed_in(close, tmp_path):
     assert orbits.analysis.closure(loaded) == orbits.analysis.closure(close) == claims["closure"]
     assert orbits.verify(tmp_path / "orbit.json")[1] == []
     record = json.loads((tmp_path / "orbit.json").read_text())
-    for wrong in (0.0, -1.0, "long"):
+    span = "expected a span of logarithmic time > 0, or null"
+    for wrong, message in ((0.0, span), (-1.0, span), ("long", "s_period: expected float, got 'l")):
         forge(tmp_path / "wrong.json", record | {"s_period": wrong})
-        with pytest.raises(ValueError, match="expected a span of logarithmic time > 0, or null"):
+        with pytest.raises(ValueError, match=message):
             orbits.load(tmp_path / "wrong.json")
 
 
