@@ -203,7 +203,10 @@ def logarithmic_span(
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:
     far = jnp.where(jnp.asarray(t1) > t0, _UNREACHABLE_SPAN, -_UNREACHABLE_SPAN)
-    return until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
+    stop = until(slow, Reaches(len(slow.y0) - 1, t1), far, **options._asdict())
+    # An end of this span without the event means that the time has lost its digits.
+    lost = (stop.status == Status.OK) & (stop.event < 0)
+    return dataclasses.replace(stop, status=jnp.where(lost, Status.NOT_FINITE, stop.status))
 
 
 @check_first

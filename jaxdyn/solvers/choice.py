@@ -127,7 +127,7 @@ def default_solver(scene: Scene, *, rtol=RTOL, several: bool = False) -> Method:
 
     No rule sees that a motion will be stiff. `simulate`, `solve`, `until` and `crossings` find
     out: outside of traces they start again with `RADAU9` once stability, not accuracy, has limited
-    a net 1000 steps. So van der Pol's oscillator with mu = 1000 takes 1152 steps over 3000 s, and
+    a net 1000 steps. So van der Pol's oscillator with mu = 1000 takes 973 steps over 3000 s, and
     633 978 by its Taylor series.
     ``python -m benchmarks default`` has all figures.
 

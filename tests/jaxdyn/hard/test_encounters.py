@@ -9,6 +9,7 @@ import pytest
 from helpers import SOLVED, TESTS, gap
 
 from jaxdyn import Scene, scenes, simulate
+from jaxdyn.analysis import regularised
 from jaxdyn.analysis.approaches import closest_approaches
 from jaxdyn.analysis.regularised import regularize, simulate_regularised
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
@@ -106,6 +107,13 @@ def test_a_collision_ends_in_a_status():
     assert np.isnan(motion.ys[-1]).all()
     with pytest.raises(IntegrationError):
         simulate_regularised(head_on, max_steps=20_000)
+
+
+def test_a_search_that_ends_before_the_end_time_is_a_status(monkeypatch):
+    monkeypatch.setattr(regularised, "_UNREACHABLE_SPAN", 1e-3)
+    found = simulate_regularised(BODIES, 1.0, throw=False)
+    assert found.status == Status.NOT_FINITE
+    assert np.isnan(regularised.logarithmic_span(BODIES, 1.0))
 
 
 def test_what_makes_no_sense_is_refused():
