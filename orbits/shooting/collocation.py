@@ -133,7 +133,9 @@ def _closing(equations: Equations, start, end):
 
 @jax.jit
 def _rates(scene: Scene, ys):
-    return jax.vmap(scene.rate, (None, 0))(jnp.zeros(()), ys)
+    # Not `vmap`: a convolution of n states side by side takes XLA a time that grows with n^2 on
+    # a CPU, and minutes for all samples (jaxlib 0.10.2).
+    return jax.lax.map(lambda y: scene.rate(jnp.zeros(()), y), ys)
 
 
 def _first_mesh(
