@@ -1,17 +1,11 @@
-"""The commands `orbits verify`, `prove` and `refine`: how certain the orbit of a file is."""
-
-from typing import Annotated
-
-import typer
+"""The command `orbits verify`: recomputes every claim of an orbit file."""
 
 import orbits
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption, print_and_save
-
-# ---- The command `orbits verify`: recomputes every claim of an orbit file
+from orbits.cli.shared import OrbitFile
 
 #: Messages about the records of a file that are computed again, besides its claims.
 _REPEATED = {
@@ -50,36 +44,3 @@ def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
             f"every claim of the file holds; by another integrator {standing.period:.1f} digits "
             f"of the period and {standing.y0:.1f} of the start may be claimed"
         )
-
-
-# ---- The command `orbits prove`: a certificate that the orbit of a file exists
-
-
-def prove_command(
-    file: OrbitFile,
-    digits: Annotated[int, typer.Option(help="Decimal digits of the enclosures, roughly.")] = 30,
-    save_to: SaveOption = None,
-    as_object: JsonOption = False,
-) -> None:
-    """Prove that the orbit of a file exists, is locally unique, and is stable or unstable."""
-    with screen(f"proving the orbit of {file}", as_object) as out:
-        orbit, _ = orbits.load(file)
-        proof = orbits.prove(orbit, digits)
-        print_and_save(proof, save_to, as_object, out)
-        if not proof.proved:
-            raise typer.Exit(NOT_FOUND)
-
-
-# ---- The command `orbits refine`: an orbit of a file to many digits
-
-
-def refine_command(
-    file: OrbitFile,
-    digits: Annotated[int, typer.Option(help="Decimal digits, 15 to 1000.")] = 50,
-    save_to: SaveOption = None,
-    as_object: JsonOption = False,
-) -> None:
-    """Start, period and multipliers of an orbit to many digits."""
-    with screen(f"refining the orbit of {file}", as_object) as out:
-        orbit, _ = orbits.load(file)
-        print_and_save(orbits.refine(orbit, digits), save_to, as_object, out)
