@@ -44,7 +44,7 @@ def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
         it starts a process for each flag; None asks every time.
     """
     version = release()
-    if tuple(map(int, version.split(".")[:2])) <= TESTED:
+    if minor_release() <= TESTED:
         return list(flags)
     file = None if folder is None else folder / f"xla_flags_of_jaxlib_{version}.json"
     answers = _stored_answers(file)
@@ -65,6 +65,12 @@ def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
 def release() -> str:
     """The version of jaxlib."""
     return importlib.metadata.version("jaxlib")
+
+
+def minor_release() -> tuple[int, int]:
+    """The first two numbers of the version of jaxlib."""
+    major, minor, *_ = release().split(".")
+    return int(major), int(minor)
 
 
 def _starts_with(flag: str) -> bool:

@@ -15,7 +15,7 @@ import os
 
 import jax
 
-from jaxdyn._config import add_flags, cache_folder, configure
+from jaxdyn._config import add_flags, cache_folder, configure, minor_release
 
 try:  # Contexts are reached only by private names; without these each program has its own again.
     from jax._src.interpreters import mlir
@@ -28,16 +28,17 @@ except (ImportError, AttributeError):
 _QUICKLY = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
-    "xla_cpu_use_fusion_emitters": False,
     "xla_cpu_parallel_codegen_split_count": 1,
 }
 #: For programs that are timed: the same options as for users, see `work_precision`.
 FULLY = {
     "xla_backend_optimization_level": 3,
     "xla_llvm_disable_expensive_passes": False,
-    "xla_cpu_use_fusion_emitters": True,
     "xla_cpu_parallel_codegen_split_count": 32,
 }
+if minor_release() < (0, 11):  # later ones have only the emitters that use MLIR, and no such flag
+    _QUICKLY["xla_cpu_use_fusion_emitters"] = False
+    FULLY["xla_cpu_use_fusion_emitters"] = True
 
 
 def share_context() -> None:
