@@ -41,6 +41,7 @@ from .discovery.basins import basins as basins
 from .discovery.chunks import Box as Box
 from .discovery.figure_eight import figure_eight as figure_eight
 from .discovery.map_basins import map_basins as map_basins
+from .discovery.nearby import search_near as search_near
 from .discovery.plane import search_plane as search_plane
 from .discovery.search import search as search
 from .discovery.several import find_all as find_all

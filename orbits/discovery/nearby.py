@@ -1,10 +1,13 @@
-"""The periodic orbit near a scene's own start, from a guess of its period or from close returns."""
+"""The periodic orbit near a scene's own motion, from a guess of its period or from returns."""
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail
@@ -14,7 +17,7 @@ from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
 from orbits.closing.given import drive_period, driven
 from orbits.discovery.seeds import Seed, returns
-from orbits.motion import quick_solve
+from orbits.motion import quick_solve, sample
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import Collocation
 from orbits.shooting.deflation import Deflated
@@ -29,6 +32,10 @@ _TRIES = 3  # close returns tried
 _MOST_STEPS, _FEWEST_STEPS = 2048, 64
 _SPANS = 20  # tried in each direction, each some tens of times longer or shorter than the last
 _RTOL = 1e-10  # as in `returns`
+#: A motion that does not preserve volumes may end on an attractor, perhaps a periodic orbit: how
+#: long it may take to come close to it, and how long close returns are searched for there [spans].
+_TRANSIENTS = ((30.0, 2.0), (300.0, 20.0))
+_PRESERVED = 1e-9  # relative change of volumes over a span that rounding may cause
 
 
 @check_first
@@ -43,7 +50,11 @@ def search_near(
     segments: int | None = None,
     report: Callable[[Iteration], None] = lambda step: None,
 ) -> Orbit:
-    """The orbit near a scene's own start, or the best iterate and the reason.
+    """The periodic orbit near a scene's own motion, or the best iterate and the reason.
+
+    `orbits.find` needs a guess of the period; this needs none. It takes the closest returns of the
+    scene's own motion as guesses, and where none leads to an orbit and the motion does not
+    preserve volumes, those of the same motion after a transient: limit cycles are found so.
 
     Args:
       scene: system, effects, start.
@@ -56,8 +67,17 @@ def search_near(
       strategy: see `find`.
       segments: see `find`.
       report: see `find`.
+    Returns:
+      The orbit over its minimal period; check `Orbit.ok`.
     Raises:
       ValueError: no close return to begin with, or what `find` refuses.
+    Example:
+      >>> import jax.numpy as jnp, jaxdyn, orbits
+      >>> def brusselator(t, y):
+      ...     return jnp.array([1 + y[0] ** 2 * y[1] - 4 * y[0], 3 * y[0] - y[0] ** 2 * y[1]])
+      >>> cycle = orbits.search_near(jaxdyn.ode(brusselator, jnp.array([1.0, 1.0]), t1=20.0))
+      >>> round(cycle.period, 6)
+      7.15692
     """
     several = (closing,) if isinstance(closing, Closing) else tuple(closing)
     held = (*hold, *(() if energy is None else (Energy(energy),)))
@@ -72,16 +92,25 @@ def search_near(
     )
     if period is not None:
         return near(None, period, strategy=strategy)
-    seeds = _seeds(scene)
+    # A reversal needs a start that it leaves fixed, such as the scene's own may be.
+    movable = not hold and not isinstance(several[0], Reversal)
     # The scene's own start, if that is periodic already, and no other orbit is asked for.
     own = strategy if isinstance(strategy, Deflated | Collocation) else AUTOMATIC
-    orbit = near(None, seeds[0].period, strategy=own, max_iterations=0)
-    for seed in seeds if not orbit.ok else ():
-        # A reversal needs a start that it leaves fixed, such as the scene's own may be.
-        start = None if hold or isinstance(several[0], Reversal) else seed.y0
-        orbit = near(start, seed.period, strategy=strategy)
+    orbit = None
+    for seeds in _seeds(scene, movable):
+        if orbit is None:
+            orbit = near(None, seeds[0].period, strategy=own, max_iterations=0)
+        for seed in seeds if not orbit.ok else ():
+            orbit = near(seed.y0 if movable else None, seed.period, strategy=strategy)
+            if orbit.ok:
+                break
         if orbit.ok:
             break
+    if orbit is None:
+        remedy = (
+            "The scene's own motion has no close return in its span. Give one, or another start."
+        )
+        raise fail("--period", "a guess of the period", "none", remedy)
     # The closest return may be after several periods.
     while orbit.ok:
         shortest, times = minimal_period(orbit)
@@ -92,21 +121,60 @@ def search_near(
     return orbit
 
 
-def _seeds(scene: Scene) -> list[Seed]:
+def _seeds(scene: Scene, movable: bool) -> Iterator[list[Seed]]:
+    """Guesses from the scene's own motion, and then, if a start may move, from its attractor."""
     scene.check()
     if driven(scene):
         period = drive_period(scene)
         if period is None:
             remedy = "The rate depends on time, but not with a period that can be read from it."
             raise fail("--period", "one, a multiple of the drive's", "none", remedy)
-        return [Seed(np.asarray(scene.y0), period)]
+        yield [Seed(np.asarray(scene.y0), period)]
+        for later, _ in _TRANSIENTS if movable and _changes_volumes(scene, period) else ():
+            whole = round(later) * period
+            if (settled := _after(scene, whole)) is not None:
+                yield [Seed(np.asarray(settled.y0), period)]
+        return
     report_progress("simulating the scene, to find close returns")
+    span = float(scene.t1)
     for span in _spans(scene):
         seeds = returns(scene, span, longest=span, most=_TRIES)
         if seeds:
-            return seeds
-    remedy = "The scene's own motion has no close return in its span. Give one, or another start."
-    raise fail("--period", "a guess of the period", "none", remedy)
+            yield seeds
+            break
+    for later, searched in _TRANSIENTS if movable and _changes_volumes(scene, span) else ():
+        report_progress("simulating the scene past its transient, to find close returns")
+        settled = _after(scene, later * span)
+        longest = searched * span
+        if settled is not None and (
+            seeds := returns(settled, longest, longest=longest, most=_TRIES)
+        ):
+            yield seeds
+
+
+def _changes_volumes(scene: Scene, span: float) -> bool:
+    """Whether the motion expands or contracts volumes anywhere, by Liouville's formula.
+
+    Where it leaves an unstable equilibrium it expands them first.
+    """
+    ts, ys = sample(scene, span)
+    return bool((np.abs(_divergences(scene, ts, ys)) * span > _PRESERVED).any())
+
+
+@eqx.filter_jit
+def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
+    """(n,) traces of the rate's Jacobian at states ys (n, k)."""
+
+    def trace(t, y):
+        return jnp.trace(jax.jacfwd(lambda y: scene.rate(t, y))(y))
+
+    return jax.vmap(trace)(jnp.asarray(ts), jnp.asarray(ys))
+
+
+def _after(scene: Scene, span: float) -> Scene | None:
+    """The scene from where its own motion is after a time; None where it does not get there."""
+    run = quick_solve(scene, span, rtol=_RTOL)
+    return scene.starting(run.y1) if run.status == Status.OK else None
 
 
 def _spans(scene: Scene) -> Iterator[float]:

@@ -121,12 +121,23 @@ def find(
     if effort.over and not orbit.ok:
         orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
     if throw and not orbit.ok:
-        raise SearchError(" ".join(filter(None, [orbit.message, str(effort), _hint(problem)])))
+        hints = _symmetry_hint(problem), _period_hint(problem, period)
+        raise SearchError(" ".join(filter(None, [orbit.message, str(effort), *hints])))
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 
 
-def _hint(problem: Problem) -> str:
+def _period_hint(problem: Problem, period) -> str:
+    """What finds an orbit without a guess of its period, where none was given; "" otherwise."""
+    if period is not None or problem.driven:
+        return ""
+    return (
+        f"No period was given, and the scene's own span, {float(problem.scene.t1):.6g}, is a poor "
+        "guess: orbits.search_near(scene) takes one from the scene's own motion."
+    )
+
+
+def _symmetry_hint(problem: Problem) -> str:
     """What suits a symmetric guess better, where it was closed plainly; "" for others."""
     way = "" if problem.closings != (PLAIN,) else symmetric_closing(problem.scene)
     return way and f"The guess is symmetric: {way} needs half of the period and of the unknowns."
