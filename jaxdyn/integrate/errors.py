@@ -159,8 +159,8 @@ def _differences(system, ys, others):
 #
 # Two solutions may share the same rounding error, so that their difference hides it. Relative
 # perturbations in the ninth digit change the states; that change, scaled to half of the last digit,
-# is the effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time,
-# near an unstable motion exponentially.
+# is the effect of rounding, however it accumulates: as the power 3/2 of the time on an orbit,
+# exponentially near an unstable motion.
 
 #: (scene, (2,) tolerance, noise of each step) -> a result whose `ys` are (s, k) states, NaN where
 #: not reached.
@@ -221,10 +221,10 @@ RATIO = 1e-3
 MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
 _BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but give different steps
-_COARSENING = 10.0  # factor, where a tolerance is below what the scene allows
+_COARSENING = 10.0  # factor of a tolerance that is smaller than the scene allows
 _MAX_RTOL = 1e-2
 _MIN_ORDER = 0.5  # below it the steps are too large, or rounding dominates
-_MAX_TRIES = 5  # most tolerances that are tried, to reach the requested digits
+_MAX_TRIES = 5  # largest number of tolerances tried to reach the requested digits
 _AIM_RATIO = 0.3  # part of the requested error to aim at after a tolerance has missed it
 _NORMAL_MEDIAN = 0.6745  # median magnitude of a normal variable, in standard deviations
 _STEPS_RATIO = 1.3  # least ratio of the steps of a finer solution to those of the first
