@@ -1,4 +1,4 @@
-"""Bodies of no mass in turning axes: published orbits, closed forms, and the scenes they limit."""
+"""Massless bodies in rotating frames: published orbits, closed forms, and the scenes they limit."""
 
 import numpy as np
 import pytest
