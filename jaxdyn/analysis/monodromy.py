@@ -142,7 +142,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
     an antisymmetric J, whose solutions are the same at random states as everywhere. So the form is
     found for a rate that is given by itself, in any coordinates that are linear in canonical ones:
-    for the restricted three-body problem in a rotating frame it is not that of positions and velocities.
+    for the restricted three-body problem in a rotating frame it is not that of positions and
+    velocities.
 
     With the sizes `each` (k,) of the entries, it is the form of states in these units. Its scale is
     arbitrary.
