@@ -269,7 +269,7 @@ def test_what_a_batch_says_of_itself(swings):
         grid.one(1)
 
 
-#: Of the methods the one that compiles fastest.
+#: The method that compiles fastest.
 QUICK = {"solver": RK4, "dt": 0.1}
 #: Ways to a batch of pendulums: over the numbers of the scene, scenes, starts, ends of the span.
 BATCHES = {

@@ -14,7 +14,7 @@ from jaxdyn.scenes.skates import one_skate
 from jaxdyn.scenes.wheels import AXLES, braking, car, sliding_velocity, turning_left, turning_rate
 
 G, MU, V = 9.81, 0.7, 20.0
-SHARE = {"front": 1.4 / 2.6, "rear": 1.2 / 2.6}  # of the weight on the locked axle
+SHARE = {"front": 1.4 / 2.6, "rear": 1.2 / 2.6}  # share of the weight on the locked axle
 
 
 @pytest.fixture(scope="module", params=AXLES)
