@@ -194,7 +194,7 @@ def test_the_restricted_problem_has_the_unit_multipliers_of_jacobis_integral():
     assert gap(np.sort_complex(linear.nontrivial), values) < 1e-9
 
 
-#: Of the frequency of van der Pol's cycle, the coefficients of mu^0, mu^2, ...: C. Andersen and
+#: Coefficients of mu^0, mu^2 and so on in the frequency of van der Pol's cycle: C. Andersen and
 #: J. Geer, SIAM J. Appl. Math. 42 (1982) 678.
 SLOW_CYCLE = (1.0, -1 / 16, 17 / 3072, 35 / 884736, -678899 / 5096079360)
 

@@ -40,8 +40,8 @@ from jaxdyn.balls.field import BallField
 _BITS = 64
 _ACROSS = 10  # squares across the disc
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
-_DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
-_LEAST_Q = 0.5  # ... unless the order is low
+_DEFECT_BITS = 34  # Q^p is about 2^-34, so that the polynomial's defect is small
+_LEAST_Q = 0.5  # least Q, at low orders
 #: eps over the defect, in parts of the entry's size on the disc: nearby motions must not be far
 #: away, and the defect must not dominate the bounds of derivatives.
 _EPS_BY_DEFECT = 2.0**10

@@ -90,7 +90,7 @@ def test_an_estimate_says_what_it_rests_on():
     assert found.error.shape == found.ys.shape == (33, 2)
 
 
-# ---- so many digits, please
+# ---- a requested number of digits
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ def test_samples_are_as_accurate_as_the_steps(eight):
     # An interpolant between 48 steps would be wrong by 1e-8.
     assert motion.steps < 60
     assert gap(motion.ys, eight.ys) < SOLVED
-    # ... and at the end exactly the end, at the start exactly the start.
+    # The first sample is exactly the start, and the last one is the end.
     np.testing.assert_array_equal(eight.ys[0], EIGHT.y0)
     assert gap(eight.ys[-1], solve(EIGHT, EIGHT.t1, rtol=1e-15).y1) < EXACT
 
