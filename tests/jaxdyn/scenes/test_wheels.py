@@ -145,7 +145,7 @@ def test_without_friction_it_is_the_ideal_car_on_one_skate():
 
 
 def test_without_friction_a_turning_grows_undamped():
-    """Its rate is the limit for little friction; a car that never slows down has no fraction left."""
+    """The rate is the limit for little friction; what never slows down has no fraction left."""
     smooth, rough = car(mu=0.0), car(mu=1e-9)
     assert abs(turning_rate(smooth, 20.0) - turning_rate(rough, 20.0)) < 1e-8
     with pytest.raises(ValueError, match="scene: expected a car with a locked axle, got none"):
