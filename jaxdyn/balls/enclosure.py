@@ -12,7 +12,7 @@ Then for each start in Y the solution exists for complex |s| < R, and what its s
 leaves out at |h| <= q R, q < 1, is at most
 
     E_i q^(n+1) / (1 - q)                  of entry i of the solution, if n >= p,
-    (E_i / eps_j) q^(n+1) / (1 - q)        of its derivative in entry j of the start, for any n.
+    (E_i / eps_j) q^(n+1) / (1 - q)        of its derivative by entry j of the start, for any n.
 
 Proof. (1) f(P) and P' have the same coefficients below order p, as P is the solution up to order
 p; P' has no others, and those of f(P) are at most M_i / R'^n (Cauchy). So |f_i(P) - P'_i| <= d_i
@@ -74,7 +74,7 @@ class Disc:
         return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
-        """(k, k) bounds of what the series of the derivative in the start leaves out."""
+        """(k, k) bounds of what the series of the derivative by the start leaves out."""
         tail = _tail(q, order)
         return [[e / eps * tail for eps in self.start] for e in self.state]
 

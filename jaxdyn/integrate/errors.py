@@ -310,14 +310,14 @@ def reach(
       solver: name of the method.
       refuse: raise where fewer digits, but some, are possible.
     Raises:
-      ValueError: `digits` is not between 1 and `MOST_DIGITS`, or, with `refuse`, more than the
-        motion allows.
+      ValueError: `digits` is not above 0 and at most `MOST_DIGITS`, or, with `refuse`, more than
+        the motion allows.
     """
     if _checks.is_traced((scene, ts, digits)):
         raise _checks.fail("digits", "numbers", "a traced value", "Pass rtol inside jit and grad.")
     if not 0 < digits <= MOST_DIGITS:
         raise _checks.fail(
-            "digits", f"between 1 and {MOST_DIGITS}", digits, "Doubles have not quite 16."
+            "digits", f"above 0, at most {MOST_DIGITS}", digits, "Doubles have just under 16."
         )
     wanted = 10.0**-digits
     names = ("tolerance ladder", solver, solver)
