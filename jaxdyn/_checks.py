@@ -55,7 +55,7 @@ def float64(rtol: Any = 0.0) -> None:
 def as_float(x: Any) -> Array:
     """A number or numbers as a float array; the converter of fields that hold them.
 
-    Of 64 bits where they are enabled: measured data in fewer bits are converted, exactly.
+    The floats have 64 bits where these are enabled; data in fewer bits are converted exactly.
 
     Raises:
       ValueError: complex numbers or dates.
@@ -126,7 +126,7 @@ _WITH_VALUES = frozenset({float, int, np.ndarray, type(None)})
 def is_traced(x: Any) -> bool:
     """True while x is inside a jax transformation and has no known value."""
     # The usual cases, in a tenth of the time that a search through a pytree takes; a Tracer, which
-    # is a jax.Array for isinstance, is asked for before these.
+    # is a jax.Array for isinstance, is tested for before these.
     if type(x) in _WITH_VALUES or (type(x) is tuple and not x):
         return False
     if isinstance(x, jax.core.Tracer):

@@ -57,7 +57,8 @@ _AHEAD = 2.0**-20
 _HORIZON = 2.0**10
 #: Number of roundings by which a state is shifted to see what rounding makes of its rate.
 _PERTURBED = 4.0
-#: Multiple of the motion's own speed above which the rounding found belongs to another place.
+#: Where the rate exceeds this multiple of the motion's own, as near a singularity, its rounding
+#: says nothing about the motion.
 _FASTER = 16.0
 #: Least part of a rate that is rounding where the rate is little else.
 _ALL_ROUNDING = 2.0**-16
@@ -75,7 +76,8 @@ _ROUNDING = 1e-9
 _NOTHING = 1e-12
 #: Relative change of the terms of a Jacobian at which the rate is no longer linear.
 _NONLINEAR = 0.5
-#: Distances at which that is asked at once, and the number of passes, each between two of the last.
+#: Distances at which linearity is tested at once, and the number of passes, each between two
+#: neighbouring distances of the last one.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
 
 
@@ -209,7 +211,8 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        # To find rounding it looks twice a little later in the motion, at the start, beside it.
+        # For the effect of rounding the rate is evaluated a little later in the motion, there with
+        # a rounding added, at the start with a rounding added, and beside the start.
         far, rounded = (look == 1) | (look == 2), (look == 2) | (look == 3)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
         way = LATER * tau * ahead * far.astype(float) * rate
@@ -426,10 +429,11 @@ def _by_its_change(
 ) -> tuple[Scales, Array]:
     """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
-    The rate is evaluated at the start and, for a motion from rest, right after it, since the span
-    may be a mere limit; twice a little later (both with a rounding added), and beside the start,
-    displaced by what rounding makes; then later in the motion, there with a rounding added, which
-    may make more there, and again beside the start.
+    The rate is evaluated at the start; for a motion from rest also right after it, since the span
+    may be a mere limit; twice a little later; with a rounding added, a little later and at the
+    start; and beside the start, displaced by what rounding makes. Then it is evaluated later in the
+    motion, without and with a rounding added, which may make more there, and again beside the
+    start.
     """
     off = rounding(y0)
     # A time that is short for any motion.
@@ -493,12 +497,15 @@ class _Round(NamedTuple):
     """What a round of `at_start` takes, as factors.
 
     Attributes:
-      later: when the rate is evaluated, in times of the motion. aside: how far from the state it is
-      evaluated, as a part of the sizes. here: how much of |y0| is kept, at least. kept: how much of
-      the sizes is kept. first: how much the rate adds to the sizes in the time that is known first.
-      time: how much it adds in the time of the motion. product: how much of |J| times the sizes is
-      taken. step: how much of it is taken in a time. shrinks: whether the time is at most that in
-      which the fastest entry changes by its size:
+      later: when the rate is evaluated, in times of the motion.
+      aside: how far from the state it is evaluated, as a part of the sizes.
+      here: how much of |y0| is kept, at least.
+      kept: how much of the sizes is kept.
+      first: how much the rate adds to the sizes in the time that is known first.
+      time: how much it adds in the time of the motion.
+      product: how much of |J| times the sizes is taken.
+      step: how much of it is taken in a time.
+      shrinks: whether that time is at most the one in which the fastest entry changes by its size:
         sizes must not be too large, since the motion soon shows larger ones, but never smaller.
     """
 
@@ -562,7 +569,7 @@ def _finite(x: Array) -> Array:
 
 
 def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
-    """() whether a place is as fast as the motion: not a singularity, where rounding is another.
+    """Whether () the rate at a place is that of the motion, not that near a singularity.
 
     Entries that are hardly more than rounding say nothing about it.
     """

@@ -39,8 +39,8 @@ class Effect(Record):
     program, not multiplied by zero.
     """
 
-    #: Whether the force depends on velocities. Where no effect of a scene does, the
-    #: integrator uses a Nystrom pair, about twice as fast.
+    #: Whether the force depends on velocities. For a scene without such effects the default is a
+    #: method about twice as fast.
     velocity_dependent: ClassVar[bool] = True
     #: Where the force has no value or no direction, and the remedy: a sentence for the message
     #: of a motion that ends there; empty for a force that is smooth everywhere.
@@ -216,8 +216,8 @@ class System(Record):
     ) -> tuple[Array, ...]:
         """The terms () [J] whose sum is the energy; () for a system without an energy.
 
-        By default the kinetic energy of the material points and the potential energy of the
-        effects, if there are points.
+        By default they are the kinetic energy of the material points and the potential energy of
+        the effects, if there are points.
         """
         r, _, m = self.points(t, y)
         return (self.kinetic(t, y), potential_energy(effects, t, r, m)) if len(m) else ()
@@ -248,7 +248,7 @@ class System(Record):
     def undetermined(self, t: Array, y: Array) -> Array | None:
         """Whether () constraints leave the acceleration undetermined; None without constraints.
 
-        Evaluated at the start and the end of a motion; `loses` watches over the way between.
+        It is evaluated at the start and the end of a motion; `loses` checks the steps between.
         """
         del t, y
         return None
@@ -264,7 +264,7 @@ class System(Record):
     def canonical(self, t: Array, y: Array) -> Array | None:
         """Canonical coordinates [q, p] (k,) of a state, None if there are none.
 
-        Used to test whether a monodromy matrix is symplectic.
+        They are used to test whether a monodromy matrix is symplectic.
         """
         del t, y
         return None
@@ -272,8 +272,8 @@ class System(Record):
     def generators(self, y: Array) -> dict[str, Array]:
         """Generators (k,) of motions of space relative to the system, by name.
 
-        Candidates for symmetries; whether a scene has one depends on its effects, and is tested
-        where they are used.
+        They are candidates for symmetries: whether a scene has one depends on its effects, and is
+        tested where they are used.
         """
         del y
         return {}

@@ -121,8 +121,9 @@ def logarithmic_period(scene: Scene) -> float | None:
 def logarithmic_places(scene: Scene, n: int, rtol: float) -> np.ndarray | None:
     """(n,) even places in logarithmic time over a scene's motion; None where that cannot be used.
 
-    From the times at trial places, by the program of `at_s` that the caller needs anyway:
-    `logarithmic_period` compiles a search for an event, the longest program of a report.
+    They are interpolated from the times at trial places, by the program of `at_s` that the caller
+    needs anyway: `logarithmic_period` compiles a search for an event, which would be the longest
+    program of a report.
     """
     if not attracts(scene):
         return None

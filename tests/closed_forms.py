@@ -1,6 +1,6 @@
 """Motions known in closed form, to 30 digits from the very numbers that a scene was given.
 
-And two that are known from references/long_spans_reference.py.
+Two more are known from references/long_spans_reference.py.
 """
 
 import json
@@ -36,7 +36,7 @@ class Known(NamedTuple):
 
 
 def _rows(fn, y0) -> Callable[[np.ndarray], np.ndarray]:
-    """From fn(t, *y0) with 30 digits to rows of doubles."""
+    """Rows of doubles from fn(t, *y0) with 30 digits."""
     start = [mpf(float(y)) for y in y0]
 
     def exact(ts):
@@ -250,7 +250,7 @@ def known() -> dict[str, Known]:
     return found
 
 
-#: Of periods that spans have more than whole ones: no sample is where velocities are 0.
+#: Part of a period by which spans exceed whole ones, so that no sample has a velocity of 0.
 _MORE = 0.37
 _TURNS = (10, 100, 300, 1000)
 

@@ -49,7 +49,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def _processor_time() -> float:
-    """Of this process and of those that it has waited for [s]."""
+    """The processor time of this process and of those that it has waited for [s]."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 

@@ -68,7 +68,7 @@ def populations_integral(t, y, p):
 
 
 def restricted(t, y, mu):
-    """The circular restricted three-body problem in its turning frame, in the plane or in space.
+    """The circular restricted three-body problem in its rotating frame, in the plane or in space.
 
     Masses 1 - mu at x = -mu and mu at x = 1 - mu.
     """
@@ -105,7 +105,7 @@ ASKEW = np.linalg.qr(np.array([[1.0, 2.0, 3.0], [-1.0, 1.0, 0.5], [0.3, -2.0, 1.
 
 
 def askew(t, y, growth):
-    """A circle in a plane, r' = r (1 - r^2), with z' = growth z across it, in turned axes."""
+    """A circle in a plane, r' = r (1 - r^2), with z' = growth z across it, in rotated axes."""
     x, v, z = jnp.asarray(ASKEW.T) @ y
     s = 1 - x * x - v * v
     return jnp.asarray(ASKEW) @ jnp.stack([x * s - v, v * s + x, growth * z])

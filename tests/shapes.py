@@ -19,7 +19,7 @@ import numpy as np
 from beartype import beartype
 from jaxtyping import AbstractArray, Array
 
-_CALLS = 20  # of a function in a test that are checked
+_CALLS = 20  # number of calls of a function in a test that are checked
 
 _jaxtyped = jaxtyping.jaxtyped
 _left: dict[Callable, int] = {}  # calls in this test that are still to be checked

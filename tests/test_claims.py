@@ -1,4 +1,4 @@
-"""The ledger of claims: what it quotes stands there, what it names exists, nothing is left out."""
+"""The table of claims: its quotations are in the texts, its names exist, nothing is left out."""
 
 import ast
 import functools

@@ -182,7 +182,7 @@ def test_the_restricted_problem_has_the_unit_multipliers_of_jacobis_integral():
     values = np.linalg.eigvals(end[4:].reshape(4, 4))
     values = np.sort_complex(values[np.argsort(np.abs(values - 1))[2:]])
     assert gap(np.sort_complex(linear.nontrivial), values) < 1e-9
-    # On the unit circle, and the symplectic form of turning axes holds them there.
+    # On the unit circle, and the symplectic form of a rotating frame holds them there.
     assert linear.verdict == "stable"
     q0, v0 = np.split(np.asarray(orbit.y0), 2)
     same = jaxdyn.lagrangian(odes.restricted_lagrangian, q0, v0, orbit.period, params=mu)
@@ -194,7 +194,7 @@ def test_the_restricted_problem_has_the_unit_multipliers_of_jacobis_integral():
     assert gap(np.sort_complex(linear.nontrivial), values) < 1e-9
 
 
-#: Of the frequency of van der Pol's cycle, the coefficients of mu^0, mu^2, ...: C. Andersen and
+#: Coefficients of mu^0, mu^2 and so on in the frequency of van der Pol's cycle: C. Andersen and
 #: J. Geer, SIAM J. Appl. Math. 42 (1982) 678.
 SLOW_CYCLE = (1.0, -1 / 16, 17 / 3072, 35 / 884736, -678899 / 5096079360)
 

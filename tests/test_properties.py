@@ -56,7 +56,7 @@ FEW = settings(
 )
 MANY = settings(FEW, max_examples=250)
 STEPS = 3000
-CHAOTIC = 1e4  # neighbours that part so far: what is left to compare is nothing
+CHAOTIC = 1e4  # growth of differences above which nothing is left to compare
 
 
 def scene_of(name, a, b, entries):

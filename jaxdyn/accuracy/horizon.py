@@ -83,7 +83,7 @@ def trusted_time(
     Returns:
       The time, the same for the finest tolerance, the growth rate, and their basis.
     Raises:
-      ValueError: `digits` is not between 1 and `MOST_DIGITS`, or see `simulate`.
+      ValueError: `digits` is not above 0 and at most `MOST_DIGITS`, or see `simulate`.
       IntegrationError: the end was not reached.
     Limits: an estimate. Compared with motions in 60 digits and more, of double and triple
       pendulums and three bodies, it is within a tenth of the true time (`jaxdyn hard`).
@@ -96,7 +96,9 @@ def trusted_time(
       True
     """
     if not 0 < digits <= MOST_DIGITS:
-        raise _checks.fail("digits", f"between 1 and {MOST_DIGITS}", digits, "Doubles have 16.")
+        raise _checks.fail(
+            "digits", f"above 0, at most {MOST_DIGITS}", digits, "Doubles have just under 16."
+        )
     found = estimates.estimate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver)
     t = found.until(digits)
     most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)

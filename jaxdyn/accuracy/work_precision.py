@@ -174,7 +174,7 @@ def work_precision(
       scene: system, effects, start.
       t1: () end of the span [s]; the scene's own by default.
       solvers: the solvers; by default those that suit the scene.
-      tolerances: relative and absolute tolerances, for solvers with a tolerance.
+      tolerances: relative tolerances, for solvers with a tolerance.
       steps: numbers of steps over the span, for solvers of fixed step.
       quantity: the quantity whose errors are shown. They are the largest over its entries, relative
         to the largest entry (for a state, of the same unit) unless its exact value is known.

@@ -56,7 +56,7 @@ NAMES = ("kinetic", "potential", "total")
 def energies(scene: Scene | Field, t, y: Array) -> dict[str, Array]:
     """Energies () [J] by name: "kinetic", "potential" and "total", or only the total one.
 
-    Only the total one where the system defines an energy without saying what is kinetic.
+    It is only the total one where the system defines an energy without saying what is kinetic.
 
     Raises:
       ValueError: the scene has no energy.

@@ -32,7 +32,8 @@ _MERGE_DISTANCE = 1e-6  # part of the box: equilibria nearer than this are merge
 _STEP_ALONG_CURVE = 1e-3
 _NEWTON_STEPS = 30  # steps of Newton's method to an equilibrium
 _POLISHING_STEPS = 2  # further steps: they make derivatives correct up to the third
-#: Largest last of these steps, in parts of the entries' sizes; at a singular Jacobian they halve.
+#: Largest size of the last of these steps, in parts of the entries' sizes. At a singular Jacobian
+#: each step is half as long as the one before.
 _MAX_LAST_STEP = 1e-10
 _SQUARINGS = 4  # of |A|, for its spectral radius
 _SINGULAR = 1e-12  # 1 over the condition number of a Jacobian that has no inverse
@@ -201,9 +202,10 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
 
 
 def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
-    """(k,) sizes of at least what others make of an entry in 1 over the spectral radius of |A|.
+    """(k,) sizes, each at least the change that other entries make in it in the time 1 / r.
 
-    That radius is up to a factor of k^(1/16) the root of the trace of |A|^16.
+    Here r is the spectral radius of |A|: up to a factor of k^(1/16), the 16th root of the trace of
+    |A|^16.
     """
     alike, power, scale = groups(field.system).sizes, jnp.abs(a), 1.0
     for i in range(1, _SQUARINGS + 1):

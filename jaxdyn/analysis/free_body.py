@@ -196,7 +196,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
             "one whose bodies are known",
             type(getattr(system, "mechanism", system)).__name__,
             "Its equations are not forces on bodies at rest or in motion in space (an ode, a "
-            "Lagrangian, a turning frame, a prescribed motion), or its class has no `cut`.",
+            "Lagrangian, a rotating frame, a prescribed motion), or its class has no `cut`.",
         )
     found = _found(Field(system, scene.effects), t, y)
     points = Points(*map(np.asarray, found.points))

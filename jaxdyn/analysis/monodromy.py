@@ -30,7 +30,7 @@ _KEPT = 1e-12  # change of a form along the flow, relative to its terms, that is
 _BALANCED = 3  # rounds after which units are balanced
 _VANISHES = 1e-14  # rows of a form below this part of the largest are rounding
 _REGULAR = 1e-3  # least ratio of smallest to largest singular value of a form that is regular
-#: Weights by which independent forms are summed: each sum may be singular.
+#: Weights by which independent forms are summed; several, since one sum may be singular.
 WEIGHTS = ((1, 1, 1, 1, 1, 1), (1, 2, 3, 5, 7, 11), (3, -1, 2, 7, -5, 1))
 _TANGENT = 1e-6  # smaller singular values of a projection's derivative are directions it removes
 
@@ -142,7 +142,8 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     A flow keeps the form J if (Df)^T J + J Df = 0 everywhere: linear equations for the entries of
     an antisymmetric J, whose solutions are the same at random states as everywhere. So the form is
     found for a rate that is given by itself, in any coordinates that are linear in canonical ones:
-    for the restricted three bodies in turning axes it is not that of positions and velocities.
+    for the restricted three-body problem in a rotating frame it is not that of positions and
+    velocities.
 
     With the sizes `each` (k,) of the entries, it is the form of states in these units. Its scale is
     arbitrary.

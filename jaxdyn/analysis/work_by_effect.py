@@ -1,7 +1,7 @@
-"""Work ledgers: the work of chosen effects, integrated with the state.
+"""The work of chosen effects, integrated with the state.
 
 ``with_work(scene, QuadraticDrag)`` is a scene whose state has one more entry, W with
-dW/dt = sum of f . v, starting from 0. It is a scene like any other; a scene without a ledger
+dW/dt = sum of f . v, starting from 0. It is a scene like any other; a scene without such an entry
 has no overhead. Since W is integrated with the same steps and tolerance as the state, work of all
 non-conservative effects = change of energy is a test of both.
 """
@@ -22,7 +22,7 @@ class Ledger(Extended):
     """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
 
     Attributes:
-      system: the system without the ledger.
+      system: the system without these entries.
       kinds: names of the effect classes whose work is summed, one entry each, with their
         subclasses. They are names, not effects, so that an effect's numbers live only in the scene.
     """
@@ -74,8 +74,8 @@ def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
       A scene with labels "work of QuadraticDrag" [J] and so on after its own.
     Raises:
       ValueError: no kind is given, or the scene has no effect of one of them.
-    Limits: the scene is no longer of second order, so a conservative one is integrated by
-      the Runge-Kutta pair instead of the Nystrom pair.
+    Limits: the scene is no longer of second order, so a conservative one loses the faster methods
+      for forces that do not depend on velocity.
     Example:
       >>> from jaxdyn.analysis import work_by_effect
       >>> from jaxdyn import scenes, simulate

@@ -10,7 +10,7 @@ from jaxdyn.solvers.formulas.graph import STEADY, Graph, Node, NotElementary, Nu
 
 
 def gradients(graph: Graph, results: list[Number], by: list[Node]) -> list[list[Number]]:
-    """The derivatives (m, n) of m results in n inputs; 0.0 where a result does not depend on one.
+    """The derivatives (m, n) of m results by n inputs; 0.0 where a result does not depend on one.
 
     Raises:
       NotElementary: an operation has no derivative here.

@@ -12,7 +12,7 @@ Then for each start in Y the solution exists for complex |s| < R, and what its s
 leaves out at |h| <= q R, q < 1, is at most
 
     E_i q^(n+1) / (1 - q)                  of entry i of the solution, if n >= p,
-    (E_i / eps_j) q^(n+1) / (1 - q)        of its derivative in entry j of the start, for any n.
+    (E_i / eps_j) q^(n+1) / (1 - q)        of its derivative by entry j of the start, for any n.
 
 Proof. (1) f(P) and P' have the same coefficients below order p, as P is the solution up to order
 p; P' has no others, and those of f(P) are at most M_i / R'^n (Cauchy). So |f_i(P) - P'_i| <= d_i
@@ -40,8 +40,8 @@ from jaxdyn.balls.field import BallField
 _BITS = 64
 _ACROSS = 10  # squares across the disc
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
-_DEFECT_BITS = 34  # Q^p is about 2^-34: the polynomial's defect is small ...
-_LEAST_Q = 0.5  # ... unless the order is low
+_DEFECT_BITS = 34  # Q^p is about 2^-34, so that the polynomial's defect is small
+_LEAST_Q = 0.5  # least Q, at low orders
 #: eps over the defect, in parts of the entry's size on the disc: nearby motions must not be far
 #: away, and the defect must not dominate the bounds of derivatives.
 _EPS_BY_DEFECT = 2.0**10
@@ -74,7 +74,7 @@ class Disc:
         return [e * _tail(q, order) for e in self.state]
 
     def left_out_of_slopes(self, q: arb, order: int) -> list[list]:
-        """(k, k) bounds of what the series of the derivative in the start leaves out."""
+        """(k, k) bounds of what the series of the derivative by the start leaves out."""
         tail = _tail(q, order)
         return [[e / eps * tail for eps in self.start] for e in self.state]
 

@@ -1,4 +1,4 @@
-"""A tube about a motion: proved enclosures of its end and of the end's derivative in the start.
+"""A tube about a motion: proved enclosures of its end and of the end's derivative by the start.
 
 For a box X of starts with a centre c, each step takes three enclosures to the next time:
 

@@ -47,7 +47,7 @@ class ChaosMap(Record):
 
     def _to_labelled(self) -> Labelled:
         axes = "first", "second"
-        units = {"mean": "1", "exponent": "", "time": "", "status": ""}  # of the scene's time
+        units = {"mean": "1", "exponent": "", "time": "", "status": ""}  # unit of the scene's time
         return Labelled(
             {axis: Values((axis,), getattr(self, axis)) for axis in axes},
             {name: Values(axes, getattr(self, name), unit) for name, unit in units.items()},

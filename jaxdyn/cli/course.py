@@ -14,7 +14,7 @@ from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import JsonOption, PlayOption, PlotOption, open_page, output_option
 from jaxdyn.files.output_files import page_path
 
-_WIDTH = 100  # of a line, as in the statement
+_WIDTH = 100  # characters of a line, as in the statement
 _FAILED = 1  # exit code: a check does not hold
 
 

@@ -76,7 +76,7 @@ from orbits.shooting.finding import GOAL, RTOL
 PROBLEM = 38
 TOPIC = "rolling and skating"
 
-_ROUNDS = 15  # of a fixed-point iteration
+_ROUNDS = 15  # steps of a fixed-point iteration
 _ROUNDED = (
     "Rounding hides the hop: the inertia is below some 1e-10 of m d^2, or there are hundreds of "
     "turns in the air. Take a larger inertia, or fewer turns."

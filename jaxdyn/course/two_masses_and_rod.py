@@ -114,10 +114,10 @@ class Row(NamedTuple):
     Attributes:
       name: rod or spring.
       rtol: the loosest tolerance that reaches the accuracy; NaN if there is none.
-      error: of the centre of mass at the end [m].
+      error: error of the centre of mass at the end [m].
       stretch: largest change of the distance between the masses at that tolerance [m].
       seconds: median time of a run.
-      evaluations: of the right-hand side.
+      evaluations: number of evaluations of the right-hand side.
     """
 
     name: str

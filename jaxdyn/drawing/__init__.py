@@ -7,10 +7,9 @@ starts.
 Pictures: `space` and `projections` (paths), `series` (over time), `accuracy`, `charts` (stability,
 chaos), `bifurcations`, `fits`, `responses` (Bode plots), `animation`, `free_body` (forces on each
 body). Their parts: `contents` (what a picture of a motion shows), `figures` (the look of all
-pictures),
-`panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`, `titles`. Only
-the command lines and `orbits.drawing` import this folder, since Matplotlib is slow to load;
-``import jaxdyn`` does not load it.
+pictures), `panels` (axes for motions), `solid` (axes in space), `curves`, `strokes`, `artists`,
+`titles`. Only the command lines and `orbits.drawing` import this folder, since Matplotlib is slow
+to load; ``import jaxdyn`` does not load it.
 
 May import: `files`, `scenes`, `chaos`, `continuation`, `fitting`.
 

@@ -80,8 +80,8 @@ def _tables(points: tuple[int, ...], n: int) -> list[np.ndarray]:
     """The rows to sum at each point, one after another; first those of parts, if they are many.
 
     Returns:
-      (w, m) tables with the numbers of rows of the sums before, w of them for each of m sums; the
-      number after the last stands for none.
+      Tables (w, m), each with the indices of the w rows that make up each of m sums. The rows are
+      the sums of the table before; the index after the last row stands for no row.
     """
     found = []
     ends = np.asarray(points)

@@ -99,7 +99,7 @@ class Dashpot(Effect):
 
 
 class HingeDamper(Effect):
-    """A damper in a hinge: the torque -c d(angle)/dt, or on two bars that it joins.
+    """A damper in a hinge: the torque -c d(angle)/dt on a bar, or on both bars that it joins.
 
     It has the coefficient c [N m s]. The angle is coordinate i of the system; if j is given, it is
     the angle between the bars whose angles are i and j, with the opposite torque on j. It is for

@@ -1,7 +1,7 @@
 """External forces as given functions of time: constant, a step, a sine.
 
-They act equally on the chosen points. A force that jumps costs the integrator a few rejected steps
-at the jump, and none if the motion starts at the jump.
+They act equally on the chosen points. A step of the integrator ends where a force jumps, and none
+has to be rejected there.
 """
 
 from typing import ClassVar

@@ -130,7 +130,7 @@ def stream(
     """The ends of batches of starts, in order, as they finish; see `run`.
 
     Args:
-      scene: as for `run`, like all arguments that are not described here.
+      scene: the scene, with the numbers of all motions.
       batches: batches of starts (m, k), consumed lazily; a few are in flight, each on one core.
       t1: () end time [s].
       t0: () start time [s].

@@ -42,8 +42,8 @@ class ClosestReturn(NamedTuple):
     """The closest return so far, one for each window of time.
 
     Attributes:
-      distance: () or (w,) infinite if there was none.
-      after: () or (w,) time after the start; NaN if there was none.
+      distance: () or (w,) its distance from the start; infinite if there was none.
+      after: () or (w,) its time after the start; NaN if there was none.
     """
 
     distance: Array

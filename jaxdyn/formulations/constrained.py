@@ -77,7 +77,7 @@ class Constrained(MechanismSystem):
         return times(*self._reach(t, jnp.split(y, 2)[0]))
 
     def undetermined(self, t, y):
-        """Whether () the constraints at a state contradict, or do not determine the motion."""
+        """Whether () constraints contradict each other at a state, or leave the motion open."""
         return _undetermined(self, t, y)
 
     def _is_undetermined(self, t: Array, y: Array) -> Array:

@@ -1,7 +1,8 @@
-"""Conditions G a = gamma that depend on each other: which of them do, and where more come to do so.
+"""Which of the conditions G a = gamma depend on others, and where further ones come to do so.
 
 Rows of G are compared in the metric of the kinetic energy, by elimination of G M^-1 G^T; a row is
-dependent if too little of it is left by those before it. `constrained` says what follows from that.
+dependent if too little of it remains once those before it have been eliminated. `constrained` says
+what follows from that.
 """
 
 import jax.numpy as jnp

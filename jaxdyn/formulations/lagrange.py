@@ -10,7 +10,7 @@ generalised force of the effects.
 
 The energy of a bare L is the energy function h = v . dL/dv - L, which is conserved where L does not
 depend on time. It is T + V where T is of second degree in the velocities; in coordinates that move
-by themselves (a turning frame) it is Jacobi's integral.
+by themselves (a rotating frame) it is Jacobi's integral.
 """
 
 from collections.abc import Callable, Sequence

@@ -22,8 +22,8 @@ from jaxdyn.scene import Points, System
 from jaxdyn.system import check_force, total_force
 
 _AXES = "xyz"
-#: 1 / sqrt(m) of a test particle [kg^-1/2], as a part of the largest float: any force on it exceeds
-#: all numbers, and no force stays 0.
+#: 1 / sqrt(m) of a test particle [kg^-1/2], as a part of the largest float: the acceleration by any
+#: force overflows, and that by a force of 0 is 0.
 _NO_MASS = 1e-8
 
 

@@ -139,7 +139,7 @@ def ode(
         the state, for a rotation by an angle in radians. `orbits.relative` closes an orbit up to
         one that is linear in the state. They are candidates, as integrals are.
       second_order: True where y = [q, v] with dq/dt = v and dv/dt does not depend on v, which is
-        checked: then a Nystrom pair is the default, about twice as fast.
+        checked: then the default is a method for such equations, mostly about twice as fast.
     Returns:
       A scene without material points, for everything that takes one.
     Raises:

@@ -24,7 +24,7 @@ class Structure:
 
     Attributes:
       tree: how the leaves are arranged.
-      shapes: of the leaves.
+      shapes: shapes of the leaves.
     """
 
     tree: Any

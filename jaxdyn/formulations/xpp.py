@@ -12,9 +12,9 @@ A text declares parameters, starts and rates; nothing in it is run, so it may co
     done
 
 The reader understands ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed
-quantities, functions, ``if()then()else()``, and ``aux``, which is left out, as is how XPPAUT draws
-and integrates. It refuses whatever is not an ordinary differential equation: maps, delays, noise,
-tables, resets, arrays.
+quantities, functions and ``if()then()else()``. It skips ``aux``, and the options for drawing and
+integration other than ``total``. It refuses whatever is not an ordinary differential equation:
+maps, delays, noise, tables, resets, arrays.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -41,7 +41,7 @@ from jaxdyn.scene import Scene, System
 _LONGEST = 200_000
 _DEFAULT_SPAN = 20.0  # the default of XPPAUT
 _SPAN = "total"
-_PREFIX = "_"  # before each name, so that none is a word of Python
+_PREFIX = "_"  # before each name, so that none is a keyword of Python
 
 _OPERATORS: dict[type, Callable] = {
     **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},

@@ -19,8 +19,8 @@ def keep(folder: Path, name: str, source: Path, make: Callable[[], dict[str, Any
     """The record of a page, made if it is missing, older than its sources or without its pictures.
 
     Args:
-      folder: of the site.
-      name: of the page.
+      folder: the folder of the site.
+      name: the name of the page.
       source: its own file; all files of the library that can change the record count as well.
       make: runs the page and returns its record.
     """

@@ -27,7 +27,7 @@ from jaxdyn.gallery.sources import Sources
 _FORMULAS = "formulas"  # the name of the record with the equations of ready-made scenes
 _CONF = Path(__file__).parent / "docs"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
-_MOST_WORKERS = 61  # of a pool of processes on Windows
+_MOST_WORKERS = 61  # limit of a pool of processes on Windows
 
 
 class Built(NamedTuple):

@@ -109,7 +109,7 @@ class _Backwards(eqx.Module):
         """Adjoints share sizes as the entries of the state do, since they have inverse units.
 
         All parts of the gradient share one size, since they are with respect to relative changes of
-        the numbers: a part that is zero up to rounding, as that by a mass that cancels, is
+        the numbers: a part that is zero up to rounding, such as that of a mass that cancels, is
         measured by the others.
         """
         of = self.field.groups.of

@@ -159,8 +159,8 @@ def _differences(system, ys, others):
 #
 # Two solutions may share the same rounding error, so that their difference hides it. Relative
 # perturbations in the ninth digit change the states; that change, scaled to half of the last digit,
-# is the effect of rounding, however it accumulates: on an orbit like the power 3/2 of the time,
-# near an unstable motion exponentially.
+# is the effect of rounding, however it accumulates: as the power 3/2 of the time on an orbit,
+# exponentially near an unstable motion.
 
 #: (scene, (2,) tolerance, noise of each step) -> a result whose `ys` are (s, k) states, NaN where
 #: not reached.
@@ -221,10 +221,10 @@ RATIO = 1e-3
 MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
 _BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but give different steps
-_COARSENING = 10.0  # factor, where a tolerance is below what the scene allows
+_COARSENING = 10.0  # factor of a tolerance that is smaller than the scene allows
 _MAX_RTOL = 1e-2
 _MIN_ORDER = 0.5  # below it the steps are too large, or rounding dominates
-_MAX_TRIES = 5  # most tolerances that are tried, to reach the requested digits
+_MAX_TRIES = 5  # largest number of tolerances tried to reach the requested digits
 _AIM_RATIO = 0.3  # part of the requested error to aim at after a tolerance has missed it
 _NORMAL_MEDIAN = 0.6745  # median magnitude of a normal variable, in standard deviations
 _STEPS_RATIO = 1.3  # least ratio of the steps of a finer solution to those of the first
@@ -310,14 +310,14 @@ def reach(
       solver: name of the method.
       refuse: raise where fewer digits, but some, are possible.
     Raises:
-      ValueError: `digits` is not between 1 and `MOST_DIGITS`, or, with `refuse`, more than the
-        motion allows.
+      ValueError: `digits` is not above 0 and at most `MOST_DIGITS`, or, with `refuse`, more than
+        the motion allows.
     """
     if _checks.is_traced((scene, ts, digits)):
         raise _checks.fail("digits", "numbers", "a traced value", "Pass rtol inside jit and grad.")
     if not 0 < digits <= MOST_DIGITS:
         raise _checks.fail(
-            "digits", f"between 1 and {MOST_DIGITS}", digits, "Doubles have not quite 16."
+            "digits", f"above 0, at most {MOST_DIGITS}", digits, "Doubles have just under 16."
         )
     wanted = 10.0**-digits
     names = ("tolerance ladder", solver, solver)

@@ -204,7 +204,7 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 def _march(field, y0, *rest, method: Method) -> SolveResult:
     *_, limits = rest
     plan = plan_of(field, len(y0))
-    # A caller who asks for steps of equal length wants them where they are.
+    # A caller who asks for steps of equal length does not want conditions to cut them.
     if (plan.size or len(limits.breaks)) and method.adaptive:
         return run_pieces(field, (), y0, *rest, method=method)[0]
     return march(field, y0, *rest, method=method)[0]
@@ -243,8 +243,8 @@ def _flow_jvp(primals, tangents, *, method):
 # on, as where exp(x) overflows in a rate that stays finite, the pair tries before a failure is
 # reported.
 
-#: Net number of steps limited by stability after which a motion starts again. Fewer take less time
-#: than compiling an implicit method, one or two seconds.
+#: Net number of steps limited by stability after which a motion starts again: fewer steps take less
+#: time than it takes to compile an implicit method, one or two seconds.
 MOST_LIMITED = 1000
 
 

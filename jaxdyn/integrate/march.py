@@ -43,7 +43,7 @@ from jaxdyn.status import Status
 # A method judges a step by what it sees of the rate at a handful of times, and misses a pulse
 # between them. So before a step is taken, bounds of each part of the rate that depends on time
 # alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
-# seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and #
+# seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and
 # a step in which something may be hidden is rejected.
 
 #: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
@@ -91,9 +91,10 @@ class Lookahead(eqx.Module):
 def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
     """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
 
-    An entry without a size, or with a negligible one, is given a part of what the largest rates of
-    the span make of it in the time of the motion; then others get a part of what these entries make
-    of them. Measured by itself, the beginning of a pulse would be resolved down to its rounding.
+    An entry without a size, or with a negligible one, is given a part of the change that the
+    largest rate of the span makes in the time of the motion; entries that it moves in turn are then
+    given sizes in the same way. Measured by itself, the beginning of a pulse would be resolved down
+    to its rounding.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     found = look.plan.bounds_of_rate(look.system, low, high, y)
@@ -179,7 +180,7 @@ class Samples(eqx.Module):
         return cls(jnp.sum(ts <= t0), jnp.where(rows, y0[None], jnp.nan), t0)
 
     def take(self, ts: Array, t: Array, y: Array) -> "Samples":
-        """The samples with the state at t; earlier times still missing were not in order: lost."""
+        """The samples with the state at t. Earlier times not yet reached were out of order: NaN."""
 
         def reached(samples: Samples) -> Array:
             return (samples.next < len(ts)) & (samples._time(ts) <= t)
@@ -381,8 +382,8 @@ def clip(t: Array, end: Array) -> Array:
 
 _SHRINK, _GROW = 0.2, 8.0  # limits of one change of step
 #: A method that can predict how long a step may be is offered this factor times that length as its
-#: next step; a step that was nevertheless too long is repeated with the second factor. A power of
-#: the error would take a tenth of the time of a step.
+#: next step; a step that was nevertheless too long is repeated with the second factor. (To compute
+#: a power of the error instead would take a tenth of the time of a step.)
 _PROPOSED, _TOO_LONG = 1.3, 0.5
 _MIN_STEP_ULPS = 8.0  # a step shorter than this many spacings of t is meaningless
 _MIN_FIXED_STEP_ULPS = 1000.0  # likewise for fixed steps
@@ -456,7 +457,7 @@ class StepControl(Observing, diffrax.AbstractStepSizeController):
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
         del terms, dt0, args, func, error_order
-        # If shorter than the spacing of times, it would not be a step, nor would any after it.
+        # A step shorter than the spacing of times would be none, and nor would any after it.
         tnext = t0 + jnp.maximum(self.first, _MIN_STEP_ULPS * _spacing(t0))
         # A NaN rate gives a NaN step; the run must still end.
         tnext = jnp.where(jnp.isfinite(tnext), tnext, t1)
@@ -636,11 +637,11 @@ def march(
       y0: (k, ...) start.
       t0: () start time.
       t1: () end time, before or after t0.
-      ts: (s,) requested times, those before t0 among them, which are not reached.
+      ts: (s,) requested times; those before t0, if any, are not reached.
       limits: see `flow`.
       method: the method.
       watch: an observer of the steps, which may stop the run.
-      before: what the motion that this is a piece of has shown before.
+      before: what earlier pieces of the motion have shown, if this is a piece of one.
     """
     direction = jnp.where(t1 > t0, 1.0, -1.0)  # as in diffrax, also for t1 = t0
     rate = _by_formulas if method.evaluates else _rate

@@ -76,8 +76,8 @@ class Exit(Record):
       change: (t, y) -> the state in the next phase; a named function or a module.
       choose: (t, y) -> index of the next phase in `to`, from the state after the change. By
         default the first of them that the state fits; `END` fits every state.
-      lasts: (t, y) -> () duration of the change [s], where the phase's own motion ends in closed
-        form; 0 by default.
+      lasts: (t, y) -> () duration of the change [s], for a last part of the motion that is known in
+        closed form; 0 by default.
       one_sided: whether an event with a direction is a bound of the phase. With False the phase
         may begin beyond it, and ends at the next crossing: the kick of a clock, say.
     """

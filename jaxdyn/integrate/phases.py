@@ -125,7 +125,7 @@ class _Leg(NamedTuple):
     piece: Trajectory | None  # None where it leaves at once
     t: Array
     y: Array
-    exits: tuple[int, ...]  # numbers of those it leaves by
+    exits: tuple[int, ...]  # numbers of the exits by which it leaves
     status: Status
 
 

@@ -26,7 +26,7 @@ from jaxdyn.status import Status
 _ROUNDINGS = 64
 #: Number of pieces in a row, each shorter than this part of the span, that count as chattering.
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
-#: Depth of conditions within conditions whose outcomes are found anew after a switch.
+#: Largest depth of conditions within conditions whose outcomes are found anew after a switch.
 _DEEPEST = 3
 
 

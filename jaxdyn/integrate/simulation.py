@@ -174,7 +174,7 @@ def solve(
     adjoint: bool = False,
     noise: Noise | None = None,
 ) -> SolveResult:
-    """The same as `simulate`, without samples, checks and exceptions: for use in other programs.
+    """The motion as `simulate` finds it, without its checks and exceptions: for other programs.
 
     Compiled for each kind of scene and method, also where grad or vmap call it.
 
@@ -232,7 +232,7 @@ def _solve(
 ) -> tuple[SolveResult, bool]:
     """The result of `solve` by a method, and whether `RADAU9` took over.
 
-    It may where the method is the default, and nothing is traced.
+    It may do so where the method is the default and nothing is traced.
     """
     y0, n = as_float(scene.y0), len(span[-1])
     field = FixedField(scene.field) if fixed else scene.field

@@ -29,13 +29,13 @@ MAX_STEPS = 1_000_000
 _RTOL_FLOOR, _RTOL_CEILING = 1e-16, 1e-2
 _ANY = np.iinfo(np.int32).max  # number of steps that is never reached
 _MAX_BYTES = 2**32  # most memory for all samples of a run
-#: Number of entries of all samples up to which few programs matter more than memory: 1 MiB.
+#: Number of entries of all samples (1 MiB) up to which few programs matter more than memory.
 _FEW_ENTRIES = 1 << 17
-#: The part of the sizes of a motion in which rtol is an absolute tolerance by default. Entries near
-#: zero of a large motion lose fewer digits than with all of the sizes, and no motion of size 1
-#: takes more than a tenth more steps.
+#: By default the absolute tolerance is rtol times this part of the sizes of a motion. Entries near
+#: zero lose fewer digits than they would with the whole sizes, and no motion of size 1 takes more
+#: than a tenth more steps.
 _SHARE = 0.25
-#: Number of samples up to which the times of a span are kept, and of the last spans that are.
+#: Most samples of a span whose times are kept for later calls, and the number of spans kept.
 _KEPT_SAMPLES, _KEPT_SPANS = 10_000, 32
 _COPIES_IN_MEMORY = 4  # copies of the samples in a run: nodes, states, temporaries (measured)
 T = TypeVar("T")

@@ -265,7 +265,7 @@ _BESIDE = 1e-6
 
 
 def explanation(status: Status, scene: Scene) -> str:
-    """What a status means; where a singularity may be near, also those of the scene."""
+    """What a status means, and the singularities of the scene where one of them may be near."""
     if status == Status.NOT_FINITE and _is_removable(scene):
         return (
             f"{status.message} The rate is 0/0 at the start and finite beside it. Write the "

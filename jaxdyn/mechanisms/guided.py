@@ -18,12 +18,12 @@ _DRIVEN = ("driven 1", "driven 2", "fixed 1", "fixed 2")
 _PLATE = ((0, 1), (2, 3))
 
 
-#: Of a drawn wire.
+#: Number of points of a drawn wire.
 _CORNERS = 61
 
 
 def _parabola(c: Array, x: Array) -> Shape:
-    """The wire y = c x^2, to where its slope is 2 and beyond the bead."""
+    """The wire y = c x^2, to beyond the bead and beyond a slope of 2."""
     size = jnp.abs(c)
     far = 1.1 * jnp.maximum(jnp.abs(x), 1 / jnp.where(size > 0, size, 1.0))
     corners = far * np.linspace(-1.0, 1.0, _CORNERS)

@@ -54,7 +54,7 @@ def enclose_program(
 
 
 def _operations_needed(jaxpr) -> list:
-    """The operations that the results depend on: others may have no bounds."""
+    """The operations that the results depend on; the others may have no bounds."""
     wanted, found = {id(v) for v in jaxpr.outvars}, []
     for eqn in reversed(jaxpr.eqns):
         if any(id(v) in wanted for v in eqn.outvars):
@@ -102,7 +102,9 @@ def as_bounds(x: _Value) -> Bounds:
     return x if isinstance(x, Bounds) else Bounds(jnp.asarray(x), jnp.asarray(x))
 
 
-#: Operations that only move entries, or increase in each: how many first arguments may be bounds.
+#: Operations that only move entries, or increase with each of them, so that the ends of the result
+#: follow from the ends of the arguments. The value is how many of the first arguments may be
+#: bounds; None for all.
 _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev")),
     **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "copy")),
@@ -184,7 +186,7 @@ def _abs(params, a) -> Bounds:
 
 
 def _wave(shift: float, fn: Callable, params, a) -> Bounds:
-    """``cos`` (shift 0) or ``sin`` (shift 1/2), 1 at even multiples of pi after the shift."""
+    """``cos`` (shift 0) or ``sin`` (shift 1/2): 1 at (shift + 2 n) pi, -1 half a turn later."""
     a = as_bounds(a)
     ends = fn(a.low), fn(a.high)
     first, last = a.low / np.pi - shift, a.high / np.pi - shift
@@ -209,10 +211,10 @@ def _tan(params, a) -> Bounds:
 
 def _select(params, which, *cases) -> Bounds:
     if not isinstance(which, Bounds):
-        # Truth values have bounds 0 and 1, of floats, beside known ones that are booleans.
+        # Bounds of a truth value are the floats 0 and 1, but a known one is a boolean.
         ends = ([jnp.asarray(as_bounds(x)[i], float) for x in cases] for i in (0, 1))
         return Bounds(*(lax.select_n(which, *each) for each in ends))
-    no, yes = map(as_bounds, cases)  # a condition has two
+    no, yes = map(as_bounds, cases)  # a condition has two cases
 
     def chosen(no: Array, yes: Array, either: Array) -> Array:
         return jnp.where(which.high == 0, no, jnp.where(which.low == 1, yes, either))
@@ -224,7 +226,7 @@ def _select(params, which, *cases) -> Bounds:
 
 
 def _compare(name: str, params, a, b) -> Bounds:
-    """A condition that is left as it is: 0, 1, or both."""
+    """Bounds of a truth value: 1 and 1 where it surely holds, 0 and 0 where it does not."""
     a, b = as_bounds(a), as_bounds(b)
     if name in ("gt", "ge"):
         a, b = b, a
@@ -248,7 +250,7 @@ def _logic(name: str, params, *args) -> Bounds:
 
 
 def _product(params, a, b) -> Bounds:
-    """A product of arrays, by the signs of the one that does not move; unbounded if both move."""
+    """Bounds of a product of arrays, by the signs of the known one; none if neither is known."""
     if isinstance(a, Bounds) and isinstance(b, Bounds):
         shape = jax.eval_shape(functools.partial(lax.dot_general, **params), a.low, b.low).shape
         return _unbounded(shape)

@@ -96,7 +96,7 @@ def _loop(known: Loop, args: list[_InTime]) -> list[_InTime]:
 
 
 def common_period(periods: list[float]) -> float:
-    """The smallest number that all periods divide; infinite if there is none. 0 counts as none."""
+    """The least common multiple of the periods that are not 0; infinite if there is none."""
     found = 0.0
     for period in periods:
         if not period:

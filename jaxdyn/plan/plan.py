@@ -254,7 +254,7 @@ def _conditions(walk: "Walk") -> Conditions:
 def plan_of(field: PyTree, k: int, *, waves: bool = False) -> Plan:
     """The plan of a field, a pytree of its numbers with ``rate(t, y)`` of a state (k,).
 
-    That of what is around a field, such as its variational equations, is the plan of the field.
+    A wrapper of a field, such as its variational equations, has the plan of the field itself.
 
     With `waves`, sines of time count among what a step may pass over: those of a rate show in the
     error that a method estimates, but nothing measures those of an event.
@@ -270,7 +270,7 @@ def _kind(x: Any) -> tuple:
 
 @functools.lru_cache(maxsize=_KINDS)
 def _plan(tree, kinds: tuple, k: int, waves: bool, in_64_bits: bool) -> Plan:
-    del in_64_bits  # by which a kept plan is found again
+    del in_64_bits  # part of the cache's key only
     leaves = [jax.ShapeDtypeStruct(shape, kind, weak_type=weak) for shape, kind, weak in kinds]
     t, y = (jax.ShapeDtypeStruct(shape, jnp.result_type(float)) for shape in ((), (k,)))
 
@@ -326,7 +326,7 @@ class Wrapper(Protocol):
 
 
 def in_branch(field: Any, branch: Any) -> Any:
-    """A field, or what is around one, in a branch."""
+    """A field in a branch, inside the same wrappers."""
     if isinstance(field, Wrapper):
         return field.around(in_branch, branch)
     return InBranch(field, branch)
@@ -340,7 +340,7 @@ def without_wrappers(field: Any) -> Any:
 
 
 def jump(field: Any, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
-    """A state with tangents after a switch, by whatever is around a field.
+    """A state with tangents after a switch, as the outermost wrapper of a field changes it.
 
     Args:
       field: see `flow`.
@@ -391,7 +391,7 @@ class InBranch(NamedTuple):
         return both[0] + part * (both[1] - both[0])
 
     def _sides(self, t: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """The rates before and behind the surface, and how fast each leads to the side before."""
+        """The rates before and behind the surface, and how fast each leads back before it."""
         branch = self.branch
         before, behind = (self.side(t, y, x)[0] for x in (branch.before, branch.outcomes))
 
@@ -418,7 +418,7 @@ class InBranch(NamedTuple):
         return rate, conditions
 
     def margins(self, t: Array, y: Array) -> Array:
-        """(e + 2,) numbers whose fall through 0 ends the branch.
+        """(e + 2,) numbers: the branch ends where one of them falls through 0.
 
         They are the margins of the conditions on the state and, for a sliding motion, how strongly
         the side before the surface and the side behind it push towards it.
@@ -465,10 +465,9 @@ class InBranch(NamedTuple):
 #
 # A rate with conditions (``where``, ``sign``, ``abs``, ``max``, ``floor``, ``mod``, tables, ...) is
 # smooth between the times at which one of them changes. `Walk` repeats the program of a rate with
-# the outcome of each condition as an argument, the branch, so that a step across such a time is #
-# not affected by the other side. Beside the rate it returns how far each condition is from
-# changing, its
-# margin, and the outcomes that hold at the point.
+# the outcomes of all conditions as an argument, the branch, so that a step across such a time is
+# not affected by the other side. Besides the rate it returns how far each condition is from
+# changing, its margin, and the outcomes that hold at the point.
 #
 # What a condition is, and its margin:
 #
@@ -482,7 +481,7 @@ class InBranch(NamedTuple):
 #   order of a few numbers is made of comparisons.
 #
 # Equality does not count as a condition: programs test it to guard a removable singularity, and it
-# holds at single points only. But derivatives of ``max`` and ``min`` use it to find the operand #
+# holds at single points only. But derivatives of ``max`` and ``min`` use it to find the operand
 # that was taken, also on the surface, where steps end and both are equal: there the branch decides.
 # Conditions on numbers of the scene alone are evaluated as they are. Those within loops of
 # unknown length, and choices such as the pivots of a linear system, cannot be read; `Walk.unread`
@@ -498,9 +497,9 @@ _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
 _TABLE = "searchsorted"
 #: Functions of JAX whose conditions only choose the formula with the least rounding.
 _SMOOTH_OF_JAX = frozenset({"hypot", "sinc", "softplus", "log_softmax"})
-#: Rounds of a loop with conditions up to which it is written out.
+#: Largest number of rounds for which a loop with conditions is unrolled.
 _LONGEST_LOOP = 100
-#: Largest count of numbers whose order is read.
+#: Largest number of entries in a sort that is read.
 _LONGEST_ROW = 20
 #: Operations on floats whose conditions are not read.
 _UNREAD = frozenset({"sort", "cummax", "cummin", "top_k", "reduce_window_max", "reduce_window_min"})
@@ -513,7 +512,8 @@ class Value(NamedTuple):
 
     Attributes:
       array: the value; None where it is not computed.
-      on: what it depends on, a sum of `BY_TIME`, ...
+      on: what it depends on: `BY_TIME`, `BY_STATE`, `JUMPS_IN_TIME` and `JUMPS_WITH_STATE`, joined
+        by ``|``; 0 for a value that depends on none of these.
       degree: its degree as a polynomial in time, where it depends on time alone; infinite if it is
         not a polynomial.
     """
@@ -528,7 +528,7 @@ class Condition(NamedTuple):
 
     Attributes:
       kind: "compare", "whole", "table" or "extreme".
-      on: what it depends on.
+      on: what it depends on, see `Value`.
       size: number of its entries.
     """
 
@@ -548,7 +548,7 @@ class Walk:
     Args:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
-      every_call: look into all that is called, where the call's rules for derivatives are lost.
+      every_call: enter every function that is called, though its own rule for derivatives is lost.
       waves: note sines of time as well among the parts that a step may pass over.
 
     Attributes:
@@ -618,7 +618,7 @@ class Walk:
                 return found if isinstance(found, list) else [found]
             if name in CALLS:
                 if params.get("name") == _TABLE and not args[0].on & _MOVES:
-                    # Its derivative has the tangents of both after them, and the same result.
+                    # In its derivative the tangents of both follow; the result is the same.
                     return [self._table(*args[:2])]
                 inner = inner_program(eqn)
                 # Calls are entered also to follow nothing but the degrees of polynomials in time.

@@ -25,7 +25,7 @@ _SMALL_HERE, _SMALL_EVER = 1e-3, 1e-12
 #: Width of argument over which a function such as exp or tanh hides nothing from a step, and the
 #: width over which a step sees too little of it.
 _FEW_UNITS, _MANY_UNITS = 8.0, 60.0
-#: Likewise for a function of time and state, whose size is 1.
+#: Range of a function of time and state, whose size is 1, that is small enough not to matter.
 _SMALL_MIXED = 1e-9
 #: Largest number of halvings of a step: a pulse of 1e-9 of it is looked for.
 _MOST_HALVINGS = 30
@@ -138,7 +138,7 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
 def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array) -> Array:
     """() the first time after t0, up to t1, at which a condition on time alone changes; else t1.
 
-    It is the first floating-point number for which the outcome is another.
+    It is the first floating-point number for which the outcome is different.
     """
     way = jnp.where(t1 >= t0, 1.0, -1.0)
     given = branch[np.flatnonzero(plan.of_time)]

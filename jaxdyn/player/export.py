@@ -27,7 +27,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory, single
 
 VERSION = 2
-_MOST_BYTES = 400_000  # of all positions of an export
+_MOST_BYTES = 400_000  # limit for all positions of an export
 _FRAMES = 60, 900  # smallest and largest number for a motion
 _ENERGIES = 500  # samples of the energy
 _SHARES = 65535  # the largest integer with 16 bits

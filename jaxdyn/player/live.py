@@ -11,7 +11,7 @@ from jaxdyn.player.model import model
 from jaxdyn.player.pages import Playing, look, page, script
 from jaxdyn.scene import Scene
 
-_MOST_BYTES = 200_000  # of a page
+_MOST_BYTES = 200_000  # limit for a page
 _MOST_MOTIONS = 20
 #: The scripts that a page needs besides `canvas`, in order.
 SCRIPTS = ("dop853", "motion", "live")

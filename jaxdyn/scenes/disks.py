@@ -1,9 +1,9 @@
 """A disk that rolls or slides on a plane: course problem 60.
 
 The lean theta is the angle between the disk's axis e_3' and the vertical, pi/2 for an upright disk;
-the course calls it theta in the picture and phi in the question. The precession
-omega_p is about the vertical, the spin omega_s (the course's "pitch rate") about e_3', so
-omega = omega_p k + (d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k x e_3'.
+the course calls it theta in the picture and phi in the question. The precession omega_p is about
+the vertical, the spin omega_s (the course's "pitch rate") about e_3', so omega = omega_p k +
+(d theta/dt) e_x' + omega_s e_3' with e_x' the horizontal k x e_3'.
 Its steady motions are given by `precession.rolling_disk_circle` and the functions beside it.
 """
 

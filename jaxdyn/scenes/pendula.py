@@ -57,7 +57,7 @@ def pendulum(
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
     damper = unless_zero(damping, HingeDamper(damping))
     if damper and formulation == "constrained":
-        remedy = "A hinge damps the angle, which that formulation has not."
+        remedy = "A hinge damps the angle, which that formulation does not have."
         raise _checks.fail("damping", "0 for formulation='constrained'", damping, remedy)
     return Scene(system, (UniformGravity(g), *damper), y0=y0, t1=t1)
 

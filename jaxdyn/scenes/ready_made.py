@@ -52,7 +52,7 @@ def with_present_names(
 ) -> dict[str, Any]:
     """Parameters of a scene by their present names; an old one warns.
 
-    Beside the new one it is left as it is, for what refuses unknown names.
+    Where both names are given, the old one stays, to be refused as an unknown parameter.
     """
     new = {old: now for old, now in renamed.items() if old in given and now not in given}
     for old, now in new.items():

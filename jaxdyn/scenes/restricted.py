@@ -1,4 +1,4 @@
-"""Bodies of no mass in turning axes: the restricted three-body problem in space, Hill's problem.
+"""Massless bodies in rotating frames: the restricted three-body problem in space, Hill's problem.
 
 The restricted three-body problem in the plane is in `sections`. `SYSTEMS` has the numbers of pairs
 of bodies to which spacecraft fly, in kilometres and seconds.
@@ -20,7 +20,7 @@ from jaxdyn.system import Points
 
 
 class RestrictedThreeBodyInSpace(System):
-    """A third body of no mass near two on circles, in axes that turn with them; z is their axis.
+    """A massless body near two on circles, in the frame that rotates with them about z.
 
     The masses are 1 - mu at (-mu, 0, 0) and mu at (1 - mu, 0, 0); units are such that the distance
     of the two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C
@@ -125,7 +125,7 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
 def restricted_three_body_in_space(
     *, mu=0.01215, x=0.8234, y=0.0, z=0.0224, vx=0.0, vy=0.1343, vz=0.0, t1=2.75, system=""
 ) -> Scene:
-    """A body of no mass near two that circle each other, in and out of their plane.
+    """A massless body near two that circle each other, in and out of their plane.
 
     The axes turn with the two bodies, and z is the axis of their circles. The equilibria are the
     `libration_points`, at z = 0; halo orbits lie about them.
@@ -135,8 +135,8 @@ def restricted_three_body_in_space(
       x: initial x [1], the masses being at -mu and 1 - mu.
       y: initial y [1].
       z: initial z [1].
-      vx: initial vx, in the turning axes [1].
-      vy: initial vy, in the turning axes [1].
+      vx: initial vx, in the rotating frame [1].
+      vy: initial vy, in the rotating frame [1].
       vz: initial vz [1].
       t1: span [1]; the two masses turn once in 2 pi.
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
@@ -215,7 +215,7 @@ _NAMES = ("L1", "L2", "L3", "L4", "L5")
 
 
 class Hill(System):
-    """A body of no mass near a planet that circles the Sun, in axes that turn with the planet.
+    """A massless body near a planet that circles the Sun, in the frame that rotates with it.
 
     This is the limit of the restricted three-body problem for a small mu, with lengths in units of
     mu^(1/3): the planet is at the origin, the Sun far away on the negative x axis. The energy is
@@ -249,7 +249,7 @@ class Hill(System):
 
 @ready_made()
 def hill(*, x=0.3, y=0.0, vx=0.0, vy=1.5, t1=10.0) -> Scene:
-    """Hill's problem: a moon of no mass about a planet that circles the Sun.
+    """Hill's problem: a massless moon about a planet that circles the Sun.
 
     Its two equilibria are at x = 3^(-1/3) and -3^(-1/3), where Jacobi's constant is 3^(4/3). Hill
     (1878), American Journal of Mathematics 1, 5; Henon (1969), Astronomy and Astrophysics 1, 223.
@@ -258,8 +258,8 @@ def hill(*, x=0.3, y=0.0, vx=0.0, vy=1.5, t1=10.0) -> Scene:
       x: initial x, away from the Sun [1]; lengths are in units of the distance of the Sun times
         the cube root of the planet's share of the mass.
       y: initial y, along the planet's motion [1].
-      vx: initial vx, in the turning axes [1].
-      vy: initial vy, in the turning axes [1].
+      vx: initial vx, in the rotating frame [1].
+      vy: initial vy, in the rotating frame [1].
       t1: span [1]; the planet circles the Sun once in 2 pi.
     """
     return Scene(Hill(), y0=jnp.stack([x, y, vx, vy]), t1=t1)

@@ -59,7 +59,7 @@ def henon_heiles(*, x=0.0, y=0.1, vx=0.49057788, vy=0.0, t1=30.0) -> Scene:
 
 
 class RestrictedThreeBody(System):
-    """A third body of no mass in the plane of two on circles, in axes that turn with them.
+    """A massless body in the plane of two on circles, in the frame that rotates with them.
 
     The masses are 1 - mu at (-mu, 0) and mu at (1 - mu, 0); units are such that the distance of the
     two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
@@ -105,7 +105,7 @@ class RestrictedThreeBody(System):
 
 @ready_made()
 def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
-    """A body of no mass near two that circle each other, in axes that turn with them.
+    """A massless body near two that circle each other, in the frame that rotates with them.
 
     The equilibria are the `libration_points`.
 
@@ -113,8 +113,8 @@ def restricted_three_body(*, mu=0.01215, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) 
       mu: mass of the second body as a share of the mass of both [1]; 0.01215 for the Moon.
       x: initial x [1], the masses being at -mu and 1 - mu.
       y: initial y [1].
-      vx: initial vx, in the turning axes [1].
-      vy: initial vy, in the turning axes [1].
+      vx: initial vx, in the rotating frame [1].
+      vy: initial vy, in the rotating frame [1].
       t1: span [1]; the two masses turn once in 2 pi.
     """
     return Scene(RestrictedThreeBody(mu), y0=jnp.stack([x, y, vx, vy]), t1=t1)

@@ -90,7 +90,7 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 
 def rising(fn: Callable, a: Interval) -> Interval:
-    """Bounds of an increasing function; none where it is undefined."""
+    """Bounds of an increasing function; infinite ones where it is undefined."""
     return _widen(fn(a.low), fn(a.high), FUNCTION_ROUNDING)
 
 

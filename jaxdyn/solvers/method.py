@@ -183,7 +183,7 @@ def grows_from(growth: Callable[[float], float]) -> float:
 
 def _kind(x) -> tuple:
     """Shape and type of a number or numbers."""
-    x = x if isinstance(x, jax.Array) else jax.typeof(x)  # it takes 2 us
+    x = x if isinstance(x, jax.Array) else jax.typeof(x)  # `typeof` takes 2 us
     return x.shape, x.dtype
 
 
@@ -197,7 +197,7 @@ def trace_once(look: Callable) -> Callable:
 
     @functools.lru_cache(maxsize=_KINDS)
     def found(tree, kinds: tuple, k: int, more: tuple, in_64_bits: bool):
-        del in_64_bits  # by which a kept answer is found again
+        del in_64_bits  # part of the cache's key only
         answers, kind = [], jnp.result_type(float)
 
         def answer(leaves, t, y):

@@ -265,9 +265,10 @@ def is_stiff(count: Array) -> Array:
 #: are what an entry reaches in the time of the motion, unless others stop it before.
 PART = 0.1
 
-#: Multiple of what rounding makes of an entry in a time of the motion that a step may be off by.
+#: The error that a step may have in an entry is at least this multiple of the change that rounding
+#: makes in the time of the motion.
 _NOISE = 32.0
-#: The part of what a rejected step would have made of an entry at rest that becomes its size.
+#: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
 
 

@@ -3,7 +3,7 @@
 A step is integrated by the leapfrog in 1, 2, 3, ... substeps, and the results are extrapolated to
 substeps of length zero; each such column raises the order by two (Hairer, Norsett, Wanner, II.9
 and II.14). That takes two to three times the evaluations of a Nystrom pair. But the columns are
-independent: four lanes take them in turn, vectorised, so that 32 evaluations take the time of 9,
+independent: four lanes take them in turn, vectorised, so that 31 evaluations take the time of 9,
 and 53 that of 14. For a few bodies a step of order 14 takes 0.4 of the time of a step of the pair
 of order 12, and about as many steps are needed.
 
@@ -291,6 +291,6 @@ def _weights(counts: tuple[int, ...]) -> tuple[Fraction, ...]:
     return tuple(weight(n) for n in counts)
 
 
-#: The second takes as long for errors of 1e-6, and 0.8 of the time for 1e-12.
+#: The second takes as long as the first for errors of 1e-6, and 0.8 of its time for 1e-12.
 STOERMER14 = Stoermer((1, 2, 3, 4, 5, 7, 9))
 STOERMER18 = Stoermer((1, 2, 3, 4, 5, 6, 7, 11, 14))

@@ -101,7 +101,7 @@ def find_followers(
     """The followers that constraints determine.
 
     Args:
-      scene: of the mechanism.
+      scene: the scene of the mechanism.
       all_: its coordinates.
       ties: the constraints, sums that are zero.
       second: the same, differentiated twice.

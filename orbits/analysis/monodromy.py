@@ -31,7 +31,7 @@ _SAMPLES = 1024  # samples of a period, for the mean of the divergence
 _ROUNDING = 1e-12  # rounding error of that mean, relative to its size
 _FEWER = 2  # how many fewer nodes give a second opinion on an orbit by collocation
 #: Most Newton steps towards segments that join, and the error at which they do; iterations continue
-#: #: to the rounding level.
+#: to the rounding level.
 _STEPS, _JOINED = 8, 1e-9
 _SAME = 1e-8  # how far, in sizes, the start and the period may move in these steps
 

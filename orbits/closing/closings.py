@@ -482,8 +482,8 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
 def symmetric_closing(scene: Scene) -> str:
     """How to write a closing by reversal that suits the start of a scene; "" if there is none.
 
-    Such as a mirror that the start crosses at a right angle, or the start from rest of a motion
-    that swings back.
+    It is a mirror that the start crosses at a right angle, for example, or the time reversal for a
+    motion that starts at rest and swings back.
     """
     d = scene.points(jnp.zeros(()), scene.y0).r.shape[1] if scene.has_points else 0
     axes = [name for n in range(d - 1, 0, -1) for name in itertools.combinations("xyz"[:d], n)]

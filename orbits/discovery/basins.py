@@ -45,7 +45,7 @@ from orbits.shooting.finding import find
 _RTOL = 1e-8
 #: Relative to the sizes of the entries: how close a return must be to be tried as a period.
 _RETURNED = 0.03
-_SAMPLES = 4000  # of a motion in which returns are searched for, and of an orbit
+_SAMPLES = 4000  # samples of a motion in which returns are sought, and of an orbit
 _PERIODS = 16  # longest orbit that is searched for, in periods of the forcing
 _CLOUD = 20_000  # points of a chaotic attractor
 _LARGER = 2.0  # ratio of the second half of a motion to the first from which on it is unbounded

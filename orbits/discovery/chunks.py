@@ -33,10 +33,10 @@ from orbits.shooting.finding import find
 
 #: An orbit is verified if another integrator's closing error, over its size, is below this.
 VERIFIED = 1e-7
-_GOAL = 1e-10  # of Newton's method, which continues to rounding: for some orbits that is no lower
+_GOAL = 1e-10  # Newton's method continues to rounding, which for some orbits is no lower
 _ITERATIONS = 15  # five suffice from a refined guess; more mean that there is no orbit
 _TOGETHER = 1e-4  # relative: a refined guess this close to an orbit leads to it
-_SAMPLES = 1024  # of an orbit
+_SAMPLES = 1024  # samples of an orbit
 
 MOST = 2**53  # largest seed, which files keep as a float
 

@@ -44,7 +44,7 @@ class Find:
       recheck: its closing error over a period by another integrator, at a tighter tolerance.
       invariant: the scale-free T |E|^(3/2), where all forces are Newtonian attractions; else the
         period.
-      verdict: of its stability.
+      verdict: the verdict on its stability.
       multiplier: size of its largest multiplier.
       label: its name, by the search's `label`.
     """
@@ -99,7 +99,7 @@ class File:
         """Start a file, or continue one of the same search.
 
         Args:
-          path: of the file, or None.
+          path: path of the file, or None.
           what: description of the search; a file of another search is refused.
         """
         self.chunks: dict[int, Chunk] = {}

@@ -34,7 +34,7 @@ from orbits.discovery.settling import (
 
 _PERIODS = 32  # longest cycle that is searched for
 _RETURNS = 4  # numbers of steps of a return that are tried as the period
-_STEPS = 20  # of Newton's method for a cycle
+_STEPS = 20  # steps of Newton's method for a cycle
 _EXACT = 1e-9  # largest closing error of a cycle, relative to the sizes
 _CLOUD = 20_000  # points of a chaotic attractor
 _BLOCKS = 20  # blocks of points, whose exponents give the bar

@@ -30,7 +30,7 @@ _TRIES = 3  # close returns tried
 #: between two samples of `returns`; with fewer, it may have completed only a part of a turn. A span
 #: that replaces the scene's own has one to two times as many as the latter; a smooth turn has 3.
 _MOST_STEPS, _FEWEST_STEPS = 2048, 64
-_SPANS = 20  # tried in each direction, each some tens of times longer or shorter than the last
+_SPANS = 20  # most spans in each direction, each some tens of times longer or shorter than the last
 _RTOL = 1e-10  # as in `returns`
 #: A motion that does not preserve volumes may end on an attractor, perhaps a periodic orbit: how
 #: long it may take to come close to it, and how long close returns are searched for there [spans].

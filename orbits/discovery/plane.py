@@ -46,7 +46,7 @@ NAMED = {
     "yin-yang I": (0.51394, 0.30474, 17.3284),
     "yin-yang II": (0.41682, 0.33033, 55.7898),
 }
-_WINDOW = 5.0  # of the period
+_WINDOW = 5.0  # length of a window of the period
 _ESCAPED = 8.0  # distance from the centre; orbits up to T = 70 stay within it
 _ALIKE = 1e-8  # relative; the eight and its nearest neighbour differ by 1.6e-7
 _NAMED_ALIKE = 1e-3  # of T |E|^(3/2), at the digits printed
@@ -94,10 +94,10 @@ def search_plane(
     Args:
       samples: number of starts.
       longest: longest period.
-      seed: of the samples.
+      seed: seed of the samples.
       rng: instead of `seed`: the seed, or a generator that draws it.
       chunk: see `search`, like the following.
-      path: of a file that is appended to.
+      path: file to which results are appended.
       executor: runs the chunks.
       progress: show a bar.
     """

@@ -23,19 +23,19 @@ from orbits.closing.given import driven
 #: Maximum steps of a motion; a near collision takes many times more.
 MAX_STEPS = 5000
 _SCREENING, _REFINING = 1e-9, 1e-11  # tolerances
-_ROWS = 512  # of the compiled program's queue
+_ROWS = 512  # rows of the compiled program's queue
 _BLOCK = 64  # guesses of one batch of Newton's method: one shape, one compilation
 #: Units of the period, as shares of its guess, of one run of Newton's method after the other. In
 #: radians it stays near the guess; where errors hardly grow the way to an orbit is long, and what
 #: is still on its way after the first run arrives with the period's own size.
 _UNITS = (1 / (2 * np.pi), 1.0)
-_ITERATIONS = 20  # of each run
+_ITERATIONS = 20  # steps of each run
 _DIFFERENCE = 1e-6  # relative; the Jacobian is accurate to some 1e-4, enough for Newton's method
 _SOLVED = 1e-7  # closing error below which differences do not help
 _NEAR = 1e-6  # closing error below which `find` converges to this orbit
 _RANK = 1e-7
 _DAMPING, _GROW, _SHRINK, _HOPELESS = 0.1, 4.0, 0.25, 1e4
-_TRIVIAL, _ESCAPE = 0.02, 100.0  # of the guess's period and path; in units of its size
+_TRIVIAL, _ESCAPE = 0.02, 100.0  # shares of the guess's period and path; of its size
 
 
 class Guesses(NamedTuple):
@@ -213,7 +213,7 @@ class _Batch(NamedTuple):
 
     scene: Scene
     closing: Closing
-    fixed: bool  # the period
+    fixed: bool  # whether the period is fixed
     each: np.ndarray  # (k,) sizes of the entries of a state, in which residuals are measured
 
     def starts(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:

@@ -105,11 +105,11 @@ def search(
       limit: (k,) or () magnitudes of the state beyond which a motion has escaped.
       normal: orbit -> the same orbit in the frame and scale of the table.
       label: orbit -> its name.
-      seed: of the sampler.
+      seed: seed of the sampler.
       rng: instead of `seed`: the seed, or a generator that draws it.
       chunk: samples processed at once; the unit that an interrupted search repeats.
       rtol: tolerance of the orbits' integrations.
-      path: of a file to which results are appended; a search continues its own file.
+      path: file to which results are appended; a search continues its own file.
       executor: runs the chunks: by default threads on all cores; processes; other machines.
         It is sent `work`, the plan and indices, so functions in the plan must be module-level.
       progress: show a bar.

@@ -24,7 +24,7 @@ from orbits.closing.sizes import largest_entry
 from orbits.discovery.screening import Miss, sizes_of_starts
 from orbits.motion import quick_solve
 
-_SAMPLES_PER_TIME = 2048  # of a long run, at least
+_SAMPLES_PER_TIME = 2048  # samples of a long run
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,7 +20,7 @@ from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
 _MOST_MEMBERS = 150  # on a page, which has the start and the parameters of each
-_DIGITS = 8  # of a period
+_DIGITS = 8  # digits of a period
 
 
 @check_first

@@ -44,7 +44,8 @@ _ZERO = 1e-3
 _SAME_PLACE = 1e-5
 #: Bars wider than this leave open where a multiplier within them is.
 _VAGUE = 0.1
-#: Families cross where the distance from that is below this part of that at the neighbours.
+#: Families cross at a point whose distance from a crossing (`Surface.crossing`) is below this part
+#: of its neighbours'.
 _CROSSED = 1e-4
 #: Most halvings of a step in which multipliers seem to have crossed the circle in several ways.
 _HALVINGS = 8
@@ -139,7 +140,7 @@ def _same(a: Member, b: Member) -> bool:
 def _bends(surface: Surface, a: Member, b: Member, turns: Member, told: set[Kind]) -> bool:
     """Whether a family turns where another one crosses it, as the bent branch of a pitchfork does.
 
-    At a fold a multiplier passes through 1; there it comes to 1 and returns.
+    At a fold a multiplier passes through 1; at such a point it comes to 1 and returns.
     """
     test = _TESTS[Kind.BRANCH]
     if Kind.BRANCH not in told or test(surface, a) * test(surface, b) < 0:

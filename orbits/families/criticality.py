@@ -369,7 +369,7 @@ def _check(orbit: Orbit) -> None:
     if not orbit.ok:
         raise fail("point", "a periodic orbit", orbit.outcome.name, orbit.message)
     if orbit.closing.turns:
-        remedy = "Write the scene in axes that turn with the orbit."
+        remedy = "Write the scene in a frame that rotates with the orbit."
         raise fail("point", "an orbit that closes without a rotation", "a relative one", remedy)
     if type(orbit.scene.system).project is not System.project:
         remedy = "Use a minimal set of coordinates."

@@ -267,7 +267,7 @@ class Surface(abc.ABC):
         kernel = vt[int((s > _KERNEL * s[0]).sum()) :].T
         known = self._neutral(point.x, jacobian, point.units, point.sizes)
         u, s, _ = np.linalg.svd(kernel - known @ (known.T @ kernel), full_matrices=False)
-        return u[:, s > 0.5]  # each direction of the kernel is known or orthogonal to that
+        return u[:, s > 0.5]  # directions of the kernel are known ones or orthogonal to them
 
     def neutral(self, point: Point) -> np.ndarray:
         """(n, r) orthonormal in units: directions on the surface that leave the orbit the same."""

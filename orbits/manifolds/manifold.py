@@ -306,7 +306,7 @@ def _directions(orbit: Orbit | Scene, kind: str, n: int, which, rtol: float) -> 
     if not orbit.ok:
         raise _checks.fail("orbit", "a periodic orbit", orbit.outcome.name, orbit.message)
     if orbit.closing.turns:
-        remedy = "Write the scene in axes that turn with the orbit."
+        remedy = "Write the scene in a frame that rotates with the orbit."
         raise _checks.fail("orbit", "one that closes without a rotation", "a relative one", remedy)
     return of_orbit(orbit, kind, n, 0 if which is None else which, rtol)
 

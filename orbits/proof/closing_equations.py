@@ -2,9 +2,9 @@
 
 The unknowns are the free entries of the start, the period, and the angle of a relative orbit. For
 each direction along which the orbit is not isolated (along the motion, along symmetries, along its
-family), an entry of the start (or the period) is held at its value, which is a binary float. For
-each equation that follows from the others by integrals of the motion, one equation is spared. What
-is left has a regular Jacobian.
+family), an entry of the start (or the period) is held at its value, which is a binary float.
+Equations that follow from the others by integrals of the motion are left out, or "spared", one for
+each integral. What is left has a regular Jacobian.
 
 The spared equations hold for the following reason. Let the motion go from y0 to y, and let g, the
 image of y0 that the closing condition requires, differ from y only in spared entries, by e. For
@@ -44,8 +44,9 @@ class ClosingEquations:
       integrals: the formula of each integral by which equations are spared, by name.
       parts: number of parts in a period.
       embed: (k, p) the start as a function of its free entries; entries 0, 1 and -1.
-      end: (m, k) the closing error is ``end`` times the end of a part ...
-      goal: (m, k) ... minus ``goal`` times the start, rotated for a relative orbit.
+      end: (m, k) matrix E of the closing error E y - G y0, from the start y0 and the state y at
+        the end of a part; for a relative orbit G y0 is rotated.
+      goal: (m, k) matrix G of the closing error.
       generator: (k, k) the generator of the rotation; None unless the orbit is relative.
       names: (p + 1 or p + 2) names of start entries, "period", "angle".
       values: the numbers with these names, in floats, at which the search begins.
@@ -149,7 +150,7 @@ class ClosingEquations:
         return _column([residual[i] for i in self.equations])
 
     def jacobian(self, end: list, slopes: arb_mat, numbers: list) -> arb_mat:
-        """(m, m) derivative of the closing error in the unknowns, without spared equations."""
+        """(m, m) derivative of the closing error by the unknowns, without spared equations."""
         embed, ends, goal = map(_matrix, (self.embed, self.end, self.goal))
         by_start = ends * slopes * embed
         back = goal * embed if self.generator is None else self._rotation(numbers) * goal * embed
@@ -267,7 +268,7 @@ def product(matrix: np.ndarray, vector: list) -> list:
 
 
 def inverse(matrix: arb_mat) -> arb_mat:
-    """The inverse of a matrix, by elimination of a matrix near the unit: others widen balls."""
+    """The inverse of a matrix, preconditioned: elimination far from the identity widens balls."""
     near = arb_mat([[x.mid() for x in row] for row in matrix.tolist()]).inv()
     near = arb_mat([[x.mid() for x in row] for row in near.tolist()])
     return near * (matrix * near).inv()

@@ -33,7 +33,7 @@ class Test:
 
     Attributes:
       passed: whether K lies in the interior of X.
-      numbers: enclosures of all numbers at the zero where it passed, else X.
+      numbers: enclosures of all numbers at the zero if the test passed, else X.
       tube: the tube about the motions from X over a part of the period.
       step: the largest entry of |K - x|, in units.
       contraction: norm of 1 - C D, in units.

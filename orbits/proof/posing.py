@@ -130,7 +130,7 @@ def _slope(node: Node, inside: dict[Node, float]) -> float | None:
 
 # ---- Square closing equations posed for an orbit: what is held, and which equations are spared
 
-#: Digits of the motion from which Jacobians in doubles and the rank are taken.
+#: Digits of the motion from which Jacobians in doubles, and their rank, are computed.
 ROUGH_DIGITS = 16.0
 #: Singular values below this part of the largest are 0. They belong to multipliers of 1, which are
 #: known to the square root of the rounding of the orbit in doubles.

@@ -85,8 +85,8 @@ def _bodies(state: list[arb], n: int) -> list[list[arb]]:
 _BOX = 10.0  # digits by which a box is wider than the error of its centre
 _LEAST_RADIUS = 1e-300  # least radius of a box, which is a float
 _SPARE = 6.0
-#: Additional digits where multipliers cannot be separated: some published three-body orbits with
-#: 32 digits lack five.
+#: Digits that are added where multipliers cannot be separated: for some published three-body
+#: orbits, 32 digits are five too few.
 _SHARPER = 12
 #: An orbit in doubles is as near to the true one as its closing error says, within this factor
 #: [measured: 0.02 at most].
@@ -97,8 +97,8 @@ _TRIALS = 4
 #: Contraction above which a failure is not due to the step alone, and above which a proof is
 #: hopeless.
 _LEAST_CONTRACTION, _MOST_CONTRACTION = 0.5, 1e20
-#: Sizes of boxes relative to the step: that of a box which replaces one that is too narrow; and
-#: steps relative to the box above which a proof is hopeless.
+#: Radius, relative to the step, of the box that replaces one that is too narrow; and the step,
+#: relative to the radius of the box, above which a proof is hopeless.
 _WIDER, _WIDEST = 10.0, 1e3
 _MORE = "Try more digits: orbits.prove(orbit, digits=60)."
 _ANOTHER = "More digits do not help; find the orbit again, from another guess."
@@ -111,10 +111,10 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     It says that the equations of motion, whose numbers are exactly the scene's binary floats, have
     a periodic solution within the enclosures of the certificate, and that this is the only one
     within its radius with the held numbers. The test is Krawczyk's (`krawczyk`) on closing
-    equations that
-    integrals make square (`closing_equations`), over tubes of Taylor series whose remainders are
-    bounded by Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``); integrals and
-    symmetries are proved as identities (`theorems`); no step rests on a rounded number.
+    equations that integrals make square (`closing_equations`), over tubes of Taylor series whose
+    remainders are bounded by Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``);
+    integrals and symmetries are proved as identities (`theorems`); no step rests on a rounded
+    number.
 
     Args:
       orbit: what `find` returned.

@@ -34,7 +34,7 @@ class Refined:
       exponents: rotation numbers in (0, 1/2) of pairs of them on the unit circle; None for a pair
         elsewhere.
       energy: kinetic plus potential; None where it is not conserved.
-      angle: angle of a relative orbit, else None.
+      angle: rotation of a relative orbit after one part of its period, else None.
     """
 
     orbit: Orbit

@@ -174,7 +174,7 @@ def _at(family: Family, a: Member, b: Member, ratio: Fraction, sign: float) -> M
         return float(np.prod(member.stability.nontrivial - turned.real).real)
 
     def behind(surface: Surface, member: Member) -> float:
-        """Changes sign where a pair stays on the circle, which the product does not at 1 or -1."""
+        """Changes sign where a pair passes the angle on the circle; the product does not at +-1."""
         del surface
         off = sign * _turns(member) - float(ratio)
         off = off - np.round(off)

@@ -350,7 +350,7 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
     at_rest = jnp.asarray(scene.y0)
 
     def linear(omega: float) -> np.ndarray:
-        """From the first harmonic of the forcing at the equilibrium."""
+        """The response to the first harmonic of the forcing at the equilibrium."""
         ts = jnp.asarray(np.arange(_SAMPLES) * (2 * np.pi / omega / _SAMPLES))
         pushed = np.asarray(_rates(forced(omega, 1.0), ts, at_rest))
         first = 2 * np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) @ pushed / _SAMPLES

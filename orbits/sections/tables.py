@@ -122,7 +122,7 @@ def section(
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.
-      max_steps: largest number of steps between 16 crossings.
+      max_steps: largest number of steps for every 16 crossings.
       threads: see `ensemble.run`.
       progress: show a bar.
     Returns:

@@ -34,7 +34,7 @@ _FIRST = 64  # intervals of the first mesh
 #: Most intervals; the equations for the unknowns of all of them form one matrix.
 _MOST = 512
 _SAMPLES = 2048  # samples of the guess, for its first mesh
-_CALM = _SAMPLES // 10  # samples about the start in which the motion is slow
+_CALM = _SAMPLES // 10  # number of samples about the start in which the motion has to be slow
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
 _RETURNS_MOST = 8  # integrations for the time of the nearest return
 _RETURN_STEP = 0.05  # largest change of that time in one step, as a share of the period

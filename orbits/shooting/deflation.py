@@ -66,7 +66,7 @@ _HALVINGS = 5  # most halvings of a step into a singularity
 _LOOSE = 1e-11  # tolerance of the integrations
 _MAX_STEPS = 5000  # steps of an integration; a near collision takes many times more
 _SHORTEST = 0.1  # shortest period, relative to the guessed one
-_HELD = 3  # steps that end on the shortest period after which an iteration is given up
+_HELD = 3  # an iteration is given up after so many steps in a row to the shortest period
 
 
 class Known(eqx.Module):

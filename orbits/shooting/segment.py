@@ -31,7 +31,7 @@ class Limits(NamedTuple):
     over: Callable[[], bool] = lambda: False
 
 
-#: Of evaluations whose time is not limited.
+#: The limits of evaluations whose time is not limited.
 UNTIMED = Limits()
 
 

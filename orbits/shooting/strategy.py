@@ -72,7 +72,7 @@ class Effort:
         return f"Tried: {'; '.join(self.tried)}. In {took}."
 
     def check(self) -> None:
-        """Raise ValueError unless goal, seconds > 0, 0 < rtol < 1 and max_iterations >= 0."""
+        """Raise ValueError for limits out of range, or a tolerance that `simulate` refuses."""
         positive("goal", self.goal, "It is the largest closing error of an orbit.")
         if not self.seconds > 0:
             raise fail("seconds", "> 0", self.seconds, "It limits the time of the search.")

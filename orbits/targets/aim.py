@@ -207,7 +207,7 @@ def hit(scene: Scene, x, speed) -> Hits:
     Raises:
       ValueError: `scene` is not a thrown point, `x` is 0 or not finite, or `speed` is not positive.
     Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
-      between neighbouring sampled angles (some 5 degrees apart) would be missed.
+      between neighbouring sampled angles (up to 28 degrees apart) would be missed.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim

@@ -24,13 +24,13 @@ from orbits.closing.closings import Hold
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 
-#: Relative to the units of the parameters: the search ends if the next step is shorter.
+#: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
 #: How often a step is halved before the search gives up.
 _HALVINGS = 12
-#: Relative to the sum of squares: a smaller decrease counts as none.
+#: Smallest decrease of the sum of squares, relative to it, with which a step is accepted.
 _LESS = 1e-12
-#: Relative to the residual: its part that parameters within their bounds can still change.
+#: The search ends if the next step would change the residual by a smaller part of it.
 _LEVEL = 1e-9
 
 

@@ -156,7 +156,7 @@ class Landings(eqx.Module):
     Attributes:
       x: (n,) distance from the launch along the first axis, at launch height [m].
       t: (n,) time of flight [s].
-      dx: (n, 2) derivatives of x in the course w = log tan(angle / 2) and in log(speed) [m].
+      dx: (n, 2) derivatives of x with respect to w = log tan(angle / 2) and log(speed) [m].
       vx: (n,) velocity along the first axis on landing [m/s].
       vy: (n,) velocity along the second axis on landing [m/s].
       status: (n,) `jaxdyn.Status` codes of the integration.
@@ -286,7 +286,7 @@ def _scales(scene: Scene, w: Array, speed: Array, rtol: Array) -> tuple[Fall, Un
     """The fall at the end of a throw, and the units of its state when it lands."""
     g, (cosine, sine) = _pull(scene), direction(w)
     launch = speed * jnp.stack([cosine, sine])
-    # The path on which the force at the launch would use up the speed, or that of a flat throw.
+    # The length on which the force at the launch, or at rest if that is larger, uses up the speed.
     slowing = jnp.linalg.norm(acceleration(scene, launch))
     length = speed * speed / jnp.maximum(slowing, g)
     fall = fall_of(scene, launch, length)

@@ -2,7 +2,7 @@
 
 A motion between two radii is a rosette: each loop, from one farthest point to the next, is the
 previous one rotated by twice the apsidal angle. The motion closes after p turns with q loops where
-that angle is pi p / q. The shape of an orbit, the ratio of its radii, determines the angle:
+the apsidal angle is pi p / q. The shape of an orbit, the ratio of its radii, determines the angle:
 `closed` searches for the ratio that gives p / q, and refines the orbit by `find`. If that fails,
 there is still a regular `rosette` that fills its ring. `fewest` gives the closed orbit with the
 fewest loops.
@@ -267,7 +267,7 @@ def count(orbit: Orbit) -> tuple[int, int]:
     A motion between two radii moves outwards for half of its time, which samples cannot miss.
 
     Raises:
-      SearchError: the turns differ from a whole number by more than errors.
+      SearchError: the turns differ from a whole number by 0.01 or more.
     """
     turns = abs(float(scenes.swept_angle(orbit.scene, rtol=orbit.rtol))) / (2 * np.pi)
     if not abs(turns - round(turns)) < _WHOLE:

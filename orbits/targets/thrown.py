@@ -17,14 +17,14 @@ from jaxdyn.integrate import events
 class Units(eqx.Module):
     """The units of a throw, along its launch and across.
 
-    A force that is given by its entries in x and y, and its derivatives, have rounding in every
-    direction that is a fraction of the speed; until drag has reduced the speed, smaller speeds are
-    not significant.
+    A force that is given by its x and y components has rounding errors in every direction that are
+    a fraction of the speed, and so have its derivatives: until drag has reduced the speed, speeds
+    below that rounding are not significant.
     """
 
     lengths: Array  # (2,) [m]
     last: Array  # (2,) speeds on landing [m/s]
-    grain: Array  # () speed at the launch: rounding over the tolerance [m/s]
+    grain: Array  # () unit at the launch: rounding of the speed over the tolerance [m/s]
     memory: Array  # () relaxation time of the speed [s]
     time: Array  # () [s]; flights of 1e100 s are no harder than those of a second
 

@@ -6,7 +6,8 @@ needs, by the equations of `invariance` for an invariant circle, which is a Four
 
 May import: `analysis`.
 
-To add a way to fix a torus in its family, write a row in `torus`, for `invariance.Conditions`.
+To add a condition that singles out a torus of a family, write its row in `torus`, for
+`invariance.Conditions`.
 """
 
 import lazy_loader

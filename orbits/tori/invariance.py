@@ -159,7 +159,7 @@ def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:
 
 
 def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
-    """States (N, k) after a time, and derivatives in the start (N, k, k) and the time (N, k).
+    """States (N, k) after a time, and their derivatives by the start (N, k, k) and time (N, k).
 
     Angles are taken in the turn nearest to their start. States are NaN where a motion ends.
     """

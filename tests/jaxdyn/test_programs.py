@@ -1,4 +1,4 @@
-"""Programs of JAX are read as every version writes them, and one that none does is left alone."""
+"""Programs of JAX are read as every version writes them; one of an unknown form is left alone."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Saying how far long work is: heard where somebody listens, free where nobody does."""
+"""Progress of long work: reported to those who listen, and without cost where nobody does."""
 
 import threading
 

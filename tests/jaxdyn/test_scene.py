@@ -1,4 +1,4 @@
-"""The waist: composing scenes, what is compiled for them, and what they refuse."""
+"""Scenes: their composition, what is compiled for them, and what they refuse."""
 
 import dataclasses
 from typing import Any, ClassVar

@@ -12,8 +12,8 @@ from jaxdyn.accuracy.end_error import end_error
 from jaxdyn.integrate import events
 from jaxdyn.integrate.simulation import solve
 
-#: Rounding of another program's numbers, which motions of some turns amplify, beside tolerances of
-#: 1e-10: step counts are equal, and so are errors of steps, up to it.
+#: Tolerances are 1e-10, but steps and their errors are the same in all units: what differs is the
+#: rounding in another program, which motions of some turns amplify.
 SAME = 1e-9
 
 

@@ -24,7 +24,7 @@ DISSIPATIVE_OR_DRIVEN |= {"impact_oscillator", "moved_box", "moved_shape", "turn
 #: They need more than numbers: an effect or a law of force.
 MADE_BY_HAND = {"central_orbit", "particle"}
 pytestmark = pytest.mark.sample(*ZOO)
-SPAN = 0.5  # of time units, or the scene's own if shorter
+SPAN = 0.5  # [time units of the scene], or the scene's own if that is shorter
 
 
 @pytest.fixture(scope="module", params=sorted(ENTRIES.keys() - MADE_BY_HAND))

@@ -135,7 +135,7 @@ def test_a_family_from_a_hopf_point_has_its_fold(units, amplitude):
     )
     (point,) = rests.special
     assert abs(point.parameter / value) < 1e-12
-    # In the unit of the entry that is displaced most beside its size, the second one.
+    # In the unit of the second entry, which is displaced most relative to its size.
     amplitude = None if amplitude is None else amplitude * each[1]
     orbit, p = orbits.from_hopf(rests, point, amplitude=amplitude)
     radius = float(np.linalg.norm(np.asarray(orbit.y0) / each))

@@ -149,7 +149,7 @@ def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
 
 def rates(field: Field, t: Array, ys: np.ndarray) -> np.ndarray:
     """(s, k) rates at states (s, k)."""
-    # States are padded to a power of two: each other number would recompile.
+    # States are padded to a power of two: each new number of them would recompile.
     room = 1 << max(len(ys) - 1, 0).bit_length()
     padded = np.concatenate([ys, np.zeros((room - len(ys), ys.shape[1]))])
     return np.asarray(_rates(field, t, jnp.asarray(padded)))[: len(ys)]

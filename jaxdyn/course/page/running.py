@@ -37,7 +37,7 @@ def run(name: str, *, check: bool = True) -> Run:
     """Run the page of a name, such as "figure_eight".
 
     Args:
-      name: of the page.
+      name: the name of the page.
       check: whether to run its long checks as well.
     """
     return _time(importlib.import_module(f"jaxdyn.course.{name}"), check)

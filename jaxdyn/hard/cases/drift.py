@@ -64,7 +64,7 @@ CASES = (
     ),
     Case(
         "drift-four-bar",
-        "The constraints of a four bar hold for an hour at rtol 1e-6.",
+        "The constraints of a four-bar linkage hold for an hour at rtol 1e-6.",
         functools.partial(_drift, four_bar),
     ),
     Case(

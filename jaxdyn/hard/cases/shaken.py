@@ -97,7 +97,7 @@ def upright_chart(
 
 
 def stability_edges(frequency, *, up_to=None, length=1.0, g=9.81, uniform=True) -> np.ndarray:
-    """(n,) amplitudes [m] at which upright becomes stable, unstable, stable ..., in order.
+    """(n,) amplitudes [m] at which upright becomes stable and unstable in turn, in order.
 
     The first is where the shaking begins to stabilise the stick (Mathieu's a_0), the second where
     it destabilises it again (b_1).

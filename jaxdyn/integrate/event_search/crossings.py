@@ -238,12 +238,12 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
-    The search has arrived where a neighbour of the state, or of the time, is on the other side: the
+    The search has arrived where a neighbour of the state, or of the time, is on the other side. The
     size of the value is no criterion: a value that is flat at its zero is tiny far from it. The low
-    end may be the start of the motion, with a value of rounding noise, so the sign there is known
-    from the bracket, not evaluated. In the end, when only rounding remains, it steps back to a
-    state that is not beyond the event: a ball released below the floor, even by one rounding, may
-    never come above it, and would fall through.
+    end may be the start of the motion, where the value is rounding noise, so its sign there is
+    taken from the bracket, not evaluated. In the end, when only rounding remains, the search steps
+    back to a state that is not beyond the event: a ball released below the floor, even by one
+    rounding, may never come above it, and would fall through.
     """
     found, towards = bracket.found, bracket.towards
     first = jnp.where(found, bracket.low, 0.0)
@@ -347,7 +347,8 @@ _LOOK_PLACES = np.array([0.23, 0.49, 0.77, 1.0])
 _MIN_PANEL = (
     2.0**-24
 )  # part of a step: between samples this close a value has no extremum except by rounding
-#: Largest error of the step to an event, in tolerances: a part of a step whose error was at most 1.
+#: Largest error of the step to an event, in tolerances. That step is a part of one whose error was
+#: at most 1.
 _TRUSTED_ERROR = 1e3
 _AT_ONCE = 1e-13  # relative difference of times after a node up to which events are simultaneous
 _MAX_PANELS = 4096  # most panels in a step, for a value that oscillates near zero

@@ -246,7 +246,7 @@ def convert(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np
 
 
 def fold(op: Callable, of_none: Number, x: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """The sums along axes, or what another operation makes of several numbers."""
+    """The results of an operation on two numbers, repeated along axes; `of_none` for no numbers."""
     kept = [i for i in range(x.ndim) if i not in axes]
     n = math.prod(x.shape[i] for i in axes)
     rows = np.transpose(x, [*kept, *axes]).reshape([*(x.shape[i] for i in kept), n])
@@ -636,7 +636,7 @@ _MOST_NUMBERS = 11
 #: Entries of arrays for each moving number from which on formulas are used for longer states too:
 #: 34 in a satellite, 7 in three bodies.
 _LEAST_SAVING = 20
-#: Length of a state up to which formulas are looked for at all.
+#: Length of a state up to which formulas are sought at all.
 _MOST_LOOKED_AT = 24
 #: Most operations of a rate: finding formulas for a thousand takes a tenth of a second.
 _MOST_OPERATIONS = 1000

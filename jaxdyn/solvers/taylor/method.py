@@ -1,9 +1,9 @@
 """Taylor series of the solution: explicit, of any order, for scenes with short formulas.
 
 A step sums the series of the solution about its start, whose coefficients follow from the
-formulas of the rate (`formulas`, `terms`). For a handful of numbers and many digits that
-takes a quarter to a half of the time of a Runge-Kutta pair: the cost of an order is proportional
-to the order, and nothing is evaluated inside the step. How much of a proposed step is taken is read
+formulas of the rate (`formulas`, `terms`). For a handful of numbers and many digits that takes a
+fifth to three quarters of the time of a Runge-Kutta pair: the cost of an order is proportional to
+the order, and nothing is evaluated inside the step. How much of a proposed step is taken is read
 off its terms (`terms`), so that hardly any step is rejected. At its end the error is multiplied by
 the Jacobian, once, to detect stiffness.
 

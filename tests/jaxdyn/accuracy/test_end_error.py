@@ -59,7 +59,7 @@ def test_an_entry_that_agrees_by_chance_with_a_lost_motion_has_no_digit():
     tried = []
 
     def lost(scene, rtol):
-        """Far away, but for the first entry of the two motions at a thousandth of the tolerance."""
+        """A motion far away, except for the first entry at a thousandth of the tolerance."""
         tried.append(rtol)
         off = np.array([0.0 if rtol < 1.5e-9 else 3.0, 5.0, -5.0])
         return eqx.tree_at(lambda m: m.ys, motion, motion.ys.at[-1].add(off))

@@ -90,7 +90,7 @@ def test_an_estimate_says_what_it_rests_on():
     assert found.error.shape == found.ys.shape == (33, 2)
 
 
-# ---- so many digits, please
+# ---- a requested number of digits
 
 
 @pytest.mark.slow
@@ -169,7 +169,7 @@ def test_the_limit_of_a_motion_does_not_depend_on_the_request():
 
 @pytest.mark.parametrize("digits", [16, 0, -3])
 def test_more_digits_than_doubles_have_are_refused(digits):
-    with pytest.raises(ValueError, match=f"digits: expected between 1 and 15, got {digits}"):
+    with pytest.raises(ValueError, match=f"digits: expected above 0, at most 15, got {digits}"):
         simulate(kepler(0.3), digits=digits)
 
 

@@ -65,5 +65,5 @@ def test_where_nearby_motions_do_not_part_no_tolerance_has_a_horizon(growth):
 
 @pytest.mark.parametrize("digits", [0, 16, -3])
 def test_digits_that_no_double_has_are_refused(digits):
-    with pytest.raises(ValueError, match=r"^digits: expected between 1 and 15, got "):
+    with pytest.raises(ValueError, match=r"^digits: expected above 0, at most 15, got "):
         horizon.trusted_time(scenes.oscillator(), digits=digits)

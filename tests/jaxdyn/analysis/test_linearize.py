@@ -58,7 +58,7 @@ def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
     found = linearize.classify(a)
     off = np.abs(found.eigenvalues - 2.0)
     assert (off < found.bars).all()
-    assert off.max() > 1e-7  # ... which is far above rounding
+    assert off.max() > 1e-7  # far above rounding
 
 
 @pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])

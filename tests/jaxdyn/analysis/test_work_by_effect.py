@@ -1,4 +1,4 @@
-"""Work ledgers: work = change of energy, closed forms, and no trace of them where absent."""
+"""Work by effect: changes of energy, closed forms, and no trace of it where it is not asked for."""
 
 import itertools
 from typing import ClassVar

@@ -210,8 +210,9 @@ def test_traced_scenes_are_refused():
 def test_published_spectra(rate, params, y0, published, dimension):
     # Sprott (2003), Chaos and Time-Series Analysis, appendix A.
     found = lyapunov_exponents(jaxdyn.ode(rate, y0, params=params), 20000.0)
-    # Three standard deviations, where bars are two: which motion it is, rounding decides. From six
-    # starts Roessler's exponents are on both sides of the published ones, within their bars.
+    # Three standard deviations, where bars are two, since rounding decides which motion is
+    # followed. From six starts Roessler's exponents are on both sides of the published ones, within
+    # their bars.
     assert (np.abs(found.exponents - np.array(published)) < 1.5 * found.bars).all()
     assert found.bars.max() < 8e-3
     assert abs(found.trace_residual) < 1e-9

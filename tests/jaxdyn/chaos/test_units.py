@@ -9,7 +9,7 @@ from jaxdyn import chaos
 
 #: Units of the entries, and of time.
 UNITS = [([1e-12, 1e12, 1e-6], 1e-12), ([3e11, 2e-7, 1e12], 1e6)]
-#: Rounding of another program's numbers, which these motions amplify.
+#: Rounding in another program, which these motions amplify.
 SAME = 1e-6
 
 

@@ -8,7 +8,7 @@ import jaxdyn
 from jaxdyn import drawing
 from jaxdyn.continuation import CodimensionTwo, Kind
 
-#: To which each defining equation holds, evaluated apart.
+#: Largest residual of each defining equation, evaluated independently.
 HOLDS = 1e-10
 
 
@@ -49,7 +49,7 @@ BOUNDS = ((-1.0, 4.0), (-1.0, 1.0))
 
 @pytest.fixture(scope="module")
 def curves(atmosphere):
-    """Of the folds, and of two of the Hopf points."""
+    """The curves of the folds, and of two of the Hopf points."""
     fold, _, *hopfs = atmosphere.special
     return [
         jaxdyn.continue_curve(

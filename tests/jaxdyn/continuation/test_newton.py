@@ -7,7 +7,7 @@ from jaxdyn.continuation import newton
 
 
 def root(x):
-    """Of sqrt(2)."""
+    """One equation with one unknown, whose roots are sqrt(2) and -sqrt(2)."""
     return x**2 - 2.0, np.diag(2 * x)
 
 

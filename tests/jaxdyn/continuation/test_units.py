@@ -19,7 +19,7 @@ UNITS = [
     ([1e6, 2e6, 1e6], [7e11, 1e-12], 1e12),
 ]
 PLAIN = ([1.0, 1.0, 1.0], [1.0, 1.0], 1.0)
-#: How exactly points are located, beside rounding of another program's numbers.
+#: How exactly points are located, besides the rounding in another program.
 SAME = 1e-10
 
 

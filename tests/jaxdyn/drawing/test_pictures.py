@@ -1,3 +1,5 @@
+"""Pictures and animations of motions: what is drawn and named, their files, what is refused."""
+
 import itertools
 import math
 from types import SimpleNamespace

@@ -111,7 +111,7 @@ def test_derivatives_are_finite_at_rest(effect, jac):
 
     at_rest = jac(force, argnums=(0, 1, 2, 3))(effect, R, 0 * V, M)
     assert all(jnp.isfinite(x).all() for x in jax.tree.leaves(at_rest))
-    # ... and twice, where a reverse sweep meets the forward one.
+    # So are second derivatives, where a reverse sweep meets the forward one.
     twice = jac(jac(force, argnums=2), argnums=2)(effect, R, 0 * V, M)
     assert jnp.isfinite(twice).all()
 

@@ -216,7 +216,7 @@ def test_a_drift_has_the_size_of_what_changes_where_the_energy_is_zero():
     motion = simulate(scene, rtol=1e-13)
     assert abs(float(energy.energy(scene, 0.0, scene.y0))) < 1e-16
     assert float(energy.drift(motion)) < SOLVED
-    # Of the terms omega^2 / 2 and cos theta, which are 1 at most; and no less for another origin.
+    # Its size is that of the terms omega^2 / 2 and cos theta, which are 1 at most.
     bad = eqx.tree_at(lambda m: m.ys, motion, motion.ys.at[100, 1].add(1e-3))
     speed = abs(float(motion.ys[100, 1]))
     assert 0.2e-3 * speed < float(energy.drift(bad)) < 2e-3 * speed

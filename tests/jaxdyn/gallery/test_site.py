@@ -42,7 +42,7 @@ from jaxdyn.scenes import catalogue
 ONE = (22,)
 #: In the plane and in space, with sliders, several motions, none.
 SEVERAL = (7, 16, 22, 54, "tutorials/first_motion")
-MOST_BYTES = 2_000_000  # of a page
+MOST_BYTES = 2_000_000  # limit for a page
 
 
 class Parsed(html.parser.HTMLParser):

@@ -289,7 +289,7 @@ def test_a_start_that_fits_no_phase_is_refused():
 
 
 def time_to_fall(t, y):
-    """Until a ball at y[1] with the speed y[3] is on the floor."""
+    """The time until a ball at y[1] with the speed y[3] is on the floor."""
     del t
     return (y[3] + jnp.sqrt(y[3] ** 2 + 2 * G * y[1])) / G
 

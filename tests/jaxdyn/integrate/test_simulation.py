@@ -67,7 +67,7 @@ def test_samples_are_as_accurate_as_the_steps(eight):
     # An interpolant between 48 steps would be wrong by 1e-8.
     assert motion.steps < 60
     assert gap(motion.ys, eight.ys) < SOLVED
-    # ... and at the end exactly the end, at the start exactly the start.
+    # The first sample is exactly the start, and the last one is the end.
     np.testing.assert_array_equal(eight.ys[0], EIGHT.y0)
     assert gap(eight.ys[-1], solve(EIGHT, EIGHT.t1, rtol=1e-15).y1) < EXACT
 
@@ -269,7 +269,7 @@ def test_what_a_batch_says_of_itself(swings):
         grid.one(1)
 
 
-#: Of the methods the one that compiles fastest.
+#: The method that compiles fastest.
 QUICK = {"solver": RK4, "dt": 0.1}
 #: Ways to a batch of pendulums: over the numbers of the scene, scenes, starts, ends of the span.
 BATCHES = {

@@ -156,8 +156,8 @@ def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
 
 @pytest.mark.slow
 def test_tangents_of_tangents_that_rounding_alone_moves_ask_for_no_steps():
-    # Two entries are zero, and so is what the number changes: of its second derivatives by itself
-    # and the start only those of these entries are not zero.
+    # Two entries are zero, and the number changes nothing in the others: of the derivatives by it
+    # and the start only those of these two entries are not zero.
     y0 = jnp.array([1.0, 0.0, 0.0, 0.0])
 
     def slope(c):

@@ -27,7 +27,7 @@ needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is no
 SMOOTH = [name for name, entry in catalogue.entries().items() if not has_corners(entry.make())]
 #: Largest difference of an end state, in the sizes of the motion.
 CLOSE = 1e-9
-#: Over its span nearby motions depart from each other a million times, and roundings with them.
+#: Over its span distances of nearby motions grow a millionfold, and so do rounding errors.
 CHAOTIC = {"double_pendulum": 1e-8}
 
 _RUN = """
@@ -53,7 +53,7 @@ def node(expression, scene=None, **options):
 
 
 def _sizes(scene, ys):
-    """(k,) of the entries of a motion."""
+    """(k,) sizes of the entries of a motion."""
     sizes = np.asarray(scene.field.groups.largest(jnp.asarray(np.abs(ys).max(axis=0))))
     return np.where(sizes > 0, sizes, 1.0)
 

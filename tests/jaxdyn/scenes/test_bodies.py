@@ -364,7 +364,7 @@ def test_steady_families_satisfy_the_relations_and_meet():
     assert np.ptp(np.asarray(slide.precession)) < 1e-3 * coin.precession[1]
     none = precession.sliding_disk_roots(THETA, coin.spin[1] * (1 - 1e-9), **DISK)
     assert np.isnan(none.precession).all()
-    # Of a uniform coin: omega_p^2 = 4 g / (r sin(theta)).
+    # For a uniform coin omega_p^2 = 4 g / (r sin(theta)).
     assert gap(coin.precession**2, 4 * 9.81 / (0.5 * np.sin(lean[:2]))) < SOLVED * 100
     assert np.isnan(precession.rolling_disk_circle(THETA, 2.0, **DISK).precession)
 

@@ -120,7 +120,8 @@ def test_double_pendulum_of_point_masses_moves_as_by_another_integrator(formulat
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_point_masses_hanging_in_a_row_have_the_frequencies_of_laguerre(n):
-    # Of equal masses on equal rods: g / l times the zeros of Laguerre's polynomial of degree n.
+    # With equal masses on equal rods they are g / l times the zeros of Laguerre's polynomial of
+    # degree n.
     numbers = {"m": (1.0,) * n, "length": (0.5,) * n, "angles": (0.0,) * n, "rates": (0.0,) * n}
     scene = pendula.n_pendulum(**numbers, g=2.0, uniform=False)
     found = np.linalg.eigvals(linearize(scene, scene.y0).jacobian)

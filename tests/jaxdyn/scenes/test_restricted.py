@@ -1,4 +1,4 @@
-"""Bodies of no mass in turning axes: published orbits, closed forms, and the scenes they limit."""
+"""Massless bodies in rotating frames: published orbits, closed forms, and the scenes they limit."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_in_the_plane_it_is_the_plane_problem():
 
 
 def rotating(mu):
-    """The rates of the third body in axes that do not turn, by Newton's law."""
+    """The rates of the third body in an inertial frame, by Newton's law."""
 
     def rate(t, y):
         r, v = y[:3], y[3:]

@@ -14,7 +14,7 @@ from jaxdyn.scenes.skates import one_skate
 from jaxdyn.scenes.wheels import AXLES, braking, car, sliding_velocity, turning_left, turning_rate
 
 G, MU, V = 9.81, 0.7, 20.0
-SHARE = {"front": 1.4 / 2.6, "rear": 1.2 / 2.6}  # of the weight on the locked axle
+SHARE = {"front": 1.4 / 2.6, "rear": 1.2 / 2.6}  # share of the weight on the locked axle
 
 
 @pytest.fixture(scope="module", params=AXLES)
@@ -145,7 +145,7 @@ def test_without_friction_it_is_the_ideal_car_on_one_skate():
 
 
 def test_without_friction_a_turning_grows_undamped():
-    """As for any mu, in the limit of none; how much is left of it at a lower speed is no number."""
+    """The rate is the limit for little friction; what never slows down has no fraction left."""
     smooth, rough = car(mu=0.0), car(mu=1e-9)
     assert abs(turning_rate(smooth, 20.0) - turning_rate(rough, 20.0)) < 1e-8
     with pytest.raises(ValueError, match="scene: expected a car with a locked axle, got none"):

@@ -94,7 +94,7 @@ def test_the_rounding_of_large_times_is_seen():
 
 
 def test_plain_sums_are_rounded_as_states_are():
-    """Of a million steps too small to err otherwise; nothing compensates for these sums."""
+    """Steps are so short that rounding is their only error, and their sums are not compensated."""
     scene, t1 = scenes.oscillator(), 1.0
     plain = fixed_steps(scene, t1, steps=100_000, method=VERNER9)
     moved = [

@@ -24,7 +24,7 @@ def _loop(x):
     return lax.fori_loop(0, 3, lambda i, y: y * 0.5 + jnp.sin(y[::-1]) * i, x)
 
 
-#: Of x (4,), with entries of both signs, and a number s.
+#: Functions of x (4,), with entries of both signs, and a number s.
 FUNCTIONS = {
     "sums": lambda x, s: x.sum() + x.max() * x.min() + jnp.cumsum(x) + x.prod(),
     "functions": lambda x, s: jnp.exp(-x * x) + jnp.sin(x) * jnp.arctan2(x, s) + jnp.abs(x) ** 1.5,

@@ -188,7 +188,7 @@ def test_whole_numbers_and_truths_known_at_run_time_are_numbers_too():
 
 
 def _error_and_estimate(rate, h, y):
-    """Of one step of order 12, the first against 32 short ones of order 20."""
+    """The error of a step of order 12, by 32 short ones of order 20, and its estimate."""
     zero, h, y = jnp.zeros(()), jnp.asarray(h), jnp.asarray(y)
     increment, found = TAYLOR12.advance(rate, zero, h, y)[:2]
     end = y
@@ -243,7 +243,7 @@ def test_the_times_of_shortened_steps_are_exact(t1):
 
 @pytest.mark.parametrize("h", [1.0, 3.0, 30.0])
 def test_a_shortened_step_is_that_step(h):
-    # Of x only every eighth term is not zero: of order 12 the last one is that of order 9.
+    # Only every eighth term of x is not zero: up to order 12 the last one is that of order 9.
     y, tolerance = jnp.array([0.0, 1.0]), jnp.array([1e-6, 1e-6])
     rate, zero = lambda t, y: jnp.stack([y[1], -(y[0] ** 7)]), jnp.zeros(())
     short = TAYLOR12.advance_within(rate, zero, jnp.asarray(h), y, tolerance)
@@ -255,7 +255,7 @@ def test_a_shortened_step_is_that_step(h):
 
 
 def test_a_start_where_all_terms_vanish_is_left_by_short_steps():
-    # Of t^25 none up to order 20 differs from 0: no limit of the step could be read off them.
+    # No term of t^25 up to order 20 differs from 0: no limit of the step could be read off them.
     found = solve(ode(lambda t, y: (t**25)[None], [0.0], 2.0), 2.0, rtol=1e-12, solver=TAYLOR20)
     assert abs(float(found.y1[0]) / (2.0**26 / 26) - 1) < 1e-11
 

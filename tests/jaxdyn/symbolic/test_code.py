@@ -19,7 +19,7 @@ from jaxdyn.scenes import catalogue
 from jaxdyn.symbolic.code import LANGUAGES, code
 from jaxdyn.symbolic.parameters import parameters, with_parameters
 
-#: Of the size of a rate: it is the same arithmetic, collected in another order.
+#: Tolerance relative to the size of a rate: the same arithmetic in another order.
 ROUNDING = 1e-13
 STATES = 5
 ZOO = catalogue.entries()

@@ -17,11 +17,11 @@ from jaxdyn.symbolic.symbols import GREEK
 from jaxdyn.symbolic.typesetting import TEXT
 
 ZOO = catalogue.entries()
-#: Of the size of a rate.
+#: Tolerance relative to the size of a rate.
 ROUNDING = 1e-13
 STATES = 4
 
-#: Of a four-bar linkage, so that nothing cancels.
+#: The same for a four-bar linkage, with numbers for which nothing cancels.
 UNEQUAL = {"m": (1.0, 2.0, 3.0), "length": (1.0, 2.5, 2.2), "angle": 1.0, "rate": 0.7, "g": 9.81}
 
 #: Scenes beyond the defaults of the catalogue: other formulations, and effects of all kinds.

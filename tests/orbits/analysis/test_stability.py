@@ -182,7 +182,7 @@ def test_hardly_any_damping_is_no_conservative_scene(c):
 @pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [1e-4, 1e-6])
 def test_small_orbits_have_bars_that_hold(amplitude):
-    # Of rates that are differences of nearly equal numbers; multipliers as of the linear system.
+    # Rates are differences of nearly equal numbers; the multipliers are those of the linear system.
     scene = jaxdyn.scenes.double_pendulum(angles=(0.0, 0.0))
     seeds = orbits.discovery.seeds.modes(scene, scene.y0, amplitude)
     for seed, other in zip(seeds, seeds[::-1], strict=True):

@@ -64,7 +64,7 @@ def test_a_run_is_kept_shown_and_resumed(curve, command, tmp_path):
     assert "--save: expected a file of this run, got one with other parameters" in error
 
 
-#: Of Mathieu's equation for the upright pendulum: its effective length, and gravity.
+#: Effective length and gravity in Mathieu's equation for the upright pendulum.
 LENGTH, GRAVITY = 2 / 3, 9.81
 
 

@@ -25,7 +25,7 @@ from orbits.orbit import Orbit, Outcome
 
 
 def period_of(energy: float, length: float = 1.0) -> float:
-    """Of a pendulum of mass 1 with this energy: 4 sqrt(l / g) K(sin^2(largest angle / 2))."""
+    """The period 4 sqrt(l / g) K(sin^2(largest angle / 2)) of a pendulum of mass 1."""
     return 4 * np.sqrt(length / 9.81) * ellipk((1 + energy / (9.81 * length)) / 2)
 
 

@@ -25,7 +25,7 @@ def swing(tmp_path):
 
 def test_a_file_is_refined_and_proved(orbits, swing):
     with mpmath.workdps(50):
-        # Of the parameters that are exact binary numbers, as the scene has them.
+        # The period for the exact binary numbers that the scene has as parameters.
         g = mpmath.mpf(9.81)
         exact = 4 / mpmath.sqrt(g) * mpmath.ellipk(mpmath.sin(1) ** 2)
         code, out, err = orbits("refine", swing, "--digits", 40, "--json")

@@ -20,7 +20,8 @@ ORDERS = np.arange(1.0, MODES + 1)
 _PHASES = np.outer(2 * np.pi * np.arange(48) / 48, ORDERS)
 WAVES = 2 * np.hstack([np.cos(_PHASES), -np.sin(_PHASES)])
 PROJECTION = WAVES.T / (2 * 48)
-#: Entries of one size: by an own one for each mode, rounding of the others would be their error.
+#: One unit makes all entries of one size: with a size for each mode, rounding of the large modes
+#: would count as an error of the small ones.
 NAMES = [(f"{part} {k}", "1/s") for part in ("real", "imaginary") for k in range(1, MODES + 1)]
 REFLECTION = orbits.Symmetry(signs=(-1,) * MODES + (1,) * MODES)
 

@@ -197,7 +197,7 @@ def test_a_cycle_of_a_map_has_its_period_and_multiplier():
     (cycle,) = found.attractors
     assert (cycle.kind, len(cycle.points)) == ("cycle", 2)
     assert "stable cycle of period 2" in repr(found)
-    # Of the second iterate: a^2 x^2 - (1 - b) a x + (1 - b)^2 - a = 0 for both points.
+    # Both points solve a^2 x^2 - (1 - b) a x + (1 - b)^2 - a = 0, by the second iterate.
     a, b = 0.6, 0.3
     x = np.sort(np.roots([a**2, -(1 - b) * a, (1 - b) ** 2 - a]))
     np.testing.assert_allclose(np.sort(cycle.points[:, 0]), x, atol=1e-12)

@@ -103,7 +103,7 @@ def test_axial_orbits_are_mirrored_at_the_axis_only(system, point):
     assert_allclose(other.y0, seed.y0 * [1, 1, -1, 1, 1, -1])
 
 
-#: Of the short and the long oscillation about L4 of the Earth and the Moon.
+#: Frequencies of the short and the long oscillation about L4 of the Earth and the Moon.
 TURNS = {"short period": 0.9545, "long period": 0.2982}
 
 

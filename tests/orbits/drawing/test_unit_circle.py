@@ -14,7 +14,7 @@ from orbits.analysis.stability import Stability
 
 @pytest.fixture(scope="module")
 def found():
-    """Of a swing of a pendulum: two multipliers, both forced to be 1."""
+    """The stability of a swing of a pendulum: two multipliers, both forced to be 1."""
     return orbits.stability(orbits.find(scenes.pendulum(angle=0.5), period=2.1))
 
 

@@ -111,7 +111,7 @@ def predators(t, y):
 
 
 def slow_about_the_triangle():
-    """Of Earth and Moon: the scene, a guess, a step, the equilibrium, and the period there."""
+    """For Earth and Moon the scene, a guess, a step, the equilibrium, and the period there."""
     mu, rest = EARTH_MOON, np.array([0.5 - EARTH_MOON, np.sqrt(0.75), 0, 0])
     # s^4 + s^2 + 27/4 mu (1 - mu) = 0
     square = (1 - np.sqrt(1 - 27 * mu * (1 - mu))) / 2
@@ -228,7 +228,7 @@ SPECIAL = {
     Kind.DOUBLING: (Moebius, -0.2, (1.0, 0.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
     Kind.TORUS: (Torus, -0.1, (1.0, 0.0, 0.0, 0.0), {"step": 0.06, "members": 6}),
 }
-#: What vanishes there, of the non-trivial multipliers.
+#: The functions of the non-trivial multipliers that vanish there.
 CONDITIONS = {
     Kind.FOLD: lambda z: np.prod(z - 1),
     Kind.BRANCH: lambda z: np.prod(z - 1),

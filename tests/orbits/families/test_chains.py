@@ -113,7 +113,7 @@ def test_a_family_ends_where_its_impact_grazes():
 
 @pytest.mark.slow
 def test_a_chain_that_touches_a_bound_on_the_way_grazes():
-    """A ball on a sine of a ceiling: the bound is that of no leg's end."""
+    """A ball that is thrown up below a ceiling, which bounds its leg but does not end it."""
 
     def make(ceiling):
         ball = scenes.cannonball(g=10.0)

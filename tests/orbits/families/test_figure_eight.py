@@ -83,7 +83,7 @@ def by_scipy(orbit, mass=1.0):
 
 
 def cosines(monodromy):
-    """Those of the angles of the two pairs of multipliers beside the eight that are 1."""
+    """Cosines of the angles of the two pairs of multipliers besides the eight that are 1."""
     total = (np.trace(monodromy) - 8) / 2
     squares = (np.trace(monodromy @ monodromy) - 8) / 4 + 1
     return np.sort(np.roots([1, -total, (total**2 - squares) / 2]).real)

@@ -33,7 +33,7 @@ def straight():
 
 
 def trace(scaled):
-    """Of the transverse map over a period of Pi_1 at an energy, by SciPy: Hill's equation."""
+    """Trace of the transverse map over a period of Pi_1 at an energy: Hill's equation by SciPy."""
     roots = np.sort(np.roots([-1 / 3, 0.5, 0.0, -scaled * SADDLE]).real)
 
     def rate(t, z):

@@ -72,7 +72,7 @@ def test_so_does_one_of_a_drive_and_its_file_says_so(tmp_path):
 
 @pytest.mark.slow
 def test_one_that_passes_the_same_parameter_and_period_elsewhere_goes_on():
-    """Of another radius at the same parameter: an ellipse is met twice there, on both sides."""
+    """Cycles of two radii have one parameter: the ellipse is met there twice, on both sides."""
     first = orbits.find(circles_at(0.0), [np.sqrt(1.5), 0.0], 5.0)
     family = orbits.continue_family(first, circles_at, 0.0, step=0.1, members=200)
     assert family.end == "the first one again: it is closed"

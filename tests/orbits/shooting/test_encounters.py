@@ -131,7 +131,7 @@ def test_its_derivative_is_that_of_orbits_found_again(close):
         scene = eqx.tree_at(lambda s: s.effects[0].G, close.scene, g)
         return orbits.differentiable(scene, close, hold=hold).period
 
-    # Of orbits with all numbers equal but G, periods differ as G at the same energy.
+    # The two orbits have the same energy and differ in G alone.
     slope, h = jax.grad(period)(1.0), 1e-4
     assert abs(slope / ((found(1 + h) - found(1 - h)) / (2 * h)) - 1) < 1e-6
 

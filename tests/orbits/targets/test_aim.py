@@ -54,7 +54,7 @@ def quadratic_range(angle, speed, k=DRAG, g=G):
             return 1 / (start + k * (f0 - f(p)))
 
         def integrals(depth):
-            """Of dx and of dy / dx, from the launch to the slope p0 - depth."""
+            """Integrals of dx and of dy / dx from the launch to the slope p0 - depth."""
             cuts = [0.0, *depth * np.logspace(-22, 0, 34)]
             x = y = 0.0
             for a, b in itertools.pairwise(cuts):

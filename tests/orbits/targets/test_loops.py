@@ -122,7 +122,7 @@ def test_what_does_not_exist_says_why():
     # Neither limit is reached: 1 / 3 belongs to circles alone.
     with pytest.raises(orbits.SearchError, match="reaches neither"):
         loops.closed(PowerLaw(1.0, 6.0), 1, 3)
-    # Of a law whose limits nobody has proved only the shapes that were tried are known.
+    # For a law whose limits nobody has proved, only the shapes that were tried are known.
     with pytest.raises(orbits.SearchError, match=r"At 6. ratios of radii from .*not excluded"):
         loops.closed(Yukawa(), 1, 3, r=1.5)
     with pytest.raises(orbits.SearchError, match=r"as steep as r\^-3, where only circles close"):
