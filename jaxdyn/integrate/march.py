@@ -43,7 +43,7 @@ from jaxdyn.status import Status
 # A method judges a step by what it sees of the rate at a handful of times, and misses a pulse
 # between them. So before a step is taken, bounds of each part of the rate that depends on time
 # alone are compared with samples of it (`plan.times`), and a step in which more may happen than is
-# seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and #
+# seen becomes shorter. Parts that depend on time and state are checked likewise after a step, and
 # a step in which something may be hidden is rejected.
 
 #: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
