@@ -316,8 +316,8 @@ def axon() -> list[Compared]:
     def make(current):
         return jaxdyn.ode(hodgkin_huxley, start, 20.0, params=current)
 
-    rests = jaxdyn.continue_equilibria(make, 0.0, start, members=100)
-    first, last = (x for x in rests.special[:2])
+    equilibria = jaxdyn.continue_equilibria(make, 0.0, start, members=100)
+    first, last = (x for x in equilibria.special[:2])
     return [
         Compared("first Hopf point", "9.7796", first.parameter),
         Compared("second Hopf point", "154.527", last.parameter),

@@ -12,6 +12,9 @@ import warnings
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
+#: Modules whose frames a warning skips, to name the line of the user.
+_OURS = {"jaxdyn", "orbits", "equinox", "abc", "dataclasses", "lazy_loader", "importlib"}
+
 
 def _nothing(name: str) -> Any:
     raise AttributeError(f"nothing is called {name!r} there")
@@ -55,10 +58,50 @@ def attribute_getter(
                     raise
                 raise AttributeError(f"{error}. Did you mean {near[0]!r}?") from None
         place, now = new[name]
-        whole = f"{place}.{now}".rstrip(".")
-        told = f"{package}.{name} is now {whole}; the old name is removed in the next version."
-        warnings.warn(told, DeprecationWarning, stacklevel=2)
+        _warn(f"{package}.{name}", f"{place}.{now}".rstrip("."))
         found = importlib.import_module(place)
         return getattr(found, now) if now else found
 
     return __getattr__
+
+
+def renamed(**names: str) -> Callable[[type], type]:
+    """A class decorator that keeps old names of attributes and methods: using them warns.
+
+    Where a subclass overrides a method by its old name, it is that of the new one.
+
+    Args:
+      names: the new name of each of them by its old one.
+    """
+
+    def decorate(cls: type) -> type:
+        def __init_subclass__(subclass: type, **kwargs: Any) -> None:
+            super(cls, subclass).__init_subclass__(**kwargs)
+            for old, new in names.items():
+                if old in vars(subclass):
+                    _warn(f"{subclass.__qualname__}.{old}", new)
+                    setattr(subclass, new, vars(subclass)[old])
+
+        for old, new in names.items():
+            setattr(cls, old, _alias(f"{cls.__qualname__}.{old}", new))
+        cls.__init_subclass__ = classmethod(__init_subclass__)
+        return cls
+
+    return decorate
+
+
+def _alias(old: str, new: str) -> property:
+    def found(self: Any) -> Any:
+        _warn(old, new)
+        return getattr(self, new)
+
+    return property(found)
+
+
+def _warn(old: str, new: str) -> None:
+    text = f"{old} is now {new}; the old name is removed in the next version."
+    frame, level = sys._getframe(1), 2
+    # Frames of the libraries are in between where a class is made.
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _OURS:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, DeprecationWarning, stacklevel=level)

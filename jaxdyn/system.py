@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import refuse_narrow
+from jaxdyn._doors import renamed
 from jaxdyn._records import Record as Record
 from jaxdyn._records import check_repeatable
 from jaxdyn.joints import Joint, Load, Part
@@ -133,6 +134,7 @@ class Effect(Record):
         del points
 
 
+@renamed(cut="bodies", held="joints")
 class System(Record):
     """Coordinates, and how forces on material points move them."""
 
@@ -158,12 +160,12 @@ class System(Record):
         del t, y
         return ()
 
-    def cut(self, t: Array, y: Float[Array, " k"]) -> tuple[Part, ...]:
+    def bodies(self, t: Array, y: Float[Array, " k"]) -> tuple[Part, ...]:
         """The bodies that it consists of, for free-body diagrams; () where they are not known."""
         del t, y
         return ()
 
-    def held(self, t: Array, y: Float[Array, " k"]) -> tuple[Joint, ...]:
+    def joints(self, t: Array, y: Float[Array, " k"]) -> tuple[Joint, ...]:
         """What holds the bodies: hinges, rods, wires, contacts."""
         del t, y
         return ()

@@ -189,14 +189,14 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
     while isinstance(system, Extended):
         t, y = system.inside(t, y)
         system = system.system
-    parts = system.cut(t, y)
+    parts = system.bodies(t, y)
     if not parts:
         raise _checks.fail(
             "scene",
             "one whose bodies are known",
             type(getattr(system, "mechanism", system)).__name__,
             "Its equations are not forces on bodies at rest or in motion in space (an ode, a "
-            "Lagrangian, a rotating frame, a prescribed motion), or its class has no `cut`.",
+            "Lagrangian, a rotating frame, a prescribed motion), or its class has no `bodies`.",
         )
     found = _found(Field(system, scene.effects), t, y)
     points = Points(*map(np.asarray, found.points))
@@ -212,7 +212,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
             "scene",
             "bodies whose forces give their accelerations",
             f"a difference of {residual:.1e} of the largest force",
-            f"The `cut` and `held` of {type(system).__name__} do not describe its equations.",
+            f"The `bodies` and `joints` of {type(system).__name__} do not describe its equations.",
         )
     units = bool(_text.second(scene.labels()))
     return FreeBodies(float(t), tuple(bodies), largest, residual, units, determined)
@@ -246,8 +246,8 @@ def _found(field: Field, t: Array, y: Array) -> _Found:
         points=points,
         a=a,
         terms=jnp.sum(jnp.abs(turning * rate[None, None]), axis=-1),
-        parts=system.cut(t, y),
-        joints=system.held(t, y),
+        parts=system.bodies(t, y),
+        joints=system.joints(t, y),
         loads=system.loads(t, y),
         multipliers=system.constraint_forces(t, y, field.effects),
         pieces=tuple((_name(e), e.force(t, *points)) for e in on_points),

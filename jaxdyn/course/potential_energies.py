@@ -40,7 +40,7 @@ class Bump(effects.CentralForce):
         return r * jnp.exp(-r)
 
 
-class Along(Effect):
+class ForceAlongX(Effect):
     """The force -sin(x) on each point along x, from its energy."""
 
     velocity_dependent = False
@@ -66,7 +66,7 @@ def solve(page: Page) -> None:
         "f: k (d - l)^2 / 2": (effects.Spring(3.0, 0.5, j=1), lambda r: spring_energy(r[1] - r[0])),
         "g: -C / d": (effects.PairGravity(2.0), lambda r: -2 / size(r[1] - r[0])),
         "h: C r . n": (effects.ConstantForce(-2.0 * n), lambda r: 2.0 * (r @ n).sum()),
-        "i: integral of f(x)": (Along(), lambda r: (1 - jnp.cos(r[:, 0])).sum()),
+        "i: integral of f(x)": (ForceAlongX(), lambda r: (1 - jnp.cos(r[:, 0])).sum()),
     }
     start = np.array([[1.0, 0.5, 0.2], [-1.0, 0.3, 1.0]])
     end = np.array([[0.4, 1.5, -0.6], [-0.5, -1.0, 2.0]])

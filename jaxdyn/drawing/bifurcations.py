@@ -18,7 +18,7 @@ from jaxdyn.files.output_files import picture_path
 #: Line styles of verdicts.
 STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
 #: Marks of special equilibria.
-RESTS = {
+EQUILIBRIUM_MARKERS = {
     Kind.FOLD: "s",
     Kind.BRANCH: "D",
     Kind.HOPF: "o",
@@ -58,11 +58,11 @@ def equilibria(
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
     for family in families:
-        for verdict, points, shown in rest_stretches(family):
+        for verdict, points, shown in equilibrium_stretches(family):
             line = np.array([(x.parameter, x.state[index]) for x in points])
             name = verdict if shown else "_"
             ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
-    for (kind, marker), colour in zip(RESTS.items(), PALETTE[1:], strict=False):
+    for (kind, marker), colour in zip(EQUILIBRIUM_MARKERS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
         if len(there):
@@ -174,7 +174,7 @@ def _criticality(one, two) -> str:
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 
 
-def rest_stretches(family: EquilibriumFamily) -> list[tuple[str, list, bool]]:
+def equilibrium_stretches(family: EquilibriumFamily) -> list[tuple[str, list, bool]]:
     """The `stretches` of a family of equilibria."""
     return stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
 

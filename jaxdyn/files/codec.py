@@ -317,6 +317,10 @@ def decode_part(
     return found
 
 
+#: Classes that have other names in older files.
+_RENAMED = {"Bodies": "FreeBars", "Bobs": "PointMasses"}
+
+
 def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
     """All concrete classes that a file may name: the loaded subclasses of these kinds."""
     families()  # load those of the ready-made scenes
@@ -336,7 +340,7 @@ def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) ->
     if name.count(".") > MAX_DEPTH:
         raise fail(name[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
     called = value.get("type")
-    cls = classes.get(called) if isinstance(called, str) else None
+    cls = classes.get(_RENAMED.get(called, called)) if isinstance(called, str) else None
     if cls is None:
         raise fail(name, "the name of a class that is imported", reprlib.repr(called), _ANOTHER)
     names = {*_field_names(cls)}

@@ -55,7 +55,7 @@ class Constrained(MechanismSystem):
     """A mechanism with constraints or rolling conditions: state [q, v].
 
     Attributes:
-      mechanism: its `tied` and `rolling` are the constraints.
+      mechanism: its `constraints` are the holonomic ones, `rolling` the rolling conditions.
       drift: "projection", "baumgarte" or "raw".
       pull: () rate a of Baumgarte's method [1/s].
     """
@@ -196,20 +196,20 @@ class Constrained(MechanismSystem):
 
     def _conditions(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """The phi (c,), rates (c + b,), G (c + b, n) and gamma (c + b,) for which G a = gamma."""
-        tied, rolling = self.mechanism.tied, self.mechanism.rolling
+        constraints, rolling = self.mechanism.constraints, self.mechanism.rolling
         none = jnp.zeros((0,), q.dtype)
-        ties = tied(t, q)
+        ties = constraints(t, q)
         phi = none if ties is None else ties
         one = jnp.ones_like(t)
         rates, rows, gammas = [], [], []
         if phi.shape[0]:
 
             def rate(t, q):
-                return jax.jvp(tied, (t, q), (one, v))[1]
+                return jax.jvp(constraints, (t, q), (one, v))[1]
 
             value, second = jax.jvp(rate, (t, q), (one, v))
             rates, gammas = [value], [-second]
-            rows = [jax.jacfwd(lambda q: tied(t, q))(q)]
+            rows = [jax.jacfwd(lambda q: constraints(t, q))(q)]
         b = rolling(t, q)
         if b is not None:
             turned = jax.jvp(rolling, (t, q), (one, v))[1]

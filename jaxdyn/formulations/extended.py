@@ -61,11 +61,11 @@ class Extended(System):
     def sketch(self, t, y):
         return self.system.sketch(*self.inside(t, y))
 
-    def cut(self, t, y):
-        return self.system.cut(*self.inside(t, y))
+    def bodies(self, t, y):
+        return self.system.bodies(*self.inside(t, y))
 
-    def held(self, t, y):
-        return self.system.held(*self.inside(t, y))
+    def joints(self, t, y):
+        return self.system.joints(*self.inside(t, y))
 
     def loads(self, t, y):
         return self.system.loads(*self.inside(t, y))

@@ -17,6 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
+from jaxdyn._doors import renamed
 from jaxdyn._numerics import materialise, runtime_one
 from jaxdyn.joints import Joint, Part
 from jaxdyn.scene import Effect, Points, System
@@ -27,6 +28,7 @@ from jaxdyn.system import Record, generalized_forces, total_force
 TIES = ("length", "square")
 
 
+@renamed(cut="bodies", held="joints", tied="constraints")
 class Mechanism(Record):
     """Coordinates q (n,) and the material points that they place."""
 
@@ -47,7 +49,7 @@ class Mechanism(Record):
     def positions(self, t: Array, q: Array) -> Array:
         """(p, d) positions of the points [m]."""
 
-    def tied(self, t: Array, q: Array) -> Array | None:
+    def constraints(self, t: Array, q: Array) -> Array | None:
         """(c,) values that must stay zero: lengths, closed loops, guides; None without any."""
         del t, q
         return None
@@ -73,13 +75,13 @@ class Mechanism(Record):
         """Names of the rods whose lengths (`stretch`) are the first of the constraints."""
         return ()
 
-    def cut(self, t: Array, q: Array) -> tuple[Part, ...]:
-        """The bodies that it consists of, see `System.cut`."""
+    def bodies(self, t: Array, q: Array) -> tuple[Part, ...]:
+        """The bodies that it consists of, see `System.bodies`."""
         del t, q
         return ()
 
-    def held(self, t: Array, q: Array) -> tuple[Joint, ...]:
-        """What holds the bodies, see `System.held`."""
+    def joints(self, t: Array, q: Array) -> tuple[Joint, ...]:
+        """What holds the bodies, see `System.joints`."""
         del t, q
         return ()
 
@@ -164,11 +166,11 @@ class MechanismSystem(System):
     def sketch(self, t, y):
         return self.mechanism.sketch(t, jnp.split(y, 2)[0])
 
-    def cut(self, t, y):
-        return self.mechanism.cut(t, jnp.split(y, 2)[0])
+    def bodies(self, t, y):
+        return self.mechanism.bodies(t, jnp.split(y, 2)[0])
 
-    def held(self, t, y):
-        return self.mechanism.held(t, jnp.split(y, 2)[0])
+    def joints(self, t, y):
+        return self.mechanism.joints(t, jnp.split(y, 2)[0])
 
     def check(self, t, y):
         del t, y

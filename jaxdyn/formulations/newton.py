@@ -66,7 +66,7 @@ class FreePoints(System):
         r, v = y.reshape(2, self.m.shape[0], self.d)
         return Points(r, v, self.m)
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         del t, y
         return particles(self.m, self.names)
 

@@ -36,7 +36,7 @@ class PolarParticle(System):
         position = (r * e_r)[None, :]
         return Points(position, (vr * e_r + r * omega * e_theta)[None, :], self.m[None])
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         return particles(self.points(t, y).m)
 
     def rate(self, t, y, effects):

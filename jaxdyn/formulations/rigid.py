@@ -164,11 +164,11 @@ class RigidBody(System):
         r, R, _, _ = self.pose(y)
         return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         del t, y
         return body("body", self.matter.m)
 
-    def held(self, t, y):
+    def joints(self, t, y):
         del t, y
         return at_pivot(self.pivoted)
 

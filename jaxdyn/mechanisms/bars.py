@@ -57,24 +57,24 @@ class Chain(Mechanism):
 
     def positions(self, t, q):
         del t
-        return self._points(q) if self.uniform else self.joints(q)[1:]
+        return self._points(q) if self.uniform else self.hinge_points(q)[1:]
 
     def _points(self, q: Array) -> Array:
         """(2 n + 1, 2) the hinges, then the middles."""
         angle = self.angles(q)
         return row_points(self.l[:, None] * jnp.stack([jnp.sin(angle), -jnp.cos(angle)], axis=1))
 
-    def joints(self, q: Array) -> Array:
+    def hinge_points(self, q: Array) -> Array:
         """(n + 1, 2) the hinges, from the origin to the far end."""
         return self._points(q)[: len(q) + 1]
 
-    def bobs(self, t: Array, q: Array) -> Array:
-        """(2 n,) the coordinates of these point masses as `Bobs`."""
+    def point_masses(self, t: Array, q: Array) -> Array:
+        """(2 n,) the coordinates of these point masses as `PointMasses`."""
         del t
-        return self.joints(q)[1:].ravel()
+        return self.hinge_points(q)[1:].ravel()
 
-    def bodies(self, t: Array, q: Array) -> Array:
-        """(3 n,) the coordinates of these bars as `Bodies`."""
+    def free_bars(self, t: Array, q: Array) -> Array:
+        """(3 n,) the coordinates of these bars as `FreeBars`."""
         del t
         middles = self._points(q)[len(q) + 1 :]
         return jnp.concatenate([middles, self.angles(q)[:, None]], axis=1).ravel()
@@ -83,9 +83,9 @@ class Chain(Mechanism):
         """(n,) the angles of the bars from hanging straight down."""
         return _combine(np.tri(len(q)), q[:, None])[:, 0] if self.relative else q
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         del t
-        return None if self.end is None else self.joints(q)[-1] - self.end
+        return None if self.end is None else self.hinge_points(q)[-1] - self.end
 
     def rolling(self, t, q):
         del t
@@ -93,19 +93,19 @@ class Chain(Mechanism):
             return None
         angle = self.angles(q)[-1]
         across = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-        velocities = jax.jacfwd(lambda q: self.joints(q)[-1])(q)
+        velocities = jax.jacfwd(lambda q: self.hinge_points(q)[-1])(q)
         return jnp.sum(across[:, None] * velocities, axis=0)[None, :]
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t
-        joints = self.joints(q)
-        return bar_parts(self.m, joints) if self.uniform else bob_parts(self.m)
+        joints = self.hinge_points(q)
+        return bar_parts(self.m, joints) if self.uniform else point_mass_parts(self.m)
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t
-        joints = self.joints(q)
+        joints = self.hinge_points(q)
         if not self.uniform:
-            return rods_of_bobs(joints)
+            return massless_rods(joints)
         last = len(q) - 1
         if self.skate:
             across = frame(joints[-1] - joints[-2])[:, 1]
@@ -118,13 +118,13 @@ class Chain(Mechanism):
 
     def sketch(self, t, q):
         del t
-        return bar_shapes(self.joints(q), self.end, skate=self.skate)
+        return bar_shapes(self.hinge_points(q), self.end, skate=self.skate)
 
     def check(self):
         check_bars(self.m, self.l, self.end)
 
 
-class Bodies(Mechanism):
+class FreeBars(Mechanism):
     """The same bars as free bodies, described by x, y of each middle and theta, tied by hinges.
 
     The multipliers of the ties are the forces in the hinges [N], x and y for each hinge in turn.
@@ -151,7 +151,7 @@ class Bodies(Mechanism):
         near, middle, far = self._bars(q)
         return jnp.concatenate([near, far, middle])
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         del t
         near, _, far = self._bars(q)
         hinges = near - jnp.concatenate([jnp.zeros((1, 2)), far[:-1]])
@@ -159,7 +159,7 @@ class Bodies(Mechanism):
             hinges = jnp.concatenate([hinges, (far[-1] - self.end)[None, :]])
         return hinges.ravel()
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t
         near, _, far = self._bars(q)
         n = self.m.shape[0]
@@ -175,7 +175,7 @@ class Bodies(Mechanism):
             for i in range(n)
         )
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t
         near, _, far = self._bars(q)
         n = self.m.shape[0]
@@ -201,7 +201,7 @@ class Bodies(Mechanism):
         return middle - half, middle, middle + half
 
 
-class Bobs(Mechanism):
+class PointMasses(Mechanism):
     """Point masses in a row on massless rods from the origin, described by x and y; rods are ties.
 
     The multipliers are the forces along the rods [N], positive where a rod pushes.
@@ -224,20 +224,20 @@ class Bobs(Mechanism):
         del t
         return q.reshape(-1, 2)
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         rods = jnp.diff(self.positions(t, q), axis=0, prepend=jnp.zeros((1, 2)))
         return stretch(jnp.sum(rods * rods, axis=1), self.l, squared=False)
 
     def rods(self):
         return tuple(f"rod {i + 1}" for i in range(self.m.shape[0]))
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
-        return bob_parts(self.m)
+        return point_mass_parts(self.m)
 
-    def held(self, t, q):
+    def joints(self, t, q):
         joints = jnp.concatenate([jnp.zeros((1, 2)), self.positions(t, q)])
-        return rods_of_bobs(joints, multipliers=True)
+        return massless_rods(joints, multipliers=True)
 
     def sketch(self, t, q):
         return bar_shapes(jnp.concatenate([jnp.zeros((1, 2)), self.positions(t, q)]), None)
@@ -278,7 +278,7 @@ def bar_parts(m: Array, joints: Array) -> tuple[Part, ...]:
     )
 
 
-def bob_parts(m: Array) -> tuple[Part, ...]:
+def point_mass_parts(m: Array) -> tuple[Part, ...]:
     """The point masses (n,) at the ends of massless rods, each a body of its own."""
     return particles(m, tuple(f"mass {i + 1}" for i in range(m.shape[0])))
 
@@ -291,7 +291,7 @@ def hinges(near: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
     )
 
 
-def rods_of_bobs(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
+def massless_rods(joints: Array, *, multipliers: bool = False) -> tuple[Joint, ...]:
     """The massless rods through joints (n + 1, 2), the first of which is fixed."""
     return tuple(
         rod(f"rod {i + 1}", i, i - 1 if i else None, ends, i if multipliers else None)

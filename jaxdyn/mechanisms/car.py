@@ -19,11 +19,11 @@ class Car(Skated):
 
     axles: Array
 
-    def cut(self, t, q):
-        return tuple(part._replace(name="car") for part in super().cut(t, q))
+    def bodies(self, t, q):
+        return tuple(part._replace(name="car") for part in super().bodies(t, q))
 
-    def held(self, t, q):
-        return tuple(wheel._replace(name="rolling axle") for wheel in super().held(t, q))
+    def joints(self, t, q):
+        return tuple(wheel._replace(name="rolling axle") for wheel in super().joints(t, q))
 
     def sketch(self, t, q):
         del t

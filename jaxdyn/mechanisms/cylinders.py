@@ -107,12 +107,12 @@ class Cylinder(System):
         ramp = Shape("ground", jnp.stack([foot - along, foot + along]))
         return ramp, rim, line(c, mark), *paths
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         c = y[:2] - self.d * _axes(y[2])[0]
         outline = Shape("area", circle(c, self.r)), line(c, c + self.r * _axes(y[2])[0])
         return body("cylinder", self.points(t, y).m, outline)
 
-    def held(self, t, y):
+    def joints(self, t, y):
         del t
         if self.contact == "fly":
             return ()

@@ -72,7 +72,7 @@ class Disk(Mechanism):
         arms = [gyration * (x * R[:, 0] + y * R[:, 1]) for x, y, _ in _RIM]
         return q[None, :3] + jnp.stack(arms)
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         del t
         height = jnp.sin(q[4])
         return (q[2] - self.radius * height * _one_above_flat(height))[None]
@@ -104,11 +104,11 @@ class Disk(Mechanism):
         marks = jnp.stack([self.contact(q), q[:3]])
         return rim, spokes, *traces(marks, ["contact with the ground", "centre"])
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return body("disk", self.masses())
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t
         place, axes = self.contact(q), jnp.asarray(np.eye(3))
         normal = along("normal force", 0, None, place, axes[2], 0)

@@ -86,11 +86,11 @@ class EulerBody(Mechanism):
         R = matrix_from_euler(angles, self.sequence)
         return tuple(shape.place(r, R) for shape in self.drawn(self.matter.r))
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return body("body", self.matter.m)
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t, q
         return at_pivot(self.pivoted)
 

@@ -65,18 +65,18 @@ class FourBar(Mechanism):
         x, y = self._bars(q).T
         return jnp.arctan2(x, -y)
 
-    def bodies(self, t: Array, q: Array) -> Array:
-        """(9,) x, y and angle of each bar: the coordinates of `Bodies`."""
+    def free_bars(self, t: Array, q: Array) -> Array:
+        """(9,) x, y and angle of each bar: the coordinates of `FreeBars`."""
         middles = self.positions(t, q)[4:]
         return jnp.concatenate([middles, self.angles(t, q)[:, None]], axis=1).ravel()
 
     def opened_form(self) -> Embedding:
         return Embedding(Chain(self.m, self.l, self.end), self.angles)
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         return bar_parts(self.m, self.positions(t, q)[:4])
 
-    def held(self, t, q):
+    def joints(self, t, q):
         joints = self.positions(t, q)[:4]
         return *hinges(joints[:3]), pinned("hinge 4", 2, None, joints[3])
 

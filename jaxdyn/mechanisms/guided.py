@@ -45,11 +45,11 @@ class Parabola(Mechanism):
     def positions(self, t, q):
         return self.place(t, q)[None, :]
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.m[None], ("bead",))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         slope = 2 * self.c * q[0]
         normal = jnp.stack([-slope, jnp.ones_like(slope)])
         return (along("wire", 0, None, self.place(t, q), normal),)
@@ -80,17 +80,17 @@ class TiedParabola(Mechanism):
         del t
         return q[None, :]
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.m[None], ("bead",))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t
         slope = 2 * self.c * q[0]
         normal = jnp.stack([-slope, jnp.ones_like(slope)])
         return (along("wire", 0, None, q, normal, 0),)
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         del t
         return (q[1] - self.c * q[0] ** 2)[None]
 
@@ -127,11 +127,11 @@ class Cycloid(Mechanism):
         del t, q
         return (Shape("ground", self._wire(np.linspace(-1.0, 1.0, _CORNERS) / (2 * self.c))),)
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.m[None], ("bead",))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         slope = 2 * self.c * q[0]
         normal = jnp.stack([-slope, jnp.sqrt(1 - slope * slope)])
         return (along("wire", 0, None, self.positions(t, q)[0], normal),)
@@ -170,13 +170,13 @@ class Turntable(Mechanism):
         table = planar_body(jnp.zeros(2), theta, jnp.sqrt(self.inertia / self.m_table))
         return jnp.concatenate([mass[None, :], table])
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         table, slot = self.sketch(t, q)[:2]
         (mass,) = particles(self.m[None], ("mass",))
         half = 0.5 * self.m_table
         return mass, Part("table", (1, 2), jnp.stack([half, half]), True, (table, slot))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         across = jnp.stack([-jnp.sin(q[0]), jnp.cos(q[0])])
         slot = along("slot", 0, 1, self.positions(t, q)[0], across)
         return slot, pinned("pin", 1, None, jnp.zeros(2))
@@ -228,12 +228,12 @@ class Plate(Mechanism):
         fixed = self.weld * jnp.stack([-s, c])
         return jnp.stack([moving, -moving, fixed, -fixed])
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         r = self.positions(t, q)
         plate = Part("plate", (), jnp.zeros(0), True, (lines(r, _PLATE),), jnp.zeros(2))
         return *particles(self.masses(), _DRIVEN), plate
 
-    def held(self, t, q):
+    def joints(self, t, q):
         r = self.positions(t, q)
         grips = (pinned(f"grip of {name}", i, 4, r[i]) for i, name in enumerate(_DRIVEN))
         return *grips, pinned("pin", 4, None, jnp.zeros(2))

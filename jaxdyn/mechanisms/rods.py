@@ -44,7 +44,7 @@ class Rods(Mechanism):
         del t
         return q.reshape(-1, self.d)
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         i, j = np.array(self.pairs).T
         r = self.positions(t, q)
         return stretch(square_norm(r[j] - r[i]), self.length, self.squared)
@@ -52,11 +52,11 @@ class Rods(Mechanism):
     def rods(self):
         return tuple(f"rod {i + 1}-{j + 1}" for i, j in self.pairs)
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.m)
 
-    def held(self, t, q):
+    def joints(self, t, q):
         r = self.positions(t, q)
         return tuple(
             rod(name, j, i, (r[i], r[j]), multiplier)
@@ -79,11 +79,11 @@ class TwoOnARod(Mechanism):
     def masses(self):
         return self.m
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.m)
 
-    def held(self, t, q):
+    def joints(self, t, q):
         r = self.positions(t, q)
         return (rod("rod", 1, 0, (r[0], r[1])),)
 

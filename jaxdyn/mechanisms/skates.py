@@ -44,11 +44,11 @@ class Skated(Mechanism):
         angle = q[2] + self.headings
         return jnp.stack([-jnp.sin(angle), jnp.cos(angle), self._arms()], axis=-1)
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return body("body", self.masses())
 
-    def held(self, t, q):
+    def joints(self, t, q):
         del t
         turn = frame(jnp.stack([jnp.cos(q[2]), jnp.sin(q[2])]))
         found = []

@@ -59,12 +59,12 @@ class _OnHinge(Mechanism):
         base, end = self.base(t), self.end(t, q)
         return jnp.stack([base, 0.5 * (base + end), end]) if self.uniform else end[None, :]
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         if not self.uniform:
             return particles(self.masses(), ("mass",))
         return body("stick", self.masses(), (line(self.base(t), self.end(t, q)),))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         if self.uniform:
             return (pinned("hinge", 0, None, self.base(t)),)
         return (self._rod(t, q),)
@@ -117,7 +117,7 @@ class TiedStick(_OnHinge):
         del t
         return q
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         x, y = q - self.base(t)
         return stretch(x * x + y * y, self.l, self.squared)[None]
 
@@ -158,11 +158,11 @@ class Sideways(Mechanism):
         both = [q[0], self.side * jnp.sqrt(self.l**2 - q[0] ** 2)]
         return jnp.stack(both[:: -1 if self.axis else 1])[None, :]
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         del t, q
         return particles(self.masses(), ("mass",))
 
-    def held(self, t, q):
+    def joints(self, t, q):
         r = self.positions(t, q)[0]
         return (rod("stick", 0, None, (jnp.zeros(2), r)),)
 
@@ -180,23 +180,23 @@ class _OnCart(Mechanism):
     l: Array  # noqa: E741 the course's name
 
     @abc.abstractmethod
-    def loose(self, t: Array, q: Array) -> Array:
+    def cartesian(self, t: Array, q: Array) -> Array:
         """(3,) x of the cart and x and y of the point: the coordinates of a `TiedCart`."""
 
     def masses(self):
         return self.m
 
     def positions(self, t, q):
-        x, x2, y2 = self.loose(t, q)
+        x, x2, y2 = self.cartesian(t, q)
         return jnp.stack([jnp.stack([x, jnp.zeros_like(x)]), jnp.stack([x2, y2])])
 
-    def cut(self, t, q):
+    def bodies(self, t, q):
         cart, mass = particles(self.m, ("cart", "mass"))
         block = rectangle("area", (0.3 * self.l, 0.12 * self.l))
         block = block.place(self.positions(t, q)[0], jnp.eye(2))
         return cart._replace(outline=(block,)), mass
 
-    def held(self, t, q):
+    def joints(self, t, q):
         r = self.positions(t, q)
         track = along("track", 0, None, r[0], jnp.asarray(_ACROSS[::-1]))
         return rod("stick", 1, 0, (r[0], r[1]), self._multiplier), track
@@ -224,7 +224,7 @@ class Cart(_OnCart):
     def coordinates(self):
         return (("x", "m"), ("theta", "rad"))
 
-    def loose(self, t, q):
+    def cartesian(self, t, q):
         del t
         x, angle = q
         return jnp.stack([x, x + self.l * jnp.sin(angle), -self.l * jnp.cos(angle)])
@@ -236,11 +236,11 @@ class TiedCart(_OnCart):
     def coordinates(self):
         return (("x", "m"), ("x2", "m"), ("y2", "m"))
 
-    def loose(self, t, q):
+    def cartesian(self, t, q):
         del t
         return q
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         del t
         x = q[1] - q[0]
         return stretch(x * x + q[2] * q[2], self.l, squared=False)[None]

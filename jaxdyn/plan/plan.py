@@ -1,7 +1,7 @@
 """What is true of a kind of scene, found once: its conditions, and how its rate depends on time.
 
-A `Plan` is read from the program of a rate (by a `Walk`), not from values at a few points. It is
-the same for all scenes of a kind, whatever their numbers, and is kept with the kind.
+A `Plan` is read from the program of a rate (by a `BranchEvaluation`), not from values at a few
+points. It is the same for all scenes of a kind, whatever their numbers, and is kept with the kind.
 """
 
 import functools
@@ -58,22 +58,22 @@ class Plan:
         self._program, self._tree, self._leaves, self._state = program, tree, leaves, y
         self._time = jax.ShapeDtypeStruct((), y.dtype)
         self._waves = waves
-        found: list[Walk] = []
+        found: list[BranchEvaluation] = []
         results: list[int] = []
 
-        def walk(leaves, t, y):
-            whole = Walk(None)
+        def evaluate(leaves, t, y):
+            whole = BranchEvaluation(None)
             (rate,) = whole.program(program, _inputs(leaves, t, y))
             results.append(rate.on)
-            part = Walk(None, time_only=True, waves=waves)
-            deep = Walk(None, every_call=True)
-            if rate.on & OF_TIME:  # most rates do not depend on time, and need no more walks
+            part = BranchEvaluation(None, time_only=True, waves=waves)
+            deep = BranchEvaluation(None, every_call=True)
+            if rate.on & OF_TIME:  # most rates do not depend on time, and need no more of them
                 part.results(part.program(program, _inputs(leaves, t, y)))
                 deep.program(program, _inputs(leaves, t, y))
             found.extend([whole, part, deep])
             return rate.array
 
-        jax.eval_shape(walk, leaves, self._time, y)
+        jax.eval_shape(evaluate, leaves, self._time, y)
         whole, part, deep = found
         self.depends_on_time = bool(results[0] & OF_TIME)
         self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
@@ -124,10 +124,10 @@ class Plan:
 
         Without a branch, it takes the branch of the outcomes at the point.
         """
-        walk = Walk(branch)
+        evaluation = BranchEvaluation(branch)
         leaves = jax.tree.leaves(system)
-        (rate,) = walk.program(self._program, _inputs(leaves, t, y))
-        return rate.array, _conditions(walk)
+        (rate,) = evaluation.program(self._program, _inputs(leaves, t, y))
+        return rate.array, _conditions(evaluation)
 
     def time_parts(self, system: PyTree, t: Array, branch: Array | None) -> Array:
         """(u,) the parts of the rate that depend on time alone, in a branch (e,)."""
@@ -139,10 +139,10 @@ class Plan:
 
     def _in_time(self, system: PyTree, t: Array, branch: Array | None):
         given = None if branch is None else branch[np.flatnonzero(self.of_time)]
-        walk = Walk(given, time_only=True, waves=self._waves)
+        evaluation = BranchEvaluation(given, time_only=True, waves=self._waves)
         leaves = jax.tree.leaves(system)
-        walk.results(walk.program(self._program, _inputs(leaves, t, None)))
-        return [jnp.asarray(x.array, float) for x in walk.leaves], _conditions(walk)
+        evaluation.results(evaluation.program(self._program, _inputs(leaves, t, None)))
+        return [jnp.asarray(x.array, float) for x in evaluation.leaves], _conditions(evaluation)
 
     def bounds_of_parts(
         self, system: PyTree, low: Array, high: Array, branch: Array
@@ -166,9 +166,9 @@ class Plan:
 
     def mixed_parts(self, system: PyTree, t: Array, y: Array, branch: Array) -> Array:
         """(2, m) the arguments and values of functions of time and state that may act briefly."""
-        walk = Walk(branch, every_call=True)
-        walk.program(self._program, _inputs(jax.tree.leaves(system), t, y))
-        rows = (walk.mixed[i::2] for i in (0, 1))
+        evaluation = BranchEvaluation(branch, every_call=True)
+        evaluation.program(self._program, _inputs(jax.tree.leaves(system), t, y))
+        rows = (evaluation.mixed[i::2] for i in (0, 1))
         return jnp.stack([jnp.concatenate([jnp.ravel(x.array) for x in row]) for row in rows])
 
     def bounds_of_mixed(self, system: PyTree, t: Bounds, y: Bounds, branch: Array) -> Bounds:
@@ -246,8 +246,8 @@ def _inputs(leaves: list, t: Any, y: Any) -> list["Value"]:
     return [*map(Value, leaves), Value(t, BY_TIME, 1.0), Value(y, BY_STATE, float("inf"))]
 
 
-def _conditions(walk: "Walk") -> Conditions:
-    columns = walk.outcomes, walk.margins, walk.beyond
+def _conditions(evaluation: "BranchEvaluation") -> Conditions:
+    columns = evaluation.outcomes, evaluation.margins, evaluation.beyond
     return Conditions(*(jnp.concatenate([jnp.zeros(0), *parts]) for parts in columns))
 
 
@@ -464,9 +464,9 @@ class InBranch(NamedTuple):
 # ---- A rate in one branch: every condition of its program keeps an outcome that is given
 #
 # A rate with conditions (``where``, ``sign``, ``abs``, ``max``, ``floor``, ``mod``, tables, ...) is
-# smooth between the times at which one of them changes. `Walk` repeats the program of a rate with
-# the outcomes of all conditions as an argument, the branch, so that a step across such a time is
-# not affected by the other side. Besides the rate it returns how far each condition is from
+# smooth between the times at which one of them changes. `BranchEvaluation` repeats the program of a
+# rate with the outcome of each condition as an argument, the branch, so that a step across such a
+# time is not affected by the other side. Besides the rate it returns how far each condition is from
 # changing, its margin, and the outcomes that hold at the point.
 #
 # What a condition is, and its margin:
@@ -483,9 +483,9 @@ class InBranch(NamedTuple):
 # Equality does not count as a condition: programs test it to guard a removable singularity, and it
 # holds at single points only. But derivatives of ``max`` and ``min`` use it to find the operand
 # that was taken, also on the surface, where steps end and both are equal: there the branch decides.
-# Conditions on numbers of the scene alone are evaluated as they are. Those within loops of
-# unknown length, and choices such as the pivots of a linear system, cannot be read; `Walk.unread`
-# names them.
+# Conditions on numbers of the scene alone are evaluated as they are. Those within loops of unknown
+# length, and choices such as the pivots of a linear system, cannot be read;
+# `BranchEvaluation.unread` names them.
 
 #: What a value depends on: time and state, so that it moves along a motion, or only outcomes of
 #: conditions, so that it jumps, and is constant in a branch.
@@ -542,7 +542,7 @@ class Condition(NamedTuple):
         return not self.on & OF_STATE
 
 
-class Walk:
+class BranchEvaluation:
     """One evaluation of a program in a branch.
 
     Args:
@@ -918,49 +918,49 @@ def _may_switch(*programs) -> bool:
     return any(_switches(getattr(p, "jaxpr", p)) for p in programs)
 
 
-def _compare(walk: Walk, eqn, args: list[Value]) -> Value:
+def _compare(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     name = eqn.primitive.name
     a, b = args if name[0] == "l" else args[::-1]
-    found, on = walk.holds(a, b, strict=name[:2] in ("lt", "gt"))
-    walk.compare(a, b)
+    found, on = evaluation.holds(a, b, strict=name[:2] in ("lt", "gt"))
+    evaluation.compare(a, b)
     return Value(None if found is None else found > 0.5, on)
 
 
-def _select(which, no: Value, yes: Value, on: int, walk: Walk) -> Value:
+def _select(which, no: Value, yes: Value, on: int, evaluation: BranchEvaluation) -> Value:
     """One of two values by an outcome of 0 or 1."""
     on = on | no.on | yes.on
     if which is None or no.array is None or yes.array is None:
         for x in (no, yes):
-            walk._meets_state(x)
+            evaluation._meets_state(x)
         return Value(None, on, math.inf)
     array = jnp.where(which > 0.5, yes.array, no.array)
     value = Value(array, on, max(no.degree, yes.degree))
-    if walk.time_only and on & BY_TIME:
-        walk._made[id(array)] = ("select", [no, yes])
-        walk._kept.append(value)
+    if evaluation.time_only and on & BY_TIME:
+        evaluation._made[id(array)] = ("select", [no, yes])
+        evaluation._kept.append(value)
     return value
 
 
-def _sign(walk: Walk, eqn, args: list[Value]) -> Value:
+def _sign(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     (x,) = args
-    found, on = walk.holds(Value(jnp.zeros_like(x.array) if x.array is not None else None), x)
+    found, on = evaluation.holds(Value(jnp.zeros_like(x.array) if x.array is not None else None), x)
     return Value(None if found is None else 2.0 * found - 1.0, on)
 
 
-def _abs(walk: Walk, eqn, args: list[Value]) -> Value:
+def _abs(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     (x,) = args
     zero = Value(None if x.array is None else jnp.zeros_like(x.array), x.on)
-    found, on = walk.holds(zero, x)
+    found, on = evaluation.holds(zero, x)
     minus = x if x.array is None else x._replace(array=-x.array)
-    return _select(found, minus, x, on, walk)
+    return _select(found, minus, x, on, evaluation)
 
 
-def _larger(walk: Walk, eqn, args: list[Value]) -> Value:
+def _larger(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     a, b = args
-    found, on = walk.holds(a, b)
+    found, on = evaluation.holds(a, b)
     ends = (a, b) if eqn.primitive.name == "max" else (b, a)
-    larger = _select(found, *ends, on, walk)
-    walk.take(found, *ends, larger)
+    larger = _select(found, *ends, on, evaluation)
+    evaluation.take(found, *ends, larger)
     return larger
 
 
@@ -973,15 +973,15 @@ def _is_same(a: Value, b: Value) -> bool:
     return np.array_equal(np.asarray(a.array), np.asarray(b.array))
 
 
-def _clamp(walk: Walk, eqn, args: list[Value]) -> Value:
+def _clamp(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     low, x, high = args
-    below, on = walk.holds(x, low)
-    x = _select(below, x, low, on, walk)
-    above, on = walk.holds(high, x)
-    return _select(above, x, high, on, walk)
+    below, on = evaluation.holds(x, low)
+    x = _select(below, x, low, on, evaluation)
+    above, on = evaluation.holds(high, x)
+    return _select(above, x, high, on, evaluation)
 
 
-def _whole(walk: Walk, eqn, args: list[Value]) -> Value:
+def _whole(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     """The rule of ``floor``, ``ceil``, ``round`` and conversions to integers."""
     (x,), name = args, eqn.primitive.name
     rounds = {"floor": jnp.floor, "ceil": jnp.ceil, "round": jnp.round}
@@ -994,7 +994,7 @@ def _whole(walk: Walk, eqn, args: list[Value]) -> Value:
         left, right = x.array - low, high - x.array
         return here, jnp.minimum(left, right), n + jnp.where(left < right, -1.0, 1.0)
 
-    found, on = walk.condition("whole", [x], at)
+    found, on = evaluation.condition("whole", [x], at)
     if found is not None and name == "convert_element_type":
         found = found.astype(eqn.params["new_dtype"])
     return Value(found, on)
@@ -1011,7 +1011,7 @@ def _region(name: str, n: Array) -> tuple[Array, Array]:
     return jnp.where(n > 0, n, n - 1.0), jnp.where(n < 0, n, n + 1.0)
 
 
-def _remainder(walk: Walk, eqn, args: list[Value]) -> Value:
+def _remainder(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     """x - n d, where n is the whole part of x / d."""
     x, d = args
 
@@ -1022,14 +1022,14 @@ def _remainder(walk: Walk, eqn, args: list[Value]) -> Value:
         left, right = x.array / d.array - low, high - x.array / d.array
         return here, jnp.minimum(left, right), n + jnp.where(left < right, -1.0, 1.0)
 
-    found, on = walk.condition("whole", [x, d], at)
+    found, on = evaluation.condition("whole", [x, d], at)
     on = on | x.on | d.on
     if found is None:
         return Value(None, on, math.inf)
     return Value(x.array - found * d.array, on, x.degree if not d.on else math.inf)
 
 
-def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
+def _extreme(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     """The largest or smallest of the numbers along some axes, or its place."""
     (x,), name = args, eqn.primitive.name
     axes, shape = tuple(eqn.params["axes"]), eqn.outvars[0].aval.shape
@@ -1049,7 +1049,7 @@ def _extreme(walk: Walk, eqn, args: list[Value]) -> Value:
         margin = _entry(signed, held) - jnp.max(others, -1)
         return here.astype(float), margin, jnp.argmax(others, -1).astype(float)
 
-    found, on = walk.condition("extreme", [x], at, shape)
+    found, on = evaluation.condition("extreme", [x], at, shape)
     if found is None:
         return Value(None, on | x.on, math.inf)
     if name.startswith("arg"):
@@ -1061,14 +1061,14 @@ def _entry(rows: Array, which: Array) -> Array:
     return jnp.take_along_axis(rows, which[..., None], -1)[..., 0]
 
 
-def _sort(walk: Walk, eqn, args: list[Value]) -> list[Value]:
+def _sort(evaluation: BranchEvaluation, eqn, args: list[Value]) -> list[Value]:
     """Numbers in ascending order, and others with them, from the outcomes of all pairs."""
     keys, n = args[0], eqn.invars[0].aval.shape[0]
     i, j = np.triu_indices(n, 1)
     pair = [
         x if x.array is None else x._replace(array=x.array[k]) for x, k in ((keys, i), (keys, j))
     ]
-    found, on = walk.holds(pair[1], pair[0])
+    found, on = evaluation.holds(pair[1], pair[0])
     on = functools.reduce(lambda a, b: a | b.on, args, on)
     if found is None or any(x.array is None for x in args):
         return [Value(None, on, math.inf) for _ in args]
@@ -1080,7 +1080,7 @@ def _sort(walk: Walk, eqn, args: list[Value]) -> list[Value]:
     ]
 
 
-_RULES: dict[str, Callable[[Walk, Any, list[Value]], Value | list[Value]]] = {
+_RULES: dict[str, Callable[[BranchEvaluation, Any, list[Value]], Value | list[Value]]] = {
     **dict.fromkeys(_COMPARISONS, _compare),
     **{"sign": _sign, "abs": _abs, "max": _larger, "min": _larger, "clamp": _clamp},
     **dict.fromkeys(("floor", "ceil", "round", "convert_element_type"), _whole),

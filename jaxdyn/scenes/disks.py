@@ -59,7 +59,7 @@ def rolling_disk(
     theta, precession, lean_rate, spin, radius = floats(theta, precession, lean_rate, spin, radius)
     zero = jnp.zeros(())
     angles, rates = [zero, theta, zero], [precession, lean_rate, spin]
-    # Rolling along x at phi = 0, by `Disk.rolling` and `Disk.tied`.
+    # Rolling along x at phi = 0, by `Disk.rolling` and `Disk.constraints`.
     v = [-radius * (precession * jnp.cos(theta) + spin), -radius * jnp.sin(theta) * lean_rate]
     v = v if rough else [zero, zero]
     up = radius * jnp.sin(theta), radius * jnp.cos(theta) * lean_rate

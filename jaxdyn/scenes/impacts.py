@@ -55,7 +55,7 @@ class BallOnTable(System):
         del t, effects
         return jnp.stack([y[1], -self.g, self.frequency])
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         return particles(self.points(t, y).m, ("ball",))
 
     def loads(self, t, y):
@@ -185,7 +185,7 @@ class ImpactOscillator(System):
         pull = self.force * jnp.cos(phase) - self.k * x - self.c * v
         return jnp.stack([v, pull / self.m, self.frequency])
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         del t, y
         return particles(self.m[None], ("mass",))
 

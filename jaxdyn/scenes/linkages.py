@@ -13,7 +13,7 @@ from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import route
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.mechanism import TIES, Embedding
-from jaxdyn.mechanisms.bars import Bodies, Chain, check_bars
+from jaxdyn.mechanisms.bars import Chain, FreeBars, check_bars
 from jaxdyn.mechanisms.four_bar import IN_LINE, FourBar
 from jaxdyn.mechanisms.rods import Coupled, Dumbbell, Rods
 from jaxdyn.scene import Scene
@@ -135,7 +135,7 @@ def four_bar(
     check_bars(m, length, end, "ground")
     _check_crank(free, angle)
     embeddings = {
-        "constrained": Embedding(Bodies(m, length, end), free.bodies),
+        "constrained": Embedding(FreeBars(m, length, end), free.free_bars),
         "loop": free.opened_form(),
     }
     system, y0 = route(formulation, free, [angle], [rate], embeddings, drift)
@@ -178,7 +178,7 @@ def pinned_chain(
     # With both ends pinned the chain has no free coordinates; it is embedded in its own angles.
     embeddings = {
         "loop": Embedding(chain, _as_given),
-        "constrained": Embedding(Bodies(m, length, end), chain.bodies),
+        "constrained": Embedding(FreeBars(m, length, end), chain.free_bars),
     }
     system, y0 = route(formulation, chain, q, v, embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)

@@ -14,7 +14,7 @@ from jaxdyn._checks import floats
 from jaxdyn.effects import HingeDamper, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import route
 from jaxdyn.formulations.mechanism import TIES, Embedding
-from jaxdyn.mechanisms.bars import Bobs, Bodies, Chain
+from jaxdyn.mechanisms.bars import Chain, FreeBars, PointMasses
 from jaxdyn.mechanisms.sticks import Cart, Stick, TiedCart, TiedStick
 from jaxdyn.scene import Scene
 from jaxdyn.scenes.ready_made import RENAMED, ready_made
@@ -210,8 +210,8 @@ def n_pendulum(
     free = Chain(m, length, relative=relative, uniform=uniform)
     if relative:
         q, v = (jnp.diff(x, prepend=0.0) for x in (q, v))
-    tied = Bodies(m, length) if uniform else Bobs(m, length)
-    embeddings = {"constrained": Embedding(tied, free.bodies if uniform else free.bobs)}
+    tied = FreeBars(m, length) if uniform else PointMasses(m, length)
+    embeddings = {"constrained": Embedding(tied, free.free_bars if uniform else free.point_masses)}
     system, y0 = route(formulation, free, q, v, embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)
 
@@ -247,6 +247,6 @@ def cart_pendulum(
     """
     m, length = floats(m, length)
     free = Cart(m, length)
-    embeddings = {"constrained": Embedding(TiedCart(m, length), free.loose)}
+    embeddings = {"constrained": Embedding(TiedCart(m, length), free.cartesian)}
     system, y0 = route(formulation, free, [x, angle], [speed, rate], embeddings, drift)
     return Scene(system, (UniformGravity(g),), y0=y0, t1=t1)

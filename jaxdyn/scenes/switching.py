@@ -131,7 +131,7 @@ class Locks(Event):
         return -1
 
 
-class Retold(eqx.Module):
+class InOtherAngles(eqx.Module):
     """The state with the same pose in the angles of another sequence."""
 
     old: EulerBody
@@ -166,7 +166,9 @@ def _sequences(scene: Scene, body: EulerBody, margin: Array) -> dict[str, Phase]
     other = EulerBody(body.matter, by, pivoted=body.pivoted, drawn=body.drawn)
 
     def phase(old: EulerBody, new: EulerBody) -> Phase:
-        return Phase(_by(scene, old), (Exit(Locks(old, margin), new.sequence, Retold(old, new)),))
+        return Phase(
+            _by(scene, old), (Exit(Locks(old, margin), new.sequence, InOtherAngles(old, new)),)
+        )
 
     return {body.sequence: phase(body, other), other.sequence: phase(other, body)}
 
@@ -178,7 +180,7 @@ def _by(scene: Scene, mechanism) -> Scene:
 # ---- A pendulum by x or y
 
 
-class Along(eqx.Module):
+class InOtherCoordinate(eqx.Module):
     """The state of the same point in its other cartesian coordinate."""
 
     system: System
@@ -196,7 +198,7 @@ def _quarters(scene: Scene, stick: Sideways, margin: float) -> dict[str, Phase]:
     def phase(axis: int, side: int) -> Phase:
         # The side is an array, so that both sides share one compiled search.
         by = _by(scene, Sideways(m=stick.m, l=stick.l, axis=axis, side=jnp.asarray(float(side))))
-        across = Along(by.system, 1 - axis)
+        across = InOtherCoordinate(by.system, 1 - axis)
         ways = [
             Exit(Reaches(0, way * level, way), _QUARTERS[1 - axis, way], across) for way in (-1, 1)
         ]

@@ -85,10 +85,10 @@ class RimlessWheel(System):
         theta, omega = y
         return jnp.stack([omega, self.g / self.l * jnp.sin(theta)])
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         return particles(self.points(t, y).m, ("hub",))
 
-    def held(self, t, y):
+    def joints(self, t, y):
         hub = self.points(t, y).r[0]
         return (rod("spoke", 0, None, (jnp.zeros(2), hub)),)
 
@@ -206,10 +206,10 @@ class SimplestWalker(System):
         hang = stance_rate**2 - pull * jnp.cos(stance - self.slope)
         return jnp.stack([stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing)])
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         return particles(self.points(t, y).m, ("hip",))
 
-    def held(self, t, y):
+    def joints(self, t, y):
         hip = self.points(t, y).r[0]
         return (rod("stance leg", 0, None, (jnp.zeros(2), hip)),)
 

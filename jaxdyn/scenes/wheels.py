@@ -113,7 +113,7 @@ class _Rest(NamedTuple):
     turn: Array  # () rotation of the car [rad]
 
 
-class Halt(eqx.Module):
+class SlideToRest(eqx.Module):
     """The end of a slide: its duration, and the final position of the car."""
 
     scene: Scene
@@ -217,7 +217,7 @@ def braking(scene: Scene) -> dict[str, Phase]:
     whole = jnp.sqrt(friction.mu * friction.load / numbers.m * jnp.abs(numbers.base))
     eps = jnp.finfo(start.dtype).eps
     slow = Slow(friction.ahead, eps * whole + jnp.cbrt(eps * start * whole**2))
-    halt = Halt(scene)
+    halt = SlideToRest(scene)
     return {"slide": Phase(scene, (Exit(slow, END, halt, lasts=halt.lasts),))}
 
 

@@ -233,7 +233,7 @@ def _linkage(scene: Scene) -> Derived:
         direct = on_coordinates(t, free, speeds, field.effects)
         forces = pull_back(mechanism, t, q, v, others)
         forces = forces + jnp.concatenate([direct, jnp.zeros_like(s)])
-        return *_of_points(mechanism, field.effects, t, q, v), forces, mechanism.tied(t, q)
+        return *_of_points(mechanism, field.effects, t, q, v), forces, mechanism.constraints(t, q)
 
     kinetic, potential, forces, ties = read(scene, found, quantities, *of.followers)
     kinetic, potential = kinetic.item(), potential.item()
@@ -368,7 +368,7 @@ def _conditions(scene: Scene, found: Symbols) -> tuple[list[Expression], list[Ex
 
     def both(field, t, y):
         q, v = jnp.split(y, 2)
-        ties, rows = field.system.mechanism.tied(t, q), field.system.mechanism.rolling(t, q)
+        ties, rows = field.system.mechanism.constraints(t, q), field.system.mechanism.rolling(t, q)
         none = jnp.zeros(0)
         speeds = none if rows is None else jnp.sum(rows * v[None, :], axis=-1)
         return (none if ties is None else ties), speeds

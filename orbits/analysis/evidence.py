@@ -82,7 +82,7 @@ def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
     chain, spans = Chain.of(orbit), orbit.spans
     found = chain.linearised(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
     each = chain.sizes(found, spans)
-    rows = chain.rows(found, spans, each)
+    rows = chain.residual_units(found, spans, each)
     return found.jacobian * chain.pack(each[0], spans) / rows[:, None], rows
 
 
@@ -151,9 +151,9 @@ def digits(orbit: Orbit | HybridOrbit) -> Digits:
     _, jacobian = closed(x)
     end = after(orbit, 1 / orbit.closing.parts, rtol=TIGHT, solver=_other(orbit)).y1
     angle = jnp.asarray(orbit.angle)
-    miss = np.asarray(orbit.closing.miss(orbit.scene.system, end, jnp.asarray(y0), angle))
+    miss = np.asarray(orbit.closing.residual(orbit.scene.system, end, jnp.asarray(y0), angle))
     miss = np.append(miss, np.zeros(len(jacobian) - len(miss)))  # a drive has no error
-    move = _first_order_move(jacobian, miss / closed.units.rows)
+    move = _first_order_move(jacobian, miss / closed.units.residual)
     return Digits(_digits(move[:-1].max(initial=0.0)), _digits(move[-1] / (2 * np.pi)))
 
 

@@ -217,7 +217,7 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     chain, start, spans = Chain.of(orbit), np.asarray(orbit.y0), orbit.spans
     found = chain.linearised(chain.pack(start, spans), orbit.rtol)
     each = chain.sizes(found, spans)
-    units, rows = chain.pack(each[0], spans), chain.rows(found, spans, each)
+    units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
     inverse = _pseudo_inverse(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     change = inverse @ (miss - jax.lax.stop_gradient(miss))
@@ -246,7 +246,7 @@ def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
     """(n, m) the pseudo-inverse of the Jacobian, which selects the nearest orbit in its units."""
     closed = InUnits(equations, x, rtol)
     _, jacobian = closed(x)
-    return _pseudo_inverse(jacobian, closed.units.x, closed.units.rows)
+    return _pseudo_inverse(jacobian, closed.units.x, closed.units.residual)
 
 
 def _pseudo_inverse(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> np.ndarray:

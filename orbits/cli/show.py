@@ -166,7 +166,7 @@ def _show_diagram(found: "orbits.families.Diagram", note: Noted, plot, title, ou
     (parameter,) = note.parameters
     if out.as_object:
         out.result({"scene": note.scene, "parameter": parameter} | diagram_as_json(found))
-    for family in (*found.rests, *found.orbits, *found.failures):
+    for family in (*found.equilibria, *found.orbits, *found.failures):
         out.print(str(family))
     if plot:
         with out.writing(plot, "drawn in"):

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, as_float, check_first, choice, fail, positive, whole
+from jaxdyn._doors import renamed
 from jaxdyn._records import Record
 from jaxdyn.analysis import energy as energies
 from orbits.closing.sizes import rates_at, sizes, times
@@ -153,6 +154,7 @@ _ANGLES_TRIED, _ANGLES_A_TURN = 64, 16
 _ROTATION_STEPS, _ROTATION_TERMS = 16, 16
 
 
+@renamed(miss="residual", rows="residual_units")
 class Closing(Record):
     """What must hold after one part of the period for the motion to be periodic.
 
@@ -179,10 +181,10 @@ class Closing(Record):
         return system.project(jnp.zeros(()), jnp.asarray(u))
 
     @abc.abstractmethod
-    def miss(self, system: System, end: Array, y0: Array, angle: Array) -> Array:
+    def residual(self, system: System, end: Array, y0: Array, angle: Array) -> Array:
         """(m,) the closing error of a part of the motion that leads from `y0` to `end`."""
 
-    def rows(self, each: np.ndarray) -> np.ndarray:
+    def residual_units(self, each: np.ndarray) -> np.ndarray:
         """(m,) the sizes of the closing error's entries, from those (k,) of the state's entries."""
         return each
 
@@ -274,7 +276,7 @@ class Return(Closing):
 
         return jax.lax.fori_loop(0, steps, once, y)
 
-    def miss(self, system, end, y0, angle):
+    def residual(self, system, end, y0, angle):
         return system.difference(end, self.act(system, y0, angle))
 
     def after(self, system, y0, angle, periods):
@@ -291,7 +293,7 @@ class Return(Closing):
             return 0.0
         count = max(_ANGLES_TRIED, _ANGLES_A_TURN * self.frequency)
         tries = np.linspace(-np.pi, np.pi, count, endpoint=False)
-        missed = jax.vmap(lambda angle: self.miss(system, end, y0, angle))(jnp.asarray(tries))
+        missed = jax.vmap(lambda angle: self.residual(system, end, y0, angle))(jnp.asarray(tries))
         return float(tries[np.argmin(np.linalg.norm(np.asarray(missed), axis=1))])
 
     def fit_to(self, scene):
@@ -344,11 +346,11 @@ class Reversal(Closing):
         y = y.at[follows].set(signs[follows] * y[places[follows]])
         return system.project(jnp.zeros(()), y)
 
-    def miss(self, system, end, y0, angle):
+    def residual(self, system, end, y0, angle):
         del y0, angle
         return 0.5 * system.difference(end, self.there.act(end))[self._changes(len(end))]
 
-    def rows(self, each):
+    def residual_units(self, each):
         return each[self._changes(len(each))]
 
     @property

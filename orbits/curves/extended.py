@@ -225,7 +225,7 @@ class Extended(eqx.Module):
         start, end, w = unknowns.states[0], ends[-1, 0], unknowns.vectors[0]
 
         def miss(end, start):
-            return self.closing.miss(scene.system, end, start, jnp.zeros(()))
+            return self.closing.residual(scene.system, end, start, jnp.zeros(()))
 
         def carried_over(after, before):
             return jax.jvp(miss, (end, start), (after, before))[1]

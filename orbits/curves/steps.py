@@ -130,7 +130,7 @@ def partial_return(extended: Extended, orbit: Orbit, monodromy: np.ndarray) -> n
     system, y0 = orbit.scene.system, orbit.y0
 
     def miss(end, start):
-        return extended.closing.miss(system, end, start, jnp.zeros(()))
+        return extended.closing.residual(system, end, start, jnp.zeros(()))
 
     # At an orbit the end is g y0, so that the miss vanishes.
     end = extended.closing.act(system, y0, jnp.zeros(()))

@@ -3,7 +3,7 @@
 All lengths, angles, ranks and residuals are in these units, so that none depends on the units of
 the scenes. The first orbit of a curve decides on them; entries that grow along the curve have their
 largest size so far. Special points have the units of the member before. The unit of a parameter
-follows from what the parameter changes, as along families (`orbits.families.lengths`).
+follows from what the parameter changes, as along families (`orbits.families.sizes`).
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ from jaxdyn.continuation.units import Units
 from orbits.closing.sizes import sizes, sizes_along
 from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, extended_make
-from orbits.families.lengths import parameter_units
+from orbits.families.sizes import parameter_units
 from orbits.motion import sample
 
 
@@ -66,7 +66,7 @@ def of_unknowns(extended: Extended, units: Units) -> np.ndarray:
 def of_equations(extended: Extended, units: Units, count: int) -> np.ndarray:
     """(r,) the units of `count` equations: first of states, then of numbers without a unit."""
     joints = np.tile(units.each, (extended.segments - 1) * (1 + extended.vectors))
-    closing = np.tile(extended.closing.rows(units.each), 1 + extended.vectors)
+    closing = np.tile(extended.closing.residual_units(units.each), 1 + extended.vectors)
     return np.concatenate([joints, closing, np.ones(count - len(joints) - len(closing))])
 
 

@@ -58,7 +58,7 @@ class Guesses(NamedTuple):
         return jax.tree.map(lambda column: column[which], self)
 
 
-class Miss(eqx.Module):
+class ClosingGap(eqx.Module):
     """A gap for `CloseReturn`: the residual of a closing condition.
 
     Attributes:
@@ -73,7 +73,7 @@ class Miss(eqx.Module):
 
     def __call__(self, y: Float[Array, " k"], start: Float[Array, " k"]) -> Array:
         """(m,) residual of the closing condition."""
-        return self.closing.miss(self.system, y, start, jnp.zeros(())) / self.rows
+        return self.closing.residual(self.system, y, start, jnp.zeros(())) / self.rows
 
 
 class Beyond(eqx.Module):
@@ -118,7 +118,7 @@ def close_returns(
     """
     edges = np.linspace(shortest, longest, windows + 1) / closing.parts
     each = sizes_of_starts(scene, longest)
-    gap = Miss(scene.system, closing, jnp.asarray(closing.rows(each)))
+    gap = ClosingGap(scene.system, closing, jnp.asarray(closing.residual_units(each)))
     watch = Together(
         CloseReturn.of(scene, later=edges[:-1], before=edges[1:], gap=gap),
         Until(Beyond(jnp.asarray(limit, float))),
@@ -239,7 +239,7 @@ class _Batch(NamedTuple):
             threads=1,
             chunk=_ROWS,
         ).y1
-        rows = jnp.asarray(self.closing.rows(self.each))
+        rows = jnp.asarray(self.closing.residual_units(self.each))
         found = _residual(self.scene, self.closing, rows, ends, starts)
         missed, slope = (np.asarray(a) for a in found)
         missed, slope = missed.reshape(b, p + 1, -1), slope.reshape(b, p + 1, -1)
@@ -266,7 +266,7 @@ def _residual(
 
     def one(end, start):
         rate = scene.rate(jnp.zeros(()), end)
-        miss = Miss(scene.system, closing, rows)
+        miss = ClosingGap(scene.system, closing, rows)
         return jax.jvp(lambda y: miss(y, start), (end,), (rate,))
 
     return jax.vmap(one)(ends, starts)

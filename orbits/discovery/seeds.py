@@ -113,7 +113,7 @@ def returns(
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:
         raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
-    units = jnp.asarray(closing.rows(sizes_of_starts(scene, span)))
+    units = jnp.asarray(closing.residual_units(sizes_of_starts(scene, span)))
     misses = np.asarray(_miss_table(Miss(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape

@@ -6,7 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, choice
-from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, entry_of, rest_stretches, stretches
+from jaxdyn.drawing.bifurcations import (
+    EQUILIBRIUM_MARKERS,
+    STRETCHES,
+    entry_of,
+    equilibrium_stretches,
+    stretches,
+)
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
@@ -41,11 +47,11 @@ def diagram(
     index, label = _entry(found, entry)
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot()
-    for family in found.rests:
-        for verdict, points, shown in rest_stretches(family):
+    for family in found.equilibria:
+        for verdict, points, shown in equilibrium_stretches(family):
             line = np.array([(x.parameter, x.state[index]) for x in points])
-            rests = f"equilibria, {verdict}" if shown else "_"
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=rests)
+            equilibria = f"equilibria, {verdict}" if shown else "_"
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=equilibria)
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
         for verdict, points, shown in stretches(
@@ -70,11 +76,11 @@ def diagram(
                 zorder=4,
                 label=f"{point.kind} of orbits",
             )
-    for point in (x for family in found.rests for x in family.special):
+    for point in (x for family in found.equilibria for x in family.special):
         place = ([point.parameter], [point.state[index]])
         ax.plot(
             *place,
-            RESTS[point.kind],
+            EQUILIBRIUM_MARKERS[point.kind],
             color=PALETTE[3],
             ms=6,
             ls="",
@@ -89,8 +95,8 @@ def diagram(
 
 def _entry(found: Diagram, entry: str | None) -> tuple[int, str]:
     """The index of the entry of the state that is drawn, and its name."""
-    if found.rests:
-        return entry_of(found.rests, entry)
+    if found.equilibria:
+        return entry_of(found.equilibria, entry)
     names = [name for name, _ in found.orbits[0].members[0].orbit.scene.labels()]
     if entry is None:
         return 0, names[0]

@@ -30,7 +30,7 @@ from jaxtyping import Array
 from jaxdyn.analysis import energy
 from jaxdyn.continuation.kinds import Kind
 from orbits.families.family import Member
-from orbits.families.shrinking import rest_between
+from orbits.families.shrinking import equilibrium_between
 from orbits.families.steps import OrbitChart
 from orbits.families.surface import Surface
 from orbits.shooting.equations import Equations
@@ -57,7 +57,7 @@ def special_points(
     surface: Surface, a: Member, b: Member, halvings: int = _HALVINGS
 ) -> list[Member]:
     """The special points between two neighbours."""
-    rest = rest_between(surface, a, b)
+    rest = equilibrium_between(surface, a, b)
     if rest is not None:
         # Beyond the equilibrium orbits repeat, and at it other tests vanish at resonances.
         point = zero_between(surface, a, rest, _TESTS[Kind.DOUBLING])

@@ -21,7 +21,7 @@ from orbits.hybrid.equations import Chain, Linearised, closing_in_sizes, leg_pas
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.motion import quick_solve
 from orbits.orbit import Outcome
-from orbits.shooting.equations import Lengths, Units
+from orbits.shooting.equations import Units, UnknownSizes
 
 _RANK = 1e-9  # smaller singular values, relatively, belong to what a closing leaves out
 _HOLDS = 1e-6  # a chain over several periods closes better than this if its closing allows it
@@ -64,25 +64,25 @@ class ChainSurface(Surface):
 
     def holds(self, x: np.ndarray) -> bool:
         """Whether the equations hold at x, roughly."""
-        residual, _ = self._closing_in_units(x, self._lengths(x))(x)
+        residual, _ = self._closing_in_units(x, self._unknown_sizes(x))(x)
         return bool(np.abs(residual).max() <= _HOLDS)
 
-    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> "_InUnits":
+    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> "_InUnits":
         return _InUnits(self.equations, x, self.rtol, self._units(x, known), known.sizes)
 
-    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+    def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
         chain, unknowns = self.equations, self.equations.unpack(x)
         found = chain.linearised(x, self.rtol)
         each = chain.sizes(found, unknowns.spans, unknowns.parameter)
         own = np.maximum(each[0], least)
         if chain.make is None:
-            return Lengths(own)
-        rows = chain.rows(found, unknowns.spans, each, unknowns.parameter)
+            return UnknownSizes(own)
+        rows = chain.residual_units(found, unknowns.spans, each, unknowns.parameter)
         # A unit of the parameter changes the most sensitive equation by that equation's unit.
         most = float(np.abs(found.jacobian[:, -2] / rows).max())
-        return Lengths(own, 1 / most if 0 < most < np.inf else 1.0)
+        return UnknownSizes(own, 1 / most if 0 < most < np.inf else 1.0)
 
-    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+    def _units(self, x: np.ndarray, known: UnknownSizes) -> np.ndarray:
         radians = self.equations.unpack(x).spans / (2 * np.pi)
         return self.equations.pack(known.sizes, radians, known.parameter)
 
@@ -113,12 +113,12 @@ class _InUnits:
         unknowns = chain.unpack(x)
         self._last = x, chain.linearised(x, rtol)
         each = chain.sizes(self._last[1], unknowns.spans, unknowns.parameter)
-        rows = chain.rows(self._last[1], unknowns.spans, each, unknowns.parameter)
+        rows = chain.residual_units(self._last[1], unknowns.spans, each, unknowns.parameter)
         self.units = Units(in_units, rows)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = self._at(x)
-        value, jacobian = found.value / self.units.rows, self.units.jacobian(found.jacobian)
+        value, jacobian = found.value / self.units.residual, self.units.jacobian(found.jacobian)
         if not (self.chain.unpack(x).spans > 0).all():
             return np.full_like(value, np.nan), np.full_like(jacobian, np.nan)
         return value, jacobian

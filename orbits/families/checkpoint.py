@@ -158,8 +158,8 @@ def family_of(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
     surface = OrbitSurface(equations, known.rtol, GOAL)
     found = read(walk, codec(surface))
     for member in (found.members[0], found.members[-1]):
-        x, known = member.point.x, surface.at(member.point).lengths(member.point)
-        residual, _ = InUnits(member.point.equations, x, surface.rtol, lengths=known)(x)
+        x, known = member.point.x, surface.at(member.point).unknown_sizes(member.point)
+        residual, _ = InUnits(member.point.equations, x, surface.rtol, known=known)(x)
         if not np.abs(residual).max() <= _HOLDS:
             raise fail("make", "the scenes of the file", "others, whose orbits do not close", OTHER)
     return Family(found.members, found.special, found.end, equations)

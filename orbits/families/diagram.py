@@ -13,13 +13,14 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import fail, whole
+from jaxdyn._doors import renamed
 from jaxdyn._records import with_captures
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, OTHER, Log, lock, open_log, walks_in
 from jaxdyn.continuation.equilibria import continue_equilibria
-from jaxdyn.continuation.equilibria import switch_branch as other_rests
+from jaxdyn.continuation.equilibria import switch_branch as other_equilibria
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.continuation.loading import equilibria
+from jaxdyn.continuation.loading import equilibria as equilibria_of
 from jaxdyn.files.codec import decode
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.status import IntegrationError
@@ -60,27 +61,28 @@ class Failure:
     _repr_html_ = _text.html
 
 
+@renamed(rests="equilibria")
 @dataclasses.dataclass(frozen=True)
 class Diagram:
     """The families of equilibria and of orbits over a parameter.
 
     Attributes:
-      rests: families of equilibria.
+      equilibria: families of equilibria.
       orbits: families of orbits.
       depths: for each family of orbits, the number of doublings that lead to it.
       failures: what was not found.
     """
 
-    rests: tuple[EquilibriumFamily, ...]
+    equilibria: tuple[EquilibriumFamily, ...]
     orbits: tuple[Family, ...]
     depths: tuple[int, ...]
     failures: tuple[Failure, ...]
 
     @_text.never_raising
     def __repr__(self) -> str:
-        rests = [
+        equilibria = [
             " ".join(filter(None, (x.criticality, x.kind))) + f" at {_text.brief(x.parameter)}"
-            for family in self.rests
+            for family in self.equilibria
             for x in family.special
         ]
         special = [
@@ -90,8 +92,8 @@ class Diagram:
         ]
         failed = [f"{x.point.kind} at {_text.brief(x.point.parameter)}" for x in self.failures]
         rows = [
-            ("equilibria", _text.number_of(len(self.rests), "family", "families")),
-            ("special", ", ".join(rests)),
+            ("equilibria", _text.number_of(len(self.equilibria), "family", "families")),
+            ("special", ", ".join(equilibria)),
             ("orbits", _text.number_of(len(self.orbits), "family", "families")),
             ("special", ", ".join(special)),
             ("not followed", ", ".join(failed)),
@@ -155,7 +157,7 @@ def diagram(
       ...         lambda t, y, mu: [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]],
       ...         [0.0, 0.0], 10.0, params=mu)
       >>> found = orbits.diagram(make, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=5)
-      >>> len(found.rests), [len(family.members) for family in found.orbits]
+      >>> len(found.equilibria), [len(family.members) for family in found.orbits]
       (2, [5])
     """
     depth = whole("depth", depth, least=0)
@@ -170,14 +172,14 @@ def diagram(
 def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
     """The diagram; its families of orbits are collected in `found`."""
     make, report, log = found.make, found.report, found.log
-    rests, failures = [], []
+    equilibria, failures = [], []
     _progress.report_progress("following equilibria")
     for down in (False, True):
-        rests.append(continue_equilibria(make, parameter, start, down=down, **options))
-        report(rests[-1])
-    _branches(rests, failures, options, report)
+        equilibria.append(continue_equilibria(make, parameter, start, down=down, **options))
+        report(equilibria[-1])
+    _branches(equilibria, failures, options, report)
     found.failures += failures
-    for family in rests:
+    for family in equilibria:
         for point in family.special:
             if point.kind == Kind.HOPF:
                 found.from_hopf(family, point, depth)
@@ -185,29 +187,29 @@ def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict
         for failure in found.failures:
             log.note({FAILURE: failure.reason, **place_of(failure.point)})
     return Diagram(
-        rests=tuple(rests),
+        equilibria=tuple(equilibria),
         orbits=tuple(family for family, _ in found.families),
         depths=tuple(doublings for _, doublings in found.families),
         failures=tuple(found.failures),
     )
 
 
-def _branches(rests: list, failures: list, options: dict, report) -> None:
+def _branches(equilibria: list, failures: list, options: dict, report) -> None:
     """Follow the other families through all branch points; each one is visited once."""
     seen: list[Equilibrium] = []
-    for family in rests:  # grows on the way
+    for family in equilibria:  # grows on the way
         for point in family.special:
             if point.kind != Kind.BRANCH or any(_near(point, x) for x in seen):
                 continue
             seen.append(point)
             for down in (False, True):
                 try:
-                    rests.append(other_rests(family, point, down=down, **options))
+                    equilibria.append(other_equilibria(family, point, down=down, **options))
                 except ValueError as error:
                     failures.append(Failure(point, str(error)))
                     report(failures[-1])
                     break
-                report(rests[-1])
+                report(equilibria[-1])
 
 
 def _near(a: Equilibrium, b: Equilibrium) -> bool:
@@ -246,15 +248,15 @@ class _Orbits:
         self.seen: list[Equilibrium] = []
         self.branches: list[Member] = []
 
-    def from_hopf(self, rests: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
+    def from_hopf(self, equilibria: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
         if any(_near(point, x) for x in self.seen) or self._has_reached(point):
             return
         self.seen.append(point)
         _progress.report_progress(f"following orbits from {point.parameter:.6g}")
         size = self.amplitude
-        amplitude = None if size is None else in_sizes(rests, point, size)
-        self._follow(point, lambda: from_hopf(rests, point, amplitude=amplitude), 0, depth)
+        amplitude = None if size is None else in_sizes(equilibria, point, size)
+        self._follow(point, lambda: from_hopf(equilibria, point, amplitude=amplitude), 0, depth)
 
     def _has_reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
@@ -330,15 +332,15 @@ def load(path: str | Path, make: Make) -> Diagram:
     """
     make = with_captures("make", make)
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
-    rests = tuple(equilibria(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
+    equilibria = tuple(equilibria_of(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]
     depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]
     families = tuple(family_of(walk, make) for walk in around)
-    special = [point for each in (*rests, *families) for point in each.special]
+    special = [point for each in (*equilibria, *families) for point in each.special]
     failures = []
     for note in (note for note in notes if FAILURE in note):
         at = [x for x in special if place_of(x).items() <= note.items()]
         if not at:
             raise fail("file", "failures at special points", "others", OTHER)
         failures.append(Failure(at[0], decode(note[FAILURE], str, FAILURE, OTHER)))
-    return Diagram(rests, families, tuple(depths), tuple(failures))
+    return Diagram(equilibria, families, tuple(depths), tuple(failures))

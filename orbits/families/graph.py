@@ -18,6 +18,7 @@ import numpy as np
 
 from jaxdyn import _progress, _text
 from jaxdyn._checks import check_first, fail
+from jaxdyn._doors import renamed
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
@@ -26,7 +27,7 @@ from jaxdyn.continuation.units import units_of
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
 from orbits.families.family import Family, Member, smooth_orbit
-from orbits.families.lengths import lengths
+from orbits.families.sizes import unknown_sizes
 from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
@@ -48,6 +49,7 @@ _RESTS = (str(Kind.REST), str(Kind.HOPF))
 _SAMPLES = 256  # samples of an orbit, for the phase at which it is nearest to another
 
 
+@renamed(rests="equilibria")
 @dataclasses.dataclass(frozen=True)
 class Place:
     """A special point at which families meet.
@@ -59,7 +61,7 @@ class Place:
       energy: energy of the scene there; NaN without one.
       families: numbers of the families that meet, from 0.
       times: for each family, how often its orbits trace that of the place: 1, or 2 at a doubling.
-      rests: numbers of the families of equilibria to which it belongs.
+      equilibria: numbers of the families of equilibria to which it belongs.
       units: (k + 1,) sizes of the entries of the state, and the unit of the parameter, along its
         family.
     """
@@ -70,7 +72,7 @@ class Place:
     energy: float
     families: tuple[int, ...]
     times: tuple[int, ...]
-    rests: tuple[int, ...] = ()
+    equilibria: tuple[int, ...] = ()
     units: np.ndarray | None = None
 
     @property
@@ -79,18 +81,19 @@ class Place:
         return self.orbit.period
 
 
+@renamed(rests="equilibria")
 @dataclasses.dataclass(frozen=True)
 class Graph:
     """Families, and the places at which they meet.
 
     Attributes:
       families: families of orbits.
-      rests: families of equilibria.
+      equilibria: families of equilibria.
       places: places where at least two of them meet.
     """
 
     families: tuple[Family, ...]
-    rests: tuple[EquilibriumFamily, ...]
+    equilibria: tuple[EquilibriumFamily, ...]
     places: tuple[Place, ...]
 
     @property
@@ -111,7 +114,7 @@ class Graph:
                 f"{i + 1}{' (twice)' if times == 2 else ''}"
                 for i, times in zip(place.families, place.times, strict=True)
             ]
-            met += [f"equilibria {i + 1}" for i in place.rests]
+            met += [f"equilibria {i + 1}" for i in place.equilibria]
             rows.append((place.kind, f"families {', '.join(met)} at {_where(place)}"))
         joined = "; ".join(", ".join(str(i + 1) for i in group) for group in self.components)
         families = number_of(len(self.families), "family", "families")
@@ -144,11 +147,11 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
       ...         [0.0, 0.0], 10.0, params=mu)
       >>> found = orbits.diagram(make, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=4)
       >>> place, = orbits.graph(found).places
-      >>> str(place.kind), place.families, place.rests
+      >>> str(place.kind), place.families, place.equilibria
       ('Hopf point', (0,), (0,))
     """
     several = families.orbits if isinstance(families, Diagram) else tuple(families)
-    rests = families.rests if isinstance(families, Diagram) else ()
+    equilibria = families.equilibria if isinstance(families, Diagram) else ()
     if not several:
         raise fail("families", "at least one family of orbits", "none")
     if len({family.equations.make is None for family in several}) > 1:
@@ -156,20 +159,20 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     for family in several:
         smooth_orbit("families", family.members[0].orbit)
     places: list[Place] = []
-    for place in _places(several, rests):
+    for place in _places(several, equilibria):
         _progress.report_progress(
             f"which families meet at the {place.kind} at {_where(place)}", len(places)
         )
         if not any(_same(place, other) for other in places):
             places.append(_with_families(place, several))
-    kept = tuple(place for place in places if len(place.families) + len(place.rests) > 1)
-    return Graph(families=several, rests=tuple(rests), places=kept)
+    kept = tuple(place for place in places if len(place.families) + len(place.equilibria) > 1)
+    return Graph(families=several, equilibria=tuple(equilibria), places=kept)
 
 
-def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> list[Place]:
+def _places(families: Sequence[Family], equilibria: Sequence[EquilibriumFamily]) -> list[Place]:
     """The special points at which families may meet; one may appear several times."""
     found = []
-    for i, family in enumerate(rests):
+    for i, family in enumerate(equilibria):
         for point in family.special:
             if point.kind == Kind.HOPF:
                 scene = family.make(point.parameter)
@@ -184,7 +187,7 @@ def _places(families: Sequence[Family], rests: Sequence[EquilibriumFamily]) -> l
                     energy=total,
                     families=(),
                     times=(),
-                    rests=(i,),
+                    equilibria=(i,),
                     units=units_of(family.make, point).x,
                 )
                 found.append(place)
@@ -289,7 +292,7 @@ def _in_units_of(place: Place, equations: Equations, there: np.ndarray, point: P
     """
     if place.kind in _RESTS:
         return point
-    known = lengths(equations, there, point.sizes)
+    known = unknown_sizes(equations, there, point.sizes)
     units = units_of_unknowns(equations, point.x, known)
     return dataclasses.replace(point, sizes=known.sizes, units=units)
 

@@ -58,8 +58,8 @@ def from_hopf(
       ...     return jaxdyn.ode(
       ...         lambda t, y, mu: [y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]],
       ...         [0.0, 0.0], 10.0, params=mu)
-      >>> rests = jaxdyn.continue_equilibria(make, -1.0, [0.0, 0.0], step=0.3, members=6)
-      >>> orbit, mu = orbits.from_hopf(rests, rests.special[0], amplitude=0.1)
+      >>> equilibria = jaxdyn.continue_equilibria(make, -1.0, [0.0, 0.0], step=0.3, members=6)
+      >>> orbit, mu = orbits.from_hopf(equilibria, equilibria.special[0], amplitude=0.1)
       >>> round(mu, 4), round(orbit.period, 3)  # mu = amplitude^2 / 4
       (0.0025, 6.283)
     """

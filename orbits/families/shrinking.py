@@ -34,7 +34,7 @@ _TIMES = 3  # steps in which it is shrunk: the equilibrium moves with the parame
 _OFF_RESONANCE = 1e-3  # largest error of the equilibrium's multipliers over the orbit's period
 
 
-def rest_between(surface: Surface, a: Member, b: Member) -> Member | None:
+def equilibrium_between(surface: Surface, a: Member, b: Member) -> Member | None:
     """A tiny orbit about the equilibrium between two neighbours, or ahead of the second one.
 
     It keeps the tangent and the directions of the first neighbour. None if orbits do not shrink

@@ -79,7 +79,7 @@ class OrbitChart(Chart[Member]):
 
     def tangent(self, last: Member, found: Correction) -> np.ndarray | str:
         point = found.solution
-        if self.surface.rests(point):
+        if self.surface.is_equilibrium(point):
             return "an equilibrium"
         before = last.tangent / point.units
         tangent = _nearest(self.surface.directions(point), before[:, None] / np.linalg.norm(before))

@@ -19,15 +19,15 @@ from jaxdyn import Scene, Status
 from orbits.analysis.monodromy import Segments
 from orbits.analysis.stability import Stability, judge
 from orbits.closing.sizes import rate
-from orbits.families.lengths import lengths
+from orbits.families.sizes import unknown_sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
 from orbits.shooting.collocation import STEP_SHARE, on, quality, refine
 from orbits.shooting.equations import (
     Equations,
     InUnits,
-    Lengths,
     Units,
+    UnknownSizes,
     units_at,
     units_of_unknowns,
 )
@@ -53,7 +53,7 @@ class Point:
       equations: the closing equations that it solves, in the segments in which it was found.
       x: (n,) unknowns.
       jacobian: (m, n) Jacobian of the closing equations there.
-      sizes: (k,) sizes of the entries of the state, from which the units follow (`lengths`).
+      sizes: (k,) sizes of the entries of the state, from which the units follow (`unknown_sizes`).
       units: (n,) units of the unknowns, in which lengths and angles near the point are measured.
       residual: largest entry of the closing error, or error of a step of collocation.
       iterations: number of Newton steps that led to it.
@@ -147,15 +147,15 @@ class Surface(abc.ABC):
         return np.zeros(0)
 
     @abc.abstractmethod
-    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> Closed:
+    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> Closed:
         """The equations in the units of the motion at x."""
 
     @abc.abstractmethod
-    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+    def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
         """The units at x (n,), with sizes (k,) of at least `least`."""
 
     @abc.abstractmethod
-    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+    def _units(self, x: np.ndarray, known: UnknownSizes) -> np.ndarray:
         """(n,) the units of the unknowns at x."""
 
     @abc.abstractmethod
@@ -176,7 +176,7 @@ class Surface(abc.ABC):
         del point
         return None
 
-    def rests(self, point: Point) -> bool:
+    def is_equilibrium(self, point: Point) -> bool:
         """Whether a point is an equilibrium, which closes after any period."""
         del point
         return False
@@ -204,9 +204,9 @@ class Surface(abc.ABC):
         bounds.
         """
         if near is None:
-            known = self._lengths(x)
+            known = self._unknown_sizes(x)
         else:
-            known = self.lengths(near)
+            known = self.unknown_sizes(near)
         closed = self._closing_in_units(x, known)
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
@@ -231,12 +231,12 @@ class Surface(abc.ABC):
         if not result.converged:
             return None
         assert result.jacobian is not None
-        jacobian = result.jacobian[: len(units.rows)] * units.rows[:, None] / units.x
+        jacobian = result.jacobian[: len(units.residual)] * units.residual[:, None] / units.x
         residual = float(np.abs(result.residual).max(initial=0.0))
         residual = max(residual, self.step_error(result.x))
         if not residual <= self.goal:
             return None
-        here = self._lengths(result.x, 0.0 if near is None else near.sizes)
+        here = self._unknown_sizes(result.x, 0.0 if near is None else near.sizes)
         return Point(
             equations=self.equations,
             x=result.x,
@@ -255,7 +255,7 @@ class Surface(abc.ABC):
 
         Its sizes (k,) are at least `least`.
         """
-        jacobian, here = np.full((1, x.size), np.nan), self._lengths(x, least)
+        jacobian, here = np.full((1, x.size), np.nan), self._unknown_sizes(x, least)
         return Point(
             self.equations, x, jacobian, here.sizes, self._units(x, here), residual, iterations
         )
@@ -273,10 +273,10 @@ class Surface(abc.ABC):
         """(n, r) orthonormal in units: directions on the surface that leave the orbit the same."""
         return self._neutral(point.x, self._in_units(point), point.units, point.sizes)
 
-    def lengths(self, point: Point) -> Lengths:
-        """The lengths from which the units of a point follow."""
+    def unknown_sizes(self, point: Point) -> UnknownSizes:
+        """The sizes from which the units of a point follow."""
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
-        return Lengths(point.sizes, parameter)
+        return UnknownSizes(point.sizes, parameter)
 
     def aside(self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.
@@ -298,7 +298,7 @@ class Surface(abc.ABC):
         The arguments are those of `aside`. The distance is that of the equations from having such a
         direction, relative to their size; NaN where they have no derivative.
         """
-        closed = self._closing_in_units(x, self._lengths(x, sizes))
+        closed = self._closing_in_units(x, self._unknown_sizes(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
         if not (np.isfinite(jacobian).all() and np.isfinite(along).all()):
             return math.nan, np.full(len(x), np.nan)
@@ -344,7 +344,7 @@ class OrbitSurface(Surface):
         same._symmetries = self._symmetries
         return same
 
-    def rests(self, point: Point) -> bool:
+    def is_equilibrium(self, point: Point) -> bool:
         equations = self.equations
         if equations.driven:
             return False
@@ -380,17 +380,17 @@ class OrbitSurface(Surface):
         outcome = Outcome.FOUND if is_determined(orbit, lost) else Outcome.UNDETERMINED
         return dataclasses.replace(orbit, outcome=outcome)
 
-    def _closing_in_units(self, x: np.ndarray, known: Lengths) -> InUnits:
-        return InUnits(self.equations, x, self.rtol, lengths=known)
+    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> InUnits:
+        return InUnits(self.equations, x, self.rtol, known=known)
 
-    def _lengths(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
-        return lengths(self.equations, x, least)
+    def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
+        return unknown_sizes(self.equations, x, least)
 
-    def _units(self, x: np.ndarray, known: Lengths) -> np.ndarray:
+    def _units(self, x: np.ndarray, known: UnknownSizes) -> np.ndarray:
         return units_of_unknowns(self.equations, x, known)
 
     def _in_units(self, point: Point) -> np.ndarray:
-        known = self.lengths(point)
+        known = self.unknown_sizes(point)
         return units_at(self.equations, point.x, point.jacobian, known).jacobian(point.jacobian)
 
     def _neutral(self, x, jacobian, in_units: np.ndarray, each: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from orbits.analysis.report import Report, as_json, report
 from orbits.files import encoding
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import Phases, legs_of
-from orbits.hybrid.search import Comes, check_legs
+from orbits.hybrid.search import ReturnToStart, check_legs
 from orbits.orbit import Orbit, Outcome
 from orbits.proof.certificate import Certificate
 from orbits.proof.refined import Refined
@@ -85,7 +85,7 @@ def _load_chain(
             dataclasses.replace(leg, scene=leg.scene.starting(np.array(start), span))
             for leg, start, span in zip(given, known.starts, known.spans, strict=True)
         ),
-        closes=Comes(given[0].scene) if closes is None else closes,
+        closes=ReturnToStart(given[0].scene) if closes is None else closes,
         residual=math.nan,
         outcome=Outcome.FOUND,
         iterations=0,

@@ -104,8 +104,8 @@ def _not_closed(orbit: Orbit, derived: Report):
     """The mismatches of a file that truthfully describes a motion which is not an orbit."""
     end = after(orbit, 1 / orbit.closing.parts, rtol=orbit.rtol).y1
     system, y0, angle = orbit.scene.system, jnp.asarray(orbit.y0), jnp.asarray(orbit.angle)
-    miss = np.asarray(orbit.closing.miss(system, end, y0, angle))
-    miss, size = miss / orbit.closing.rows(sizes(orbit.scene)), AGREEMENT
+    miss = np.asarray(orbit.closing.residual(system, end, y0, angle))
+    miss, size = miss / orbit.closing.residual_units(sizes(orbit.scene)), AGREEMENT
     for name, error in (
         (orbit.closing.name, float(np.abs(miss).max())),
         ("plain closing", derived.closure),

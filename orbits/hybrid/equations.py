@@ -162,7 +162,9 @@ class Chain(NamedTuple):
             for own in labels
         ]
 
-    def rows(self, first: Linearised, spans: np.ndarray, each, parameter=0.0) -> np.ndarray:
+    def residual_units(
+        self, first: Linearised, spans: np.ndarray, each, parameter=0.0
+    ) -> np.ndarray:
         """(m,) the change of each equation when the states change by their sizes."""
         found = [
             np.asarray(_change(leg, end, t, size))
@@ -230,7 +232,7 @@ class Chain(NamedTuple):
 
 @eqx.filter_jit
 def _change(leg: Leg, end: Array, span, each: Array) -> Array:
-    """(e,) the part of `Chain.rows` that belongs to the ends of a leg."""
+    """(e,) the part of `Chain.residual_units` that belongs to the ends of a leg."""
 
     def left(end):
         return _ends(leg, span, end)

@@ -24,7 +24,7 @@ from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
 from orbits.shooting import newton
-from orbits.shooting.deflation import SAME, Deflated, Walk, away
+from orbits.shooting.deflation import SAME, Deflated, DeflatedNewton
 from orbits.shooting.multiple import Shooting
 from orbits.shooting.strategy import GOAL, RTOL, SECONDS, Effort
 
@@ -87,7 +87,7 @@ _SHOOTING = Shooting()
 _SHORTEST = 0.02  # a leg shorter than this share of its guess has vanished
 
 
-class Comes(eqx.Module):
+class ReturnToStart(eqx.Module):
     """The default closing: the difference of the end of the chain from its start."""
 
     scene: Scene
@@ -177,7 +177,7 @@ def find_hybrid(
         goal=goal, rtol=rtol, max_iterations=max_iterations, report=report, seconds=seconds
     )
     effort.check()
-    closes = Comes(legs[0].scene) if closes is None else closes
+    closes = ReturnToStart(legs[0].scene) if closes is None else closes
     found = _solve(
         Chain(legs, closes, path=path), start, times, effort, _deflated_chains(strategy, unlike)
     )
@@ -216,7 +216,7 @@ def _solve(
     first = chain.linearised(x, effort.rtol)
     each = chain.sizes(first, times)
     units = chain.pack(each[0], times)
-    rows = chain.rows(first, times, each)
+    rows = chain.residual_units(first, times, each)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = chain.linearised(x, effort.rtol)
@@ -228,8 +228,11 @@ def _solve(
     if known:
         effort.begin("Newton's method with the known chains deflated")
         squares = Squares(chain, known, each[0])
-        walk = Walk(evaluated, units, squares, units, bounds, lambda x: False, effort)
-        x = away(walk, x).x
+        x = (
+            DeflatedNewton(evaluated, units, squares, units, bounds, lambda x: False, effort)
+            .solve(x)
+            .x
+        )
     effort.begin(f"Newton's method on {number_of(len(chain.legs), 'leg')}")
     result = newton.solve(
         evaluated,

@@ -20,7 +20,7 @@ from jaxdyn.system import System
 from orbits.closing.given import driven
 from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
-from orbits.manifolds.directions import of_rest
+from orbits.manifolds.directions import of_equilibrium
 from orbits.manifolds.links import Links, Solution, sample, solve
 from orbits.motion import quick_solve
 
@@ -37,7 +37,7 @@ _SIGN_STEPS = 40
 class Split(NamedTuple):
     """An equilibrium (k,), the Jacobian (k, k), and the projector (k, k) on the upper subspace."""
 
-    rest: Array
+    y: Array
     jacobian: Array
     projector: Array
 
@@ -47,15 +47,15 @@ def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
 
     The iteration is in units of the sizes `each` (k,) of the entries.
     """
-    rest = equilibrium(scene, near)
-    jacobian = jax.jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(rest)
-    one = jnp.eye(len(rest))
+    y = equilibrium(scene, near)
+    jacobian = jax.jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(y)
+    one = jnp.eye(len(y))
     units = each[None, :] / each[:, None]
     shifted = jacobian * units - cut * one
     sign = jax.lax.fori_loop(
         0, _SIGN_STEPS, lambda _, s: 0.5 * (s + jnp.linalg.inv(s)), shifted / jnp.max(abs(shifted))
     )
-    return Split(rest, jacobian, 0.5 * (one + sign / units))
+    return Split(y, jacobian, 0.5 * (one + sign / units))
 
 
 # ---- The closing equations: multiple shooting with projection boundary conditions
@@ -125,7 +125,7 @@ class Chain(Links):
         time, parameter, states = self.unpack(x)
         scene = self.scene_at(parameter)
         first, v, _ = self.ends(scene)
-        return scene, jnp.concatenate([(first.rest + steps[0] * v)[None], states]), time
+        return scene, jnp.concatenate([(first.y + steps[0] * v)[None], states]), time
 
     def gaps(self, x: Array, steps: Array) -> Array:
         """The errors of the links, of the end across the stable subspace, and of its distance.
@@ -138,7 +138,7 @@ class Chain(Links):
         ends = jax.vmap(
             lambda y: quick_solve(scene.starting(y), time / self.segments, rtol=self.rtol).y1
         )(starts)
-        off = scene.system.difference(ends[-1], second.rest)
+        off = scene.system.difference(ends[-1], second.y)
         across = self.across.T @ (second.projector @ off / self.each)
         distance = jnp.linalg.norm(off / self.each) - steps[1]
         links = (ends[:-1] - states) / self.each[None]
@@ -173,7 +173,7 @@ _SAMPLES = 16  # samples of each link
 _BRANCHES = {"+": 1.0, "-": -1.0}
 
 
-def connect_rests(
+def connect_equilibria(
     a: Scene,
     b,
     make: Make | None,
@@ -235,7 +235,7 @@ def _pose(
         ]
     )
     each = np.maximum(*(sizes_at_rest(scene, y) for y in near))
-    along = of_rest(scene, near[0], "unstable", 1, None).tangent[0]
+    along = of_equilibrium(scene, near[0], "unstable", 1, None).tangent[0]
     along = along / np.linalg.norm(along / each) * _BRANCHES[branch]
     projector = np.asarray(split(scene, near[1], cuts[1], jnp.asarray(each)).projector)
     u, _, _ = np.linalg.svd(map_in_units(projector, each))
@@ -275,16 +275,16 @@ def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutco
 def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
     """The connection with its ends brought closer to the equilibria until their error is small."""
     x, steps = guess
-    total, last, miss = 0, None, np.inf
+    total, last, residual = 0, None, np.inf
     for _ in range(_LEVELS):
         found = solve(posed, x, steps)
-        total, miss = total + found.iterations, found.miss
+        total, residual = total + found.iterations, found.residual
         if not found.converged:
             late = last is not None
             outcome = ConnectionOutcome.ERROR_LIMIT if late else ConnectionOutcome.NO_CONVERGENCE
-            return no_connection(posed, posed.near, outcome, miss, total)
+            return no_connection(posed, posed.near, outcome, residual, total)
         if not found.independent:
-            return no_connection(posed, posed.near, ConnectionOutcome.DEPENDENT, miss, total)
+            return no_connection(posed, posed.near, ConnectionOutcome.DEPENDENT, residual, total)
         if last is not None:
             error = _ends_error(posed, last, (found, steps), rates)
             if error <= wanted:
@@ -292,7 +292,7 @@ def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
         last = found, steps
         new = np.minimum(steps, steps.min()) / _SHORTER
         x, steps = _longer(posed, found, steps, new, rates), new
-    return no_connection(posed, posed.near, ConnectionOutcome.ERROR_LIMIT, miss, total)
+    return no_connection(posed, posed.near, ConnectionOutcome.ERROR_LIMIT, residual, total)
 
 
 def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
@@ -300,13 +300,13 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, old, _SAMPLES))
     first, v, second = ends_at(posed, found.x)
     before, after = np.log(old / new) / rates
-    off = np.asarray(posed.base.system.difference(jnp.asarray(ys[-1]), second.rest))
+    off = np.asarray(posed.base.system.difference(jnp.asarray(ys[-1]), second.y))
     arriving = np.asarray(second.projector) @ off
     time, parameter, _ = posed.unpack(found.x)
     nodes = np.linspace(-before, time + after, posed.segments + 1)[1:-1]
     states = _interpolate(nodes, ts, ys)
     grown = old[0] * np.exp(rates[0] * nodes)[:, None] * np.asarray(v)
-    states = np.where(nodes[:, None] < 0, np.asarray(first.rest) + grown, states)
+    states = np.where(nodes[:, None] < 0, np.asarray(first.y) + grown, states)
     each = np.asarray(posed.each)
     slope = map_in_units(second.jacobian, each)
     for i in np.flatnonzero(nodes > time):
@@ -340,11 +340,11 @@ def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connect
         scene=scene.starting(jnp.asarray(ys[0]), float(time)),
         parameter=np.nan if alone else float(p),
         parameter_error=np.nan if alone else change,
-        rests=np.stack([np.asarray(first.rest), np.asarray(second.rest)]),
+        limits=np.stack([np.asarray(first.y), np.asarray(second.y)]),
         time=float(time),
         step_off=(float(steps[0]), float(steps[1])),
         error=error,
-        miss=found.miss,
+        residual=found.residual,
         ts=ts,
         states=ys,
         outcome=ConnectionOutcome.FOUND,

@@ -218,11 +218,11 @@ def _polish(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Conne
     """Connection number `which` of those to which crossings of strands lead, nearest first."""
     guesses = _crossings(found[0], found[1], np.asarray(posed.each))
     known: list[np.ndarray] = []
-    total, miss, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
+    total, residual, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
     for signs, phases, times in guesses[:_ATTEMPTS]:
         steps = np.array([s * one.step_off for s, one in zip(signs, found, strict=True)])
         solution = solve(posed, _unknowns(posed, phases, times, steps), steps)
-        total, miss = total + solution.iterations, min(miss, solution.miss)
+        total, residual = total + solution.iterations, min(residual, solution.residual)
         if not (solution.converged and solution.independent):
             continue
         error = max(one.linear_error for one in found)
@@ -238,7 +238,7 @@ def _polish(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Conne
     outcome = ConnectionOutcome.NO_CONVERGENCE if guesses else ConnectionOutcome.NO_CROSSING
     if known:
         outcome = ConnectionOutcome.FEWER
-    return no_connection(posed, posed.starts, outcome, miss, total, ends)
+    return no_connection(posed, posed.starts, outcome, residual, total, ends)
 
 
 def _alike(place: np.ndarray, other: np.ndarray) -> bool:
@@ -325,18 +325,18 @@ def _result(
 ) -> Connection:
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, steps, _SAMPLES))
     phases = [float(x % orbit.period) for x, orbit in zip(found.x[1:3], ends, strict=True)]
-    rests = [
+    limits = [
         posed.beside(i, jnp.asarray(found.x[1 + i]), jnp.asarray(steps[i]))[0] for i in range(2)
     ]
     return Connection(
         scene=posed.base.starting(jnp.asarray(ys[0]), float(found.x[0])),
         parameter=np.nan,
         parameter_error=np.nan,
-        rests=np.stack([np.asarray(y) for y in rests]),
+        limits=np.stack([np.asarray(y) for y in limits]),
         time=float(found.x[0]),
         step_off=(abs(float(steps[0])), abs(float(steps[1]))),
         error=error,
-        miss=found.miss,
+        residual=found.residual,
         ts=ts,
         states=ys,
         outcome=ConnectionOutcome.FOUND,

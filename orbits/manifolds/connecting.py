@@ -3,7 +3,7 @@
 from jaxdyn import Scene, _checks
 from jaxdyn._checks import check_first
 from jaxdyn.integrate.events import Event
-from orbits.manifolds.between_equilibria import Make, connect_rests
+from orbits.manifolds.between_equilibria import Make, connect_equilibria
 from orbits.manifolds.between_orbits import Asked, connect_orbits
 from orbits.manifolds.connection import Connection
 from orbits.orbit import Orbit
@@ -105,4 +105,4 @@ def connect(
     if until is not None:
         raise _checks.fail("until", "none for equilibria", "a section", "Leave it out.")
     branch = "+" if branch is None else branch
-    return connect_rests(a, b, make, parameter, branch, time, error, segments, rtol)
+    return connect_equilibria(a, b, make, parameter, branch, time, error, segments, rtol)

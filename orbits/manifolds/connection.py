@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxdyn import Scene, _text
+from jaxdyn._doors import renamed
 from jaxdyn.status import Code
 from orbits.orbit import Orbit
 
@@ -55,6 +56,7 @@ class ConnectionOutcome(Code):
     )
 
 
+@renamed(rests="limits", miss="residual")
 @dataclasses.dataclass(frozen=True)
 class Connection:
     """A motion from one equilibrium or orbit to another, or back to the same one.
@@ -64,30 +66,30 @@ class Connection:
       parameter: parameter at which the connection exists; NaN without one.
       parameter_error: the change of the parameter with the last shortening of the ends, plus what
         gaps as large as the goal would cause.
-      rests: (2, k) the two equilibria, or the states of the orbits beside which it begins and
+      limits: (2, k) the two equilibria, or the states of the orbits beside which it begins and
         ends.
       time: travel time between the ends [time of the scene].
-      step_off: distances of the first and the last state from `rests`, in the sizes of the entries.
+      step_off: distances of the first and the last state from `limits`, in sizes of the entries.
       error: estimated distance of the ends from the manifolds, in the same units; at equilibria
         that of the ends at the next larger step-off, an upper bound where the estimate converges.
-      miss: largest gap of the closing equations.
+      residual: largest gap of the closing equations.
       ts: (s,) times of the states, from 0.
       states: (s, k) states; NaN unless found.
       outcome: how the search ended.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
       orbits: the two orbits; None for equilibria.
-      phases: times from their starts at which the orbits pass `rests`; NaN for equilibria.
+      phases: times from their starts at which the orbits pass `limits`; NaN for equilibria.
     """
 
     scene: Scene
     parameter: float
     parameter_error: float
-    rests: np.ndarray
+    limits: np.ndarray
     time: float
     step_off: tuple[float, float]
     error: float
-    miss: float
+    residual: float
     ts: np.ndarray
     states: np.ndarray
     outcome: ConnectionOutcome
@@ -105,10 +107,13 @@ class Connection:
             ("parameter", "" if math.isnan(self.parameter) else found),
             ("time", _text.brief(self.time, _text.second(self.scene.labels()), digits=10)),
             ("step-off", ends),
-            ("miss", f"{_text.brief(self.miss, digits=2)} after {self.iterations} Newton steps"),
+            (
+                "residual",
+                f"{_text.brief(self.residual, digits=2)} after {self.iterations} Newton steps",
+            ),
             ("outcome", f"{self.outcome.name}: {self.message}"),
         ]
-        pair = self.rests if self.orbits is None else [orbit.y0 for orbit in self.orbits]
+        pair = self.limits if self.orbits is None else [orbit.y0 for orbit in self.orbits]
         first, last = (np.asarray(y) for y in pair)
         apart, sizes = np.abs(last - first), np.nanmax(np.abs([first, last, *self.states]), axis=0)
         kind = "Homoclinic" if (apart <= _SAME * sizes).all() else "Heteroclinic"
@@ -132,7 +137,7 @@ def no_connection(
     posed: Any,
     near: Any,
     outcome: ConnectionOutcome,
-    miss: float,
+    residual: float,
     iterations: int,
     orbits: tuple[Orbit, Orbit] | None = None,
 ) -> Connection:
@@ -142,7 +147,7 @@ def no_connection(
       posed: the chain.
       near: (2, k) the states that it was to connect.
       outcome: why there is no connection.
-      miss: see `Connection`.
+      residual: see `Connection`.
       iterations: see `Connection`.
       orbits: see `Connection`.
     """
@@ -151,11 +156,11 @@ def no_connection(
         scene=posed.base,
         parameter=math.nan,
         parameter_error=math.nan,
-        rests=near,
+        limits=near,
         time=math.nan,
         step_off=(math.nan, math.nan),
         error=math.nan,
-        miss=miss,
+        residual=residual,
         ts=np.zeros(0),
         states=np.full((0, near.shape[1]), math.nan),
         outcome=outcome,

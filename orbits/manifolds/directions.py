@@ -86,7 +86,7 @@ def of_orbit(orbit: Orbit, kind: str, n: int, which: int, rtol: float) -> Direct
     )
 
 
-def of_rest(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
+def of_equilibrium(scene: Scene, y, kind: str, n: int, which: int | None) -> Directions:
     """The tangents at an equilibrium: one of a curve, n on a circle of a surface."""
     y = np.asarray(_checks.array("orbit", y, scene.y0.shape, "An equilibrium is a state."))
     each, sense = sizes_at_rest(scene, y), SENSES[kind]

@@ -57,7 +57,7 @@ class Solution(NamedTuple):
 
     Attributes:
       x: (n,) the unknowns.
-      miss: largest gap.
+      residual: largest gap.
       converged: whether that gap is below the goal.
       independent: whether the equations determine all unknowns.
       doubt: (n,) change of each unknown by gaps as large as the goal.
@@ -65,7 +65,7 @@ class Solution(NamedTuple):
     """
 
     x: np.ndarray
-    miss: float
+    residual: float
     converged: bool
     independent: bool
     doubt: np.ndarray
@@ -107,16 +107,16 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
         polish=1,
         halvings=_HALVINGS,
     )
-    x, miss, iterations = x + units * found.x, found.residual, found.iterations
+    x, residual, iterations = x + units * found.x, found.residual, found.iterations
     goal = _goal(chain, x)
-    if not (found.finite and miss <= goal):
-        return Solution(x, miss, False, False, np.full(len(x), np.nan), iterations)
+    if not (found.finite and residual <= goal):
+        return Solution(x, residual, False, False, np.full(len(x), np.nan), iterations)
     slopes = found.jacobian / units
     units = _units(slopes)
     values = np.linalg.svd(slopes * units, compute_uv=False)
     inverse = np.linalg.pinv(slopes * units, rcond=_DEPENDENT)
     doubt = goal * units * np.linalg.norm(inverse, axis=1)
-    return Solution(x, miss, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
+    return Solution(x, residual, True, values[-1] > _DEPENDENT * values[0], doubt, iterations)
 
 
 def _units(slopes: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.trajectory import explanation
 from jaxdyn.scene import check_scene
-from orbits.manifolds.directions import SENSES, Directions, of_orbit, of_rest
+from orbits.manifolds.directions import SENSES, Directions, of_equilibrium, of_orbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, SearchError
 
@@ -302,7 +302,7 @@ def manifold(
 
 def _directions(orbit: Orbit | Scene, kind: str, n: int, which, rtol: float) -> Directions:
     if not isinstance(orbit, Orbit):
-        return of_rest(orbit, orbit.y0, kind, n, which)
+        return of_equilibrium(orbit, orbit.y0, kind, n, which)
     if not orbit.ok:
         raise _checks.fail("orbit", "a periodic orbit", orbit.outcome.name, orbit.message)
     if orbit.closing.turns:

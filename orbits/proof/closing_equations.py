@@ -100,7 +100,7 @@ class ClosingEquations:
         return np.append(np.append(start, period), np.ones(len(self.names) - p - 1))
 
     @property
-    def rows(self) -> np.ndarray:
+    def residual_units(self) -> np.ndarray:
         """(m,) units of the closing error's entries."""
         return np.where(self.end != 0, self.sizes, 0.0).max(axis=1)
 
@@ -190,7 +190,7 @@ class ClosingEquations:
         Raises:
           ZeroDivisionError: it may be singular.
         """
-        own, rows = self.units[self.unknowns].tolist(), self.rows[self.equations].tolist()
+        own, rows = self.units[self.unknowns].tolist(), self.residual_units[self.equations].tolist()
         scaled = [
             [x * unit / row for x, unit in zip(entries, own, strict=True)]
             for entries, row in zip(jacobian.tolist(), rows, strict=True)

@@ -70,7 +70,7 @@ def krawczyk_test(
             box[i] = centre[i] + side
         found = enclosing_tube(system, centre, box, digits, bits, slope_digits)
         jacobian = system.jacobian(found.box, found.slopes, box)
-        rows = system.rows[system.equations]
+        rows = system.residual_units[system.equations]
         scaled = np.linalg.inv(float_matrix(jacobian) * units / rows[:, None])
         inverse = arb_mat((scaled * units[:, None] / rows).tolist())
         error = system.column(system.residual(found.centre, centre))

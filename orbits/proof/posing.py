@@ -329,14 +329,14 @@ def _square(whole: ClosingEquations, integrals: dict[str, Number]) -> ClosingEqu
             gradients = _floats(whole.gradients(list(integrals.values()), run.y))
     known = [whole.embed.shape[1]] if whole.drive is not None else []
     free = [i for i in range(len(whole.names)) if i not in known]
-    own = jacobian[:, free] * whole.units[free] / whole.rows[:, None]
+    own = jacobian[:, free] * whole.units[free] / whole.residual_units[:, None]
     left, s, right = np.linalg.svd(own)
     rank = int((s > _RANK * s[0]).sum())
     dependent, count = left[:, rank:].T, len(own) - rank
     # Changes of each integral, divided by what the sizes change in it: its unit does not matter.
     changes = gradients * np.array(whole.sizes)
     most = np.linalg.norm(changes, axis=1, keepdims=True)
-    changes = (gradients @ whole.spread()) * whole.rows / np.where(most > 0, most, 1.0)
+    changes = (gradients @ whole.spread()) * whole.residual_units / np.where(most > 0, most, 1.0)
     chosen = pivots(dependent @ changes.T, count)
     spared = pivots(dependent, count)
     if chosen is None or spared is None:

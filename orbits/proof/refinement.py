@@ -62,7 +62,7 @@ def refine(orbit: Orbit, digits: int = 50) -> Refined:
     report_progress("checking the closing error, and computing the multipliers, with other steps")
     with precision(bits_of(working)):
         again = system.motion(numbers, working, slopes=True, more=_OTHER_ORDER)
-        error = _largest(system.residual(again.y, numbers), system.rows)
+        error = _largest(system.residual(again.y, numbers), system.residual_units)
         period, start = system.period(numbers), system.start(numbers)
         # The closing error moves the solution by at most the inverse of Newton's Jacobian.
         certain = min(digits, math.floor(-_log10(error) - lost))
@@ -165,7 +165,7 @@ def _inverse(system: ClosingEquations, numbers: list[arb], digits: float) -> tup
             inverse = system.inverse(jacobian)
         except ZeroDivisionError as error:
             raise SearchError("The closing equations have a singular Jacobian.") from error
-        own, rows = system.units[system.unknowns], system.rows[system.equations]
+        own, rows = system.units[system.unknowns], system.residual_units[system.equations]
         tables = (
             map_in_units(float_matrix(end.slopes), np.array(system.sizes)),
             float_matrix(inverse) * rows / own[:, None],

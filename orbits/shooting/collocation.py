@@ -113,7 +113,7 @@ def _return_time(equations: Equations, scene: Scene, span: float, effort: Effort
     best, error = span, np.inf
     for _ in range(_RETURNS_MOST):
         end = _states_at(equations, scene, np.array([0.0, span]))[-1]
-        rows = equations.closing.rows(sizes(scene))
+        rows = equations.closing.residual_units(sizes(scene))
         miss, slope = (np.asarray(x) / rows for x in _closing(equations, scene.y0, end))
         if effort.over or not np.linalg.norm(miss) < error:
             break
@@ -128,7 +128,7 @@ def _closing(equations: Equations, start, end):
     """(m,) the closing error, and its derivative with respect to the end time."""
     system, closing = equations.scene.system, equations.closing
     rate = equations.scene.rate(jnp.zeros(()), end)
-    return jax.jvp(lambda y: closing.miss(system, y, start, jnp.zeros(())), (end,), (rate,))
+    return jax.jvp(lambda y: closing.residual(system, y, start, jnp.zeros(())), (end,), (rate,))
 
 
 @jax.jit
@@ -396,7 +396,7 @@ def scales_of(equations: Equations, x: np.ndarray) -> Scales:
     )
     _, by_x, _ = map(np.asarray, _boundary_slopes(equations, x, states[0]))
     changes = by_x * all_of_x[_shared_places(equations)]
-    closing = equation_units(equations, equations.closing.rows(largest), changes)
+    closing = equation_units(equations, equations.closing.residual_units(largest), changes)
     return Scales(state=largest, x=all_of_x, closing=closing)
 
 

@@ -69,7 +69,7 @@ _SHORTEST = 0.1  # shortest period, relative to the guessed one
 _HELD = 3  # an iteration is given up after so many steps in a row to the shortest period
 
 
-class Known(eqx.Module):
+class KnownOrbit(eqx.Module):
     """A known orbit as lines between samples, one set for each way to see it.
 
     Attributes:
@@ -88,7 +88,7 @@ class Known(eqx.Module):
     scaled: bool = eqx.field(static=True)
 
 
-class Found(NamedTuple):
+class DeflationResult(NamedTuple):
     """Where a deflated iteration ended.
 
     Attributes:
@@ -151,7 +151,7 @@ class Deflated(Strategy):
         )
 
 
-def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
+def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
     """The known orbits as they are deflated.
 
     Raises:
@@ -166,7 +166,7 @@ def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[Known]:
     return [_known_orbit(orbit) for orbit in orbits]
 
 
-def distance(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> float:
+def distance(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> float:
     """Distance of a start and a period from the nearest known orbit, relative to its size."""
     return min(float(np.sqrt(square)) for square, _ in _squares(equations, x, several))
 
@@ -175,9 +175,9 @@ def deflate(
     problem: Problem,
     equations: Equations,
     x: np.ndarray,
-    several: Sequence[Known],
+    several: Sequence[KnownOrbit],
     effort: Effort,
-) -> Found:
+) -> DeflationResult:
     """A point near an orbit unlike the known ones, or the last iterate.
 
     Args:
@@ -193,7 +193,7 @@ def deflate(
         lower[-1] = upper[-1] = x[-1]
     closed = InUnits(equations, x, _LOOSE, effort.limits(_MAX_STEPS))
     trouble = Trouble(equations, x)
-    walk = Walk(
+    iteration = DeflatedNewton(
         closed=closed,
         units=closed.units.x,
         squares=lambda x: _squares(equations, x, several),
@@ -202,28 +202,11 @@ def deflate(
         lost=lambda x: trouble(equations, x) is not None,
         effort=effort,
     )
-    return away(walk, x)
+    return iteration.solve(x)
 
 
-def away(walk: "Walk", x: np.ndarray) -> Found:
-    """Where deflated steps from a guess x (n,) end; from beside it if it is near a known orbit."""
-    effort, (lower, upper) = walk.effort, walk.bounds
-    max_iterations = effort.max_iterations
-    if walk.distance(x) > _BESIDE:
-        return walk(x, max_iterations, _DAMPINGS[0])
-    random, found = np.random.default_rng(0), Found(x, np.inf, near=False)
-    left = _TRIES * max_iterations
-    for damping in itertools.cycle(_DAMPINGS):
-        aside = x + _BESIDE * walk.sizes * random.standard_normal(len(x))
-        found = walk(np.clip(aside, lower, upper), min(max_iterations, left), damping)
-        left -= found.iterations + 1
-        if found.near or left <= 0 or effort.over:
-            break
-    return found
-
-
-class Walk(NamedTuple):
-    """Deflated Newton iterations, called with the point where one begins.
+class DeflatedNewton(NamedTuple):
+    """Newton's method on deflated equations.
 
     Attributes:
       closed: x (n,) -> residual and Jacobian in units.
@@ -247,7 +230,23 @@ class Walk(NamedTuple):
         """Distance of x (n,) from the nearest known motion, relative to its size."""
         return min(float(np.sqrt(square)) for square, _ in self.squares(x))
 
-    def __call__(self, x: np.ndarray, most: int, damping: float) -> Found:
+    def solve(self, x: np.ndarray) -> DeflationResult:
+        """Where iterations from a guess x (n,) end; from beside it if it is near a known motion."""
+        effort, (lower, upper) = self.effort, self.bounds
+        if self.distance(x) > _BESIDE:
+            return self._iterate(x, effort.max_iterations, _DAMPINGS[0])
+        random, result = np.random.default_rng(0), DeflationResult(x, np.inf, near=False)
+        left = _TRIES * effort.max_iterations
+        for damping in itertools.cycle(_DAMPINGS):
+            beside = x + _BESIDE * self.sizes * random.standard_normal(len(x))
+            most = min(effort.max_iterations, left)
+            result = self._iterate(np.clip(beside, lower, upper), most, damping)
+            left -= result.iterations + 1
+            if result.near or left <= 0 or effort.over:
+                break
+        return result
+
+    def _iterate(self, x: np.ndarray, most: int, damping: float) -> DeflationResult:
         """Where the iteration from x (n,) ends, after at most `most` steps."""
         closed, units = self.closed, self.units
         step, size, index, held = np.zeros(len(x)), np.inf, 0, 0
@@ -267,7 +266,7 @@ class Walk(NamedTuple):
             held = held + 1 if x[-1] <= self.bounds[0][-1] < self.bounds[1][-1] else 0
             lost |= held >= _HELD
             if size <= _NEAR and not lost:
-                return Found(x, size, near=self.distance(x) > SAME)
+                return DeflationResult(x, size, near=self.distance(x) > SAME)
             if lost or index == most or self.effort.over:
                 break
             plain = newton.first_step(x, residual, jacobian, *self.bounds, units, damping)
@@ -275,7 +274,7 @@ class Walk(NamedTuple):
             step = step / max(1.0, float(np.max(np.abs(step) / self.sizes)) / _LONGEST)
             new = np.clip(x + step, *self.bounds)
             step, x = new - x, new
-        return Found(x, size, near=False, iterations=index)
+        return DeflationResult(x, size, near=False, iterations=index)
 
 
 def _slope(squares: list) -> np.ndarray:
@@ -287,20 +286,20 @@ def _slope(squares: list) -> np.ndarray:
     return -np.sum([np.asarray(slope) / (q * (1 + q)) for q, slope in squares], axis=0)
 
 
-def _squares(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> list:
+def _squares(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> list:
     """The squares of the distances from known orbits, and their gradients."""
     return [_square(equations, x, one) for one in several]
 
 
 @jax.jit
 @functools.partial(jax.value_and_grad, argnums=1)
-def _square(equations: Equations, x: Array, one: Known) -> Array:
+def _square(equations: Equations, x: Array, one: KnownOrbit) -> Array:
     """() the square of the distance of a start and a period from a known orbit."""
     system, y0 = equations.scene.system, equations.start(x)
     return jnp.stack([_square_over(system, y0, x[-1] / times, one) for times in _TIMES]).min()
 
 
-def _square_over(system: System, y0: Array, period: Array, one: Known) -> Array:
+def _square_over(system: System, y0: Array, period: Array, one: KnownOrbit) -> Array:
     """() that square for one passage of the known orbit, which takes `period`."""
     longer = period / one.period
     if one.scaled:
@@ -333,7 +332,7 @@ def _dots(system: System, y: Array) -> Array:
     return (x @ x.T)[np.triu_indices(2 * len(system.m))]
 
 
-def _known_orbit(orbit: Orbit) -> Known:
+def _known_orbit(orbit: Orbit) -> KnownOrbit:
     scene, period = orbit.scene, orbit.period
     ts = np.linspace(0.0, period, _SAMPLES + 1)
     ys = quick_solve(scene, period, ts=ts, rtol=_RTOL, solver=orbit.solver).ys
@@ -349,7 +348,7 @@ def _known_orbit(orbit: Orbit) -> Known:
     else:
         points = ys[None, :-1]
         sides = np.asarray(jax.vmap(scene.system.difference)(ys[1:], ys[:-1]))[None] / scales
-    return Known(
+    return KnownOrbit(
         points=jnp.asarray(points),
         sides=jnp.asarray(sides),
         period=jnp.asarray(period),
@@ -381,7 +380,7 @@ def _scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
     return coupled_sizes(scene, np.where(ranges > _RESTING * known, ranges, known))
 
 
-def _sizes(equations: Equations, x: np.ndarray, several: Sequence[Known]) -> np.ndarray:
+def _sizes(equations: Equations, x: np.ndarray, several: Sequence[KnownOrbit]) -> np.ndarray:
     """(n,) the size of each unknown: the scales of the known orbits, and the guessed period."""
     scales = np.max([one.scales for one in several], axis=0)
     between = np.tile(scales, (equations.segments - 1, 1))

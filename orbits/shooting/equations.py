@@ -342,7 +342,7 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
     """(m,) the equations besides the joints: closing, conditions, and the period of a drive."""
     unknowns = equations.unpack(x)
     scene = equations.scene_at(unknowns.parameter)
-    miss = equations.closing.miss(scene.system, end, start, unknowns.angle)
+    miss = equations.closing.residual(scene.system, end, start, unknowns.angle)
     more = [c.value(scene, start, unknowns.period) for c in equations.conditions]
     if equations.driven:
         more.append(drive(scene, start, unknowns.period))
@@ -360,8 +360,8 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
 _ROUNDING = 1e-9
 
 
-class Lengths(NamedTuple):
-    """The lengths from which the units of unknowns follow.
+class UnknownSizes(NamedTuple):
+    """The sizes from which the units of unknowns follow.
 
     Attributes:
       sizes: (k,) sizes of the entries of the state.
@@ -388,22 +388,24 @@ class Units(NamedTuple):
         return np.asarray(jacobian) * self.x / self.rows[:, None]
 
 
-def units_at(equations: Equations, x: np.ndarray, jacobian: np.ndarray, lengths: Lengths) -> Units:
+def units_at(
+    equations: Equations, x: np.ndarray, jacobian: np.ndarray, known: UnknownSizes
+) -> Units:
     """The units of the motion at x, where the Jacobian is known."""
-    each, x_units = lengths.sizes, units_of_unknowns(equations, x, lengths)
+    each, x_units = known.sizes, units_of_unknowns(equations, x, known)
     changes = np.abs(np.where(np.isfinite(jacobian), jacobian, 0.0)) * x_units
     between = np.tile(each, equations.segments - 1)
-    rows = np.concatenate([between, equations.closing.rows(each)])
+    rows = np.concatenate([between, equations.closing.residual_units(each)])
     return Units(x_units, equation_units(equations, rows, changes))
 
 
-def units_of_unknowns(equations: Equations, x: np.ndarray, lengths: Lengths) -> np.ndarray:
+def units_of_unknowns(equations: Equations, x: np.ndarray, known: UnknownSizes) -> np.ndarray:
     """(n,) the units of unknowns x (n,); the unit of time is a radian of the period."""
     # The states of all segments count as one.
-    each = np.sqrt(equations.segments) * lengths.sizes
+    each = np.sqrt(equations.segments) * known.sizes
     between = np.tile(each, (equations.segments - 1, 1))
     radian = x[-1] / (2 * np.pi)
-    return equations.pack(each, between, angle=1.0, parameter=lengths.parameter, period=radian)
+    return equations.pack(each, between, angle=1.0, parameter=known.parameter, period=radian)
 
 
 def equation_units(equations: Equations, states: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -437,7 +439,7 @@ def sizes_at(equations: Equations, x: np.ndarray) -> np.ndarray:
 class InUnits:
     """The closing equations in the units of the motion at a first point, at a tolerance.
 
-    The units follow from the start of that motion, or from lengths that are known.
+    The units follow from the start of that motion, or from sizes that are known.
 
     Attributes:
       equations: the equations.
@@ -452,13 +454,13 @@ class InUnits:
         x: np.ndarray,
         rtol: float,
         limits: Limits = UNTIMED,
-        lengths: Lengths | None = None,
+        known: UnknownSizes | None = None,
     ):
         self.equations, self.rtol, self._limits = equations, rtol, limits
         self._last = x, equations(x, rtol, limits)
-        lengths = lengths or Lengths(sizes_at(equations, x))
-        self.sizes = lengths.sizes
-        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), lengths)
+        known = known or UnknownSizes(sizes_at(equations, x))
+        self.sizes = known.sizes
+        self.units = units_at(equations, x, np.asarray(self._last[1].jacobian), known)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The residual (m,) and the Jacobian (m, n), in the units, at x (n,) in its own units.
@@ -466,7 +468,7 @@ class InUnits:
         An iteration that continues from the last evaluation does not repeat it.
         """
         found = self._at(x)
-        return np.asarray(found.residual) / self.units.rows, self.units.jacobian(found.jacobian)
+        return np.asarray(found.residual) / self.units.residual, self.units.jacobian(found.jacobian)
 
     def transitions(self, x: np.ndarray) -> np.ndarray:
         """(segments, k, k) derivatives of ends of segments with respect to starts, in the sizes."""

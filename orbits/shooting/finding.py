@@ -182,8 +182,8 @@ def _nearest(problem: Problem, rtol) -> tuple[Closing, float]:
         end = quick_solve(scene, float(scene.t1) / closing.parts, rtol=rtol).y1
         end = np.asarray(end)
         angle = closing.angle(system, end, y0)
-        miss = np.asarray(closing.miss(system, end, y0, np.asarray(angle)))
-        error = float(np.linalg.norm(miss / closing.rows(each)))
+        miss = np.asarray(closing.residual(system, end, y0, np.asarray(angle)))
+        error = float(np.linalg.norm(miss / closing.residual_units(each)))
         if error < best[0]:
             best = (error, closing, angle)
     return best[1:]

@@ -60,7 +60,7 @@ class Trouble:
         # The path is measured by the rate at the start, which is also small where an orbit is slow
         # there, as a relaxation oscillation may be.
         slow = path <= _TRIVIAL_SHARE * self.path
-        if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._rests(equations, x)):
+        if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._is_at_rest(equations, x)):
             return Outcome.TRIVIAL
         return None
 
@@ -69,7 +69,7 @@ class Trouble:
         start, rate = (np.asarray(y) / self.sizes for y in _start_and_rate(equations, x))
         return float(np.abs(start).max()), float(np.linalg.norm(rate)) * x[-1]
 
-    def _rests(self, equations: Equations, x: np.ndarray) -> bool:
+    def _is_at_rest(self, equations: Equations, x: np.ndarray) -> bool:
         """Whether every entry of the state moves far less at x than at the guess."""
         guessed = extents(self.equations, self.guess) / self.sizes
         least = _TRIVIAL_SHARE * np.maximum(guessed, _LEAST_EXTENT * guessed.max())
@@ -180,7 +180,7 @@ def is_confirmed(closed: InUnits, x: np.ndarray) -> bool:
         start = scene.starting(here.start[i])
         flow = advance(start, here.span[i], s, t0=here.t0[i], rtol=TIGHT, solver=solver)
         ends.append(np.asarray(flow.y1))
-    off = equations.residual(x, here, np.array(ends)) / closed.units.rows
+    off = equations.residual(x, here, np.array(ends)) / closed.units.residual
     growth = max(1.0, float(np.linalg.norm(closed.transitions(x), axis=(1, 2)).max()))
     return bool(np.abs(off).max() <= _AGREEMENT * max(rtol, np.finfo(float).eps) * growth)
 

@@ -130,14 +130,14 @@ def makes(units, value):
 def test_a_family_from_a_hopf_point_has_its_fold(units, amplitude):
     value = 3e7 if units[1] < 1 else 1.0
     make, each = makes(units, value), np.array(units[0])
-    rests = jaxdyn.continue_equilibria(
+    equilibria = jaxdyn.continue_equilibria(
         make, 0.3 * value, [0.0, 0.0], step=0.3, members=8, down=True
     )
-    (point,) = rests.special
+    (point,) = equilibria.special
     assert abs(point.parameter / value) < 1e-12
     # In the unit of the second entry, which is displaced most relative to its size.
     amplitude = None if amplitude is None else amplitude * each[1]
-    orbit, p = orbits.from_hopf(rests, point, amplitude=amplitude)
+    orbit, p = orbits.from_hopf(equilibria, point, amplitude=amplitude)
     radius = float(np.linalg.norm(np.asarray(orbit.y0) / each))
     assert abs(p / value - (radius**4 - radius**2)) < 1e-9
     if amplitude is None:

@@ -23,7 +23,13 @@ from jaxdyn.cli.shared import (
     number,
     read,
 )
-from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, open_file, rest_start
+from orbits.cli.bifurcations.shared import (
+    KeepOption,
+    StartOption,
+    bounds,
+    equilibrium_start,
+    open_file,
+)
 from orbits.cli.shared import NOT_FOUND
 
 
@@ -76,7 +82,7 @@ def curve_command(
         log = open_file(save_to, name, chosen, (first, second))
         options = {"within": limits, "step": step, "members": members, "path": log}
         if from_orbit is None:
-            begin = rest_start(name, values, start)
+            begin = equilibrium_start(name, values, start)
             curves = list(_of_equilibria(make, both, begin, options, out))
         else:
             starts = list(_starts(from_orbit, (first, second), both, kind))

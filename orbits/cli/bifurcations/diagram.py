@@ -18,7 +18,13 @@ from jaxdyn.cli.shared import (
     check_title,
     number,
 )
-from orbits.cli.bifurcations.shared import KeepOption, StartOption, bounds, open_file, rest_start
+from orbits.cli.bifurcations.shared import (
+    KeepOption,
+    StartOption,
+    bounds,
+    equilibrium_start,
+    open_file,
+)
 
 
 def diagram_command(
@@ -51,7 +57,7 @@ def diagram_command(
         found = orbits.diagram(
             make,
             value,
-            rest_start(name, values, start),
+            equilibrium_start(name, values, start),
             within=limits,
             depth=depth,
             step=step,
@@ -68,9 +74,9 @@ def diagram_command(
 
 def as_json(found: "orbits.families.Diagram") -> dict[str, Any]:
     """The special points, and the branches that were not followed, as a JSON object."""
-    rests = [
+    equilibria = [
         {"kind": str(x.kind), "parameter": x.parameter, "state": x.state.tolist()}
-        for family in found.rests
+        for family in found.equilibria
         for x in family.special
     ]
     special = [
@@ -87,4 +93,4 @@ def as_json(found: "orbits.families.Diagram") -> dict[str, Any]:
         {"kind": str(x.point.kind), "parameter": x.point.parameter, "reason": x.reason}
         for x in found.failures
     ]
-    return {"equilibria": rests, "orbits": special, "not_followed": failures}
+    return {"equilibria": equilibria, "orbits": special, "not_followed": failures}

@@ -32,7 +32,7 @@ StartOption = Annotated[
 ]
 
 
-def rest_start(name: str, values: dict, start: str | None) -> list[float]:
+def equilibrium_start(name: str, values: dict, start: str | None) -> list[float]:
     """The state near which an equilibrium is sought."""
     if start is not None:
         return list(numbers("--start", start))

@@ -44,7 +44,7 @@ class HungBar(Mechanism):
     def positions(self, t, q):
         return planar_body(q[:2], q[2], jnp.asarray(0.7))
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         at = jnp.array([-1.0, 0.0, 1.0])
         x, y = q[0] + at * jnp.cos(q[2]) - at, q[1] + at * jnp.sin(q[2])
         return jnp.sqrt(x * x + y * y) - 1.0
@@ -62,7 +62,7 @@ class Torn(Mechanism):
     def positions(self, t, q):
         return q[None]
 
-    def tied(self, t, q):
+    def constraints(self, t, q):
         return jnp.stack([q[0], q[0] - 0.1 * t])
 
 

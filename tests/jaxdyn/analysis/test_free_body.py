@@ -190,9 +190,9 @@ def _in_place(name, free, tied):
     mechanism = free.system.mechanism
     maps = {
         "pendulum": lambda t, q: mechanism.end(t, q),
-        "cart_pendulum": lambda t, q: mechanism.loose(t, q),
-        "double_pendulum": lambda t, q: mechanism.bodies(t, q),
-        "four_bar": lambda t, q: mechanism.bodies(t, q),
+        "cart_pendulum": lambda t, q: mechanism.cartesian(t, q),
+        "double_pendulum": lambda t, q: mechanism.free_bars(t, q),
+        "four_bar": lambda t, q: mechanism.free_bars(t, q),
         "bead_on_parabola": lambda t, q: mechanism.place(t, q),
         "dumbbell": lambda t, q: mechanism.place(t, q),
     }
@@ -269,14 +269,16 @@ def test_a_system_that_describes_its_bodies_wrongly_is_refused():
     class Loose(mechanism):
         """A stick that forgets its hinge."""
 
-        def held(self, t, q):
+        def joints(self, t, q):
             return ()
 
     stick = Loose(m=jnp.array(1.0), l=jnp.array(1.0))
     scene = Scene(
         type(scenes.pendulum().system)(stick), (effects.UniformGravity(9.81),), y0=[0.3, 0.0]
     )
-    with pytest.raises(ValueError, match=r"forces give their accelerations, .* `cut` and `held`"):
+    with pytest.raises(
+        ValueError, match=r"forces give their accelerations, .* `bodies` and `joints`"
+    ):
         free_body(scene)
 
 

@@ -31,10 +31,10 @@ class Answers(System):
     def sketch(self, t, y):
         return (Shape("line", np.full((2, 2), t + y[0])),)
 
-    def cut(self, t, y):
+    def bodies(self, t, y):
         return (t + y[0],)
 
-    def held(self, t, y):
+    def joints(self, t, y):
         return (t + y[1],)
 
     def loads(self, t, y):
@@ -101,8 +101,8 @@ CASES = [
 QUESTIONS = {
     "points": lambda s, t, y: s.points(t, y),
     "sketch": lambda s, t, y: s.sketch(t, y)[0].at,
-    "cut": lambda s, t, y: s.cut(t, y)[0],
-    "held": lambda s, t, y: s.held(t, y)[0],
+    "bodies": lambda s, t, y: s.bodies(t, y)[0],
+    "joints": lambda s, t, y: s.joints(t, y)[0],
     "loads": lambda s, t, y: s.loads(t, y)[0],
     "constraint_forces": lambda s, t, y: s.constraint_forces(t, y, EFFECTS),
     "accepts": lambda s, t, y: s.accepts,

@@ -28,11 +28,11 @@ TIED = {
 #: The map from free coordinates to those with ties.
 PLACES = {
     "pendulum": lambda free: free.end,
-    "double pendulum": lambda free: free.bodies,
-    "cart": lambda free: free.loose,
+    "double pendulum": lambda free: free.free_bars,
+    "cart": lambda free: free.cartesian,
     "bead": lambda free: free.place,
     "dumbbell": lambda free: free.place,
-    "four bars": lambda free: free.bodies,
+    "four bars": lambda free: free.free_bars,
 }
 NOW = jnp.zeros(())
 

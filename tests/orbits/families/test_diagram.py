@@ -33,7 +33,7 @@ def cycles():
 def test_equilibria_and_the_orbits_that_begin_there(cycles, tmp_path):
     found, seen = cycles
     (family,) = found.orbits
-    assert seen == [*found.rests, family]
+    assert seen == [*found.equilibria, family]
     assert found.depths == (0,)
     # To the second order the amplitude is 2 sqrt(mu), and the period 2 pi (1 + mu^2 / 16).
     first = family.members[0]
@@ -58,7 +58,7 @@ def test_a_failure_is_kept_beside_what_was_found():
     assert failure.point.kind == "Hopf point"
     assert "No orbit was found at this amplitude" in failure.reason
     assert found.orbits == ()
-    assert len(found.rests) == 2
+    assert len(found.equilibria) == 2
     assert "not followed" in repr(found)
     assert "Not followed: Hopf point" in repr(failure)
 
@@ -78,12 +78,12 @@ def test_orbits_of_fast_and_slow_motions_begin_very_near_to_their_hopf_point():
     found = orbits.diagram(make, 5.3, start, within=(5.2, 5.6), depth=0, orbit_members=2)
     assert found.failures == ()
     (family,) = found.orbits
-    (hopf,) = (x for rests in found.rests for x in rests.special)
+    (hopf,) = (x for equilibria in found.equilibria for x in equilibria.special)
     assert hopf.criticality == "supercritical"
     period = 2 * np.pi / hopf.frequency
     assert abs(family.members[0].orbit.period / period - 1) < 1e-6
     with pytest.raises(orbits.SearchError):
-        orbits.from_hopf(found.rests[0], hopf, amplitude=1e-2)
+        orbits.from_hopf(found.equilibria[0], hopf, amplitude=1e-2)
 
 
 def test_the_depth_is_a_whole_number():
@@ -103,7 +103,7 @@ def test_roesslers_doublings():
         orbit_members=60,
     )
     # The equilibria fold at c = 2 a = 0.4.
-    folds = [x.parameter for family in found.rests for x in family.special if x.kind == "fold"]
+    folds = [x.parameter for family in found.equilibria for x in family.special if x.kind == "fold"]
     np.testing.assert_allclose(folds, 0.4, rtol=1e-12)
     assert found.depths == (0, 1, 2)
     special = [

@@ -55,11 +55,11 @@ def breaks_symmetry(nu, guess):
 
 @pytest.mark.slow
 def test_cycles_lose_their_symmetry_where_half_a_turn_says():
-    rests = jaxdyn.continue_equilibria(make, -0.9, [0.0, 0.0, 0.0], members=60)
-    hopf, branch = rests.special
+    equilibria = jaxdyn.continue_equilibria(make, -0.9, [0.0, 0.0, 0.0], members=60)
+    hopf, branch = equilibria.special
     assert abs(hopf.parameter + 0.58933644) < 5e-8
     assert abs(branch.parameter + 0.5) < 1e-9
-    first, nu = orbits.from_hopf(rests, hopf)
+    first, nu = orbits.from_hopf(equilibria, hopf)
     family = orbits.continue_family(first, make, nu, members=42, step=0.05)
     fold, point = family.special[:2]
     assert (fold.kind, point.kind) == (Kind.FOLD, Kind.BRANCH)

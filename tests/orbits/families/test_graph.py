@@ -31,7 +31,7 @@ def pitchfork():
 def test_cycles_meet_at_their_pitchfork_and_begin_at_the_hopf_point(pitchfork, tmp_path):
     found = orbits.graph(pitchfork)
     hopf, branch = found.places
-    assert (hopf.kind, hopf.families, hopf.rests) == ("Hopf point", (0,), (0,))
+    assert (hopf.kind, hopf.families, hopf.equilibria) == ("Hopf point", (0,), (0,))
     assert (branch.kind, branch.families, branch.times) == ("branch point", (0, 1, 2), (1, 1, 1))
     assert abs(hopf.parameter) < 1e-9
     assert abs(branch.parameter - 0.2) < 1e-9
@@ -67,7 +67,9 @@ def test_components_are_joined_through_places():
     def place(*families):
         return Place("branch point", None, 0.0, 0.0, families, (1,) * len(families))
 
-    found = Graph(families=(None,) * 5, rests=(), places=(place(0, 3), place(1, 2), place(3, 4)))
+    found = Graph(
+        families=(None,) * 5, equilibria=(), places=(place(0, 3), place(1, 2), place(3, 4))
+    )
     assert found.components == [(0, 3, 4), (1, 2)]
 
 

@@ -26,9 +26,9 @@ def stuart_landau(a):
 
 @pytest.mark.parametrize("amplitude", [1e-3, 0.3, -0.3])
 def test_orbits_of_the_normal_form_have_the_radius_of_their_parameter(amplitude):
-    rests = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
-    (point,) = rests.special
-    orbit, a = orbits.from_hopf(rests, point, amplitude=amplitude)
+    equilibria = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
+    (point,) = equilibria.special
+    orbit, a = orbits.from_hopf(equilibria, point, amplitude=amplitude)
     # A circle of radius sqrt(a), whose period is 2 pi / (w + a b).
     assert abs(orbit.y0 @ orbit.y0 - a) < 1e-12
     assert abs(np.abs(orbit.y0).max() - abs(amplitude)) < 1e-12
@@ -37,23 +37,23 @@ def test_orbits_of_the_normal_form_have_the_radius_of_their_parameter(amplitude)
 
 
 def test_misuse_of_a_hopf_point_is_refused():
-    rests = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
-    (point,) = rests.special
+    equilibria = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
+    (point,) = equilibria.special
     with pytest.raises(ValueError, match="point: expected a Hopf point"):
-        orbits.from_hopf(rests, rests.members[0])
+        orbits.from_hopf(equilibria, equilibria.members[0])
     for wrong in (0.0, np.nan):
         with pytest.raises(ValueError, match="amplitude"):
-            orbits.from_hopf(rests, point, amplitude=wrong)
+            orbits.from_hopf(equilibria, point, amplitude=wrong)
 
 
 @pytest.mark.slow
 def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic(tmp_path):
     start = [7.1, 7.1, 19.0]
-    rests = jaxdyn.continue_equilibria(lorenz, 20.0, start, step=1.0, members=8)
-    (point,) = rests.special
+    equilibria = jaxdyn.continue_equilibria(lorenz, 20.0, start, step=1.0, members=8)
+    (point,) = equilibria.special
     assert abs(point.parameter - LORENZ_HOPF) < 1e-12
     assert point.criticality == "subcritical"
-    orbit, rho = orbits.from_hopf(rests, point, amplitude=0.1)
+    orbit, rho = orbits.from_hopf(equilibria, point, amplitude=0.1)
     assert rho < LORENZ_HOPF
     options = {"step": 0.2, "down": True, "path": tmp_path / "family.jsonl"}
     family = orbits.continue_family(orbit, lorenz, rho, members=40, **options)
@@ -92,14 +92,14 @@ def axon_at(current):
 @pytest.mark.slow
 def test_the_cycles_of_an_axon_have_their_folds():
     start = [0.0, 0.05, 0.6, 0.32]
-    rests = jaxdyn.continue_equilibria(axon_at, 0.0, start, members=100)
-    first, last = rests.special[:2]
+    equilibria = jaxdyn.continue_equilibria(axon_at, 0.0, start, members=100)
+    first, last = equilibria.special[:2]
     # Rinzel, Miller, Biol. Cybern. 37 (1980) 1; Hassard, J. Theor. Biol. 71 (1978) 401.
     assert abs(first.parameter - 9.7796) < 1e-4
     assert abs(last.parameter - 154.527) < 1e-3
-    orbit, current = orbits.from_hopf(rests, first)
+    orbit, current = orbits.from_hopf(equilibria, first)
     assert current < first.parameter  # subcritical
-    orbit, current = orbits.from_hopf(rests, last)
+    orbit, current = orbits.from_hopf(equilibria, last)
     family = orbits.continue_family(
         orbit, axon_at, current, step=0.1, members=100, down=True, within=(0, 160)
     )

@@ -25,11 +25,15 @@ def follow(path=None, **options):
 
 
 def assert_same(a, b):
-    assert (a.depths, len(a.rests), len(a.orbits)) == (b.depths, len(b.rests), len(b.orbits))
+    assert (a.depths, len(a.equilibria), len(a.orbits)) == (
+        b.depths,
+        len(b.equilibria),
+        len(b.orbits),
+    )
     assert [(str(x.point.kind), x.reason) for x in a.failures] == [
         (str(x.point.kind), x.reason) for x in b.failures
     ]
-    for one, two in zip((*a.rests, *a.orbits), (*b.rests, *b.orbits), strict=True):
+    for one, two in zip((*a.equilibria, *a.orbits), (*b.equilibria, *b.orbits), strict=True):
         assert one.end == two.end
         np.testing.assert_array_equal(one.parameters, two.parameters)
         assert [x.kind for x in one.special] == [x.kind for x in two.special]
@@ -125,7 +129,7 @@ def test_a_family_alone_is_kept_as_well(tmp_path):
     family = orbits.continue_family(cycle, van_der_pol, 0.5, members=3, path=path)
     loaded = orbits.families.load(path, van_der_pol)
     np.testing.assert_array_equal(loaded.orbits[0].periods, family.periods)
-    assert loaded.rests == ()
+    assert loaded.equilibria == ()
     figure = orbits.drawing.diagram(loaded, tmp_path / "family.png")
     assert figure.axes[0].get_ylabel() in ("y0", "y1")
     with pytest.raises(ValueError, match="others, whose orbits do not close"):

@@ -45,10 +45,10 @@ def test_an_orbit_begins_at_a_hopf_point_in_the_same_phase(units):
     for now in (ONE, units):
         each, own, _ = now
         start = np.array([1.0, 1.5]) * each[:2]
-        rests = jaxdyn.continue_equilibria(
+        equilibria = jaxdyn.continue_equilibria(
             makes(feeding, now, 2), 1.5 * own, start, step=0.3, within=(own, 3 * own)
         )
-        orbit, value = orbits.from_hopf(rests, rests.special[0])
+        orbit, value = orbits.from_hopf(equilibria, equilibria.special[0])
         found.append(np.append(np.asarray(orbit.y0) / each[:2], value / own))
     np.testing.assert_allclose(found[1], found[0], atol=1e-10)
 
@@ -73,7 +73,7 @@ def test_a_diagram_and_its_graph(units):
         assert (one.kind, one.families, one.times) == (other.kind, other.families, other.times)
     hopf, branch = found[1]
     assert branch.families == (0, 1, 2)
-    assert hopf.rests == (0,)
+    assert hopf.equilibria == (0,)
 
 
 def cycle(units, sign):

@@ -61,7 +61,7 @@ def separatrix():
 @pytest.mark.slow
 def test_the_separatrix_of_a_pendulum(separatrix):
     assert separatrix.ok
-    assert separatrix.miss < 1e-12
+    assert separatrix.residual < 1e-12
     theta, speed = separatrix.states.T
     w = abs(jaxdyn.linearize(separatrix.scene, [0.0, 0.0]).eigenvalues[0])
     assert np.abs(speed - 2 * w * np.cos(theta / 2)).max() < 10 * separatrix.error
@@ -75,7 +75,7 @@ def test_the_separatrix_of_a_pendulum(separatrix):
 @pytest.mark.slow
 def test_numbers_are_printed(separatrix):
     text = str(separatrix)
-    for part in ("Heteroclinic connection of pendulum", "time", "step-off", "miss", "FOUND"):
+    for part in ("Heteroclinic connection of pendulum", "time", "step-off", "residual", "FOUND"):
         assert part in text
 
 
@@ -83,7 +83,7 @@ def test_numbers_are_printed(separatrix):
 def test_the_homoclinic_orbit_of_lorenz_by_another_route():
     found = orbits.connect(lorenz(14.0), ORIGIN, make=lorenz, parameter=14.0)
     assert found.ok
-    assert found.miss < 1e-12
+    assert found.residual < 1e-12
     assert abs(found.parameter - SPARROW) < 1e-3
     assert abs(found.parameter - 13.926557407) < 1e-9
     assert abs(found.parameter - bisected()) < 1e-10 + found.parameter_error

@@ -19,11 +19,13 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from orbits.closing.sizes import sizes_along
 from orbits.motion import sample
-from orbits.shooting.equations import Equations, Lengths, pieces, sizes_at
+from orbits.shooting.equations import Equations, UnknownSizes, pieces, sizes_at
 from orbits.shooting.segment import Make, scene_of
 
 
-def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0) -> Lengths:
+def unknown_sizes(
+    equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0
+) -> UnknownSizes:
     """The units at x (n,), with sizes (k,) of at least `least`."""
     unknowns = equations.unpack(x)
     ts, ys = _states(equations, x)
@@ -32,8 +34,8 @@ def lengths(equations: Equations, x: np.ndarray, least: np.ndarray | float = 0.0
     each = np.maximum(sizes_along(scene, ys, sizes_at(equations, x)), least)
     make, parameter = equations.make, unknowns.parameter
     if make is None:
-        return Lengths(each, 1.0)
-    return Lengths(each, float(parameter_units(scene, make, parameter, ts, ys, each)[0]))
+        return UnknownSizes(each, 1.0)
+    return UnknownSizes(each, float(parameter_units(scene, make, parameter, ts, ys, each)[0]))
 
 
 def parameter_units(
