@@ -377,15 +377,15 @@ class Units(NamedTuple):
 
     Attributes:
       x: (n,) units of the unknowns.
-      rows: (m,) units of the residual.
+      residual: (m,) units of the residual.
     """
 
     x: np.ndarray
-    rows: np.ndarray
+    residual: np.ndarray
 
     def jacobian(self, jacobian: np.ndarray) -> np.ndarray:
         """(m, n) a Jacobian in these units."""
-        return np.asarray(jacobian) * self.x / self.rows[:, None]
+        return np.asarray(jacobian) * self.x / self.residual[:, None]
 
 
 def units_at(
