@@ -8,8 +8,8 @@ find what a step must not pass over, and `period` reads the period of a drive.
 May import: `jaxdyn`, that is the files at the top level.
 
 To add an operation that may be a condition, write a rule in `plan`; to add one with bounds, a rule
-in `bounds`. An operation without a rule counts as none that may be a condition, and as one whose
-result has no bounds.
+in `bounds`, with its arithmetic in `jaxdyn.intervals`. An operation without a rule counts as none
+that may be a condition, and as one whose result has no bounds.
 """
 
 from jaxdyn.plan.plan import Plan, plan_of

@@ -17,7 +17,8 @@ from jaxtyping import Array, PyTree
 
 from jaxdyn._numerics import SMOOTH
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, live_operations, loop
-from jaxdyn.plan.bounds import Bounds, as_bounds, enclose_program
+from jaxdyn.intervals import Interval
+from jaxdyn.plan.bounds import as_interval, enclose_program
 from jaxdyn.plan.period import period_of
 from jaxdyn.scales import Groups
 
@@ -146,23 +147,23 @@ class Plan:
 
     def bounds_of_parts(
         self, system: PyTree, low: Array, high: Array, branch: Array
-    ) -> tuple[Bounds, Array]:
+    ) -> tuple[Interval, Array]:
         """(u,) bounds of `time_parts` from one time to another, and of the size of their slopes.
 
         The bounds are the narrower of those of the formulas and those by slopes about the middle.
         """
         given = [*jax.tree.leaves(system), branch]
         parts, slopes, _ = self._programs
-        (plain,) = enclose_program(parts, [*given, Bounds(low, high)])
-        (slope,) = enclose_program(slopes, [*given, Bounds(low, high)])
-        plain, slope = as_bounds(plain), as_bounds(slope)
-        middle = as_bounds(enclose_program(parts, [*given, 0.5 * (low + high)])[0]).low
+        (plain,) = enclose_program(parts, [*given, Interval(low, high)])
+        (slope,) = enclose_program(slopes, [*given, Interval(low, high)])
+        plain, slope = as_interval(plain), as_interval(slope)
+        middle = as_interval(enclose_program(parts, [*given, 0.5 * (low + high)])[0]).low
         steepest = jnp.maximum(jnp.abs(slope.low), jnp.abs(slope.high))
         steepest = jnp.where(jnp.isnan(steepest), jnp.inf, steepest)
         most = 0.5 * (high - low) * steepest
         most = jnp.where(jnp.isnan(most), jnp.inf, most)
         low, high = jnp.maximum(plain.low, middle - most), jnp.minimum(plain.high, middle + most)
-        return Bounds(low, high), steepest
+        return Interval(low, high), steepest
 
     def mixed_parts(self, system: PyTree, t: Array, y: Array, branch: Array) -> Array:
         """(2, m) the arguments and values of functions of time and state that may act briefly."""
@@ -171,10 +172,10 @@ class Plan:
         rows = (evaluation.mixed[i::2] for i in (0, 1))
         return jnp.stack([jnp.concatenate([jnp.ravel(x.array) for x in row]) for row in rows])
 
-    def bounds_of_mixed(self, system: PyTree, t: Bounds, y: Bounds, branch: Array) -> Bounds:
+    def bounds_of_mixed(self, system: PyTree, t: Interval, y: Interval, branch: Array) -> Interval:
         """(2, m) bounds of `mixed_parts` over times () and states (k,)."""
         (found,) = enclose_program(self._mixed_program, [*jax.tree.leaves(system), branch, t, y])
-        return as_bounds(found)
+        return as_interval(found)
 
     @functools.cached_property
     def _mixed_program(self):
@@ -190,16 +191,18 @@ class Plan:
 
         def enclose(*given):
             *known, low, high, t = given
-            enclose_program(self._mixed_program, [*known, Bounds(t, t), Bounds(low, high)], unknown)
+            enclose_program(
+                self._mixed_program, [*known, Interval(t, t), Interval(low, high)], unknown
+            )
             return t
 
         jax.eval_shape(enclose, *self._leaves, self._branch, self._state, self._state, self._time)
         return unknown
 
-    def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Bounds:
+    def bounds_of_rate(self, system: PyTree, low: Array, high: Array, y: Array) -> Interval:
         """(k,) bounds of the rate at a state from one time to another."""
-        given = [*jax.tree.leaves(system), Bounds(low, high), y]
-        return as_bounds(enclose_program(self._program, given)[0])
+        given = [*jax.tree.leaves(system), Interval(low, high), y]
+        return as_interval(enclose_program(self._program, given)[0])
 
     def _without_bounds(self) -> frozenset[str]:
         """Names of operations on time alone that have no bounds."""
@@ -208,17 +211,17 @@ class Plan:
         def enclose(*given):
             *known, low, high = given
             for program in self._programs:
-                enclose_program(program, [*known, Bounds(low, high)], unknown)
+                enclose_program(program, [*known, Interval(low, high)], unknown)
             return low
 
         jax.eval_shape(enclose, *self._leaves, self._branch, self._time, self._time)
         return frozenset(unknown)
 
-    def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Bounds:
+    def bounds_of_margins(self, system: PyTree, low: Array, high: Array, branch: Array) -> Interval:
         """Bounds of the margins of `time_conditions` from one time to another."""
         given = [*jax.tree.leaves(system), branch]
-        (found,) = enclose_program(self._programs[2], [*given, Bounds(low, high)])
-        return as_bounds(found)
+        (found,) = enclose_program(self._programs[2], [*given, Interval(low, high)])
+        return as_interval(found)
 
     @functools.cached_property
     def _programs(self) -> tuple:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn.plan.bounds import Bounds
+from jaxdyn.intervals import Interval
 from jaxdyn.plan.plan import Plan
 
 #: Places in a step at which parts in time are sampled, as fractions of it: no simple fractions, and
@@ -118,9 +118,9 @@ def is_hidden(plan: Plan, system: PyTree, branch: Array, start: tuple, end: tupl
     (t0, y0, f0), (t1, y1, f1) = start, end
     h = t1 - t0
     nodes = jnp.stack([y0, y0 + h * f0 / 3, y1 - h * f1 / 3, y1])
-    states = Bounds(nodes.min(axis=0), nodes.max(axis=0))
+    states = Interval(nodes.min(axis=0), nodes.max(axis=0))
     most = plan.bounds_of_mixed(
-        system, Bounds(jnp.minimum(t0, t1), jnp.maximum(t0, t1)), states, branch
+        system, Interval(jnp.minimum(t0, t1), jnp.maximum(t0, t1)), states, branch
     )
     z = jnp.asarray(_PLACES)[:, None]
     weights = ((1 - z) ** 3, 3 * z * (1 - z) ** 2, 3 * z * z * (1 - z), z**3)

@@ -13,8 +13,9 @@ from jaxtyping import Array
 
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.search import Box, low_discrepancy, rates
+from jaxdyn.intervals import RIGOROUS, Interval
 from jaxdyn.scene import Field
-from jaxdyn.solvers.enclosures import Dual, Interval, add, enclosures, multiply
+from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas.formulas import Formulas, formulas
 from jaxdyn.solvers.formulas.graph import Node, NotElementary
 
@@ -29,7 +30,7 @@ from jaxdyn.solvers.formulas.graph import Node, NotElementary
 # has the theorem and its proof). Any other box is bisected. What remains when boxes are tiny, or
 # too many, is undecided: a zero at which the Jacobian is singular, a curve of zeros, or a place
 # where the field has no derivative. Everything else is proved, since bounds allow for rounding
-# (`solvers.enclosures`).
+# (`intervals`).
 
 _MIN_BOX = 1e-9  # part of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds
@@ -128,7 +129,8 @@ class _Equations:
             mean = middle
             for j in range(len(centre)):
                 part = Interval(slope.low[:, j], slope.high[:, j])
-                mean = add(mean, multiply(part, Interval(-radius[None, j], radius[None, j])))
+                reach = Interval(-radius[None, j], radius[None, j])
+                mean = RIGOROUS.add(mean, RIGOROUS.multiply(part, reach))
             none |= _excludes_zero(mean)
             if len(self.rates) != len(self.free):
                 return none, np.zeros_like(none)

@@ -8,8 +8,9 @@ import pytest
 import jaxdyn
 from jaxdyn import effects, scenes
 from jaxdyn.analysis import work_by_effect
+from jaxdyn.intervals import Interval
 from jaxdyn.plan import plan_of
-from jaxdyn.plan.bounds import Bounds, as_bounds, enclose_program
+from jaxdyn.plan.bounds import as_interval, enclose_program
 from jaxdyn.plan.times import furthest_seen, next_change, sizes
 
 KNOTS, HEIGHTS = np.linspace(0.0, 2.0, 5), np.array([0.0, 1.0, -1.0, 2.0, 0.0])
@@ -173,8 +174,8 @@ def test_bounds_enclose(fn):
     rng = np.random.default_rng(1)
     for _ in range(30):
         low, width = rng.uniform(-3, 3), 10 ** rng.uniform(-6, 0.5)
-        (found,) = enclose_program(program, [Bounds(jnp.asarray(low), jnp.asarray(low + width))])
-        found = as_bounds(found)
+        (found,) = enclose_program(program, [Interval(jnp.asarray(low), jnp.asarray(low + width))])
+        found = as_interval(found)
         values = jax.vmap(fn)(jnp.linspace(low, low + width, 101))
         room = 1e-13 * (1 + np.abs(values).max())
         assert found.low <= values.min() + room
@@ -185,7 +186,7 @@ def test_bounds_enclose(fn):
 
 def test_what_has_no_bounds_is_unknown():
     program = jax.make_jaxpr(lambda t: jax.scipy.special.bessel_jn(t, v=0)[0])(0.5)
-    (found,) = enclose_program(program, [Bounds(jnp.asarray(0.5), jnp.asarray(0.6))])
+    (found,) = enclose_program(program, [Interval(jnp.asarray(0.5), jnp.asarray(0.6))])
     assert not np.isfinite(found.low).any()
 
 

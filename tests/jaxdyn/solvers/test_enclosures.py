@@ -9,7 +9,8 @@ from helpers import formulas_of
 
 from jaxdyn import scenes
 from jaxdyn.analysis.equilibrium_search.completeness import isolate
-from jaxdyn.solvers.enclosures import Dual, Interval, enclosures
+from jaxdyn.intervals import Interval
+from jaxdyn.solvers.enclosures import Dual, enclosures
 from jaxdyn.solvers.formulas.graph import NotElementary
 
 
