@@ -49,7 +49,8 @@ class _Equations:
         rates, states = field.rates.results, field.states
         known = (low <= 0) & (high >= 0) & np.array([node in rates for node in states])
         #: Indices of the rates that are not themselves one of those entries.
-        self.rows = [i for i, x in enumerate(rates) if not any(x is states[j] for j in _on(known))]
+        fixed = [y for y, one in zip(states, known, strict=True) if one]
+        self.rows = [i for i, x in enumerate(rates) if not any(x is y for y in fixed)]
         self.start = [arb(0) if one else arb(x) for one, x in zip(known, low, strict=True)]
         self.lengths = lengths(field)
         self.free = [i for i in range(len(states)) if not known[i] and high[i] > low[i]]
@@ -82,10 +83,6 @@ class _Equations:
         k = self.field.k
         rows = [[found[k + i * k + j] for j in self.free] for i in self.rows]
         return arb_mat(rows) if all(arb(x).is_finite() for row in rows for x in row) else None
-
-
-def _on(mask: np.ndarray) -> list[int]:
-    return np.flatnonzero(mask).tolist()
 
 
 def zeros(field: BallField, t: float, low: np.ndarray, high: np.ndarray) -> Zeros:
