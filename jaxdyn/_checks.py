@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._text import check_digits as check_digits
 from jaxdyn._text import choice as choice
 from jaxdyn._text import fail as fail
 from jaxdyn._text import flag as flag

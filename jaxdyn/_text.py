@@ -42,6 +42,12 @@ def whole(name: str, x: Any, least: int = 1, most: int = 2**62, remedy: str = ""
     return int(x)
 
 
+def check_digits(digits: float) -> None:
+    """Check a number of digits that is asked of doubles."""
+    if not 0 < digits <= 15:
+        raise fail("digits", "above 0, at most 15", digits, "Doubles have just under 16.")
+
+
 def flag(name: str, x: Any) -> bool:
     """x; raises unless it is True or False: other values would count as one of them."""
     if not isinstance(x, bool):

@@ -22,7 +22,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn.accuracy import estimates
-from jaxdyn.integrate.errors import MOST_DIGITS, Estimate
+from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.simulation import RTOL, solve
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
@@ -83,7 +83,7 @@ def trusted_time(
     Returns:
       The time, the same for the finest tolerance, the growth rate, and their basis.
     Raises:
-      ValueError: `digits` is not above 0 and at most `MOST_DIGITS`, or see `simulate`.
+      ValueError: `digits` is not above 0 and at most 15, or see `simulate`.
       IntegrationError: the end was not reached.
     Limits: an estimate. Compared with motions in 60 digits and more, of double and triple
       pendulums and three bodies, it is within a tenth of the true time (`jaxdyn hard`).
@@ -95,10 +95,7 @@ def trusted_time(
       >>> 20 < swing.t < 60
       True
     """
-    if not 0 < digits <= MOST_DIGITS:
-        raise _checks.fail(
-            "digits", f"above 0, at most {MOST_DIGITS}", digits, "Doubles have just under 16."
-        )
+    _checks.check_digits(digits)
     found = estimates.estimate(scene, t1, t0=t0, samples=samples, rtol=rtol, solver=solver)
     t = found.until(digits)
     most = eqx.tree_at(lambda e: e.error, found, found.rounding).until(digits)

@@ -4,7 +4,7 @@ import math
 from typing import Annotated
 
 import jaxdyn
-from jaxdyn._text import fail
+from jaxdyn._text import check_digits
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -32,8 +32,7 @@ def accuracy_command(
 ) -> None:
     """The time that each digit costs; a solver and a tolerance for the requested digits."""
     check_title(title, plot)
-    if not 1 <= digits <= 15:
-        raise fail("digits", "between 1 and 15", digits, "64-bit floats have just under 16.")
+    check_digits(digits)
     chosen = scene_settings(name, settings)
     with screen(f"solving {name} as exactly as possible", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)

@@ -218,7 +218,6 @@ Names = tuple[str, str, str]
 
 #: Ratio of the tolerances of the two solutions; their errors are in about the same ratio.
 RATIO = 1e-3
-MOST_DIGITS = 15
 FINEST = 1e-16  # relative tolerance; a smaller one only adds steps
 _BESIDE_RATIO = 3.0  # ratio of tolerances that are as good but give different steps
 _COARSENING = 10.0  # factor of a tolerance that is smaller than the scene allows
@@ -310,15 +309,12 @@ def reach(
       solver: name of the method.
       refuse: raise where fewer digits, but some, are possible.
     Raises:
-      ValueError: `digits` is not above 0 and at most `MOST_DIGITS`, or, with `refuse`, more than
+      ValueError: `digits` is not above 0 and at most 15, or, with `refuse`, more than
         the motion allows.
     """
     if _checks.is_traced((scene, ts, digits)):
         raise _checks.fail("digits", "numbers", "a traced value", "Pass rtol inside jit and grad.")
-    if not 0 < digits <= MOST_DIGITS:
-        raise _checks.fail(
-            "digits", f"above 0, at most {MOST_DIGITS}", digits, "Doubles have just under 16."
-        )
+    _checks.check_digits(digits)
     wanted = 10.0**-digits
     names = ("tolerance ladder", solver, solver)
     floor = None

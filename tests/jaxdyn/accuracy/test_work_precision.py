@@ -207,7 +207,7 @@ def test_the_command_prints_what_digits_cost(accuracy_command, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("oscillator", "--digits", "20"), "digits: expected between 1 and 15"),
+        (("oscillator", "--digits", "20"), "digits: expected above 0, at most 15, got 20"),
         (("oscillatr",), "Did you mean 'oscillator'?"),
         (("oscillator", "--set", "c"), "--set: expected NAME=VALUE"),
         (("oscillator", "--plot", "x.txt"), "--plot: expected a file name ending in"),
