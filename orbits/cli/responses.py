@@ -25,8 +25,7 @@ from jaxdyn.cli.shared import (
 )
 from jaxdyn.cli.vibration import NearOption, at_equilibrium
 from jaxdyn.files.output_files import table_path
-from orbits.cli.bifurcations.shared import bounds
-from orbits.cli.shared import numbers
+from orbits.cli.shared import bounds, numbers
 
 OutputOption = Annotated[
     str | None, typer.Option(metavar="NAME", help="Entry of the response; the first one.")
@@ -95,7 +94,7 @@ def backbone_command(
     frequency.
     """
     check_title(title, plot)
-    frequencies = (-math.inf, math.inf) if within is None else bounds("--within", within)
+    frequencies = bounds("--within", within)
     with screen(f"following mode {mode} of {name}", as_object) as out:
         scene = _scene(name, settings, start, output)
         found = orbits.backbone(

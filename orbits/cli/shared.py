@@ -1,5 +1,6 @@
 """Common parts of the commands of `orbits`: parsing, progress, failures, files."""
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -43,6 +44,16 @@ def numbers(option: str, text: str) -> list[float]:
     except ValueError:
         remedy = arithmetic.remedy(text)
         raise fail(option, "comma-separated numbers", repr(text), remedy) from None
+
+
+def bounds(option: str, text: str | None) -> tuple[float, float]:
+    """The two bounds in A,B; -inf and inf without a text."""
+    if text is None:
+        return -math.inf, math.inf
+    found = numbers(option, text)
+    if not (len(found) == 2 and found[0] < found[1]):
+        raise fail(option, "two bounds, the lower one first", repr(text))
+    return found[0], found[1]
 
 
 def not_found(

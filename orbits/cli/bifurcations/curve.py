@@ -26,11 +26,10 @@ from jaxdyn.cli.shared import (
 from orbits.cli.bifurcations.shared import (
     KeepOption,
     StartOption,
-    bounds,
     equilibrium_start,
     open_file,
 )
-from orbits.cli.shared import NOT_FOUND
+from orbits.cli.shared import NOT_FOUND, bounds
 
 
 def curve_command(

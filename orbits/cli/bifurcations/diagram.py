@@ -21,10 +21,10 @@ from jaxdyn.cli.shared import (
 from orbits.cli.bifurcations.shared import (
     KeepOption,
     StartOption,
-    bounds,
     equilibrium_start,
     open_file,
 )
+from orbits.cli.shared import bounds
 
 
 def diagram_command(

@@ -25,7 +25,7 @@ from jaxdyn.cli.shared import (
 )
 from orbits.cli.bifurcations.shared import open_file
 from orbits.cli.printed import print_family
-from orbits.cli.shared import QuantityOption, SaveOption, not_found, numbers, printer
+from orbits.cli.shared import QuantityOption, SaveOption, bounds, not_found, printer
 
 _REMEDY = (
     "Give another --period, or find it with `orbits find`, which has more options, and pass its "
@@ -65,7 +65,7 @@ def family_command(
     """
     check_title(title, plot)
     _check_walk(members, step)
-    bounds, levels = _bounds("--within", within), _bounds("--energies", energies)
+    limits, levels = bounds("--within", within), bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
         check_parameter("--parameter", parameter, name)
@@ -84,9 +84,9 @@ def family_command(
             step=step,
             members=members,
             down=down,
-            within=bounds,
+            within=limits,
             energies=levels,
-            report=_reporter(out, members),
+            report=_reporter(out, parameter, members),
             path=open_file(part, name, chosen, [parameter] if parameter else []),
         )
         family = orbits.files.family_files.listing(found, parameter)
@@ -134,23 +134,16 @@ def _first(
     return orbits.discovery.nearby.search_near(scene, period, report=printer(out))
 
 
-def _bounds(option: str, text: str | None) -> tuple[float, float]:
-    if text is None:
-        return -math.inf, math.inf
-    bounds = numbers(option, text)
-    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
-        raise fail(option, "two bounds, the lower one first", repr(text))
-    return bounds[0], bounds[1]
-
-
-def _reporter(out: Screen, most: int) -> Callable[["orbits.families.family.Member"], None]:
+def _reporter(
+    out: Screen, parameter: str | None, most: int
+) -> Callable[["orbits.families.family.Member"], None]:
     """A callback that prints a line for each member as it is found."""
     passed = itertools.count(1)
 
     def report(member: "orbits.families.family.Member") -> None:
-        number = "" if math.isnan(member.parameter) else f"number {member.parameter:.10g}   "
+        value = "" if parameter is None else f"{parameter} {member.parameter:.10g}   "
         verdict = member.stability.verdict
-        out.print(f"  {number}period {member.orbit.period:.12g}   {verdict}")
+        out.print(f"  {value}period {member.orbit.period:.12g}   {verdict}")
         out.show_task("following the family", next(passed), most)
 
     return report

@@ -39,14 +39,6 @@ def equilibrium_start(name: str, values: dict, start: str | None) -> list[float]
     return jaxdyn.scenes.catalogue.entry(name).make(**values).y0.tolist()
 
 
-def bounds(option: str, text: str) -> tuple[float, float]:
-    """The two bounds in A,B."""
-    found = numbers(option, text)
-    if not (len(found) == 2 and found[0] < found[1]):
-        raise fail(option, "two bounds, the lower one first", repr(text))
-    return found[0], found[1]
-
-
 def open_file(
     path: Path | None, name: str, settings: Mapping[str, str], parameters: Sequence[str]
 ) -> "jaxdyn.continuation.checkpoint.Log | None":
