@@ -29,8 +29,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._numerics import materialise, runtime_one
-from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
+from jaxdyn._numerics import materialize, runtime_one
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest, in_loops, stability_limit
 
 # ---- Corrections of the rounded weights of Runge-Kutta and Nystrom tables
 #
@@ -156,7 +156,7 @@ class Pair(Method):
     @functools.cached_property
     def stable(self) -> float:
         """The |h lambda| on the negative axis (Nystrom: the h omega) up to which it is stable."""
-        return grows_from(functools.partial(_growth, self))
+        return stability_limit(functools.partial(_growth, self))
 
     @functools.cached_property
     def twins(self) -> tuple[int, int] | None:
@@ -174,7 +174,7 @@ class Pair(Method):
 
         def keep(x):
             # The loops over stages keep their arrays anyway.
-            return x if self.loops else materialise(x, one)
+            return x if self.loops else materialize(x, one)
 
         if not self.position_only:
 

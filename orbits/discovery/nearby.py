@@ -12,7 +12,7 @@ from jaxdyn._progress import report_progress
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
-from orbits.closing.given import drive_period, driven
+from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
@@ -94,7 +94,7 @@ def search_near(
 
 def _seeds(scene: Scene) -> list[Seed]:
     scene.check()
-    if driven(scene):
+    if is_driven(scene):
         period = drive_period(scene)
         if period is None:
             remedy = "The rate depends on time, but not with a period that can be read from it."

@@ -407,10 +407,10 @@ class OrbitSurface(Surface):
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
             columns.append(equations.pack(first, between, 0.0, 0.0, 0.0) / in_units)
         # Not every symmetry of the scene is a symmetry of the closing condition.
-        return those_kept(jacobian, columns)
+        return kept_directions(jacobian, columns)
 
 
-def those_kept(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
+def kept_directions(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
     """(n, r) orthonormal: those of the directions (n,), in units, that keep the equations."""
     kept = [np.zeros(jacobian.shape[1])]
     for column in columns:

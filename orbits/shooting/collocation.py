@@ -218,7 +218,7 @@ def quality(equations: Equations, x: np.ndarray) -> Quality:
     here = pieces(equations, x)
     scales = _scales(np.asarray(here.start))
     errors = gauss_steps.local_errors(equations.scene, here, make=equations.make)
-    _, slopes = gauss_steps.linearise_steps(equations.scene, here, make=equations.make)
+    _, slopes = gauss_steps.linearize_steps(equations.scene, here, make=equations.make)
     growth = np.asarray(slopes.start) * scales / scales[:, None]
     return Quality((errors / scales).max(axis=1), np.linalg.norm(growth, axis=(1, 2)))
 
@@ -452,7 +452,7 @@ def solve(
 
 def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     here = jax.tree.map(np.asarray, pieces(equations, x))
-    found, slopes = gauss_steps.linearise_steps(equations.scene, here, make=equations.make)
+    found, slopes = gauss_steps.linearize_steps(equations.scene, here, make=equations.make)
     left, end = np.asarray(slopes.start), np.asarray(found.end)
     by = _by_shared(equations, x)
     shared = sum(

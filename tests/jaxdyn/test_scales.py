@@ -10,7 +10,7 @@ from units import rewritten
 
 import jaxdyn
 from jaxdyn import scales, scenes
-from jaxdyn.analysis.regularised import regularize
+from jaxdyn.analysis.regularized import regularize
 from jaxdyn.hard.cases.encounters import pythagorean
 
 
