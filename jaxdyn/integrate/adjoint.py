@@ -112,8 +112,8 @@ class _Backwards(eqx.Module):
         the numbers: a part that is zero up to rounding, as that by a mass that cancels, is
         measured by the others.
         """
-        of = self.field.groups.of
-        y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
+        groups = self.field.groups.group_of
+        y, adjoint = ([(part, group) for group in groups] for part in ("y", "adjoint"))
         leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
         mu = ["mu"] * sum(leaf.size for leaf in leaves)
         if not self.position_only:

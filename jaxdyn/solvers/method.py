@@ -164,7 +164,7 @@ def in_loops(method: M, n: int) -> M:
     return dataclasses.replace(method, loops=n)
 
 
-def fastest(k: Array, shift: Array, whole: Array) -> Array:
+def fastest_rate(k: Array, shift: Array, whole: Array) -> Array:
     """() |difference of two slopes| / |difference of their arguments|, per step.
 
     Differences below rounding are not significant and count as small.

@@ -27,7 +27,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import materialize, runtime_one
-from jaxdyn.solvers.method import Advance, Method, Rate, fastest, stability_limit
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest_rate, stability_limit
 from jaxdyn.solvers.pairs import NYSTROM12
 from jaxdyn.solvers.side_by_side import side_by_side
 
@@ -197,7 +197,7 @@ def _extrapolate(
         [_join([x[..., j, 0] for x in part], still.shape) for j in range(2)]
         for part in (moved, pulls)
     )
-    ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
+    ratio = fastest_rate(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
     off = h * h * _steepness(forces, there) * y[: len(y) // 2]
     rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
     small = jnp.clip(error, -rounding, rounding)

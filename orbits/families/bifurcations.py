@@ -165,7 +165,7 @@ def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
     hidden = point.alike.shape[1] and surface.parts == 1
-    if kind == Kind.BRANCH and hidden and surface.aside(*_place(point)) is None:
+    if kind == Kind.BRANCH and hidden and surface.other_direction(*_place(point)) is None:
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)
 

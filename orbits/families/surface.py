@@ -22,7 +22,7 @@ from orbits.closing.sizes import rate
 from orbits.families.sizes import unknown_sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
-from orbits.shooting.collocation import STEP_SHARE, on, quality, refine
+from orbits.shooting.collocation import STEP_SHARE, quality, refine
 from orbits.shooting.equations import (
     Equations,
     InUnits,
@@ -278,7 +278,9 @@ class Surface(abc.ABC):
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return UnknownSizes(point.sizes, parameter)
 
-    def aside(self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:
+    def other_direction(
+        self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
+    ) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.
 
         Args:
@@ -334,7 +336,7 @@ class OrbitSurface(Surface):
     def recut(self, point: Point) -> "OrbitSurface | None":
         if point.equations.collocated:
             mesh = refine(point.equations, point.x, STEP_SHARE * self.goal)
-            cuts = None if mesh is None else on(point.equations, mesh)
+            cuts = None if mesh is None else on_mesh(point.equations, mesh)
         else:
             cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
         return None if cuts is None else self._with_cuts(cuts)
