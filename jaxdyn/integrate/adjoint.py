@@ -118,7 +118,7 @@ class _Backwards(eqx.Module):
         mu = ["mu"] * sum(leaf.size for leaf in leaves)
         if not self.position_only:
             return groups_of_names([*y, *adjoint, *mu])
-        half, rates = len(of) // 2, ["rate of mu"] * len(mu)
+        half, rates = len(groups) // 2, ["rate of mu"] * len(mu)
         q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
         return groups_of_names([*q, *by_v, *mu, *v, *by_q, *rates])
 

@@ -22,7 +22,7 @@ from orbits.closing.sizes import rate
 from orbits.families.sizes import unknown_sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
-from orbits.shooting.collocation import STEP_SHARE, quality, refine
+from orbits.shooting.collocation import STEP_SHARE, on_mesh, quality, refine
 from orbits.shooting.equations import (
     Equations,
     InUnits,
