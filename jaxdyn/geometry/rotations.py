@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxdyn import _doors
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import atanc, cos_of_root, safe_norm, sinc_of_root, square_norm
 from jaxdyn.geometry.frames import Matrix, check_rotation
@@ -122,7 +123,7 @@ def conjugate_wxyz(q: Wxyz) -> Wxyz:
 
 
 @arrays
-def normalise_wxyz(q: Wxyz) -> Wxyz:
+def normalize_wxyz(q: Wxyz) -> Wxyz:
     """The unit quaternion q / |q| (4,); NaN for q = 0."""
     return q / jnp.sqrt(square_norm(q))
 
@@ -173,7 +174,7 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     for k in (1, 2, 3):
         row = jnp.where(rows[k][k] > largest, jnp.stack(rows[k]), row)
         largest = jnp.maximum(largest, rows[k][k])
-    return normalise_wxyz(jnp.where(row[0] < 0, -row, row))
+    return normalize_wxyz(jnp.where(row[0] < 0, -row, row))
 
 
 @arrays
@@ -248,3 +249,8 @@ def _upper(q: Wxyz) -> Wxyz:
 
 def _pure(v: Vector) -> Wxyz:
     return jnp.concatenate([jnp.zeros_like(v[:1]), v])
+
+
+#: Renamed in version 0.3.
+_RENAMED = {"normalise_wxyz": "normalize_wxyz"}
+__getattr__ = _doors.attribute_getter(__name__, renamed=_RENAMED)

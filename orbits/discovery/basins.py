@@ -25,7 +25,7 @@ from jaxdyn.ensemble import engine
 from jaxdyn.files import archives
 from jaxdyn.scales import groups
 from orbits.analysis.stability import stability
-from orbits.closing.given import drive_period, driven
+from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.settling import (
     CHAOTIC,
     EQUILIBRIUM,
@@ -116,7 +116,7 @@ def basins(
 
 def _period(scene: Scene, period: float | None) -> float | None:
     """The period of the forcing; None for an autonomous scene."""
-    if not driven(scene):
+    if not is_driven(scene):
         return None
     found = drive_period(scene) if period is None else float(_checks.positive("period", period))
     if found is None:
