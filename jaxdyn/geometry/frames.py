@@ -4,6 +4,7 @@ A matrix ``R_wb`` takes components of a vector in the body's axes to its compone
 how one is made of an axis, an angle or a quaternion is in `jaxdyn.geometry.rotations`.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -78,8 +79,7 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
     Raises:
       ValueError: R is not a rotation; if it is traced, the result is NaN instead.
     """
-    columns = R.T @ R - jnp.eye(3)
-    off = jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
+    off = _off_rotation(R)
     if _checks.is_traced(R):
         return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
     if off > _MAX_ORTHOGONALITY_DEFECT:
@@ -90,6 +90,13 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
             "frames.orthonormalize finds the nearest rotation to a matrix that is nearly one.",
         )
     return R
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _off_rotation(R: Matrix) -> Array:
+    """How far a matrix is from a rotation ()."""
+    columns = R.T @ R - jnp.eye(3)
+    return jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
 
 
 def _inverse_transpose(X: Matrix) -> tuple[Matrix, Array]:

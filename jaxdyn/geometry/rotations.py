@@ -16,6 +16,7 @@ Reference: Sola (2017), Quaternion kinematics for the error-state Kalman filter.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -160,7 +161,11 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
     """
-    R = check_rotation("R", R)
+    return _wxyz(check_rotation("R", R))
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _wxyz(R: Matrix) -> Wxyz:
     a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
     d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
     x, y, z = R[0, 0], R[1, 1], R[2, 2]
