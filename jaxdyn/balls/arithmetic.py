@@ -34,6 +34,16 @@ def precision(bits: int, order: int = 1) -> Iterator[None]:
         flint.ctx.prec, flint.ctx.cap = before
 
 
+def column(vector: list) -> arb_mat:
+    """(n, 1) a vector as a matrix."""
+    return arb_mat([[x] for x in vector])
+
+
+def unit_matrix(n: int) -> arb_mat:
+    """(n, n) the unit matrix."""
+    return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+
+
 class Undecided(ArithmeticError):
     """Raised if a condition holds for some numbers of a ball and not for others."""
 

@@ -13,7 +13,7 @@ that it is given.
 
 import dataclasses
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, arb_series
+from jaxdyn.balls.arithmetic import arb, arb_mat, arb_series, unit_matrix
 from jaxdyn.balls.field import BallField
 
 #: To find a motion alone, coefficients of the derivative are computed up to this fraction of the
@@ -119,7 +119,7 @@ def transition_series(slopes: Slopes, order: int) -> list[arb_mat]:
       order: order of the last coefficient.
     """
     k = slopes.first.nrows()
-    found = [arb_mat([[int(i == j) for j in range(k)] for i in range(k)])]
+    found = [unit_matrix(k)]
     parts = [slopes.part(found[0])]
     for j in range(order):
         found.append(slopes.convolve(found, parts) * (1 / arb(j + 1)))

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, column, precision, unit_matrix
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 
@@ -72,7 +72,7 @@ class _Now(NamedTuple):
 
     def centre(self) -> arb_mat:
         """(k, 1) the motion from the centre."""
-        return _column(self.point) + self.frame * self.off
+        return column(self.point) + self.frame * self.off
 
     def box(self, offset: arb_mat) -> list:
         """(k) all motions."""
@@ -111,10 +111,10 @@ def tube(
     # Series are cut off at the larger of both orders.
     with precision(bits, max(order, slope_order)):
         sizes = [1.0] * field.k if sizes is None else sizes
-        offset = _column(box) - _column(centre)
-        unit = arb_mat([[int(i == j) for j in range(field.k)] for i in range(field.k)])
+        offset = column(box) - column(centre)
+        unit = unit_matrix(field.k)
         point = [x.mid() for x in centre]
-        now = _Now(point, unit, _column(centre) - _column(point), unit)
+        now = _Now(point, unit, column(centre) - column(point), unit)
         done, outer = arb(0), None
         for steps in range(1, _MOST_STEPS):
             around = now.box(offset)
@@ -185,7 +185,7 @@ def _step(about: About, now: _Now, h: arb, bounds: Disc, slope_order: int) -> _N
     frame = _orthogonal(moved, np.array(about.sizes))
     back = frame.inv()
     carried = back * moved
-    off = carried * now.off + back * (_column(value) - _column(point))
+    off = carried * now.off + back * (column(value) - column(point))
     return _Now(point, frame, off, carried * now.growth)
 
 
@@ -201,7 +201,7 @@ def _end(
     """Enclosures at the end: of the centre over the first span, of all over the second."""
     moved = _slopes(about, spans[1], bounds, slope_order) * now.frame
     off = moved * now.off
-    centre, ends = (_column(_ending(about, span, bounds)) + off for span in spans)
+    centre, ends = (column(_ending(about, span, bounds)) + off for span in spans)
     slopes = moved * now.growth
     ended = (ends + slopes * offset).entries()
     if not _narrow(ended, about.sizes):
@@ -222,10 +222,6 @@ def _orthogonal(matrix: arb_mat, sizes: np.ndarray) -> arb_mat:
     if not np.isfinite(table).all():
         raise NotEnclosed("The derivatives become too large. Try a shorter part of the period.")
     return arb_mat((sizes[:, None] * np.linalg.qr(table / sizes[:, None])[0]).tolist())
-
-
-def _column(vector: list) -> arb_mat:
-    return arb_mat([[x] for x in vector])
 
 
 def _slopes(about: About, h: arb, bounds: Disc, order: int) -> arb_mat:

@@ -1,14 +1,10 @@
 """Proved enclosures of all zeros of a rate in a box, by bisection with Krawczyk's test.
 
-Theorem (Krawczyk 1969, Computing 4, 187; Neumaier 1990, Interval Methods for Systems of Equations,
-section 5.1). Let F be differentiable on a box X with centre c, D a matrix of balls that contains
-F'(z) for all z in X, Y any matrix, and K = c - Y F(c) + (1 - Y D)(X - c). Each zero of F in X lies
-in K. If K lies in the interior of X, F has exactly one zero in X.
-
-So each box is discarded, by bounds of F that exclude 0 or by a K that does not meet the box; or it
-has exactly one zero, which further steps X -> K enclose more narrowly; or it is cut in two. The
-proof of the theorem stands in ``orbits/proof/krawczyk.py``. Boxes that remain when they are tiny,
-or too many, are reported.
+The theorem (`krawczyk`) leads from a box X to a box K: each zero of the rate in X lies in K, and
+there is exactly one if K lies in the interior of X. So each box is discarded, by bounds of the rate
+that exclude 0 or by a K that does not meet the box; or it has exactly one zero, which further steps
+X -> K enclose more narrowly; or it is cut in two. Boxes that remain when they are tiny, or too
+many, are reported.
 """
 
 import itertools
@@ -19,6 +15,7 @@ import numpy as np
 from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
 from jaxdyn.balls.directions import excludes_zero, lengths
 from jaxdyn.balls.field import BallField
+from jaxdyn.balls.krawczyk import Krawczyk, is_inside
 
 BITS = 160  # precision of the calculation
 _WIDENED = 0.1  # share by which a box is widened to each side, so that it contains its boundary
@@ -173,12 +170,13 @@ def _examine(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str
     if equations.lengths and equations.exclude(box):
         return "corner", box, box
     box = [x + (x - x.mid()) * (2 * _WIDENED) for x in box]
-    moved = _krawczyk(equations, box)
-    if moved is None:
+    found = _krawczyk(equations, box)
+    if found is None:
         return "", box, box
+    moved, is_alone = found
     if not all(x.overlaps(y) for x, y in zip(moved, box, strict=True)):
         return "none", box, box
-    if not _inside(moved, box):
+    if not is_alone:
         return "", box, box
     for _ in range(_STEPS):
         if all(float(x.rad()) <= _NARROW * size for x, size in zip(moved, sizes, strict=True)):
@@ -186,7 +184,7 @@ def _examine(equations: _Equations, cell: list, sizes: list[float]) -> tuple[str
         again = _krawczyk(equations, moved)
         if again is None:
             break
-        moved = [x.intersection(y) for x, y in zip(again, moved, strict=True)]
+        moved = [x.intersection(y) for x, y in zip(again[0], moved, strict=True)]
     return "one", moved, box
 
 
@@ -195,8 +193,8 @@ def _inside(inner: list, outer: list) -> bool:
     return all(bool(abs(x - y.mid()) < y.rad()) for x, y in pairs)
 
 
-def _krawczyk(equations: _Equations, box: list) -> list | None:
-    """Krawczyk's K of a box; None if there is none."""
+def _krawczyk(equations: _Equations, box: list) -> tuple[list, bool] | None:
+    """Krawczyk's K of a box X, and whether it lies in the interior of X; None if there is none."""
     centre = [x.mid() for x in box]
     slopes, rates = equations.slopes(box), equations.rate(centre)
     n = len(box)
@@ -207,8 +205,6 @@ def _krawczyk(equations: _Equations, box: list) -> list | None:
         inverse = arb_mat(np.linalg.inv(table).tolist())
     except np.linalg.LinAlgError:
         return None
-    unit = arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
-    offset = arb_mat([[x - c] for x, c in zip(box, centre, strict=True)])
-    error = arb_mat([[x] for x in rates])
-    step = ((unit - inverse * slopes) * offset - inverse * error).entries()
-    return [c + x for c, x in zip(centre, step, strict=True)]
+    offset = [x - c for x, c in zip(box, centre, strict=True)]
+    step = Krawczyk.of(rates, slopes, inverse)(offset)
+    return [c + x for c, x in zip(centre, step, strict=True)], is_inside(step, offset)

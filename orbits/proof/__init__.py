@@ -3,7 +3,7 @@
 `closing_equations` states the closing equations as a square system and why a zero of it is an
 orbit, `posing` sets that system up for an orbit, with the integrals of laws whose orbits all close
 and the exact period of a periodic forcing. `refinement` solves it; `refined` has the record of the
-result. `krawczyk` tests that a box has exactly one zero, `theorems` proves the identities on which
+result. `krawczyk` tests that a box has exactly one orbit, `theorems` proves the identities on which
 this rests, the folder `stability` encloses the multipliers; `proving` combines these, and
 distinguishes choreographies from other orbits, `certificate` has the record of the result, and
 `checking` repeats the proof from a file.

@@ -25,7 +25,7 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat
+from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat, column
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
@@ -130,7 +130,7 @@ class ClosingEquations:
         goal = product(self.goal, self.start(numbers))
         if self.generator is None:
             return goal, None
-        turned = self._rotation(numbers) * _column(goal)
+        turned = self._rotation(numbers) * column(goal)
         return turned.entries(), (_matrix(self.generator) * turned).entries()
 
     def turn_angle(self, numbers: list) -> arb | None:
@@ -145,9 +145,9 @@ class ClosingEquations:
         goal, _ = self.goals(numbers)
         return [a - b for a, b in zip(product(self.end, end), goal, strict=True)]
 
-    def column(self, residual: list) -> arb_mat:
-        """The column of those entries of a closing error that are not spared."""
-        return _column([residual[i] for i in self.equations])
+    def unspared(self, residual: list) -> list:
+        """Those entries of a closing error that are not spared."""
+        return [residual[i] for i in self.equations]
 
     def jacobian(self, end: list, slopes: arb_mat, numbers: list) -> arb_mat:
         """(m, m) derivative of the closing error by the unknowns, without spared equations."""
@@ -281,7 +281,3 @@ def float_matrix(matrix: arb_mat) -> np.ndarray:
 
 def _matrix(table: np.ndarray) -> arb_mat:
     return arb_mat(table.tolist())
-
-
-def _column(vector: list) -> arb_mat:
-    return arb_mat([[x] for x in vector])

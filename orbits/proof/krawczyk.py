@@ -1,25 +1,11 @@
-"""Krawczyk's test of the closing equations in ball arithmetic.
-
-Theorem (Krawczyk 1969, Computing 4, 187; Neumaier 1990, Interval Methods for Systems of Equations,
-section 5.1). Let F be differentiable on a box X with centre x, D a matrix of intervals that
-contains F'(z) for all z in X, C any matrix, and
-
-    K = x - C F(x) + (1 - C D) (X - x).
-
-If K lies in the interior of X, F has exactly one zero in X, and it lies in K.
-
-Proof. For z in X the mean value theorem, row by row, gives F(z) - F(x) = M (z - x) with M in D,
-since D is a box of matrices. So N(z) = z - C F(z) = x - C F(x) + (1 - C M)(z - x) lies in K, in the
-interior of X, and N has a fixed point z in X (Brouwer). K in the interior of X needs
-|1 - C D| r < r for the radii r of X, so that every C M is regular, hence also C, and F(z) = 0. Two
-zeros z, w would have 0 = C (F(z) - F(w)) = C M (z - w) with C M regular, so that z = w.
-"""
+"""Krawczyk's test (`jaxdyn.balls.krawczyk`) of the closing equations, in the units of the orbit."""
 
 import dataclasses
 
 import numpy as np
 
 from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.krawczyk import Krawczyk, is_inside
 from jaxdyn.balls.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations, float_matrix
 
@@ -73,18 +59,13 @@ def krawczyk_test(
         rows = system.residual_units[system.equations]
         scaled = np.linalg.inv(float_matrix(jacobian) * units / rows[:, None])
         inverse = arb_mat((scaled * units[:, None] / rows).tolist())
-        error = system.column(system.residual(found.centre, centre))
-        unit = arb_mat(
-            [[int(i == j) for j in range(len(jacobian.tolist()))] for i in _range(jacobian)]
-        )
-        rest = unit - inverse * jacobian
-        moved = inverse * error
-        step = (rest * _column(sides) - moved).entries()
-        passed = all(bool(abs(x) < radius * one) for x, one in zip(step, own, strict=True))
+        error = system.unspared(system.residual(found.centre, centre))
+        krawczyk = Krawczyk.of(error, jacobian, inverse)
+        step = krawczyk(sides)
+        passed = is_inside(step, sides)
         largest = before = _largest(step, own)
         for _ in range(_NARROWING if passed else 0):
-            # The zero lies in K, and D holds there as well.
-            step = (rest * _column(step) - moved).entries()
+            step = krawczyk(step)
             if not _largest(step, own) < 0.5 * before:
                 break
             before = _largest(step, own)
@@ -97,7 +78,7 @@ def krawczyk_test(
             step=float(largest),
             contraction=max(
                 sum(float((abs(x) * of / to).upper()) for x, of in zip(row, own, strict=True))
-                for row, to in zip(rest.tolist(), own, strict=True)
+                for row, to in zip(krawczyk.rest.tolist(), own, strict=True)
             ),
         )
 
@@ -115,11 +96,3 @@ def enclosing_tube(
 
 def _largest(vector: list, units: list) -> arb:
     return max((abs(x) / unit).upper() for x, unit in zip(vector, units, strict=True))
-
-
-def _column(vector: list) -> arb_mat:
-    return arb_mat([[x] for x in vector])
-
-
-def _range(matrix: arb_mat) -> range:
-    return range(matrix.nrows())

@@ -8,7 +8,7 @@ from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, column, precision
 from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
@@ -149,7 +149,7 @@ def _step(
     with precision(bits_of(digits)):
         numbers = _at_precision(system, numbers)
         end = _motion(system, numbers, digits, slopes=False)
-        error = system.column(system.residual(end.y, numbers))
+        error = column(system.unspared(system.residual(end.y, numbers)))
         step = [-(x.mid()) for x in (inverse * error).entries()]
         moved = _move(system, numbers, step)
         far = _largest(step, system.units[system.unknowns])
