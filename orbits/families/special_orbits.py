@@ -256,7 +256,7 @@ def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pl
         if names:
             slopes = jax.jacfwd(lambda y: integrals(scene, jnp.zeros(()), y))(y0)
             rows += [slopes[name] * each for name in names]
-        m = here.return_map() * each / each[:, None]
+        m = here.return_map() * each[None] / each[:, None]
         along = jnp.zeros_like(m)
         if rows:
             a = jnp.stack(rows) / jnp.linalg.norm(jnp.stack(rows), axis=1, keepdims=True)
