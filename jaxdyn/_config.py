@@ -50,7 +50,7 @@ def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
     answers = _stored_answers(file)
     asked = [flag for flag in flags if flag not in answers]
     if asked:
-        answers |= {flag: _starts_with(flag) for flag in asked}
+        answers |= {flag: not refusal_of(flag) for flag in asked}
         _keep(file, answers)
     lost = [flag for flag in flags if not answers[flag]]
     if lost:
@@ -73,11 +73,14 @@ def minor_release() -> tuple[int, int]:
     return int(major), int(minor)
 
 
-def _starts_with(flag: str) -> bool:
-    """Whether a new process with this flag alone can use a device."""
-    env = os.environ | {"XLA_FLAGS": flag, "JAX_PLATFORMS": "cpu"}
-    done = subprocess.run([sys.executable, "-c", _START], env=env, capture_output=True, check=False)
-    return done.returncode == 0
+def refusal_of(flags: str) -> str:
+    """The last words of a new process with these ``XLA_FLAGS``; empty if it can use a device."""
+    env = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
+    command = [sys.executable, "-c", _START]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    if not done.returncode:
+        return ""
+    return (done.stderr.splitlines() or [f"It ended with code {done.returncode}."])[-1]
 
 
 def _stored_answers(file: Path | None) -> dict[str, bool]:

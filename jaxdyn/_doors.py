@@ -10,7 +10,9 @@ import importlib
 import sys
 import warnings
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from typing import Any, TypeVar
+
+_Class = TypeVar("_Class", bound=type)
 
 #: Modules whose frames a warning skips, to name the line of the user.
 _OURS = {"jaxdyn", "orbits", "equinox", "abc", "dataclasses", "lazy_loader", "importlib"}
@@ -65,7 +67,7 @@ def attribute_getter(
     return __getattr__
 
 
-def renamed(**names: str) -> Callable[[type], type]:
+def renamed(**names: str) -> Callable[[_Class], _Class]:
     """A class decorator that keeps old names of attributes and methods: using them warns.
 
     Where a subclass overrides a method by its old name, it is that of the new one.
@@ -74,7 +76,7 @@ def renamed(**names: str) -> Callable[[type], type]:
       names: the new name of each of them by its old one.
     """
 
-    def decorate(cls: type) -> type:
+    def decorate(cls: _Class) -> _Class:
         def __init_subclass__(subclass: type, **kwargs: Any) -> None:
             super(cls, subclass).__init_subclass__(**kwargs)
             for old, new in names.items():

@@ -116,7 +116,7 @@ def two_sum(total: Array, carry: Array, increment: Array) -> tuple[Array, Array]
 
 
 def runtime_one(runtime: Array) -> Array:
-    """The number 1 as a runtime value unknown to the compiler; see `materialise`.
+    """The number 1 as a runtime value unknown to the compiler; see `materialize`.
 
     Args:
       runtime: () any finite number known only at run time.
@@ -124,7 +124,7 @@ def runtime_one(runtime: Array) -> Array:
     return runtime * 0.0 + 1.0
 
 
-def materialise(x: Array, one: Array) -> Array:
+def materialize(x: Array, one: Array) -> Array:
     """x itself, as an array that XLA computes once instead of once for each of its uses.
 
     XLA on CPU copies cheap producers into every consumer: in unrolled Runge-Kutta stages the

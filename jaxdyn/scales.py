@@ -85,20 +85,20 @@ class Groups(NamedTuple):
     """Which entries of a state share a size; static.
 
     Attributes:
-      of: the group of each of the k entries, numbered from 0 in the order in which they appear.
+      group_of: the group of each of the k entries, numbered from 0 as they appear.
       most: the largest size that each entry may have: 1 for angles, whose scale is the radian;
         infinite for others.
       known: whether units, or the form [q, v], say for all entries which belong together.
     """
 
-    of: tuple[int, ...]
+    group_of: tuple[int, ...]
     most: tuple[float, ...]
     known: bool = False
 
     @property
     def alone(self) -> bool:
         """Whether each entry has a group of its own."""
-        return len(set(self.of)) == len(self.of)
+        return len(set(self.group_of)) == len(self.group_of)
 
     def sizes(self, x: Array, *, in_loop: bool = False) -> Array:
         """(k, ...) the size of each entry, the same in a group, for entries of sizes x (k, ...)."""
@@ -115,12 +115,12 @@ class Groups(NamedTuple):
         """
         if self.alone:
             return x
-        n = max(self.of) + 1
+        n = max(self.group_of) + 1
         if in_loop and len(x) <= _WRITTEN_OUT:
-            rows = [[i for i, group in enumerate(self.of) if group == g] for g in range(n)]
+            rows = [[i for i, group in enumerate(self.group_of) if group == g] for g in range(n)]
             tops = [_maximum([x[i] for i in row]) for row in rows]
-            return jnp.stack([tops[group] for group in self.of])
-        member = np.equal.outer(np.arange(n), self.of).reshape(n, -1, *[1] * (x.ndim - 1))
+            return jnp.stack([tops[group] for group in self.group_of])
+        member = np.equal.outer(np.arange(n), self.group_of).reshape(n, -1, *[1] * (x.ndim - 1))
         tops = jnp.max(jnp.where(member, x[None], 0.0), axis=1, keepdims=True)
         return jnp.max(jnp.where(member, tops, 0.0), axis=0)
 

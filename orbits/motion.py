@@ -1,6 +1,6 @@
 """The state after a span of time, integrated in plain or in logarithmic time.
 
-Bodies that attract each other are integrated in logarithmic time (`jaxdyn.analysis.regularised`)
+Bodies that attract each other are integrated in logarithmic time (`jaxdyn.analysis.regularized`)
 where errors grow strongly, or where rounding keeps a search from its goal. In plain time each close
 encounter amplifies the rounding of the state: a published three-body orbit whose multipliers are 1
 closes to 1e-7 in plain time, and to 1e-12 in logarithmic time.
@@ -16,7 +16,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status
 from jaxdyn._checks import is_traced
 from jaxdyn.analysis.energy import potential
-from jaxdyn.analysis.regularised import logarithmic_span, regularize, solve_regularised
+from jaxdyn.analysis.regularized import logarithmic_span, regularize, solve_regularized
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.flow import SolveResult
@@ -58,7 +58,7 @@ def advance(
     if s is None:
         return quick_solve(scene, t1, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
     s = jax.lax.stop_gradient(s)
-    return solve_regularised(scene, t1, s, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
+    return solve_regularized(scene, t1, s, t0=t0, rtol=rtol, solver=solver, max_steps=max_steps)
 
 
 def quick_solve(

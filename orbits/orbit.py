@@ -128,7 +128,7 @@ class Orbit(eqx.Module):
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
       angle: rotation of a relative orbit after one part of its period [rad], else 0.
-      s_period: the period in logarithmic time (see `jaxdyn.analysis.regularised`) if close
+      s_period: the period in logarithmic time (see `jaxdyn.analysis.regularized`) if close
         encounters are integrated in it, else None.
       mesh: lengths of the intervals of collocation, as shares of the time that closes the orbit;
         None if it was found by shooting.

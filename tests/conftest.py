@@ -36,6 +36,7 @@ def _checked_modules(package: str) -> set[str]:
 shapes.install(sorted(_checked_modules("jaxdyn") | _checked_modules("orbits")))
 
 import jaxdyn  # noqa: E402
+from jaxdyn._config import refusal_of  # noqa: E402
 from jaxdyn.gallery.compiling import FULLY, configure_quickly, share_context  # noqa: E402
 
 pytest_plugins = ["costs"]
@@ -56,6 +57,19 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 # Compiling makes millions of objects that stay: looking through them all again and again would
 # take a fifteenth of the time.
 gc.set_threshold(100_000, 20, 50)
+
+
+def pytest_configure(config):
+    """End the run with XLA's own words where it refuses the flags.
+
+    For an unknown flag it ends the process, and pytest would keep those words back: workers die one
+    after the other, and nothing says why.
+    """
+    if not hasattr(config, "workerinput"):
+        flags = os.environ["XLA_FLAGS"]
+        said = refusal_of(flags)
+        if said:
+            pytest.exit(f"XLA does not start with XLA_FLAGS={flags!r}: {said}", returncode=3)
 
 
 def pytest_collection_finish():

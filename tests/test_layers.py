@@ -29,7 +29,7 @@ BELOW = {
     "jaxdyn/analysis": ("jaxdyn/integrate", "jaxdyn/formulations", "jaxdyn/balls"),
     "jaxdyn/vibration": ("jaxdyn/analysis", "jaxdyn/effects"),
     "jaxdyn/accuracy": ("jaxdyn/analysis",),
-    "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble"),
+    "jaxdyn/chaos": ("jaxdyn/analysis", "jaxdyn/ensemble", "jaxdyn/files"),
     "jaxdyn/continuation": ("jaxdyn/analysis", "jaxdyn/files"),
     "jaxdyn/files": ("jaxdyn/accuracy", "jaxdyn/scenes"),
     "jaxdyn/scenes": ("jaxdyn/mechanisms", "jaxdyn/effects", "jaxdyn/integrate"),
@@ -57,7 +57,7 @@ BELOW = {
     "orbits/sections": ("orbits/analysis",),
     "orbits/discovery": ("orbits/analysis",),
     "orbits/hybrid": ("orbits/shooting",),
-    "orbits/targets": ("orbits/analysis",),
+    "orbits/targets": ("orbits/families",),
     "orbits/tori": ("orbits/analysis",),
     "orbits/files": ("orbits/families", "orbits/proof"),
     "orbits/drawing": (

@@ -13,6 +13,8 @@ from helpers import run_python
 
 import jaxdyn
 import orbits
+from jaxdyn._doors import renamed
+from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.solvers import Method
 
 ROOT = Path(__file__).parents[1]
@@ -130,13 +132,60 @@ def test_names_that_moved_are_found_at_their_old_places_with_a_warning():
             assert name not in package.__all__
 
 
-def test_names_that_changed_are_found_with_a_warning():
-    assert orbits.curves._RENAMED
-    for old, new in orbits.curves._RENAMED.items():
-        with pytest.warns(DeprecationWarning, match=f"{old} is now orbits.curves.{new}; the old"):
-            assert getattr(orbits.curves, old) is getattr(orbits.curves, new)
-    with pytest.raises(AttributeError, match="Curv'"):
-        _ = orbits.curves.Curv
+RENAMED = (
+    orbits.curves,
+    jaxdyn.analysis.regularized,
+    jaxdyn.course.page,
+    jaxdyn.gallery,
+    jaxdyn.geometry.frames,
+    jaxdyn.geometry.rotations,
+    jaxdyn.mechanisms.bars,
+    jaxdyn.player,
+    jaxdyn.vibration,
+)
+
+
+@pytest.mark.parametrize("module", RENAMED, ids=lambda module: module.__name__)
+def test_names_that_changed_are_found_with_a_warning(module):
+    assert module._RENAMED
+    for old, new in module._RENAMED.items():
+        whole = f"{old} is now {module.__name__}.{new}; the old"
+        with pytest.warns(DeprecationWarning, match=whole):
+            assert getattr(module, old) is getattr(module, new)
+    with pytest.raises(AttributeError, match="Xyzzy"):
+        _ = module.Xyzzy
+
+
+def test_methods_and_attributes_that_changed_are_found_with_a_warning():
+    @renamed(cut="bodies", rests="equilibria")
+    class Base:
+        equilibria = (1, 2)
+
+        def bodies(self, n):
+            return ["base"] * n
+
+    with pytest.warns(DeprecationWarning, match=r"Base\.rests is now equilibria; the old name is"):
+        assert Base().rests == (1, 2)
+    with pytest.warns(
+        DeprecationWarning, match=r"Base\.cut is now bodies; .* next version"
+    ) as told:
+        assert Base().cut(2) == ["base", "base"]
+    assert told[0].filename == __file__
+    with pytest.warns(DeprecationWarning, match=r"Mine\.cut is now bodies"):
+
+        class Mine(Base):
+            def cut(self, n):
+                return ["mine"] * n
+
+    assert Mine().bodies(1) == Mine().cut(1) == ["mine"]
+    for cls, old in (
+        (jaxdyn.System, "cut"),
+        (jaxdyn.System, "held"),
+        (Mechanism, "tied"),
+        (orbits.closing.Closing, "miss"),
+        (orbits.closing.Closing, "rows"),
+    ):
+        assert isinstance(getattr(cls, old), property)
 
 
 def test_folders_that_few_need_are_reached_but_not_listed():

@@ -1,7 +1,7 @@
 """Questions about a scene or a motion: conserved quantities, equilibria, stability.
 
 Along a motion there are `energy`, `momenta`, `work_by_effect`, `energy_change` (what changes it)
-and `constraints` (tensions, reactions, rank); `regularised` and `approaches` follow close
+and `constraints` (tensions, reactions, rank); `regularized` and `approaches` follow close
 encounters. At a state, `free_body` has all forces on each body. Stability is the subject of
 `linearize`, `steady` (steady motions), `floquet` (driven scenes) and `precession`; `eigenvalues`
 decides it, for orbits from the `monodromy` matrix. `equilibria` finds equilibria; the folder
@@ -16,4 +16,10 @@ To add an analysis, write a file with a function of a `Scene` or a `Trajectory`,
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+__getattr__ = jaxdyn._doors.attribute_getter(
+    __name__, _listed, modules={"regularised": "jaxdyn.analysis.regularized"}
+)

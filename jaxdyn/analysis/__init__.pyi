@@ -12,6 +12,6 @@ from . import linearize as linearize
 from . import momenta as momenta
 from . import monodromy as monodromy
 from . import precession as precession
-from . import regularised as regularised
+from . import regularized as regularized
 from . import steady as steady
 from . import work_by_effect as work_by_effect

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import check_first
-from jaxdyn.analysis.regularised import run_regularized
+from jaxdyn.analysis.regularized import run_regularized
 from jaxdyn.integrate.events import Event, until
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions
 from jaxdyn.integrate.trajectory import explanation
@@ -45,7 +45,7 @@ def closest_approaches(
       rtol: relative tolerance of one step.
       max_steps: largest number of steps.
     Raises:
-      ValueError: see `simulate_regularised`.
+      ValueError: see `simulate_regularized`.
       IntegrationError: the end was not reached.
     Example:
       >>> from jaxdyn import scenes

@@ -21,7 +21,13 @@ from jaxdyn._checks import check_first
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
-from jaxdyn.analysis.equilibrium_search.search import Box, Ends, jumps, low_discrepancy, search
+from jaxdyn.analysis.equilibrium_search.search import (
+    Box,
+    SearchEnds,
+    jumps,
+    low_discrepancy,
+    search,
+)
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, check_scene
@@ -241,7 +247,7 @@ def _box(low, high, k: int) -> Box:
     return Box(low, high)
 
 
-def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
+def _groups(ends: SearchEnds, order: np.ndarray, box: Box) -> list[list[int]]:
     """Indices in groups of equal states, each with its best first."""
     groups: list[list[int]] = []
     units = box.units(ends.ys)
@@ -256,7 +262,7 @@ def _groups(ends: Ends, order: np.ndarray, box: Box) -> list[list[int]]:
     return groups
 
 
-def _merge(scene: Scene, box: Box, ends: Ends, groups: list[list[int]]) -> list[list[int]]:
+def _merge(scene: Scene, box: Box, ends: SearchEnds, groups: list[list[int]]) -> list[list[int]]:
     """Groups merged by the system's own measure, as for angles a whole turn apart."""
     if not groups:
         return []
@@ -278,7 +284,7 @@ def _apart(system: System, y: Array, heads: Array) -> Array:
     return jax.vmap(system.difference, in_axes=(None, 0))(y, heads)
 
 
-def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tuple[str, ...]:
+def _kinds(field: Field, t: Array, box: Box, ends: SearchEnds, best: list[int]) -> tuple[str, ...]:
     flat = [i for i in best if ends.flat[i]]
     kinds = dict.fromkeys(best, "isolated")
     if flat:
@@ -292,7 +298,7 @@ def _kinds(field: Field, t: Array, box: Box, ends: Ends, best: list[int]) -> tup
 
 
 def _list_groups(
-    scene: Scene, t, box: Box, ends: Ends, groups: list[list[int]], sure
+    scene: Scene, t, box: Box, ends: SearchEnds, groups: list[list[int]], sure
 ) -> Equilibria:
     places = np.round(box.units(ends.ys) / _MERGE_DISTANCE)
     groups = sorted(groups, key=lambda group: tuple(places[group[0]]))

@@ -19,6 +19,7 @@ have more general motions, with nutation; free bodies have no others.
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -74,8 +75,13 @@ def precession_roots(theta, spin, *, I1, I3, K, total: bool = False) -> Precessi
       total: whether the spin is omega_3, not omega_s.
     """
     theta, spin = floats(theta, spin)
+    return _roots(theta, spin, I1, I3, K, total)
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _roots(theta: Array, spin: Array, I1, I3, K, total) -> Precession:
     cos = jnp.cos(theta)
-    a = (I1 if total else I1 - I3) * cos
+    a = jnp.where(total, I1, I1 - I3) * cos
     rates = _real_roots(
         a, -I3 * spin, K, linear=jnp.abs(a) <= _MIN_RELATIVE_COEFFICIENT * (I1 + I3)
     )
@@ -109,7 +115,11 @@ def free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, *, I1: Scalar, I3: Sc
     Raises:
       ValueError: R0 is not a rotation.
     """
-    R0 = check_rotation("R0", R0)
+    return _free_attitude(check_rotation("R0", R0), omega_b0, t, I1, I3)
+
+
+@jax.jit
+def _free_attitude(R0: Matrix, omega_b0: Vector, t: Scalar, I1: Scalar, I3: Scalar) -> Matrix:
     H = R0 @ (jnp.stack([I1, I1, I3]) * omega_b0)
     axis = jnp.array([0.0, 0.0, 1.0])
     own = matrix_from_rotation_vector(t * (1 - I3 / I1) * omega_b0[2] * axis)
@@ -145,6 +155,7 @@ class DiskResiduals(NamedTuple):
     friction: Array
 
 
+@jax.jit
 def disk_residuals(theta, motion: SteadyDisk, *, m, radius, I1, g=9.81) -> DiskResiduals:
     """The relations between lean, precession, spin and R in steady motions (problem 60)."""
     rate, spin, R = motion
@@ -156,6 +167,7 @@ def disk_residuals(theta, motion: SteadyDisk, *, m, radius, I1, g=9.81) -> DiskR
     return DiskResiduals(moment, radius * total - R * rate, friction)
 
 
+@jax.jit
 def rolling_disk_circle(theta, R, *, m, radius, I1, g=9.81) -> SteadyDisk:
     """Problem 60 a: the steady rolling without slip at a lean, round a circle of radius R.
 
@@ -205,6 +217,7 @@ class WobbleAndSpin(NamedTuple):
 @check_first
 @each_motion
 @of_samples
+@eqx.filter_jit
 def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
     """Mean rates of the axis e_3' of a body about z, and of the body itself.
 
@@ -224,6 +237,7 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
 @check_first
 @each_motion
 @of_samples
+@eqx.filter_jit
 def tilts(motion: Trajectory) -> Array:
     """(s,) angle of the body's axis e_3' to the vertical [rad]."""
     axis = _attitudes(motion)[..., 2]

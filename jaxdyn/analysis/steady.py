@@ -95,7 +95,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
     if len(y) > _MAX_ENTRIES:
         raise _checks.fail("y", f"at most {_MAX_ENTRIES} entries", len(y))
     size = at_rest(scene.field, groups(scene.system), np.asarray(y), float(t)).sizes
-    f, a, tangent = (np.asarray(x) for x in _linearisation(scene.field, t, y, size))
+    f, a, tangent = (np.asarray(x) for x in _linearization(scene.field, t, y, size))
     _checks.finite("rate", jnp.asarray([f.sum(), a.sum()]), "The rate has no derivative there.")
     tangent = _range(tangent)
     # They are found twice, with different samples: the difference estimates the error.
@@ -115,7 +115,7 @@ def linearize_steady(scene: Scene, y=None, t=0.0) -> SteadyMotion:
 
 
 @eqx.filter_jit
-def _linearisation(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
+def _linearization(field: Field, t: Array, y: Array, size: Array) -> tuple[Array, Array, Array]:
     """(k,) rate, (k, k) its derivative and (k, k) projector along constraints, scaled by `size`."""
 
     def scaled(fn):
@@ -127,12 +127,12 @@ def _linearisation(field: Field, t: Array, y: Array, size: Array) -> tuple[Array
 
 
 @eqx.filter_jit
-def _linearisations(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
-    """The `_linearisation` at states (s, k) on the constraints near y + size z, and their z."""
+def _linearizations(field: Field, t: Array, y: Array, size: Array, zs: Array) -> tuple[Array, ...]:
+    """The `_linearization` at states (s, k) on the constraints near y + size z, and their z."""
 
     def sample(z):
         at = field.project(t, field.project(t, y + size * z))
-        return (at - y) / size, *_linearisation(field, t, at, size)
+        return (at - y) / size, *_linearization(field, t, at, size)
 
     return jax.vmap(sample)(zs)
 
@@ -161,7 +161,7 @@ def _symmetries(field: Field, t: Array, y: Array, size: Array, seed: int):
     """(g, k) values c at y and (g, k, k) derivatives M of the symmetries, in units of sizes."""
     k = len(y)
     zs = _SAMPLE_DISTANCE * np.random.default_rng(seed).uniform(-1, 1, size=(2 * (k + 2), k))
-    z, f, a, tangent = (np.asarray(x) for x in _linearisations(field, t, y, size, jnp.asarray(zs)))
+    z, f, a, tangent = (np.asarray(x) for x in _linearizations(field, t, y, size, jnp.asarray(zs)))
     off = np.eye(k) - tangent
     # Rows of M f - Df (c + M z) = 0 and of (1 - P) (c + M z) = 0 for the unknowns c and M.
     moved = np.einsum("ip,sj->sipj", np.eye(k), f) - np.einsum("sip,sj->sipj", a, z)

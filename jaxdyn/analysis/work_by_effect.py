@@ -18,7 +18,7 @@ from jaxdyn.formulations.extended import Extended
 from jaxdyn.scene import Effect, Field, Scene
 
 
-class Ledger(Extended):
+class WorkByEffect(Extended):
     """A system whose state [y, W_1 .. W_w] carries the work of w kinds of effects.
 
     Attributes:
@@ -88,6 +88,6 @@ def with_work(scene: Scene, *kinds: type[Effect]) -> Scene:
     for kind in kinds or (type(None),):
         if not any(isinstance(effect, kind) for effect in scene.effects):
             raise _checks.fail("with_work", f"an effect of the scene ({has})", kind.__name__)
-    system = Ledger(scene.system, tuple(kind.__name__ for kind in kinds))
+    system = WorkByEffect(scene.system, tuple(kind.__name__ for kind in kinds))
     y0 = jnp.concatenate([scene.y0, jnp.zeros(len(kinds))])
     return dataclasses.replace(scene, system=system, y0=y0)

@@ -4,7 +4,7 @@
 that is carried along it. `indicators` has MEGNO, SALI and GALI for many starts at once; `maps`
 computes them over two numbers. `frequencies` resolves a motion into its frequencies.
 
-May import: `ensemble`, `analysis`.
+May import: `ensemble`, `analysis`, `files`.
 
 To add a measure of chaos, write a file with a function of a `Scene` that returns a `Record`, and a
 line below.

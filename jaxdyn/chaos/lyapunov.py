@@ -1,8 +1,8 @@
 """Lyapunov exponents of a motion: the mean rates at which nearby motions diverge or converge.
 
-Tangents are integrated with the motion and orthonormalised at short intervals (`carry`). The
-logarithms of their stretching are summed in `BATCHES` equal parts of the time: their mean is the
-exponent, their scatter its error bar.
+`propagate_tangents` integrates tangents with the motion and orthonormalises them at short
+intervals. The logarithms of their stretching are summed in `BATCHES` equal parts of the time: their
+mean is the exponent, their scatter its error bar.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ from jaxdyn.system import Record
 # Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside the loop.
 
 
-class Stretching(eqx.Module):
+class TangentsAndDivergence(eqx.Module):
     """A field for a state, its tangents, and the integral of the Jacobian's diagonal.
 
     The columns of its state (k, 1 + m + 1) are the motion, m tangents, and the integrals of the k
@@ -56,7 +56,7 @@ class Stretching(eqx.Module):
     variational: Variational
 
     @classmethod
-    def of(cls, field) -> "Stretching":
+    def of(cls, field) -> "TangentsAndDivergence":
         """The field with tangents, for a field whose numbers are not perturbed."""
         return cls(Variational(field, jax.tree.map(lambda _: None, field)))
 
@@ -78,9 +78,9 @@ class Stretching(eqx.Module):
         """The field of the state alone, under the name that solvers use."""
         return self.field
 
-    def around(self, change: Callable, branch: Any) -> "Stretching":
+    def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
         """The same columns of the field in a branch of its conditions; see `plan.plan`."""
-        return Stretching(self.variational.around(change, branch))
+        return TangentsAndDivergence(self.variational.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
         """State and tangents after a switch; how it stretches volumes counts as divergence."""
@@ -104,7 +104,7 @@ class Stretching(eqx.Module):
         return self.variational.loses(t0, y0, t1, y1)
 
 
-class Carried(NamedTuple):
+class TangentState(NamedTuple):
     """A motion with its orthonormal tangents after a number of chunks.
 
     Attributes:
@@ -126,9 +126,9 @@ class Carried(NamedTuple):
     done: Array
 
 
-def start(y: Array, frame: Array, status: Array) -> Carried:
+def tangent_state(y: Array, frame: Array, status: Array) -> TangentState:
     """The motion with its tangents before the first chunk."""
-    return Carried(
+    return TangentState(
         y=y,
         frame=frame,
         logs=jnp.zeros(frame.shape[1]),
@@ -139,32 +139,32 @@ def start(y: Array, frame: Array, status: Array) -> Carried:
     )
 
 
-def carry(
+def propagate_tangents(
     field,
-    begun: Carried,
+    initial: TangentState,
     sizes: Array,
     t0: Array,
     chunk: Array,
     count: Array,
     limits: Limits,
     method: Method,
-) -> Carried:
+) -> TangentState:
     """The motion, of entries of sizes (k,), and its tangents after `count` equal chunks from t0.
 
     It stops at the first chunk that does not reach its end.
     """
-    stretching = Stretching.of(field)
+    stretching = TangentsAndDivergence.of(field)
 
-    def again(now: Carried) -> Array:
+    def again(now: TangentState) -> Array:
         return (now.done < count) & (now.status == Status.OK)
 
-    def advance(now: Carried) -> Carried:
+    def advance(now: TangentState) -> TangentState:
         t = t0 + now.done * chunk
         frame = now.frame * sizes[:, None]
         y = jnp.concatenate([now.y[:, None], frame, jnp.zeros_like(now.y)[:, None]], axis=1)
         run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, method=method)
         frame, factors = orthonormal(run.y1[:, 1:-1] / sizes[:, None])
-        return Carried(
+        return TangentState(
             y=run.y1[:, 0],
             frame=frame,
             logs=now.logs + jnp.log(factors),
@@ -174,7 +174,7 @@ def carry(
             done=now.done + 1.0,
         )
 
-    return jax.lax.while_loop(again, advance, begun)
+    return jax.lax.while_loop(again, advance, initial)
 
 
 def orthonormal(v: Array) -> tuple[Array, Array]:
@@ -478,20 +478,20 @@ def _spectrum(
     mean = _STEPS_OF_A_CHUNK * half / jnp.maximum(alone.steps.astype(float), 1.0)
     length = jnp.where(given > 0, given, mean)
 
-    def carried(begun, t, time):
+    def carried(initial, t, time):
         """The tangents after a time from t, in a whole number of chunks."""
         count = jnp.ceil(time / length)
         chunk = direction * time / count
-        return carry(field, begun, sizes, t, chunk, count, limits, method)
+        return propagate_tangents(field, initial, sizes, t, chunk, count, limits, method)
 
-    first = start(alone.y1, frame, alone.status)
+    first = tangent_state(alone.y1, frame, alone.status)
     ready = carried(first, t0 + direction * half, half)
     time = jnp.abs(t1 - t0) - transient
     batch = time / BATCHES
 
     def one(now, i):
         t = t0 + direction * (transient + i * batch)
-        end = carried(start(now.y, now.frame, now.status), t, batch)
+        end = carried(tangent_state(now.y, now.frame, now.status), t, batch)
         return end, (end.logs, end.divergence, end.steps)
 
     end, (logs, divergences, all_steps) = jax.lax.scan(one, ready, jnp.arange(float(BATCHES)))

@@ -1,6 +1,7 @@
 """Maps of regular and chaotic motion over two numbers of a scene."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
@@ -12,9 +13,15 @@ from jaxtyping import Array
 from jaxdyn import _checks, _labelled, _text
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.chaos.indicators import RTOL, megno
+from jaxdyn.files.layout import Layout
+from jaxdyn.files.rows import program_text, rows_in
 from jaxdyn.scene import Scene
 from jaxdyn.status import Status
 from jaxdyn.system import Record
+
+#: The file of a map, and how many motions are in a line.
+_LAYOUT = Layout("jaxdyn-chaos-map", 1, "jaxdyn.chaos.chaos_map")
+_CHUNK = 1024
 
 
 class ChaosMap(Record):
@@ -78,6 +85,7 @@ def chaos_map(
     t1=None,
     *,
     rtol: float = RTOL,
+    path: str | Path | None = None,
     progress: bool = False,
 ) -> ChaosMap:
     """The MEGNO of a scene over a grid of two of its numbers, on all cores.
@@ -89,9 +97,12 @@ def chaos_map(
       second: (b,) values of y.
       t1: () end time [s]; the scenes' own spans by default.
       rtol: relative tolerance of a step.
+      path: file (.jsonl) to which motions are written as they are computed; the same call resumes
+        from it where it was interrupted, with the same result.
       progress: show a bar.
     Raises:
-      ValueError: no numbers, no finite start at all, or see `ensemble.run`.
+      ValueError: no numbers, no finite start at all, the file belongs to another call, or see
+        `ensemble.run`.
     Example:
       >>> from jaxdyn import chaos, scenes
       >>> def released(angle, length):
@@ -112,10 +123,16 @@ def chaos_map(
     if not finite.any():
         raise _checks.fail("make", "at least one scene with a finite start", "none")
     one = jax.tree.map(lambda x: x[int(np.argmax(finite))], every)
-    found = megno(one, every.y0, t1, params=every, rtol=rtol, progress=progress)
-    shape = len(first), len(second)
-    values = (np.asarray(x).reshape(shape) for x in (found.mean, found.exponent, found.time))
-    return ChaosMap(first, second, *values, status=np.asarray(found.status).reshape(shape))
+
+    def rows(some: Scene) -> np.ndarray:
+        found = megno(one, some.y0, t1, params=some, rtol=rtol, progress=progress)
+        columns = (found.mean, found.exponent, found.time, found.status)
+        return np.stack([np.asarray(x, float) for x in columns], axis=1)
+
+    program = program_text(lambda scene, t, y: scene.rate(t, y), one, 0.0, one.y0)
+    with rows_in(path, _LAYOUT, (program, every, t1, rtol), _CHUNK) as kept:
+        *values, status = kept.of(every, rows).T.reshape(4, len(first), len(second))
+    return ChaosMap(first, second, *values, status=status.astype(int))
 
 
 @eqx.filter_jit

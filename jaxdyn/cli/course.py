@@ -46,7 +46,7 @@ def course_command(
         if as_object:
             printed = [one.text() for one in jaxdyn.course.page.equations_of(found.page)]
             record = jaxdyn.course.page.record(found) | {"equations": printed}
-            out.result(page._asdict() | record)
+            out.result(page.as_dict() | record)
         else:
             _print(page, found, code, out)
         for path in jaxdyn.course.page.pictures(found.page, plot) if plot else ():

@@ -37,7 +37,7 @@ def list_command(
     if problems:
         found = jaxdyn.course.problems()
         if as_object:
-            out.result({n: problem._asdict() for n, problem in found.items()})
+            out.result({n: problem.as_dict() for n, problem in found.items()})
         else:
             out.print(_problems(found))
         return

@@ -110,7 +110,7 @@ def check_title(title: str | None, *pictures: Path | None, options: str = "--plo
         raise fail("--title", f"{options} with it", "none", "It is the title of the picture.")
 
 
-def open_page(page: "jaxdyn.player.Playing", name: str) -> str:
+def open_page(page: "jaxdyn.player.PlayerPage", name: str) -> str:
     """Write a page to a folder of temporary files and open it in the browser; say where it is."""
     path = Path(tempfile.mkdtemp(prefix="jaxdyn-")) / f"{name}.html"
     path.write_text(page.text, encoding="utf-8")

@@ -33,7 +33,8 @@ from jaxdyn.continuation.checkpoint import (
 )
 
 _INTERRUPTED = "an interruption"
-_CLOSED = "the first one again: it is closed"
+#: The end of a branch that closes upon itself.
+CLOSED = "the first one again: it is closed"
 _EASY = 4  # with at most this many Newton steps the next step may be longer
 _GROW, _SHRINK = 1.5, 0.5
 _TRIALS = 60  # most points along the branch to locate a special one
@@ -361,7 +362,7 @@ def _advance(problem: BranchProblem, first, last, length: float, step: float) ->
     special = problem.special(chart, here, until, last is first)
     special = [chart.outward(x) for x in special]
     member = chart.outward(new.member)
-    end = problem.end_before(member, special) or ("" if again is None else _CLOSED)
+    end = problem.end_before(member, special) or ("" if again is None else CLOSED)
     length = min(new.factor * length, problem.longest * step)
     return Advance(None if end else problem.ready(member), special, length, end)
 

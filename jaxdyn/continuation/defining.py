@@ -85,18 +85,18 @@ def arc(make: Make, unknowns: Array, normal: Array) -> Array:
 
 def solve(system: System, make: Callable, start: np.ndarray, normal: Any) -> Solution | None:
     """The solution of a system near a start; None if there is none."""
-    found = newton.solve(lambda x: _linearise(system, make, x, normal), start, polish=1)
+    found = newton.solve(lambda x: _linearize(system, make, x, normal), start, polish=1)
     goal = GOAL * (1.0 + np.abs(found.jacobian).max())
     return found if found.settled and found.residual <= goal else None
 
 
 def jacobian(system: System, make: Callable, x: np.ndarray, normal: Any) -> np.ndarray:
     """The Jacobian (m, m) of a system."""
-    return np.asarray(_linearise(system, make, x, normal)[1])
+    return np.asarray(_linearize(system, make, x, normal)[1])
 
 
 @eqx.filter_jit
-def _linearise(system: System, make: Callable, x: Array, normal: Any) -> tuple[Array, Array]:
+def _linearize(system: System, make: Callable, x: Array, normal: Any) -> tuple[Array, Array]:
     return system(make, x, normal), jax.jacfwd(lambda x: system(make, x, normal))(x)
 
 

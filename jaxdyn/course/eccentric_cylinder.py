@@ -67,7 +67,7 @@ from jaxdyn import Scene, drawing, lagrangian, scenes, simulate, until
 from jaxdyn.course.page import Page, show
 from jaxdyn.integrate.events import Event, Reaches
 from jaxdyn.mechanisms.cylinders import Cylinder
-from jaxdyn.scenes.cylinders import Caught, Grip, NormalForce
+from jaxdyn.scenes.cylinders import FrictionLimit, NormalForce, SlipEnds
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.search import find_hybrid
 from orbits.orbit import SearchError
@@ -178,7 +178,7 @@ def check(page: Page) -> None:
     friction, normal = forces(np.asarray(motion["phi"]) - 0.2)
     rolls = normal > 0.1
     gripping = scenes.cylinder_on_ramp(t1=10.0, mu=0.8, **NUMBERS)
-    slip = until(gripping, Grip(gripping, 1)).y[2] - NUMBERS["slope"]
+    slip = until(gripping, FrictionLimit(gripping, 1)).y[2] - NUMBERS["slope"]
     slips = page["c: with a coefficient of 0.8 it slips after"]
     page.equal("c: Friction fails there", slip, slips, within=1e-9, route="event")
     needed = jax.jit(jax.vmap(scenes.friction_needed, (None, 0)))(scene, motion.ys[rolls])
@@ -281,7 +281,7 @@ def hop(scene: Scene, *, turns: int = 1, rolls: bool = False) -> HybridOrbit:
         for system in (given.with_contact("roll") if rolls else slides, given.with_contact("fly"))
     )
     leaves = Rises(fly, 2)
-    lands = (Height(given), Rises(fly, 1), leaves, Caught(given, 1))
+    lands = (Height(given), Rises(fly, 1), leaves, SlipEnds(given, 1))
     d, r, first = float(given.d), float(given.r), math.pi * turns
     a = _corner(turns)
     up = first + a

@@ -67,15 +67,15 @@ def solve(page: Page) -> None:
     for name, rate in zip(("slow", "fast", "released"), (*roots.precession, 0.0), strict=True):
         scene = scenes.top(lean, precession=rate, spin=spin, **TOP)
         tops[name] = simulate(scene, 0.5, samples=400, rtol=1e-12)
-    leans = jnp.stack([precession.tilts(tops["slow"]), precession.tilts(tops["fast"])])
-    page.equal("a: Simulated, both keep their lean", leans, jnp.full((2, 400), lean), within=1e-11)
+    leans = np.stack([precession.tilts(tops["slow"]), precession.tilts(tops["fast"])])
+    page.equal("a: Simulated, both keep their lean", leans, np.full((2, 400), lean), within=1e-11)
 
     slowest = precession.critical_spin(**TOP)
     page.number("b: slowest omega_3 with steady precession almost upright", slowest, "rad/s")
     relative = precession.slowest_relative_spin(**TOP)
     page.number("b: slowest omega_s with steady precession almost upright", relative, "rad/s")
-    spins = jnp.array([0.999, 1.001]) * slowest
-    exists = jnp.isfinite(precession.top_roots(1e-5, spins, total=True, **TOP).precession)
+    spins = np.array([0.999, 1.001]) * slowest
+    exists = np.isfinite(precession.top_roots(1e-5, spins, total=True, **TOP).precession)
     page.true(
         "b: Steady precession exists for faster omega_3 only",
         exists.tolist() == [[False, True]] * 2,
@@ -92,7 +92,7 @@ def solve(page: Page) -> None:
     ax = blank(6.4, 4.2).add_subplot(xlabel="spin [rad/s]", ylabel="precession [rad/s]")
     style(ax)
     ax.set_ylim(0, 60)
-    spins = jnp.linspace(50.0, 400.0, 40_000)  # the branches meet like a root
+    spins = np.linspace(50.0, 400.0, 40_000)  # the branches meet like a root
     for k, theta in enumerate((0.1, 0.8, 1.4)):
         both = precession.top_roots(theta, spins, **TOP).precession
         ax.plot(spins, both.T, color=PALETTE[k], label=[f"lean {theta} rad", None])

@@ -49,7 +49,7 @@ def solve(page: Page) -> None:
         "Trace, determinant, norm are equal", kept[0], kept[1], within=1e-13, route="invariants"
     )
     drifted = R + 1e-3 * np.outer(a, b)
-    nearest = frames.orthonormalise(drifted)
+    nearest = frames.orthonormalize(drifted)
     u, _, v = np.linalg.svd(drifted)
     page.equal(
         "The rotation nearest to a drifted matrix",

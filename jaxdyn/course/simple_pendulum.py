@@ -68,6 +68,7 @@ def potential(t, q):
     return m * g * l * (1 - jnp.cos(q[0]))
 
 
+@jax.jit
 def derivations(theta, rate):
     """theta'' by each of the ways."""
     e_r, e_theta = axes(theta)

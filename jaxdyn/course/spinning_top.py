@@ -100,7 +100,7 @@ def solve(page: Page) -> None:
     page.equal(statement, rate, by_hand, within=1e-10, route="second formulation")
     limit = precession.critical_spin(**TOP)
     page.number("slowest omega_3 at which the upright top is stable", limit, "rad/s")
-    by_eigenvalues = critical_spin_by_linearisation(**TOP)
+    by_eigenvalues = critical_spin_by_linearization(**TOP)
     page.equal("By eigenvalues", by_eigenvalues / limit, 1.0, within=1e-9, route="linearisation")
 
     figure = blank(9.0, 3.4)
@@ -129,7 +129,7 @@ def check(page: Page) -> None:
     page.equal("Below it falls to cos(theta / 2) = spin / limit", depth, 0.9, within=1e-7)
 
 
-def critical_spin_by_linearisation(**top_numbers) -> float:
+def critical_spin_by_linearization(**top_numbers) -> float:
     """The spin where the eigenvalues of the upright top turn real, on the host.
 
     Args:

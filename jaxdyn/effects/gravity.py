@@ -105,7 +105,7 @@ class PairGravity(Effect):
     G: Array = eqx.field(converter=as_float, default=1.0)
     velocity_dependent: ClassVar[bool] = False
     singular: ClassVar[str] = (
-        "Bodies that meet attract each other infinitely: regularised.simulate_regularised follows "
+        "Bodies that meet attract each other infinitely: regularized.simulate_regularized follows "
         "near collisions."
     )
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.integrate.event_search.crossings import Beginning, Stretch
-from jaxdyn.integrate.event_search.event_values import Clocks, at, sizes
+from jaxdyn.integrate.event_search.crossings import Beginning, HermiteCubic
+from jaxdyn.integrate.event_search.event_values import TimeDependence, sizes, values_and_signs
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.march import StepDecision, Watch
 from jaxdyn.scene import Field
@@ -83,7 +83,7 @@ _SIMPLE = 0.1
 _MAX_LOOKS = 200
 
 
-class Recorded(NamedTuple):
+class CrossingRecord(NamedTuple):
     """What the watch remembers.
 
     Attributes:
@@ -156,7 +156,7 @@ class EachCrossing(Watch):
             high=zero,
             change=zero,
         )
-        return Recorded(
+        return CrossingRecord(
             ts=jnp.full(self.rows, jnp.nan),
             ys=jnp.full((self.rows, *y0.shape), jnp.nan),
             directions=jnp.zeros(self.rows, int),
@@ -175,10 +175,10 @@ class EachCrossing(Watch):
         first = search.beginning.sides((self.event,), self.direction * (t1 - t0), self._direction)
         side = jnp.where(search.begun, search.side, first[0])
         looking = search.looks > 0
-        clocks = Clocks.of((self.event,), y1.shape[0])
+        in_time = TimeDependence.of((self.event,), y1.shape[0])
         hidden = False
-        if clocks is not None:
-            hidden = clocks.hide(self.direction * t0, self.direction * t1)
+        if in_time is not None:
+            hidden = in_time.hide(self.direction * t0, self.direction * t1)
         stepped = _step(search, side, end, self._direction, hidden)
         closed = _approach(search, side, end, crossed.simple)
         found = fine & looking & closed.arrived
@@ -212,22 +212,24 @@ class EachCrossing(Watch):
     def _direction(self) -> Array:
         return jnp.asarray(float(self.event.direction))
 
-    def _end(self, y0: Array, t1: Array, y1: Array) -> tuple[Node, "_Crossed"]:
+    def _end(self, y0: Array, t1: Array, y1: Array) -> tuple[Node, "_NearbyCrossing"]:
         """The event at the end (t1, y1) of a step from y0, and the crossing if it is near there."""
         t, system = self.direction * t1, self.field.system
         rate = self.field.rate(t, y1)
         size = jnp.maximum(sizes(system, y0), sizes(system, y1))
-        g, slope, side, noise = (x[0] for x in at((self.event,), t, y1, rate, size))
+        g, slope, side, noise = (x[0] for x in values_and_signs((self.event,), t, y1, rate, size))
         late = -g / jnp.where(slope == 0, 1.0, slope)
         y = self.field.project(t + late, y1 + rate * late)
         left = jnp.abs(self.event.value(t + late, y))
         simple = (slope != 0) & (left <= _SIMPLE * jnp.abs(g))
         end = Node(t1, g, self.direction * slope, side, noise)
-        crossed = _Crossed(jnp.where(slope == 0, t, t + late), jnp.where(slope == 0, y1, y), simple)
+        crossed = _NearbyCrossing(
+            jnp.where(slope == 0, t, t + late), jnp.where(slope == 0, y1, y), simple
+        )
         return end, crossed
 
 
-class _Crossed(NamedTuple):
+class _NearbyCrossing(NamedTuple):
     """A crossing next to the end of a step, moved onto the event in a straight line."""
 
     t: Array  # ()
@@ -235,7 +237,9 @@ class _Crossed(NamedTuple):
     simple: Array  # () whether the line leads there
 
 
-def _record(memory: Recorded, found: Array, crossed: _Crossed, side: Array) -> Recorded:
+def _record(
+    memory: CrossingRecord, found: Array, crossed: _NearbyCrossing, side: Array
+) -> CrossingRecord:
     """The memory with a crossing, if one is found, to this side () of the event."""
     row = found & (jnp.arange(len(memory.ts)) == memory.count)
     return memory._replace(
@@ -246,7 +250,7 @@ def _record(memory: Recorded, found: Array, crossed: _Crossed, side: Array) -> R
     )
 
 
-class _Stepped(NamedTuple):
+class _StepVerdict(NamedTuple):
     """The verdict on a whole step."""
 
     keep: Array  # () no crossing that counts, and none hidden
@@ -255,7 +259,9 @@ class _Stepped(NamedTuple):
     h: Array  # () length of the next step where it is not kept
 
 
-def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool) -> _Stepped:
+def _step(
+    search: _Search, side: Array, end: Node, wanted: Array, hidden: Array | bool
+) -> _StepVerdict:
     here, before = search.here, search.before
     h = end.t - here.t
     # Before the first node, the value is continued as a straight line.
@@ -264,13 +270,13 @@ def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array 
     before = jax.tree.map(lambda a, b: jnp.where(first, a, b), back, before)
     noise = jnp.maximum(here.noise, end.noise)
     after = jnp.where(end.side == 0, side, end.side)
-    last, this = _stretch(before, here), _stretch(here, end)
+    last, this = _cubic(before, here), _cubic(here, end)
     fourth = jnp.abs((this.third - last.third) / (0.5 * (last.width + this.width)))
     known = this.is_settled(fourth, side, after, noise) & ~jnp.asarray(hidden)
     known |= search.halved >= _MAX_HALVINGS
     across = known & (side * after < 0) & ((wanted == 0) | (wanted == after))
     guess = zero_between(before, here, end)
-    return _Stepped(
+    return _StepVerdict(
         keep=(known & ~across) | jnp.isnan(end.g),
         across=across,
         side=after,
@@ -278,11 +284,11 @@ def _step(search: _Search, side: Array, end: Node, wanted: Array, hidden: Array 
     )
 
 
-def _stretch(a: Node, b: Node) -> Stretch:
-    return Stretch(a.g, b.g, a.slope, b.slope, b.t - a.t)
+def _cubic(a: Node, b: Node) -> HermiteCubic:
+    return HermiteCubic(a.g, b.g, a.slope, b.slope, b.t - a.t)
 
 
-class _Approached(NamedTuple):
+class _Approach(NamedTuple):
     """The verdict on a look for a crossing."""
 
     arrived: Array  # () the crossing is here
@@ -292,7 +298,7 @@ class _Approached(NamedTuple):
     change: Array  # () how far that is from this one
 
 
-def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approached:
+def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approach:
     h = end.t - search.here.t
     before = jnp.sign(end.g) == side
     low, high = jnp.where(before, h, search.low), jnp.where(before, search.high, h)
@@ -305,7 +311,7 @@ def _approach(search: _Search, side: Array, end: Node, simple: Array) -> _Approa
     halved = 2 * jnp.abs(change) <= search.change
     inside = (new > low) & (new < high) & (end.slope != 0) & halved
     new = jnp.where(inside, new, 0.5 * (low + high))
-    return _Approached(arrived, low, high, new, jnp.abs(new - h))
+    return _Approach(arrived, low, high, new, jnp.abs(new - h))
 
 
 def _following(search: _Search, keep: Array, end: Node, side: Array) -> _Search:

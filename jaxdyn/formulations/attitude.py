@@ -10,17 +10,17 @@ import abc
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.geometry.frames import orthonormalise
+from jaxdyn.geometry.frames import orthonormalize
 from jaxdyn.geometry.rotations import (
     matrix_from_wxyz,
-    normalise_wxyz,
+    normalize_wxyz,
     wxyz_from_matrix,
     wxyz_rate_from_body,
 )
 from jaxdyn.geometry.vectors import skew
 from jaxdyn.system import Record
 
-_NEWTON_STEPS = 2  # steps of `orthonormalise`, for a matrix that has drifted for one step
+_NEWTON_STEPS = 2  # steps of `orthonormalize`, for a matrix that has drifted for one step
 
 
 class Attitude(Record):
@@ -68,7 +68,7 @@ class Quaternion(Attitude):
         return wxyz_rate_from_body(a, omega_b)
 
     def nearest(self, a):
-        return normalise_wxyz(a)
+        return normalize_wxyz(a)
 
     def align(self, a, like):
         return jnp.where(jnp.sum(a * like) < 0, -a, a)
@@ -91,4 +91,4 @@ class RotationMatrix(Attitude):
         return jnp.sum(a.reshape(3, 3, 1) * skew(omega_b)[None, :, :], axis=1).ravel()
 
     def nearest(self, a):
-        return orthonormalise(a.reshape(3, 3), _NEWTON_STEPS).ravel()
+        return orthonormalize(a.reshape(3, 3), _NEWTON_STEPS).ravel()

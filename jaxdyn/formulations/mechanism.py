@@ -18,7 +18,7 @@ from jaxtyping import Array
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._doors import renamed
-from jaxdyn._numerics import materialise, runtime_one
+from jaxdyn._numerics import materialize, runtime_one
 from jaxdyn.joints import Joint, Part
 from jaxdyn.scene import Effect, Points, System
 from jaxdyn.sketch import Shape
@@ -226,7 +226,7 @@ def mass_and_force(
     force = total_force(effects, t, r, velocity, m, -m[:, None] * c)
     # It is materialised, or a loop over stages would compute it again for each entry of M: four to
     # six times slower (measured; materialising the force as well loses that again).
-    j = materialise(kinematic_jacobian(mechanism, t, q), runtime_one(t))
+    j = materialize(kinematic_jacobian(mechanism, t, q), runtime_one(t))
     pulled = row_sums(j, force.ravel())
     mass = weighted_gram(j, _weights(mechanism, j))
     return mass, pulled + on_coordinates(t, q, v, effects)

@@ -298,6 +298,7 @@ def _nearest(attitude: Attitude, a: Array) -> Array:
     return attitude.nearest(a)
 
 
+@jax.jit
 def about_centre(matter: MaterialPoints) -> MaterialPoints:
     """The points with their centre of mass at the origin."""
     r, m = matter

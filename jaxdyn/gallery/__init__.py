@@ -21,4 +21,10 @@ To add an exhibit, write a function in `exhibits` that returns a record, and an 
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+#: Renamed in version 0.3.
+_RENAMED = {"Built": "BuiltSite"}
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed, renamed=_RENAMED)

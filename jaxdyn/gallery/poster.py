@@ -28,7 +28,7 @@ _MARGIN = 1.05
 _SAMPLES = 2000  # per orbit; with fewer, its loops would show corners
 
 
-class Shown(NamedTuple):
+class PosterOrbit(NamedTuple):
     """An orbit of the poster: name, lines of its caption, its scene, its paths (s, 3, 2)."""
 
     name: str
@@ -68,7 +68,7 @@ def starts() -> list[dict[str, Any]]:
     return json.loads(file.read_text())["orbits"]
 
 
-def _close(row: dict[str, Any], number: int) -> Shown:
+def _close(row: dict[str, Any], number: int) -> PosterOrbit:
     """One orbit, with its closing error and its stability computed again."""
     start = seeds.rows(np.array([[row["a"], row["b"]]]))[0]
     scene = scenes.three_body().starting(start, row["T"])
@@ -80,10 +80,10 @@ def _close(row: dict[str, Any], number: int) -> Shown:
         word if len(word) <= 24 else f"{word[:21]}... ({len(word)} letters)",
     )
     name = row["name"] or f"orbit {number + 1}"
-    return Shown(name, lines, orbit.scene, np.asarray(motion.r), stability.verdict)
+    return PosterOrbit(name, lines, orbit.scene, np.asarray(motion.r), stability.verdict)
 
 
-def _poster(shown: list[Shown]):
+def _poster(shown: list[PosterOrbit]):
     """All orbits in a grid, each at its own scale."""
     rows = -(-len(shown) // _COLUMNS)
     figure = blank(_COLUMNS * _SIDE, rows * (_SIDE + _TEXT))

@@ -30,7 +30,7 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MOST_WORKERS = 61  # limit of a pool of processes on Windows
 
 
-class Built(NamedTuple):
+class BuiltSite(NamedTuple):
     """A site that was built.
 
     Attributes:
@@ -48,7 +48,7 @@ class Built(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def build(folder, *, only: Collection[int | str] = (), workers: int | None = None) -> Built:
+def build(folder, *, only: Collection[int | str] = (), workers: int | None = None) -> BuiltSite:
     """Build the site: the course, the exhibits, tutorials, guides and reference.
 
     Only pages whose sources changed since the last build are run, in separate processes. Sphinx
@@ -96,7 +96,7 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         pages, warnings = pool.submit(sphinx, sources.folder, folder).result()
     untrue = tuple(name for name, record in found.items() if not record.get("holds", True))
-    return Built(folder, pages, failed, untrue, warnings)
+    return BuiltSite(folder, pages, failed, untrue, warnings)
 
 
 def sphinx(sources: Path, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -4,11 +4,12 @@ A matrix ``R_wb`` takes components of a vector in the body's axes to its compone
 how one is made of an axis, an angle or a quaternion is in `jaxdyn.geometry.rotations`.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _doors
 from jaxdyn._arguments import arrays
 from jaxdyn.geometry.vectors import cross, dot
 
@@ -52,7 +53,7 @@ def tensor_in_body(R_wb: Matrix, A_w: Matrix) -> Matrix:
 
 
 @arrays
-def orthonormalise(A: Matrix, iterations: int = 10) -> Matrix:
+def orthonormalize(A: Matrix, iterations: int = 10) -> Matrix:
     """The rotation (3, 3) nearest to a matrix, its polar factor; NaN unless det A > 0.
 
     It is found by Newton's iteration X <- (s X + X^-T / s) / 2, with the inverse by cofactors and s
@@ -78,8 +79,7 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
     Raises:
       ValueError: R is not a rotation; if it is traced, the result is NaN instead.
     """
-    columns = R.T @ R - jnp.eye(3)
-    off = jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
+    off = _off_rotation(R)
     if _checks.is_traced(R):
         return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
     if off > _MAX_ORTHOGONALITY_DEFECT:
@@ -87,12 +87,24 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
             name,
             "a rotation: orthogonal columns of length 1, determinant 1",
             f"{np.asarray(R).tolist()}, off by {float(off):.2g}",
-            "frames.orthonormalise finds the nearest rotation to a matrix that is nearly one.",
+            "frames.orthonormalize finds the nearest rotation to a matrix that is nearly one.",
         )
     return R
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _off_rotation(R: Matrix) -> Array:
+    """How far a matrix is from a rotation ()."""
+    columns = R.T @ R - jnp.eye(3)
+    return jnp.maximum(jnp.max(jnp.abs(columns)), jnp.abs(dot(R[0], cross(R[1], R[2])) - 1))
 
 
 def _inverse_transpose(X: Matrix) -> tuple[Matrix, Array]:
     cofactors = jnp.stack([cross(X[1], X[2]), cross(X[2], X[0]), cross(X[0], X[1])])
     det = dot(X[0], cofactors[0])
     return cofactors / det, det
+
+
+#: Renamed in version 0.3.
+_RENAMED = {"orthonormalise": "orthonormalize"}
+__getattr__ = _doors.attribute_getter(__name__, renamed=_RENAMED)

@@ -16,9 +16,11 @@ Reference: Sola (2017), Quaternion kinematics for the error-state Kalman filter.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxdyn import _doors
 from jaxdyn._arguments import arrays
 from jaxdyn._numerics import atanc, cos_of_root, safe_norm, sinc_of_root, square_norm
 from jaxdyn.geometry.frames import Matrix, check_rotation
@@ -122,7 +124,7 @@ def conjugate_wxyz(q: Wxyz) -> Wxyz:
 
 
 @arrays
-def normalise_wxyz(q: Wxyz) -> Wxyz:
+def normalize_wxyz(q: Wxyz) -> Wxyz:
     """The unit quaternion q / |q| (4,); NaN for q = 0."""
     return q / jnp.sqrt(square_norm(q))
 
@@ -159,7 +161,11 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     Raises:
       ValueError: R is not a rotation; under traces the result is NaN then.
     """
-    R = check_rotation("R", R)
+    return _wxyz(check_rotation("R", R))
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _wxyz(R: Matrix) -> Wxyz:
     a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
     d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
     x, y, z = R[0, 0], R[1, 1], R[2, 2]
@@ -173,7 +179,7 @@ def wxyz_from_matrix(R: Matrix) -> Wxyz:
     for k in (1, 2, 3):
         row = jnp.where(rows[k][k] > largest, jnp.stack(rows[k]), row)
         largest = jnp.maximum(largest, rows[k][k])
-    return normalise_wxyz(jnp.where(row[0] < 0, -row, row))
+    return normalize_wxyz(jnp.where(row[0] < 0, -row, row))
 
 
 @arrays
@@ -248,3 +254,8 @@ def _upper(q: Wxyz) -> Wxyz:
 
 def _pure(v: Vector) -> Wxyz:
     return jnp.concatenate([jnp.zeros_like(v[:1]), v])
+
+
+#: Renamed in version 0.3.
+_RENAMED = {"normalise_wxyz": "normalize_wxyz"}
+__getattr__ = _doors.attribute_getter(__name__, renamed=_RENAMED)

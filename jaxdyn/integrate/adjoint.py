@@ -112,13 +112,13 @@ class _Backwards(eqx.Module):
         the numbers: a part that is zero up to rounding, such as that of a mass that cancels, is
         measured by the others.
         """
-        of = self.field.groups.of
-        y, adjoint = ([(part, group) for group in of] for part in ("y", "adjoint"))
+        groups = self.field.groups.group_of
+        y, adjoint = ([(part, group) for group in groups] for part in ("y", "adjoint"))
         leaves = jax.tree.leaves(eqx.filter(self.field, eqx.is_inexact_array))
         mu = ["mu"] * sum(leaf.size for leaf in leaves)
         if not self.position_only:
             return groups_of_names([*y, *adjoint, *mu])
-        half, rates = len(of) // 2, ["rate of mu"] * len(mu)
+        half, rates = len(groups) // 2, ["rate of mu"] * len(mu)
         q, v, by_q, by_v = y[:half], y[half:], adjoint[:half], adjoint[half:]
         return groups_of_names([*q, *by_v, *mu, *v, *by_q, *rates])
 

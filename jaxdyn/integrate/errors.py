@@ -195,10 +195,10 @@ def rounding(
         known |= close
         if known.all():
             break
-    return np.maximum(found, of_writing(ys))
+    return np.maximum(found, storage_rounding(ys))
 
 
-def of_writing(ys: np.ndarray) -> np.ndarray:
+def storage_rounding(ys: np.ndarray) -> np.ndarray:
     """(s, k) the rounding error of storing a result."""
     return 0.5 * _EPS * np.abs(ys)
 
@@ -294,7 +294,7 @@ def _estimate(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: 
     )
 
 
-def reach(
+def solve_to_digits(
     run: Run, scene: Scene, ts: Array, digits: float, solver: str, refuse: bool
 ) -> tuple[Any, Estimate]:
     """The solution with this many digits at all times, or the best, and its estimate.
@@ -436,4 +436,4 @@ def _expected_error(gap: np.ndarray, floor: np.ndarray, ys: np.ndarray, finer: i
     wide = gap > np.sqrt(1 + 1 / finer) * floor
     share = 1 - np.where(wide, (floor / np.where(wide, gap, 1.0)) ** 2 / finer, 1 / (finer + 1))
     error = np.hypot(share * gap, _NORMAL_MEDIAN * np.sqrt(share / finer) * floor)
-    return np.maximum(error, of_writing(ys))
+    return np.maximum(error, storage_rounding(ys))

@@ -28,8 +28,8 @@ from jaxdyn.solvers.method import SAFETY, Method, operations
 from jaxdyn.solvers.stepper import (
     PART,
     AtStart,
+    StepLoop,
     Stepper,
-    Stepping,
     above_noise,
     allowed_error,
     is_stiff,
@@ -281,7 +281,7 @@ class StepAttempt(NamedTuple):
         return self.fine & ~self.sampling
 
 
-class Observing(eqx.Module):
+class ObservedControl(eqx.Module):
     """What adaptive and fixed steps share: samples, a watch, a step limit, the end.
 
     The limit is not diffrax's `max_steps`, which is a constant of the compiled program. The end is
@@ -374,7 +374,7 @@ def clip(t: Array, end: Array) -> Array:
 
 # ---- Step-size control
 #
-# `Stepping` drives the loop; this controller decides. Unlike diffrax's own PIDController it may
+# `StepLoop` drives the loop; this controller decides. Unlike diffrax's own PIDController it may
 # also shorten the step after an accepted one (otherwise 10 to 35 % of the steps on an eccentric
 # orbit are rejected), it measures each variational column of a state by its own size, and it ends
 # with a status, instead of trying for ever, when the step falls below the spacing of floating-point
@@ -431,16 +431,16 @@ def _spacing(t: Array) -> Array:
     return jnp.finfo(t.dtype).eps * jnp.abs(t)
 
 
-class StepControl(Observing, diffrax.AbstractStepSizeController):
+class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
     """Elementary error-per-step control: h <- 0.75 h (tolerance / error)^(1/p).
 
     Attributes:
       first: () length of the first step.
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
-      limit: see `Observing`.
-      look: see `Observing`.
-      max_step: see `Observing`.
+      limit: see `ObservedControl`.
+      look: see `ObservedControl`.
+      max_step: see `ObservedControl`.
     """
 
     first: Array
@@ -522,16 +522,16 @@ def first_step(method: Method, tolerance: Array, start: AtStart, y0: Array) -> A
     return (_FIRST_ERROR * share) ** (1.0 / method.error_order) / speed
 
 
-class FixedSteps(Observing, diffrax.AbstractStepSizeController):
+class FixedSteps(ObservedControl, diffrax.AbstractStepSizeController):
     """n equal steps; the time of each is a multiple of the step, not a sum of steps.
 
     Attributes:
       n: () number of steps.
       ts: (s,) requested times in the direction of integration; (0,) for none.
       watch: the observer of the steps, if any.
-      limit: see `Observing`.
-      look: see `Observing`.
-      max_step: see `Observing`.
+      limit: see `ObservedControl`.
+      look: see `ObservedControl`.
+      max_step: see `ObservedControl`.
     """
 
     n: Array
@@ -660,7 +660,7 @@ def march(
         stepsize_controller=control,
         saveat=diffrax.SaveAt(t1=True, controller_state=True, solver_state=True),
         max_steps=None,  # counted by the controller: diffrax compiles its limit in
-        adjoint=Stepping(),
+        adjoint=StepLoop(),
         throw=False,  # a throw is a host callback, which keeps programs out of the cache
     )
     # The logarithms are finite for positive tolerances only; one of the last two may be zero.

@@ -191,7 +191,7 @@ class _Pieces(NamedTuple):
     def start(self, y0: Array) -> _Run:
         """The motion before its first piece."""
         zero, none = jnp.zeros((), int), jnp.zeros(self.plan.size, bool)
-        rate, first = self.plan.look(self.system, self.t0, state_of(y0))
+        rate, first = self.plan.evaluate(self.system, self.t0, state_of(y0))
         given = jnp.concatenate([y0.ravel(), rate, jnp.stack([self.t0, self.t1])])
         fine = jnp.isfinite(given).all()
         nothing = SolveResult(
@@ -323,7 +323,7 @@ class _Pieces(NamedTuple):
         e = self.plan.size
         if not self.plan.on_state:
             return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
-        _, here = self.plan.look(self.system, t, x, branch.outcomes)
+        _, here = self.plan.evaluate(self.system, t, x, branch.outcomes)
         by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
         noise = self._noise(t, x, by_time, rows)
         own = jnp.arange(e) == index
@@ -355,7 +355,7 @@ class _Pieces(NamedTuple):
         outcomes = run.branch.outcomes
         near = jnp.zeros(self.plan.size, bool)
         for _ in range(_DEEPEST if self.plan.size > 1 else 1):
-            _, here = self.plan.look(self.system, t, x, outcomes)
+            _, here = self.plan.evaluate(self.system, t, x, outcomes)
             if self.plan.on_state:
                 by_time, rows, _ = self._slopes(t, x, outcomes, None)
                 near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
@@ -364,7 +364,7 @@ class _Pieces(NamedTuple):
             return Branch.of(outcomes)
         first = ~run.begun
         crossed = run.crossed | (first & near)
-        _, here = self.plan.look(self.system, t, x, outcomes)
+        _, here = self.plan.evaluate(self.system, t, x, outcomes)
         before = jnp.where(first, here.beyond, run.branch.before)
         before = jnp.where(crossed, before, outcomes)
         on = jnp.argmax(crossed)
@@ -389,7 +389,7 @@ class _Pieces(NamedTuple):
         rate = InBranch(self.system, Branch.of(outcomes)).side(t, x, outcomes)[0]
 
         def margin(t, x):
-            return self.plan.look(self.system, t, x, outcomes)[1].margins[which]
+            return self.plan.evaluate(self.system, t, x, outcomes)[1].margins[which]
 
         return jax.jvp(margin, (t, x), (jnp.ones_like(t), rate))[1]
 
@@ -397,7 +397,7 @@ class _Pieces(NamedTuple):
         """(e,) and (e, k) derivatives of margins by time and state, (e,) slopes along a motion."""
 
         def margins(t, x):
-            return self.plan.look(self.system, t, x, outcomes)[1].margins
+            return self.plan.evaluate(self.system, t, x, outcomes)[1].margins
 
         by_time, rows = jax.jacfwd(margins, argnums=(0, 1))(t, x)
         if field is None:
@@ -416,7 +416,9 @@ class _Pieces(NamedTuple):
             return run.y
         branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
-        margins = self.plan.look(self.system, run.t, state_of(run.y), run.old.outcomes)[1].margins
+        margins = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)[
+            1
+        ].margins
         nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
         which = jnp.where(run.left >= 0, run.left, which)

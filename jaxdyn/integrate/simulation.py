@@ -141,7 +141,7 @@ def simulate(
 def _to_digits(
     scene: Scene, span: Span, options: SolverOptions, method: Method, digits: float, refuse: bool
 ) -> tuple[SolveResult, Estimate, bool]:
-    """The result of `errors.reach` by one method, and whether that is `RADAU9`."""
+    """The result of `errors.solve_to_digits` by one method, and whether that is `RADAU9`."""
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
@@ -153,7 +153,7 @@ def _to_digits(
     _, switched = _solve(scene, span, loose, method, default=default, noise=QUIET)
     if switched:
         method, default = RADAU9, False
-    return *errors.reach(run, scene, span[-1], digits, method.name, refuse), switched
+    return *errors.solve_to_digits(run, scene, span[-1], digits, method.name, refuse), switched
 
 
 @check_first

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _doors
 from jaxdyn._numerics import safe_norm
 from jaxdyn.formulations.mechanism import Mechanism, stretch
 from jaxdyn.joints import Joint, Part, along, particles, pinned, rod
@@ -343,3 +343,8 @@ def check_bars(m: Array, l: Array, end: Array | None, span: str = "end") -> None
 def _combine(weights: np.ndarray, x: Array) -> Array:
     # A product as a sum, for the reason given at mechanism.weighted_gram.
     return jnp.sum(weights[:, :, None] * x[None, :, :], axis=1)
+
+
+#: Renamed in version 0.3.
+_RENAMED = {"Bodies": "FreeBars", "Bobs": "PointMasses"}
+__getattr__ = _doors.attribute_getter(__name__, renamed=_RENAMED)

@@ -120,7 +120,7 @@ class Plan:
         """The period of the rate in time; None where it has none that can be read."""
         return period_of(self._program, system)
 
-    def look(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
+    def evaluate(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
         """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.
 
         Without a branch, it takes the branch of the outcomes at the point.
@@ -412,12 +412,12 @@ class InBranch(NamedTuple):
         one that the program gives there: a trial step may pass a little beyond the surface.
         """
         plan = plan_of(self.field, len(y))
-        rate, conditions = plan.look(self.field, t, y, outcomes)
+        rate, conditions = plan.evaluate(self.field, t, y, outcomes)
         if plan.partial:
             # A choice between two rates would have a NaN derivative if either one's is NaN.
-            here = plan.look(self.field, t, y)[1].outcomes
+            here = plan.evaluate(self.field, t, y)[1].outcomes
             outcomes = jnp.where(jnp.isnan(rate).any(), here, outcomes)
-            rate = plan.look(self.field, t, y, outcomes)[0]
+            rate = plan.evaluate(self.field, t, y, outcomes)[0]
         return rate, conditions
 
     def margins(self, t: Array, y: Array) -> Array:

@@ -13,9 +13,14 @@ To add a kind of shape, add a case to ``stroke`` in `canvas.js`. Pages, notebook
 use the same files.
 """
 
+import jaxdyn._doors
 from jaxdyn.player.choices import Ask
 from jaxdyn.player.export import export
 from jaxdyn.player.live import live
-from jaxdyn.player.pages import Playing, embed, fragment, look, play, script
+from jaxdyn.player.pages import PlayerPage, embed, fragment, look, play, script
 
-__all__ = ["Ask", "Playing", "embed", "export", "fragment", "live", "look", "play", "script"]
+__all__ = ["Ask", "PlayerPage", "embed", "export", "fragment", "live", "look", "play", "script"]
+
+#: Renamed in version 0.3.
+_RENAMED = {"Playing": "PlayerPage"}
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, renamed=_RENAMED)

@@ -1,23 +1,33 @@
-"""Alternatives and questions on a page on which a scene runs: initial states and parameters."""
+"""Alternatives and questions on a page on which a scene runs: initial states and parameters.
 
-from collections.abc import Mapping, Sequence
+The scenes of a page share its formulas and differ in the numbers that these take. Scenes with the
+same functions do so by construction; those whose functions were made anew, such as a lambda in the
+function that makes them, do if the same formulas are read from them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_kind
+from jaxdyn._records import PASS_AS_PARAMS, notes_on
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory, single
 from jaxdyn.scene import Effect, Scene, check_scene
 from jaxdyn.scenes.corners import has_corners
+from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.parameters import parameters
 
 _PLAYED = "Play it: motion.play(path)."
 _ONE_KIND = "scenes that differ in their numbers, their starts and in effects left out"
+_APART = "Put it on a page of its own."
 
 
 class Ask(NamedTuple):
@@ -118,12 +128,16 @@ def start(whole: Scene, scene: Scene, name: str, note: str = "") -> dict[str, An
     Raises:
       ValueError: the scenes are not of the same kind.
     """
-    off = _missing(whole.effects, scene.effects)
-    if off is None or not _alike(whole.system, scene.system) or len(whole.y0) != len(scene.y0):
-        raise _checks.fail("scenes", _ONE_KIND, "another kind", "Put it on a page of its own.")
+    off, same = _missing(whole.effects, scene.effects, _alike), _alike
+    if off is None:
+        off, same = _missing(whole.effects, scene.effects, _same_shape), _same_shape
+    if off is None or not _same_shape(whole.system, scene.system) or len(whole.y0) != len(scene.y0):
+        raise _checks.fail("scenes", _ONE_KIND, "another kind", _APART)
     given = iter(scene.effects)
     effects = [one if i in off else next(given) for i, one in enumerate(whole.effects)]
     full = Scene(scene.system, tuple(effects), y0=scene.y0, t1=scene.t1)
+    if same is _same_shape or not _alike(whole.system, scene.system):
+        _check_formulas(whole, full)
     return {
         "name": name,
         "note": note,
@@ -134,11 +148,13 @@ def start(whole: Scene, scene: Scene, name: str, note: str = "") -> dict[str, An
     }
 
 
-def _missing(whole: Sequence[Effect], kept: Sequence[Effect]) -> frozenset[int] | None:
+def _missing(
+    whole: Sequence[Effect], kept: Sequence[Effect], same: Callable[[Any, Any], bool]
+) -> frozenset[int] | None:
     """The indices of the effects that are left out of the whole; None if others are added."""
     off, left = [], list(kept)
     for i, effect in enumerate(whole):
-        if left and _alike(effect, left[0]):
+        if left and same(effect, left[0]):
             left.pop(0)
         else:
             off.append(i)
@@ -147,9 +163,57 @@ def _missing(whole: Sequence[Effect], kept: Sequence[Effect]) -> frozenset[int] 
 
 def _alike(one: Any, other: Any) -> bool:
     """Whether two objects differ only in numbers."""
-    same = jax.tree.structure(one) == jax.tree.structure(other)
-    sizes = ([np.shape(x) for x in jax.tree.leaves(each)] for each in (one, other))
-    return same and next(sizes) == next(sizes)
+    return jax.tree.structure(one) == jax.tree.structure(other) and _same_shape(one, other)
+
+
+def _same_shape(one: Any, other: Any) -> bool:
+    """Whether two objects of one class have as many numbers, whatever their functions are."""
+    shapes, others = ([np.shape(x) for x in jax.tree.leaves(each)] for each in (one, other))
+    return type(one) is type(other) and shapes == others
+
+
+def _check_formulas(whole: Scene, scene: Scene) -> None:
+    """Raise ValueError if a page of one scene does not show another one, with its parameters."""
+    if whole.labels() == scene.labels() and _formulas(whole) == _formulas(scene):
+        return
+    then, now = _captured(whole), _captured(scene)
+    changed = [name for name in then if then[name] != now.get(name)]
+    if not changed or then.keys() != now.keys():
+        raise _checks.fail("scenes", _ONE_KIND, "other formulas", _APART)
+    expected = "functions that captured the same numbers"
+    got = f"another value of {', '.join(map(repr, changed))}"
+    raise _checks.fail("scenes", expected, got, PASS_AS_PARAMS)
+
+
+def _formulas(scene: Scene) -> list[str]:
+    """What a page evaluates, with the parameters as inputs: rate, energies, shapes."""
+    notes = notes_on(scene)
+    if notes is not None and _formulas in notes:
+        return notes[_formulas]
+
+    def energies(moved: Scene, t: Array, y: Array) -> Array:
+        return _row(y, moved.system.energies(t, y, moved.effects))
+
+    def shapes(moved: Scene, t: Array, y: Array) -> Array:
+        return _row(y, [shape.at for shape in moved.sketch(t, y)])
+
+    found = [code(scene, "javascript", of=of) for of in (Scene.rate, energies, shapes)]
+    if notes is not None:
+        notes[_formulas] = found
+    return found
+
+
+def _row(y: Array, parts: Sequence[Array]) -> Array:
+    return jnp.concatenate([y[:0], *map(jnp.ravel, parts)])
+
+
+def _captured(scene: Scene) -> dict[str, list[bytes]]:
+    """Digests of the numbers that the functions of a scene captured, by their names."""
+    found: dict[str, list[bytes]] = {}
+    for part in (scene.system, *scene.effects):
+        for name, digest in part.captured or ():
+            found.setdefault(name, []).append(digest)
+    return found
 
 
 def of_motions(

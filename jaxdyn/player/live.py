@@ -8,7 +8,7 @@ from jaxdyn._checks import check_first
 from jaxdyn.files.output_files import page_path, replace
 from jaxdyn.player.choices import Ask, Choices, complete
 from jaxdyn.player.model import model
-from jaxdyn.player.pages import Playing, look, page, script
+from jaxdyn.player.pages import PlayerPage, look, page, script
 from jaxdyn.scene import Scene
 
 _MOST_BYTES = 200_000  # limit for a page
@@ -26,7 +26,7 @@ def live(
     motions: int = 1,
     choose: str = "",
     asks: Sequence[Ask] = (),
-) -> Playing:
+) -> PlayerPage:
     """A page on which a scene runs, as a single file that needs no other files and no network.
 
     Parameters and initial state have sliders and fields, bodies can be dragged to set the initial
@@ -58,7 +58,7 @@ def live(
     Example:
       >>> from jaxdyn import player, scenes
       >>> player.live(scenes.pendulum())  # doctest: +ELLIPSIS
-      Playing(... kB of HTML): a notebook shows it
+      PlayerPage(... kB of HTML): a notebook shows it
     """
     path = None if path is None else page_path(path)
     scenes = scene if isinstance(scene, Mapping) else {"": scene}
@@ -72,7 +72,7 @@ def write_page(
     title: str = "",
     motions: int = 1,
     asks: Sequence[Ask] = (),
-) -> Playing:
+) -> PlayerPage:
     """The page for a choice of scenes, also written as a file."""
     shown = fragment(choices, motions=motions, asks=asks)
     name = title or _text.title_of(complete(choices)).replace("_", " ").capitalize()
@@ -84,7 +84,7 @@ def write_page(
         raise _checks.fail("live", expected, f"{size // 1000} kB of formulas", remedy)
     if path is not None:
         replace(path, text)
-    return Playing(text)
+    return PlayerPage(text)
 
 
 def fragment(choices: Choices, *, motions: int = 1, asks: Sequence[Ask] = ()) -> str:

@@ -476,7 +476,10 @@ def _entries(scene: Scene) -> list[dict]:
 
 def _groups(scene: Scene) -> dict:
     groups = scene.field.groups
-    return {"of": list(groups.of), "most": [m if np.isfinite(m) else None for m in groups.most]}
+    return {
+        "of": list(groups.group_of),
+        "most": [m if np.isfinite(m) else None for m in groups.most],
+    }
 
 
 def _parameters(scene: Scene) -> list[dict]:

@@ -37,14 +37,14 @@ h1 {{ font-size: 1.2rem; font-weight: 600; }}
 """
 
 
-class Playing:
+class PlayerPage:
     """A page that plays motions; a notebook shows it, `text` is its HTML."""
 
     def __init__(self, text: str):
         self.text = text
 
     def __repr__(self) -> str:
-        return f"Playing({len(self.text) // 1000} kB of HTML): a notebook shows it"
+        return f"PlayerPage({len(self.text) // 1000} kB of HTML): a notebook shows it"
 
     def _repr_html_(self) -> str:
         """A frame, which keeps the styles of the notebook and of the player separate."""
@@ -53,7 +53,7 @@ class Playing:
         return f'<iframe srcdoc="{held}" style="{style}" title="player"></iframe>'
 
 
-def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playing:
+def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> PlayerPage:
     """A page that plays a motion, or several together, in a notebook or a browser.
 
     Args:
@@ -68,7 +68,7 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
     Example:
       >>> from jaxdyn import player, scenes, simulate
       >>> player.play(simulate(scenes.pendulum(), 1.0, samples=50))  # doctest: +ELLIPSIS
-      Playing(... kB of HTML): a notebook shows it
+      PlayerPage(... kB of HTML): a notebook shows it
     """
     path = None if path is None else page_path(path)
     several = list(motions.values()) if isinstance(motions, Mapping) else [motions]
@@ -77,7 +77,7 @@ def play(motions: Any, path=None, *, title: str = "", choose: str = "") -> Playi
     text = page(heading, look(), fragment(shown), script())
     if path is not None:
         replace(path, text)
-    return Playing(text)
+    return PlayerPage(text)
 
 
 def page(title: str, look: str, fragment: str, script: str) -> str:

@@ -11,7 +11,9 @@ The course is ambiguous or misprinted in these places:
 - 53: the first equation lacks the dot over omega, the third the dot over R.
 """
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -46,11 +48,16 @@ def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
       ValueError: `moments` are not those of a body.
     """
     moments = jnp.asarray(moments, dtype=float)
-    Body(m, centre, jnp.diag(moments)).check()
+    Body(m, centre, np.diag(moments)).check()
+    return _jack(m, moments, jnp.asarray(centre, dtype=float))
+
+
+@jax.jit  # one program, where each operation by itself would be one at its first call
+def _jack(m: Array, moments: Array, centre: Array) -> MaterialPoints:
     second = jnp.sum(moments) / 2 - moments  # sum of m x^2, of m y^2, of m z^2
     arm = jnp.sqrt(jnp.sum(second) / m)
     r = arm * jnp.concatenate([jnp.eye(3), -jnp.eye(3)])[jnp.array([0, 3, 1, 4, 2, 5])]
-    return MaterialPoints(r + jnp.asarray(centre)[None], jnp.repeat(second / (2 * arm**2), 2))
+    return MaterialPoints(r + centre[None], jnp.repeat(second / (2 * arm**2), 2))
 
 
 def box_points(m, sides) -> MaterialPoints:
@@ -59,8 +66,12 @@ def box_points(m, sides) -> MaterialPoints:
     With a 24th of the mass in each corner and the remaining two thirds at the centre they have the
     inertia of the box, and they are the points that a drawing should show.
     """
-    corner = jnp.array(CUBE, float) - 0.5
-    corners = corner * _checks.array("sides", sides, (3,), "Along x, y and z, in m.")[None]
+    return _box_points(m, _checks.array("sides", sides, (3,), "Along x, y and z, in m."))
+
+
+@jax.jit
+def _box_points(m: Array, sides: Array) -> MaterialPoints:
+    corners = (jnp.array(CUBE, float) - 0.5) * sides[None]
     masses = m * jnp.concatenate([jnp.full(8, 1 / 24), jnp.full(1, 2 / 3)])
     return MaterialPoints(jnp.concatenate([corners, jnp.zeros((1, 3))]), masses)
 

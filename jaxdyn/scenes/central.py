@@ -80,11 +80,11 @@ def swept_angle(scene: Scene, t1=None, *, rtol: float = 1e-12) -> Array:
       6.293409842
     """
     y0 = jnp.append(_checks.array("y0", scene.y0, (4,), "One point in the plane."), 0.0)
-    swept = dataclasses.replace(scene, system=_Swept(scene.system), y0=y0)
+    swept = dataclasses.replace(scene, system=_SweptAngle(scene.system), y0=y0)
     return solve(swept, scene.t1 if t1 is None else t1, rtol=rtol).y1[-1]
 
 
-class _Swept(Extended):
+class _SweptAngle(Extended):
     """A point in the plane with the angle by which it has turned about the origin."""
 
     def further(self):

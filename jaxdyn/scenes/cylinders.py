@@ -55,7 +55,7 @@ class NormalForce(Event):
         return -1
 
 
-class Grip(Event):
+class FrictionLimit(Event):
     """The friction of rolling reaches mu N, against a slip along t (way 1) or against t (-1)."""
 
     scene: Scene
@@ -71,7 +71,7 @@ class Grip(Event):
         return -1
 
 
-class Caught(Event):
+class SlipEnds(Event):
     """A slip along t (way 1) or against t (-1) ends."""
 
     cylinder: Cylinder
@@ -101,7 +101,7 @@ class Touches(Event):
         return -1
 
 
-class Landed(eqx.Module):
+class AfterLanding(eqx.Module):
     """The state after a landing, by `Cylinder.after_landing`."""
 
     cylinder: Cylinder
@@ -213,11 +213,11 @@ def contact_phases(scene: Scene) -> dict[str, Phase]:
         return dataclasses.replace(scene, system=scene.system.with_contact(contact))
 
     roll, fly = as_("roll"), as_("fly")
-    grips = tuple(Exit(Grip(roll, int(way)), CONTACTS) for way in SLIPS.values())
+    grips = tuple(Exit(FrictionLimit(roll, int(way)), CONTACTS) for way in SLIPS.values())
     phases = {"roll": Phase(roll, (*grips, Exit(NormalForce(roll), CONTACTS)))}
     for name, way in SLIPS.items():
         slip = as_(name)
-        caught = Exit(Caught(roll.system, int(way)), CONTACTS)
+        caught = Exit(SlipEnds(roll.system, int(way)), CONTACTS)
         phases[name] = Phase(slip, (caught, Exit(NormalForce(slip), CONTACTS)))
-    lands = Exit(Touches(fly.system), CONTACTS, Landed(fly.system))
+    lands = Exit(Touches(fly.system), CONTACTS, AfterLanding(fly.system))
     return phases | {"fly": Phase(fly, (lands,))}

@@ -228,7 +228,7 @@ class MeetsStop(Event):
         return 1
 
 
-class Rebounds(eqx.Module):
+class AfterImpact(eqx.Module):
     """The state of an oscillator after its impact on the stop."""
 
     oscillator: ImpactOscillator
@@ -281,5 +281,5 @@ def impact_oscillator(
 def impact_phases(scene: Scene) -> dict[str, Phase]:
     """The motion of an `impact_oscillator` as a phase, which an impact on its stop ends."""
     oscillator = scene.system
-    hits = Exit(MeetsStop(oscillator), "swing", Rebounds(oscillator))
+    hits = Exit(MeetsStop(oscillator), "swing", AfterImpact(oscillator))
     return {"swing": Phase(scene, (hits,))}

@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._numerics import materialise, runtime_one
+from jaxdyn._numerics import materialize, runtime_one
 from jaxdyn.solvers.method import Advance, Method, Rate, in_loops
 
 
@@ -75,7 +75,7 @@ class Composition(Method):
 
         def turn(time, kick, drift, dq, dv):
             # Increments are summed separately from the state, to keep their low-order digits.
-            x = q + dq if self.loops else materialise(q + dq, one)
+            x = q + dq if self.loops else materialize(q + dq, one)
             a = field(t + time * h, jnp.concatenate([x, v]))[half:]
             dv = dv + (kick * h) * a
             return dq + (drift * h) * (v + dv), dv

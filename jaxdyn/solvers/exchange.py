@@ -170,12 +170,12 @@ def _guest(solver) -> DiffraxMethod:
     try:
         hash(solver)
     except TypeError:  # with arrays among its fields it has no hash, and is not looked up
-        return _guest_of.__wrapped__(solver)
-    return _guest_of(solver)
+        return _find_guest.__wrapped__(solver)
+    return _find_guest(solver)
 
 
 @functools.cache
-def _guest_of(solver) -> DiffraxMethod:
+def _find_guest(solver) -> DiffraxMethod:
     term = diffrax.ODETerm(_nothing)
     if getattr(solver, "scan_kind", "") is None:  # its default kind of loop has no forward mode
         loops = eqx.tree_at(lambda s: s.scan_kind, solver, "lax", is_leaf=lambda x: x is None)

@@ -164,7 +164,7 @@ def in_loops(method: M, n: int) -> M:
     return dataclasses.replace(method, loops=n)
 
 
-def fastest(k: Array, shift: Array, whole: Array) -> Array:
+def fastest_rate(k: Array, shift: Array, whole: Array) -> Array:
     """() |difference of two slopes| / |difference of their arguments|, per step.
 
     Differences below rounding are not significant and count as small.
@@ -173,7 +173,7 @@ def fastest(k: Array, shift: Array, whole: Array) -> Array:
     return jnp.max(jnp.abs(k)) / (jnp.max(jnp.abs(shift)) + noise)
 
 
-def grows_from(growth: Callable[[float], float]) -> float:
+def stability_limit(growth: Callable[[float], float]) -> float:
     """The z up to which a method is stable; `growth` is its factor for a test equation."""
     for z in np.arange(0.05, 30.0, 0.05):
         if growth(z) > 1 + 1e-3:

@@ -29,8 +29,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._numerics import materialise, runtime_one
-from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from, in_loops
+from jaxdyn._numerics import materialize, runtime_one
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest_rate, in_loops, stability_limit
 
 # ---- Corrections of the rounded weights of Runge-Kutta and Nystrom tables
 #
@@ -156,7 +156,7 @@ class Pair(Method):
     @functools.cached_property
     def stable(self) -> float:
         """The |h lambda| on the negative axis (Nystrom: the h omega) up to which it is stable."""
-        return grows_from(functools.partial(_growth, self))
+        return stability_limit(functools.partial(_growth, self))
 
     @functools.cached_property
     def twins(self) -> tuple[int, int] | None:
@@ -174,7 +174,7 @@ class Pair(Method):
 
         def keep(x):
             # The loops over stages keep their arrays anyway.
-            return x if self.loops else materialise(x, one)
+            return x if self.loops else materialize(x, one)
 
         if not self.position_only:
 
@@ -220,7 +220,7 @@ class Pair(Method):
         ratio = jnp.zeros(())
         if self.twins:
             i, j = self.twins
-            ratio = fastest(k[j] - k[i], shifts[j] - shifts[i], k[j])
+            ratio = fastest_rate(k[j] - k[i], shifts[j] - shifts[i], k[j])
         return [*(combine(row, k) for row in self._rows.tolist()), ratio]
 
     def _rolled_stages(self, slope: Callable, like: Array) -> list[Array]:
@@ -257,7 +257,7 @@ class Pair(Method):
         if self.twins:
             k_i, k_j = (_row(done, edges, n)[: len(like)] for n in self.twins)
             i, j = self.twins
-            ratio = fastest(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
+            ratio = fastest_rate(k_j - k_i, combined(self.a[j] - self.a[i]), k_j)
         return [*(combined(row) for row in self._rows), ratio]
 
 

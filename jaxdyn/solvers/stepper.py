@@ -47,7 +47,7 @@ class _Run(NamedTuple):
     accepted: Array
 
 
-class Stepping(diffrax.AbstractAdjoint):
+class StepLoop(diffrax.AbstractAdjoint):
     """Steps until step control ends the run; only the end is saved; not differentiable."""
 
     def loop(self, *, args, terms, solver, stepsize_controller, init_state, t1, **others) -> Any:

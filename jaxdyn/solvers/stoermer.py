@@ -26,8 +26,8 @@ from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._numerics import materialise, runtime_one
-from jaxdyn.solvers.method import Advance, Method, Rate, fastest, grows_from
+from jaxdyn._numerics import materialize, runtime_one
+from jaxdyn.solvers.method import Advance, Method, Rate, fastest_rate, stability_limit
 from jaxdyn.solvers.pairs import NYSTROM12
 from jaxdyn.solvers.side_by_side import side_by_side
 
@@ -102,7 +102,7 @@ class Stoermer(Method):
     @functools.cached_property
     def stable(self) -> float:
         """The h omega up to which it is stable."""
-        return grows_from(self._growth)
+        return stability_limit(self._growth)
 
     @functools.cached_property
     def schedule(self) -> "Schedule":
@@ -132,7 +132,7 @@ class Stoermer(Method):
         # It starts every column, so it is computed once, not in each of its uses.
         one = runtime_one(h.ravel()[0])
         times = jnp.broadcast_shapes(t.shape, h.shape)
-        first = parts(materialise(field(jnp.broadcast_to(t, times), y)[half:], one))
+        first = parts(materialize(field(jnp.broadcast_to(t, times), y)[half:], one))
         q, v = parts(y[:half]), parts(y[half:])
         start, length = wide(t), wide(h)
         wider = (x.reshape(*x.shape[:2], *(1,) * rank, *x.shape[2:]) for x in self.schedule)
@@ -154,7 +154,7 @@ class Stoermer(Method):
             at = (start + since).reshape(*times, _LANES, 1)
             there = [a + (since * b + x) for a, b, x in zip(q, v, moved, strict=True)]
             # Scalars are cheap to compute again, but arrays are not: each entry of a force would.
-            there = there if few else [materialise(x, one) for x in there]
+            there = there if few else [materialize(x, one) for x in there]
             pulls = side_by_side(pull, at, *there, axes=2, apart=True)
             new = [*moved, *(u + (0.5 * step) * a for u, a in zip(faster, pulls, strict=True))]
             # Later substeps overwrite it until columns end.
@@ -197,7 +197,7 @@ def _extrapolate(
         [_join([x[..., j, 0] for x in part], still.shape) for j in range(2)]
         for part in (moved, pulls)
     )
-    ratio = fastest(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
+    ratio = fastest_rate(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
     off = h * h * _steepness(forces, there) * y[: len(y) // 2]
     rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
     small = jnp.clip(error, -rounding, rounding)

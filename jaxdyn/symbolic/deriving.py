@@ -52,7 +52,7 @@ from jaxdyn.symbolic.symbols import Symbols, halves, symbols
 from jaxdyn.system import generalized_forces, potential_energy, total_force
 
 
-class Derived(NamedTuple):
+class DerivedEquations(NamedTuple):
     """The equations of motion of a scene, before they are arranged.
 
     Attributes:
@@ -94,7 +94,7 @@ class Derived(NamedTuple):
         return self.followers.slope(x, by) if self.followers else x.differentiate(by)
 
 
-def derive(scene: Scene) -> Derived:
+def derive(scene: Scene) -> DerivedEquations:
     """The equations of motion of a scene, by the law that fits its system."""
     system = scene.system
     if isinstance(system, FreePoints):
@@ -122,7 +122,7 @@ def _parts(found: Symbols) -> tuple[list[Symbol], list[Symbol], list[Expression]
     return q, v, [as_expression(a) for a in found.rates[n:]]
 
 
-def _newton(scene: Scene) -> Derived:
+def _newton(scene: Scene) -> DerivedEquations:
     """m_i a_i = sum of the forces on point i."""
     found = symbols(scene, halves(scene))
     _, _, a = _parts(found)
@@ -141,7 +141,7 @@ def _newton(scene: Scene) -> Derived:
         whole = mass if mass else number(1)  # nothing but gravity moves a test particle
         equations.append(whole * acceleration - whole * g - f)
     energies = _energies(scene, found)
-    return Derived(found, "Newton's law", tuple(equations), energies=energies, alone=True)
+    return DerivedEquations(found, "Newton's law", tuple(equations), energies=energies, alone=True)
 
 
 def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
@@ -156,7 +156,7 @@ def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
     return {"T": kinetic.item(), "V": potential_.item()}
 
 
-def _lagrange(scene: Scene) -> Derived:
+def _lagrange(scene: Scene) -> DerivedEquations:
     """d/dt dL/dv - dL/dq = Q + G^T lambda."""
     found = symbols(scene, halves(scene))
     q, v, a = _parts(found)
@@ -194,7 +194,7 @@ def _lagrange(scene: Scene) -> Derived:
         others.append(simplify(force))
         if not conditions and not L.differentiate(x) and not force:
             conserved[x.name] = simplify(momentum)
-    return Derived(
+    return DerivedEquations(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
         (*equations, *map(simplify, second)),
@@ -216,7 +216,7 @@ def _any_of(symbols: Sequence[Symbol]) -> Symbol:
     return Symbol(symbols[0].stem, symbols[0].kind)
 
 
-def _linkage(scene: Scene) -> Derived:
+def _linkage(scene: Scene) -> DerivedEquations:
     """Lagrange's equations of the free coordinates, from which the other coordinates follow."""
     found = symbols(scene, halves(scene))
     of = opened_coordinates(scene, found)
@@ -244,7 +244,7 @@ def _linkage(scene: Scene) -> Derived:
     ]
     phi = ties.tolist()
     followers = find_followers(scene, of, phi, [by_time(by_time(x)) for x in phi])
-    return Derived(
+    return DerivedEquations(
         found,
         "Lagrange's equations",
         eliminate_followers(of, followers, laws),
@@ -377,7 +377,7 @@ def _conditions(scene: Scene, found: Symbols) -> tuple[list[Expression], list[Ex
     return ties.tolist(), speeds.tolist()
 
 
-def _polar(scene: Scene) -> Derived:
+def _polar(scene: Scene) -> DerivedEquations:
     """m (r'' - r theta'^2) = F_r, m (r theta'' + 2 r' theta') = F_theta."""
     found = symbols(scene, halves(scene))
     (r, _), (vr, omega), (ar, alpha) = _parts(found)
@@ -392,7 +392,7 @@ def _polar(scene: Scene) -> Derived:
         m * ar - m * radius * as_expression(omega) ** 2 - along,
         m * radius * alpha + 2 * m * speed * omega - across,
     )
-    return Derived(
+    return DerivedEquations(
         found,
         "Newton's law in polar coordinates",
         equations,
@@ -402,7 +402,7 @@ def _polar(scene: Scene) -> Derived:
     )
 
 
-def _rigid(scene: Scene) -> Derived:
+def _rigid(scene: Scene) -> DerivedEquations:
     """m dv/dt = F, I domega/dt + omega x I omega = M, and the rate of the attitude."""
     system: Any = scene.system
     n = len(scene.labels())
@@ -435,7 +435,7 @@ def _rigid(scene: Scene) -> Derived:
         + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
     } | ({} if potential is None else {"V": potential})
     law = "Newton's law and Euler's equations" if free else "Euler's equations"
-    return Derived(
+    return DerivedEquations(
         found,
         law,
         (*equations, *kinematic),
@@ -563,7 +563,7 @@ _ATTITUDE = (
 )
 
 
-def _cylinder(scene: Scene) -> Derived:
+def _cylinder(scene: Scene) -> DerivedEquations:
     """m a = W + N n + F t, and the moments of both about the centre of mass."""
     system: Any = scene.system
     found = symbols(scene, halves(scene))
@@ -585,7 +585,7 @@ def _cylinder(scene: Scene) -> Derived:
     reactions = [total(f * row[i] for f, row in zip(forces, rows, strict=False)) for i in range(3)]
     laws = [weights[i] * a[i] - load[i] - reactions[i] for i in range(3)]
     conditions = [total(rows[k, i] * a[i] for i in range(3)) - bends[k] for k in range(touching)]
-    return Derived(
+    return DerivedEquations(
         found,
         "Newton's law with the forces of contact",
         tuple(map(simplify, (*laws, *conditions))),
@@ -596,7 +596,7 @@ def _cylinder(scene: Scene) -> Derived:
     )
 
 
-def _as_given(scene: Scene) -> Derived:
+def _as_given(scene: Scene) -> DerivedEquations:
     """The rate as it is written."""
     plain = symbols(scene, {})
     (rates,) = read(scene, plain, lambda field, t, y: field.rate(t, y))
@@ -618,4 +618,4 @@ def _as_given(scene: Scene) -> Derived:
         both = [x.item() for x in terms]
         energies = {"T": both[0], "V": both[1]} if len(both) == 2 else {"E": total(both)}
     law = "Prescribed motion" if prescribed else "Equations of motion"
-    return Derived(found, law, equations, energies=energies, solved=True, alone=True)
+    return DerivedEquations(found, law, equations, energies=energies, solved=True, alone=True)

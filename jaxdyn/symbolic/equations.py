@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxdyn import _checks
+from jaxdyn._doors import renamed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.symbolic.algebra import (
     ONE,
@@ -48,6 +49,7 @@ class _Row(NamedTuple):
     rest: Expression
 
 
+@renamed(linearised="linearize")
 class Equations(Printed):
     """The equations of motion of a scene, with its parameters as symbols; see `equations`.
 
@@ -71,8 +73,8 @@ class Equations(Printed):
         self._lengths = short = Lengths(sums, (*found.symbols.state, *known))
         self._rows: list[_Row] = []
         conditions = [_condition(short(x)) for x in (*places, *speeds)]
-        definitions = [Line(as_expression(s), collect(x)) for s, x in self._followed]
-        definitions += self._following()
+        definitions = [Line(as_expression(s), collect(x)) for s, x in self._follower_derivatives]
+        definitions += self._follower_accelerations()
         definitions += [Line(as_expression(s), x) for s, x in short.definitions]
         energies = [
             Line(_named(name), of_energy(complete_squares(short(x))))
@@ -177,12 +179,12 @@ class Equations(Printed):
         return (*self._derived.symbols.unknowns, *self._derived.multipliers)
 
     @property
-    def _followed(self) -> tuple[tuple[Symbol, Expression], ...]:
+    def _follower_derivatives(self) -> tuple[tuple[Symbol, Expression], ...]:
         """The expressions for the derivatives of coordinates that follow from others."""
         followers = self._derived.followers
         return followers.definitions if followers else ()
 
-    def _following(self) -> list[Line]:
+    def _follower_accelerations(self) -> list[Line]:
         """The accelerations of coordinates that follow from others."""
         found = self._derived.followers
         return [Line(as_expression(a), x) for a, x in found.accelerations] if found else []
@@ -217,7 +219,7 @@ class Equations(Printed):
         used = {s for line in lines for x in line for s in x.symbols()}
         definitions = [
             Line(as_expression(s), collect(x))
-            for s, x in (*self._followed, *short.definitions)
+            for s, x in (*self._follower_derivatives, *short.definitions)
             if s in used
         ]
         title = "Equilibria" if lines else "Equilibria: every state at rest"
@@ -242,9 +244,13 @@ class Equations(Printed):
         """Everything that is 0 at rest: velocities, derivatives, and expressions of these."""
         found = self._derived
         moving = {"velocity", "acceleration", "rate"}
-        named = (*found.symbols.state, *found.symbols.rates, *(s for s, _ in self._followed))
+        named = (
+            *found.symbols.state,
+            *found.symbols.rates,
+            *(s for s, _ in self._follower_derivatives),
+        )
         zeros: dict[Atom, Expression] = {s: number(0) for s in named if s.kind in moving}
-        for s, x in self._followed:
+        for s, x in self._follower_derivatives:
             if not x.replace(zeros.get):
                 zeros[s] = number(0)
         return zeros
@@ -268,7 +274,7 @@ class Equations(Printed):
         values |= dict(zip(found.state, state.tolist(), strict=True))
         followers = self._derived.followers
         values |= followers.values(t, state) if followers else {}
-        for s, x in (*self._followed, *self._lengths.definitions):
+        for s, x in (*self._follower_derivatives, *self._lengths.definitions):
             values[s] = x.value(values)
         return values
 
@@ -303,7 +309,9 @@ class Equations(Printed):
           ValueError: SymPy is not installed, or has no such function.
         """
         found = self._derived
-        made = ToSympy(found.symbols, dict((*self._followed, *self._lengths.definitions)))
+        made = ToSympy(
+            found.symbols, dict((*self._follower_derivatives, *self._lengths.definitions))
+        )
         return [
             made.equation(
                 total(x * as_expression(s) for s, x in row.coefficients.items()), row.rest
@@ -321,7 +329,7 @@ class Equations(Printed):
         """
         return code(self.scene, language)
 
-    def linearised(self, y: Sequence[float] | None = None) -> Linear:
+    def linearize(self, y: Sequence[float] | None = None) -> Linear:
         """The equations near an equilibrium: M x'' + C x' + K x = 0 with symbols as entries.
 
         Args:
@@ -368,7 +376,7 @@ def equations(scene: Scene) -> Equations:
       scene: any that has formulas.
     Returns:
       `Equations`: `text()`, `latex()`, `mathml()`, `sympy()`, `code(language)`, `equilibria()`,
-      `linearised()`, `jacobian()`.
+      `linearize()`, `jacobian()`.
     Raises:
       ValueError: the scene is invalid, or its rate contains something without formulas: a loop of
         unknown length, a callback, a function without a known derivative in an energy.

@@ -62,7 +62,7 @@ class Followers(NamedTuple):
         return found
 
 
-class Opened(NamedTuple):
+class OpenedCoordinates(NamedTuple):
     """The coordinates of an opened mechanism: the free ones, then the followers.
 
     Attributes:
@@ -83,7 +83,7 @@ class Opened(NamedTuple):
         return list(self.q[self.free :]), list(self.v[self.free :])
 
 
-def opened_coordinates(scene: Scene, found: Symbols) -> Opened:
+def opened_coordinates(scene: Scene, found: Symbols) -> OpenedCoordinates:
     """The coordinates of the opened form of a scene's mechanism, by their names there."""
     system: Any = scene.system
     names = [name for name, _ in system.mechanism.opened_form().mechanism.coordinates()]
@@ -92,11 +92,11 @@ def opened_coordinates(scene: Scene, found: Symbols) -> Opened:
     more = zip(*others, strict=True)
     known = (found.coordinates, found.state[n:], found.unknowns)
     q, v, a = ((*of, *extra) for of, extra in zip(known, more, strict=True))
-    return Opened(q, v, a, n)
+    return OpenedCoordinates(q, v, a, n)
 
 
 def find_followers(
-    scene: Scene, all_: Opened, ties: Sequence[Expression], second: Sequence[Expression]
+    scene: Scene, all_: OpenedCoordinates, ties: Sequence[Expression], second: Sequence[Expression]
 ) -> Followers:
     """The followers that constraints determine.
 
@@ -138,7 +138,7 @@ def find_followers(
 
 
 def eliminate_followers(
-    all_: Opened, found: Followers, laws: Sequence[Expression]
+    all_: OpenedCoordinates, found: Followers, laws: Sequence[Expression]
 ) -> tuple[Expression, ...]:
     """The equations of the free coordinates alone, from those of all.
 

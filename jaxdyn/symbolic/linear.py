@@ -9,7 +9,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, as_expression, number
 from jaxdyn.symbolic.arranging import factor_common
-from jaxdyn.symbolic.deriving import Derived
+from jaxdyn.symbolic.deriving import DerivedEquations
 from jaxdyn.symbolic.matrices import Matrices, Rows
 from jaxdyn.symbolic.simplifying import simplify
 
@@ -26,13 +26,13 @@ class Linear(Matrices):
       at: (n) their values q0.
     """
 
-    def __init__(self, found: Derived, y: np.ndarray, values: dict[Symbol, float]):
+    def __init__(self, found: DerivedEquations, y: np.ndarray, values: dict[Symbol, float]):
         q = found.symbols.coordinates
         n = len(q)
         a = found.symbols.unknowns
         if found.multipliers or 2 * n != len(found.symbols.state):
             raise _checks.fail(
-                "linearised",
+                "linearize",
                 "a scene of free coordinates with accelerations",
                 found.law,
                 "jaxdyn.linearize has the Jacobian of every scene; a mechanism with constraints "
@@ -65,7 +65,7 @@ class Linear(Matrices):
         return f"Linear: M x'' + C x' + K x = 0 at {', '.join(where)}\n{self.text()}"
 
 
-def jacobian(found: Derived) -> Matrices:
+def jacobian(found: DerivedEquations) -> Matrices:
     """The derivatives of the rate with respect to the state.
 
     Raises:
@@ -96,7 +96,7 @@ def _in_print(rows: Rows) -> Rows:
 
 
 def _check_rest(
-    found: Derived, y: np.ndarray, at: dict[Atom, Expression], values: dict[Symbol, float]
+    found: DerivedEquations, y: np.ndarray, at: dict[Atom, Expression], values: dict[Symbol, float]
 ) -> None:
     """Raise ValueError unless nothing moves and all accelerations vanish."""
     q = found.symbols.coordinates
@@ -110,7 +110,7 @@ def _check_rest(
             moving |= abs(left) > _AT_REST * sum(np.abs(list(stiffness)) * sizes)
     if timed or moving:
         raise _checks.fail(
-            "linearised",
+            "linearize",
             "an equilibrium: a state at rest without accelerations",
             "equations that depend on time" if timed else f"{y.tolist()}",
             "jaxdyn.equilibria(scene) finds them.",

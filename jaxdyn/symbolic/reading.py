@@ -15,7 +15,7 @@ from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function,
 from jaxdyn.symbolic.parameters import rebuild
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols
-from jaxdyn.symbolic.trigonometry import deeply_shortened
+from jaxdyn.symbolic.trigonometry import shorten_deeply
 
 #: Largest number of operations of a program that is read; longer equations would be unreadable.
 _MOST_NODES = 20_000
@@ -71,12 +71,12 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
             meant[node] = _expression(node, meant)
     results = []
     for array in found:
-        flat = [_meant(x, meant) for x in np.ravel(array).tolist()]
+        flat = [_meaning(x, meant) for x in np.ravel(array).tolist()]
         results.append(objects([simplify(x) for x in flat], np.shape(array)))
     return results
 
 
-def _meant(a: Number, meant: dict[Node, Expression]) -> Expression:
+def _meaning(a: Number, meant: dict[Node, Expression]) -> Expression:
     return meant[a] if isinstance(a, Node) else number(float(a))
 
 
@@ -85,10 +85,10 @@ def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
     if op == "sum":
         found = number(0)
         for factor, term in zip(node.args[::2], node.args[1::2], strict=True):
-            part = _meant(factor, meant)
-            found = found + (part if term is None else part * _meant(term, meant))
+            part = _meaning(factor, meant)
+            found = found + (part if term is None else part * _meaning(term, meant))
         return found
-    args = [_meant(a, meant) for a in node.args]
+    args = [_meaning(a, meant) for a in node.args]
     if op in ("scale", "mul", "product"):
         return math.prod(args[1:], start=args[0])
     if op == "add":
@@ -96,11 +96,11 @@ def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
     if op == "div":
         return args[0] / args[1]
     if op == "sqrt":
-        return deeply_shortened(args[0]) ** Fraction(1, 2)
+        return shorten_deeply(args[0]) ** Fraction(1, 2)
     if op == "pow":
         exponent = args[1]
         if exponent.is_number and isinstance(exponent.number, Fraction):
-            return deeply_shortened(args[0]) ** exponent.number
+            return shorten_deeply(args[0]) ** exponent.number
         return function("pow", *args)
     if op == "select":
         return _select(node, *args)

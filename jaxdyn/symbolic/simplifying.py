@@ -1,7 +1,7 @@
 """The shortest of several forms of an expression."""
 
 from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial, inverse, times
-from jaxdyn.symbolic.trigonometry import deeply_shortened
+from jaxdyn.symbolic.trigonometry import shorten_deeply
 
 
 def simplify(x: Expression) -> Expression:
@@ -10,13 +10,13 @@ def simplify(x: Expression) -> Expression:
     The candidates are the forms with differences in brackets, multiplied out, and over common
     denominators; in each, sums that occur in brackets elsewhere are put into brackets.
     """
-    plain = deeply_shortened(x)
-    forms = [plain, deeply_shortened(plain.expand())]
-    forms.append(deeply_shortened(forms[-1].over_one_line()))
-    return min((recognize_differences(form) for form in forms), key=lambda form: len(form.terms))
+    plain = shorten_deeply(x)
+    forms = [plain, shorten_deeply(plain.expand())]
+    forms.append(shorten_deeply(forms[-1].over_one_line()))
+    return min((reuse_differences(form) for form in forms), key=lambda form: len(form.terms))
 
 
-def recognize_differences(x: Expression) -> Expression:
+def reuse_differences(x: Expression) -> Expression:
     """k x1 - k x2 as k (x1 - x2), if x1 - x2 occurs in brackets elsewhere."""
     for bracket in sorted(_differences(x), key=lambda x: x.key):
         while found := with_sum(x, bracket.sum):

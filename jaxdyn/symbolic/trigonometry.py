@@ -34,7 +34,7 @@ def shorten(x: Expression) -> Expression:
     return Expression(terms)
 
 
-def deeply_shortened(x: Expression) -> Expression:
+def shorten_deeply(x: Expression) -> Expression:
     """The same, applied inside brackets and arguments too."""
 
     def inside(a: Atom) -> Expression | None:

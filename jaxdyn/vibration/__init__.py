@@ -4,8 +4,8 @@
 transfer functions from an input to an output and the frequency response functions that engineers
 name: receptance, mobility, accelerance, transmissibility. `inputs` has the ways to act on a scene
 (a force, a moving base, a parameter) and the measured quantities, `signals` the dependence on time
-(a sine, a step, a pulse, a sweep, a table); `driven` makes a scene with an input, for all functions
-that take a scene. The nonlinear responses of such a scene over frequency are
+(a sine, a step, a pulse, a sweep, a table); `forcing` makes a scene with an input, for all
+functions that take a scene. The nonlinear responses of such a scene over frequency are
 `orbits.frequency_response`.
 
 May import: `analysis`, `effects`.
@@ -14,7 +14,8 @@ To add an input, write a subclass of `Input` in `inputs`; to add a signal, one o
 `signals`; and add a line below.
 """
 
-from jaxdyn.vibration.driven import driven, struck
+import jaxdyn._doors
+from jaxdyn.vibration.forcing import drive, strike
 from jaxdyn.vibration.inputs import Base, Force, Input, Motion, Parameter
 from jaxdyn.vibration.natural import NaturalModes, modes
 from jaxdyn.vibration.signals import Harmonic, Pulse, Signal, Step, Sweep, Table
@@ -42,11 +43,15 @@ __all__ = [
     "Table",
     "TransferFunction",
     "accelerance",
-    "driven",
+    "drive",
     "mobility",
     "modes",
     "receptance",
-    "struck",
+    "strike",
     "transfer_function",
     "transmissibility",
 ]
+
+#: Renamed in version 0.3.
+_RENAMED = {"driven": "drive", "struck": "strike"}
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, renamed=_RENAMED)

@@ -22,7 +22,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import rate, sizes
-from orbits.hybrid.equations import closing_in_sizes, leg_passed
+from orbits.hybrid.equations import closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit
 
 _SMALL = 1e-6  # relative values below this are taken for zero
@@ -69,7 +69,7 @@ def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
         if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
             remedy = "Write the legs in coordinates without constraints."
             raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
-        (y, *_), (by_start, by_span) = leg_passed(leg, y, leg.scene.t1, traced)
+        (y, *_), (by_start, by_span) = pass_leg(leg, y, leg.scene.t1, traced)
         step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
         following, each = (i + 1) % len(orbit.legs), units[i]
         if leg.ends:

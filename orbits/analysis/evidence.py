@@ -80,7 +80,7 @@ def _closing_errors(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> n
 def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
     """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of the equations."""
     chain, spans = Chain.of(orbit), orbit.spans
-    found = chain.linearised(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
+    found = chain.linearize(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
     each = chain.sizes(found, spans)
     rows = chain.residual_units(found, spans, each)
     return found.jacobian * chain.pack(each[0], spans) / rows[:, None], rows

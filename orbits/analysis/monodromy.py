@@ -23,8 +23,8 @@ from orbits.motion import quick_solve
 from orbits.orbit import Orbit, gap
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations, InUnits, pieces
-from orbits.shooting.gauss_steps import NODES, linearise_steps
-from orbits.shooting.segment import Piece, linearise_end
+from orbits.shooting.gauss_steps import NODES, linearize_steps
+from orbits.shooting.segment import Piece, linearize_end
 from orbits.shooting.segmentation import cut_into_segments
 
 _SAMPLES = 1024  # samples of a period, for the mean of the divergence
@@ -211,7 +211,7 @@ def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
     """The end of the period, the status, and the derivative (k, k) of the end in the start."""
     scene = orbit.scene
     whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
-    end, status, slopes = linearise_end(scene, whole, rtol)
+    end, status, slopes = linearize_end(scene, whole, rtol)
     return end, status, slopes.start
 
 
@@ -224,7 +224,7 @@ def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
     x = whole.spread(orbit.y0, orbit.period, orbit.rtol)
     here = pieces(whole, x)
     nodes = NODES if rtol <= orbit.rtol else NODES - _FEWER
-    found, slopes = linearise_steps(orbit.scene, here, make=None, nodes=nodes)
+    found, slopes = linearize_steps(orbit.scene, here, make=None, nodes=nodes)
     m = functools.reduce(lambda m, slope: slope @ m, np.asarray(slopes.start))
     return found.end[-1], found.status.max(), jnp.asarray(m)
 

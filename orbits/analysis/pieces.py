@@ -15,7 +15,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn.solvers import Method
 from orbits.closing.sizes import sizes
-from orbits.hybrid.equations import closing_left
+from orbits.hybrid.equations import closing_error
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit
@@ -98,7 +98,7 @@ def offset_along(orbit: Periodic, y, way) -> np.ndarray:
 
 def _compare_ends(orbit: HybridOrbit, start: Array) -> tuple[np.ndarray, np.ndarray]:
     """(m, k) the derivative of what the closing of a chain compares, and (m,) the sizes of that."""
-    slope = np.asarray(closing_left(orbit.closes, start, start)[1][0])
+    slope = np.asarray(closing_error(orbit.closes, start, start)[1][0])
     rows = np.abs(slope) @ sizes(orbit.legs[0].scene)
     return slope, np.where(rows > 0, rows, 1.0)
 

@@ -215,7 +215,7 @@ def pose(orbit: Orbit, hold: Hold) -> Posed:
 def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     """The chain with its derivatives by the implicit function theorem."""
     chain, start, spans = Chain.of(orbit), np.asarray(orbit.y0), orbit.spans
-    found = chain.linearised(chain.pack(start, spans), orbit.rtol)
+    found = chain.linearize(chain.pack(start, spans), orbit.rtol)
     each = chain.sizes(found, spans)
     units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
     inverse = _pseudo_inverse(found.jacobian * units / rows[:, None], units, rows)

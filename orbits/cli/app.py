@@ -2,6 +2,7 @@
 
 from jaxdyn.cli.shared import add, application, start
 from orbits.cli.aim import aim_command
+from orbits.cli.basins import basins_command
 from orbits.cli.bifurcations.curve import curve_command
 from orbits.cli.bifurcations.diagram import diagram_command
 from orbits.cli.bifurcations.family import family_command
@@ -58,6 +59,13 @@ add(
     "backbone",
     backbone_command,
     "orbits backbone double_pendulum --set angles=0,0 --mode 2 --energy 1 --plot backbone.png",
+)
+add(
+    app,
+    "basins",
+    basins_command,
+    "orbits basins lorenz --set rho=20 --grid x=-20:20:60 --grid z=0:40:60 --plot basins.png",
+    "orbits basins lorenz --grid x=-5:5:10 --grid y=-5:5:10 --along rho 0.5 2 --plot tipping.png",
 )
 add(app, "aim", aim_command, "orbits aim --speed 50 --drag 0.01 --x 80 --plot throws.png")
 add(

@@ -42,6 +42,9 @@ def response_command(
         str, typer.Option(metavar="A,B,..", help="Amplitudes of the force, one for each curve.")
     ] = "1",
     start: NearOption = None,
+    isolas: Annotated[
+        int, typer.Option(help="Frequencies at which detached curves are searched for.")
+    ] = 0,
     output: OutputOption = None,
     step: Annotated[float, number("Length of the first step.")] = 0.1,
     plot: PlotOption = None,
@@ -59,7 +62,13 @@ def response_command(
     with screen(f"following the responses of {name}", as_object) as out:
         scene = _scene(name, settings, start, output)
         found = orbits.frequency_response(
-            scene, drive, (low, high), levels=amplitudes, step=step, report=_reporter(out)
+            scene,
+            drive,
+            (low, high),
+            levels=amplitudes,
+            isolas=isolas,
+            step=step,
+            report=_reporter(out),
         )
         if as_object:
             out.result({"scene": name} | _columns(found.table(output)))

@@ -23,7 +23,7 @@ from jaxdyn.cli.shared import (
     output_option,
 )
 from jaxdyn.files.output_files import table_path
-from orbits.cli.shared import numbers
+from orbits.cli.shared import grid, numbers
 
 STOPPED = 1  # exit code: a start has fewer crossings than wanted
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
@@ -69,7 +69,7 @@ def section_command(
     check_title(title, plot)
     whole("--crossings", crossings, most=_MOST_CROSSINGS)
     levels, place = _levels(energy, unknown, sign), _setting("--event", event)
-    chosen, given = scene_settings(name, settings), _grid(starts)
+    chosen, given = scene_settings(name, settings), grid("--starts", starts)
     options = {"t1": t1, "coordinates": coordinates and coordinates.split(","), "rtol": rtol}
     choice("--direction", direction, _DIRECTIONS)
     with screen(f"crossing the section of {name}", as_object) as out:
@@ -138,24 +138,6 @@ def _event(
     labels = [label for label, _ in scene.labels()]
     entry = labels.index(choice("--event", name, [*labels, "every"]))
     return jaxdyn.integrate.events.Reaches(entry, level, _DIRECTIONS[direction])
-
-
-def _grid(texts: list[str] | None) -> dict[str, list[float]]:
-    """The values of each entry that --starts names."""
-    found = {}
-    for text in texts or ():
-        name, equals, values = text.partition("=")
-        parts = values.split(":")
-        try:
-            if not equals or len(parts) not in (1, 3):
-                raise ValueError
-            ends = [arithmetic.value(part) for part in parts[:2]]
-            n = whole("--starts", int(parts[2])) if len(parts) == 3 else 1
-        except ValueError:
-            raise fail("--starts", "NAME=VALUE or NAME=A:B:N", repr(text)) from None
-        step = (ends[-1] - ends[0]) / max(n - 1, 1)
-        found[name.strip()] = [ends[0] + i * step for i in range(n)]
-    return found
 
 
 def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):

@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._text import brief, fail
+from jaxdyn._text import brief, fail, whole
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import output_option, read
 from jaxdyn.files.output_files import writable
@@ -54,6 +54,24 @@ def bounds(option: str, text: str | None) -> tuple[float, float]:
     if not (len(found) == 2 and found[0] < found[1]):
         raise fail(option, "two bounds, the lower one first", repr(text))
     return found[0], found[1]
+
+
+def grid(option: str, texts: list[str] | None) -> dict[str, list[float]]:
+    """The values of each name in NAME=VALUE or NAME=A:B:N."""
+    found = {}
+    for text in texts or ():
+        name, equals, values = text.partition("=")
+        parts = values.split(":")
+        try:
+            if not equals or len(parts) not in (1, 3):
+                raise ValueError
+            ends = [arithmetic.value(part) for part in parts[:2]]
+            n = whole(option, int(parts[2])) if len(parts) == 3 else 1
+        except ValueError:
+            raise fail(option, "NAME=VALUE or NAME=A:B:N", repr(text)) from None
+        step = (ends[-1] - ends[0]) / max(n - 1, 1)
+        found[name.strip()] = [ends[0] + i * step for i in range(n)]
+    return found
 
 
 def not_found(

@@ -81,7 +81,7 @@ def pose(
     if not (np.isfinite(guess).all() and guess[-1] > 0):
         raise fail("bounds", "some finite numbers between them", f"{guess} nearest to the guess")
     scene = scene.starting(guess[:-1], guess[-1])
-    depends_on_time = driven(scene)
+    depends_on_time = is_driven(scene)
     if depends_on_time:
         guess[-1] = in_step(scene, float(guess[-1]))
         if not low[-1] <= guess[-1] <= high[-1]:
@@ -138,7 +138,7 @@ def _limits(name: str, value, k: int, without: float) -> np.ndarray:
     return bound
 
 
-def driven(scene: Scene) -> bool:
+def is_driven(scene: Scene) -> bool:
     """Whether the rate depends on time; False is proved from the program of the rate."""
     return plan_of(scene.field, len(scene.y0)).depends_on_time
 

@@ -34,7 +34,7 @@ from jaxdyn import Scene, System
 from jaxdyn.continuation.kinds import Kind
 from orbits.closing.closings import Return
 from orbits.closing.given import drive
-from orbits.shooting.segment import Piece, linearise_end
+from orbits.shooting.segment import Piece, linearize_end
 
 MakeOfTwo = Callable[[Array, Array], Scene]
 
@@ -203,14 +203,14 @@ class Extended(eqx.Module):
         extended = extended_make(self.make, self.vectors)
         base = extended(jnp.asarray(here.parameter[0]))
         each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        run = functools.partial(linearise_end, base, rtol=self.rtol, make=extended)
+        run = functools.partial(linearize_end, base, rtol=self.rtol, make=extended)
         if self.segments == 1:
             found = [run(each[0])]
         else:
             with ThreadPoolExecutor(self.segments) as threads:
                 found = list(threads.map(run, each))
         ends, _, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-        residual, jacobian = map(np.asarray, _linearise(self, x, here, ends, slopes, frame))
+        residual, jacobian = map(np.asarray, _linearize(self, x, here, ends, slopes, frame))
         k = self.k
         monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))
         return residual, jacobian, monodromy
@@ -262,7 +262,7 @@ def _pieces(extended: Extended, x: Array) -> Piece:
 
 
 @eqx.filter_jit
-def _linearise(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
+def _linearize(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: Frame):
     """The residual and the Jacobian at x from the segments' ends and their derivatives."""
 
     def residual(x):

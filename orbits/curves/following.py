@@ -24,7 +24,7 @@ from jaxdyn.continuation.units import Units
 from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import rate, sizes
 from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
@@ -33,7 +33,7 @@ from orbits.curves.steps import CurveChart, partial_return, point_at, solve
 from orbits.curves.units import as_member, of_place, units_at
 from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
-from orbits.shooting.segment import Piece, linearise_end
+from orbits.shooting.segment import Piece, linearize_end
 
 # ---- Points of codimension two between two neighbours of a curve of special orbits
 #
@@ -204,7 +204,7 @@ def _unknowns(make, orbit: Orbit, kind: Kind, both, segments, rtol):
         make=make,
         kind=kind,
         closing=_closing(orbit, kind),
-        driven=driven(scene.starting(orbit.y0, orbit.period)),
+        driven=is_driven(scene.starting(orbit.y0, orbit.period)),
         segments=1,
         k=len(orbit.y0),
         rtol=rtol,
@@ -237,7 +237,7 @@ def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np
             span=span,
             parameter=both,
         )
-        end, _, slopes = linearise_end(scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes)
+        end, _, slopes = linearize_end(scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes)
         states.append(np.asarray(end)[:k])
         maps.append(np.asarray(slopes.start)[:k, :k])
     monodromy = np.eye(k)

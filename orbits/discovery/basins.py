@@ -7,7 +7,6 @@ attractor that it has come close to; one that is not close to any continues, and
 it does not reach one in time. A driven scene is sampled once in each period of its forcing.
 """
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,15 @@ from jaxdyn._checks import check_first
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.chaos.lyapunov import lyapunov_exponents
 from jaxdyn.ensemble import engine
-from jaxdyn.files import archives
+from jaxdyn.files.rows import program_text, rows_in
 from jaxdyn.scales import groups
 from orbits.analysis.stability import stability
-from orbits.closing.given import drive_period, driven
+from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.settling import (
     CHAOTIC,
+    CHUNK,
     EQUILIBRIUM,
+    LAYOUT,
     NEWTON,
     ORBIT,
     REACHED,
@@ -51,9 +52,6 @@ _CLOUD = 20_000  # points of a chaotic attractor
 _LARGER = 2.0  # ratio of the second half of a motion to the first from which on it is unbounded
 _EXPONENT_SPANS = 10.0  # spans of the exponents of a chaotic motion
 _SIZED = 8  # motions whose extent determines the sizes of the entries
-_CHUNK = 65_536  # starts between two writings of the file
-_FORMAT = "basins.json"
-_REMEDY = "Give another path, or delete the file."
 
 
 @check_first
@@ -82,7 +80,8 @@ def basins(
         different labels are run; others get the label of their neighbours.
       period: period of the forcing, if it cannot be read from the rate.
       rtol: relative tolerance of a step.
-      path: .npz file for the ends of the first round, from which an interrupted call resumes.
+      path: file (.jsonl) to which the ends of motions are written as they are computed; the same
+        call resumes from it where it was interrupted, with the same result.
       progress: show a bar.
     Returns:
       Labels, verified attractors, fractions with bars.
@@ -108,15 +107,18 @@ def basins(
     span = float(_checks.positive("t1", scene.t1 if t1 is None else t1))
     turn = _period(scene, period)
     span = span if turn is None else turn * np.ceil(span / turn * (1 - 1e-12))
-    motions = _Motions(scene, span, turn, rounds, rtol, path, progress)
     entries = [labels.index(name) for name in axes]
-    title = _text.title_of(scene)
-    return over_grid(motions, axes, np.asarray(scene.y0), entries, refine, scene=scene, title=title)
+    title, start = _text.title_of(scene), np.asarray(scene.y0)
+    program = program_text(lambda scene, t, y: scene.rate(t, y), scene, 0.0, scene.y0)
+    of = (program, scene, axes, entries, span, rounds, refine, rtol)
+    with rows_in(path, LAYOUT, of, CHUNK) as kept:
+        motions = _Motions(scene, span, turn, rounds, rtol, kept, progress)
+        return over_grid(motions, axes, start, entries, refine, scene=scene, title=title)
 
 
 def _period(scene: Scene, period: float | None) -> float | None:
     """The period of the forcing; None for an autonomous scene."""
-    if not driven(scene):
+    if not is_driven(scene):
         return None
     found = drive_period(scene) if period is None else float(_checks.positive("period", period))
     if found is None:
@@ -127,10 +129,10 @@ def _period(scene: Scene, period: float | None) -> float | None:
 class _Motions(Settling):
     """The motions of a scene; for a driven one, the states once in each period of the forcing."""
 
-    def __init__(self, scene, span, turn, rounds, rtol, path, progress):
-        super().__init__(span, rounds, len(scene.y0))
+    def __init__(self, scene, span, turn, rounds, rtol, kept, progress):
+        super().__init__(span, rounds, len(scene.y0), kept)
         self.scene, self.turn = scene, turn
-        self.rtol, self.path, self.progress = rtol, path, progress
+        self.rtol, self.progress = rtol, progress
 
     @property
     def is_curve(self):
@@ -139,26 +141,6 @@ class _Motions(Settling):
     def ends(self, y0s):
         done = engine.run(self.scene, y0s, self.span, rtol=self.rtol, progress=self.progress)
         return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
-
-    def first_ends(self, y0s):
-        return self.ends(y0s) if self.path is None else self._run_resumably(y0s, self.path)
-
-    def _run_resumably(self, y0s: np.ndarray, path) -> np.ndarray:
-        """The ends of the first round; those in a file are not computed again."""
-        numbers = [np.asarray(x) for x in jax.tree.leaves(self.scene)]
-        parts = [y0s, np.array([self.span, self.rtol]), *numbers]
-        digest = hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in parts))
-        record = {"format": "basins", "of": digest.hexdigest()}
-        ends = np.empty((0, y0s.shape[1]))
-        if Path(path).exists():
-            read = archives.read(path, _FORMAT, _REMEDY)
-            if read.record != record:
-                raise _checks.fail("path", "the file of this call", f"{path}, of another", _REMEDY)
-            ends = read.arrays["ends"]
-        while len(ends) < len(y0s):
-            ends = np.concatenate([ends, self.ends(y0s[len(ends) : len(ends) + _CHUNK])])
-            archives.write(path, _FORMAT, record, {"ends": ends})
-        return ends.copy()
 
     def largest(self, y0s):
         # From some motions, since motions that end at rest have moved before.

@@ -7,6 +7,7 @@ positive Lyapunov exponent.
 """
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -16,12 +17,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn.files.rows import Rows, program_text, rows_in
 from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
 from jaxdyn.system import check_value
 from orbits.discovery.settling import (
     CHAOTIC,
+    CHUNK,
     CYCLE,
     FIXED,
+    LAYOUT,
     NEWTON,
     REACHED,
     Attractor,
@@ -50,6 +54,7 @@ def map_basins(
     steps: int = 200,
     rounds: int = 3,
     refine: int = 0,
+    path: str | Path | None = None,
 ) -> Basins:
     """The basins of attraction of a map over a grid of starts.
 
@@ -62,12 +67,13 @@ def map_basins(
       steps: number of steps of a round.
       rounds: largest number of rounds for starts that have not yet reached an attractor.
       refine: see `basins`.
+      path: see `basins`.
     Returns:
       Labels, verified attractors, fractions with bars. Starts that diverge or become NaN have the
       label -1.
     Raises:
       ValueError: `step` is not such a function or returns another shape, a number is out of range,
-        or see `basins` on grids.
+        or see `basins` on grids and files.
     Limits: attractors that no start of the grid reaches, cycles longer than 32 and quasi-periodic
       motions are not recognised.
     Example:
@@ -89,10 +95,19 @@ def map_basins(
     iterated = _Map(step, params)
     y = jnp.zeros(len(axes))
     check_value("step", y.shape, "One number for each entry of the grid.", iterated, y)
-    settling = _Iterates(iterated, steps, rounds, len(axes), _FAR * max(largest, 1.0))
-    entries = list(range(len(axes)))
-    title = name_of(step) or "a map"
-    return over_grid(settling, axes, np.zeros(len(axes)), entries, refine, scene=None, title=title)
+    entries, start = list(range(len(axes))), np.zeros(len(axes))
+    title, far = name_of(step) or "a map", _FAR * max(largest, 1.0)
+    of = (
+        program_text(lambda params, y: _Map(step, params)(y), params, y),
+        params,
+        axes,
+        steps,
+        rounds,
+        refine,
+    )
+    with rows_in(path, LAYOUT, of, CHUNK) as kept:
+        settling = _Iterates(iterated, steps, rounds, len(axes), far, kept)
+        return over_grid(settling, axes, start, entries, refine, scene=None, title=title)
 
 
 class _Map(eqx.Module):
@@ -151,8 +166,8 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
 class _Iterates(Settling):
     """The iterates of a map."""
 
-    def __init__(self, step: _Map, steps: int, rounds: int, k: int, far: float):
-        super().__init__(steps, rounds, k)
+    def __init__(self, step: _Map, steps: int, rounds: int, k: int, far: float, kept: Rows):
+        super().__init__(steps, rounds, k, kept)
         self.step, self.far = step, far
 
     def ends(self, y0s):

@@ -15,7 +15,7 @@ from jaxdyn._progress import report_progress
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
-from orbits.closing.given import drive_period, driven
+from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.seeds import Seed, returns
 from orbits.motion import quick_solve, sample
 from orbits.orbit import Orbit
@@ -124,7 +124,7 @@ def search_near(
 def _seeds(scene: Scene, movable: bool) -> Iterator[list[Seed]]:
     """Guesses from the scene's own motion, and then, if a start may move, from its attractor."""
     scene.check()
-    if driven(scene):
+    if is_driven(scene):
         period = drive_period(scene)
         if period is None:
             remedy = "The rate depends on time, but not with a period that can be read from it."

@@ -18,7 +18,7 @@ from jaxdyn import Scene, System, ensemble
 from jaxdyn.ensemble.watches import CloseReturn, Together, Until
 from jaxdyn.scales import at_start, groups
 from orbits.closing.closings import Closing
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 
 #: Maximum steps of a motion; a near collision takes many times more.
 MAX_STEPS = 5000
@@ -167,7 +167,7 @@ def refine(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
 def _newton_step(scene: Scene, closing: Closing, guesses: Guesses) -> Guesses:
     n = len(guesses.index)
     each = sizes_of_starts(scene, guesses.periods.max())
-    batch = _Batch(scene, closing, driven(scene), each)
+    batch = _Batch(scene, closing, is_driven(scene), each)
     base = np.pad(guesses.y0s, ((0, _BLOCK - n), (0, 0)), constant_values=np.nan)
     periods = np.pad(guesses.periods, (0, _BLOCK - n), constant_values=np.nan)
     x = np.concatenate([base[:, closing.free(base.shape[1])], periods[:, None]], axis=1)

@@ -21,7 +21,7 @@ from jaxdyn.scales import at_rest, groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.closing.sizes import largest_entry
-from orbits.discovery.screening import Miss, sizes_of_starts
+from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
 _SAMPLES_PER_TIME = 2048  # samples of a long run
@@ -114,7 +114,7 @@ def returns(
     if high <= low + 1:
         raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
     units = jnp.asarray(closing.residual_units(sizes_of_starts(scene, span)))
-    misses = np.asarray(_miss_table(Miss(scene.system, closing, units), flow.ys, low, high))
+    misses = np.asarray(_miss_table(ClosingGap(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape
     shifts = [(i, j) for i in (0, 1, 2) for j in (0, 1, 2) if (i, j) != (1, 1)]
@@ -128,7 +128,7 @@ def returns(
 
 
 @eqx.filter_jit
-def _miss_table(gap: Miss, ys: Array, low: int, high: int) -> Array:
+def _miss_table(gap: ClosingGap, ys: Array, low: int, high: int) -> Array:
     """(s, high - low) norms of the residual of sample i + low + j from sample i."""
     count = len(ys)
 

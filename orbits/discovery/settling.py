@@ -9,6 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from jaxdyn import Scene, _checks, _text
+from jaxdyn.files.layout import Layout
+from jaxdyn.files.rows import Rows
 from orbits.orbit import Orbit
 
 #: Relative to the sizes of the entries: the distance within which an attractor is reached.
@@ -17,6 +19,10 @@ NEWTON = 0.05  # the same for an attractor that Newton's method finds from the e
 _CLOUD_SPACING = 4.0  # the same for a chaotic one, relative to its largest gaps
 _TRIES = 6  # ends of a round without a new attractor before the search stops
 _SD = 1.96  # standard deviations of a 95 % interval
+
+#: The file of the states in which motions end, and how many of them are in a line.
+LAYOUT = Layout("jaxdyn-basins", 1, "orbits.basins or orbits.map_basins")
+CHUNK = 16_384
 
 EQUILIBRIUM, ORBIT, CHAOTIC = "equilibrium", "orbit", "chaotic"
 FIXED, CYCLE = "fixed point", "cycle"  # for maps
@@ -158,7 +164,7 @@ def over_grid(
 
     axes = tuple(grid.values())
     first = starts(*np.meshgrid(*axes, indexing="ij"))
-    found = settling.labels(first, first=True).reshape([len(x) for x in axes])
+    found = settling.labels(first).reshape([len(x) for x in axes])
     counts = [np.mean(found == i) for i in range(len(settling.attractors))]
     fractions = np.array([*counts, np.mean(found < 0)])
     for _ in range(refine):
@@ -200,14 +206,15 @@ class Settling(abc.ABC):
     Attributes:
       span: time of a round.
       rounds: number of rounds.
+      kept: the states after each round, which a file may keep.
       attractors: the attractors found.
       longest: time of the longest motions.
       computed: number of motions.
       sizes: (k,) sizes of the entries of a state.
     """
 
-    def __init__(self, span: float, rounds: int, k: int):
-        self.span, self.rounds = span, rounds
+    def __init__(self, span: float, rounds: int, k: int, kept: Rows):
+        self.span, self.rounds, self.kept = span, rounds, kept
         self.attractors: list[Attractor] = []
         self.longest, self.computed = 0.0, 0
         self.sizes = np.ones(k)
@@ -220,10 +227,6 @@ class Settling(abc.ABC):
     @abc.abstractmethod
     def ends(self, y0s: np.ndarray) -> np.ndarray:
         """(n, k) states after a round; NaN where a motion stops."""
-
-    def first_ends(self, y0s: np.ndarray) -> np.ndarray:
-        """The states after the first round, which may be stored in a file."""
-        return self.ends(y0s)
 
     @abc.abstractmethod
     def largest(self, y0s: np.ndarray) -> np.ndarray:
@@ -241,11 +244,11 @@ class Settling(abc.ABC):
     def attractor(self, y: np.ndarray, last: bool) -> Attractor | None:
         """A new attractor near the end of a motion; a chaotic one in the last round only."""
 
-    def labels(self, y0s: np.ndarray, *, first: bool = False) -> np.ndarray:
+    def labels(self, y0s: np.ndarray) -> np.ndarray:
         """(n,) number of the attractor of each start."""
         self.computed += len(y0s)
         found = np.full(len(y0s), -1)
-        ends = self.first_ends(y0s) if first else self.ends(y0s)
+        ends = self.kept.of(y0s, self.ends)
         if not self.attractors:
             self.sizes = self.largest(y0s[np.isfinite(ends).all(axis=1)])
         for number in range(1, self.rounds + 1):
@@ -256,7 +259,7 @@ class Settling(abc.ABC):
             open_ = (found < 0) & np.isfinite(ends).all(axis=1)
             if last or not open_.any():
                 break
-            ends[open_] = self.ends(ends[open_])
+            ends[open_] = self.kept.of(ends[open_], self.ends)
         return found
 
     def beside(self, y: np.ndarray) -> np.ndarray:

@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxdyn._checks import check_first
-from jaxdyn.drawing.bifurcations import RESTS, STRETCHES, stretches
+from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 from orbits.drawing.families import MARKS
 from orbits.families.graph import Graph, Place
 
-_KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *RESTS.items())}
+_KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *EQUILIBRIUM_MARKERS.items())}
 _THIN, _WIDER = 1.4, 2.0  # line widths
 
 

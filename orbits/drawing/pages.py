@@ -10,7 +10,7 @@ import numpy as np
 from jaxdyn import Scene, _text, scenes
 from jaxdyn._checks import check_first, fail
 from jaxdyn.files.output_files import page_path
-from jaxdyn.player import Playing
+from jaxdyn.player import PlayerPage
 from jaxdyn.player.choices import Choices, Curve
 from jaxdyn.player.live import write_page
 from jaxdyn.scenes.corners import has_corners
@@ -24,7 +24,7 @@ _DIGITS = 8  # digits of a period
 
 
 @check_first
-def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> Playing:
+def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> PlayerPage:
     """A page on which an orbit runs; beside a smooth one, a motion that starts 0.1 percent away.
 
     Args:
@@ -63,7 +63,7 @@ def _scene_of_chain(orbit: HybridOrbit) -> Scene:
 
 
 @check_first
-def family_page(family: Family | Listing, path=None) -> Playing:
+def family_page(family: Family | Listing, path=None) -> PlayerPage:
     """A page on which the orbits of a family run, selected by a slider or in a plot.
 
     A motion whose start differs by a thousandth runs beside the orbit, and stays close if the orbit

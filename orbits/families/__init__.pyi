@@ -7,4 +7,5 @@ from .diagram import Diagram as Diagram
 from .diagram import load as load
 from .family import Family as Family
 from .graph import Graph as Graph
-from .sensitivity import special_parameter as special_parameter
+from .special_orbits import SpecialOrbit as SpecialOrbit
+from .special_orbits import special_parameter as special_parameter

@@ -64,15 +64,21 @@ def special_points(
         doublings = [] if point is None else [_with_kind(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
     # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
-    if halvings and _singly(surface, a, b) and _count_spiralling(a) != _count_spiralling(b):
+    if (
+        halvings
+        and _count_at_plus_minus_one(surface, a, b)
+        and _count_spiralling(a) != _count_spiralling(b)
+    ):
         middle = OrbitChart(surface, a).between(a, b, 0.5)
         if middle is not None:
             halves = ((a, middle), (middle, b))
             return [x for half in halves for x in special_points(surface, *half, halvings - 1)]
-    told = _known_tests(surface, a, b)
-    places = [(kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in told]
+    certain = _known_tests(surface, a, b)
+    places = [
+        (kind, zero_between(surface, a, b, _TESTS[kind])) for kind in _TESTS if kind in certain
+    ]
     turns = next((point for kind, point in places if kind == Kind.FOLD), None)
-    if turns is not None and _bends(surface, a, b, turns, told):
+    if turns is not None and _bends(surface, a, b, turns, certain):
         places = [(Kind.BRANCH, turns) if kind == Kind.FOLD else (kind, x) for kind, x in places]
     found = [_with_kind(surface, kind, point) for kind, point in places if point is not None]
     if _leave_in_pairs(surface, a, b):
@@ -137,13 +143,13 @@ def _same(a: Member, b: Member) -> bool:
     return abs(a.point.along(a.tangent, b.point.x)) < _SAME_PLACE * (1.0 + a.point.size)
 
 
-def _bends(surface: Surface, a: Member, b: Member, turns: Member, told: set[Kind]) -> bool:
+def _bends(surface: Surface, a: Member, b: Member, turns: Member, certain: set[Kind]) -> bool:
     """Whether a family turns where another one crosses it, as the bent branch of a pitchfork does.
 
     At a fold a multiplier passes through 1; at such a point it comes to 1 and returns.
     """
     test = _TESTS[Kind.BRANCH]
-    if Kind.BRANCH not in told or test(surface, a) * test(surface, b) < 0:
+    if Kind.BRANCH not in certain or test(surface, a) * test(surface, b) < 0:
         return False
     # Folds and branch points may come in one step, as on the way to a homoclinic orbit.
     here, *beside = (surface.at(x.point).crossing(*_place(x))[0] for x in (turns, a, b))
@@ -160,7 +166,7 @@ def _with_kind(surface: Surface, kind: Kind, point: Member) -> Member:
     # An integral that the scene does not name is stationary where no second family crosses.
     # (Closing by a symmetry hides families without it.)
     hidden = point.alike.shape[1] and surface.parts == 1
-    if kind == Kind.BRANCH and hidden and surface.aside(*_place(point)) is None:
+    if kind == Kind.BRANCH and hidden and surface.other_direction(*_place(point)) is None:
         kind = Kind.FOLD
     return dataclasses.replace(point, kind=kind)
 
@@ -199,10 +205,10 @@ _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _through(1.0), Kind.DOUBLING: _through(
 
 def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:
     """The tests whose signs are known at both neighbours."""
-    return {kind for kind in _TESTS if all(_is_told(kind, surface, end) for end in (a, b))}
+    return {kind for kind in _TESTS if all(_is_sign_certain(kind, surface, end) for end in (a, b))}
 
 
-def _is_told(kind: Kind, surface: Surface, member: Member) -> bool:
+def _is_sign_certain(kind: Kind, surface: Surface, member: Member) -> bool:
     """Whether the sign of a test is known in spite of rounding."""
     if kind == Kind.FOLD:
         whole = member.tangent / member.point.units
@@ -223,30 +229,32 @@ def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
         inside_or_out = np.abs(np.abs(known.nontrivial) - 1) <= known.bars
         if ((known.bars > _VAGUE) & inside_or_out).any():
             return False
-    change = abs(int(_off(a).sum()) - int(_off(b).sum()))
-    return change - _singly(surface, a, b) >= 2
+    change = abs(int(_is_outside(a).sum()) - int(_is_outside(b).sum()))
+    return change - _count_at_plus_minus_one(surface, a, b) >= 2
 
 
-def _singly(surface: Surface, a: Member, b: Member) -> int:
+def _count_at_plus_minus_one(surface: Surface, a: Member, b: Member) -> int:
     """The number of the points +1 and -1 at which multipliers have crossed the unit circle."""
-    told = _known_tests(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
-    return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in told)
+    certain = _known_tests(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
+    return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in certain)
 
 
 def _count_spiralling(member: Member) -> int:
     """The number of complex multipliers outside of the unit circle."""
     complexes = np.abs(member.stability.nontrivial.imag) > member.stability.bars
-    return int((_off(member) & complexes).sum())
+    return int((_is_outside(member) & complexes).sum())
 
 
-def _off(member: Member) -> np.ndarray:
+def _is_outside(member: Member) -> np.ndarray:
     """(p,) whether each multiplier is outside of the unit circle."""
     return np.abs(member.stability.nontrivial) - 1 > member.stability.bars
 
 
 def _pair_kind(a: Member, b: Member) -> Kind:
     """How multipliers left the circle in pairs; at a Krein collision they go to both sides."""
-    outer = max(a, b, key=lambda member: int(_off(member).sum()))
+    outer = max(a, b, key=lambda member: int(_is_outside(member).sum()))
     values = outer.stability.nontrivial
-    mirrored = [np.abs(values - 1 / np.conj(v)).min() < abs(v) - 1 for v in values[_off(outer)]]
+    mirrored = [
+        np.abs(values - 1 / np.conj(v)).min() < abs(v) - 1 for v in values[_is_outside(outer)]
+    ]
     return Kind.KREIN if all(mirrored) else Kind.TORUS

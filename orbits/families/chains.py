@@ -16,8 +16,8 @@ from jaxdyn import Scene, Status
 from jaxdyn.integrate.events import Event
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.sizes import rate
-from orbits.families.surface import Point, Surface, those_kept
-from orbits.hybrid.equations import Chain, Linearised, closing_in_sizes, leg_passed
+from orbits.families.surface import Point, Surface, kept_directions
+from orbits.hybrid.equations import Chain, LinearizedChain, closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.motion import quick_solve
 from orbits.orbit import Outcome
@@ -59,7 +59,7 @@ class ChainSurface(Surface):
         return margins(orbit)
 
     def status(self, x: np.ndarray) -> Status:
-        known = np.isfinite(self.equations.linearised(x, self.rtol).jacobian).all()
+        known = np.isfinite(self.equations.linearize(x, self.rtol).jacobian).all()
         return Status.OK if known else Status.NOT_FINITE
 
     def holds(self, x: np.ndarray) -> bool:
@@ -72,7 +72,7 @@ class ChainSurface(Surface):
 
     def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
         chain, unknowns = self.equations, self.equations.unpack(x)
-        found = chain.linearised(x, self.rtol)
+        found = chain.linearize(x, self.rtol)
         each = chain.sizes(found, unknowns.spans, unknowns.parameter)
         own = np.maximum(each[0], least)
         if chain.make is None:
@@ -102,7 +102,7 @@ class ChainSurface(Surface):
         _, s, vt = np.linalg.svd(by_start)
         kept = int((s > _RANK * s.max(initial=0.0)).sum())
         columns += [chain.pack(each * way, np.zeros_like(shift)) for way in vt[kept:]]
-        return those_kept(jacobian, [column / in_units for column in columns])
+        return kept_directions(jacobian, [column / in_units for column in columns])
 
 
 class _InUnits:
@@ -111,7 +111,7 @@ class _InUnits:
     def __init__(self, chain: Chain, x: np.ndarray, rtol: float, in_units: np.ndarray, sizes):
         self.chain, self.rtol, self.sizes = chain, rtol, sizes
         unknowns = chain.unpack(x)
-        self._last = x, chain.linearised(x, rtol)
+        self._last = x, chain.linearize(x, rtol)
         each = chain.sizes(self._last[1], unknowns.spans, unknowns.parameter)
         rows = chain.residual_units(self._last[1], unknowns.spans, each, unknowns.parameter)
         self.units = Units(in_units, rows)
@@ -123,9 +123,9 @@ class _InUnits:
             return np.full_like(value, np.nan), np.full_like(jacobian, np.nan)
         return value, jacobian
 
-    def _at(self, x: np.ndarray) -> Linearised:
+    def _at(self, x: np.ndarray) -> LinearizedChain:
         if not np.array_equal(x, self._last[0]):
-            self._last = x, self.chain.linearised(x, self.rtol)
+            self._last = x, self.chain.linearize(x, self.rtol)
         return self._last[1]
 
 
@@ -147,7 +147,7 @@ def margins(orbit: HybridOrbit) -> np.ndarray:
     for leg in orbit.legs:
         if leg.ends:
             rtol = np.asarray(orbit.rtol, float)
-            _, (_, by_span) = leg_passed(leg, np.asarray(leg.scene.y0), leg.scene.t1, rtol)
+            _, (_, by_span) = pass_leg(leg, np.asarray(leg.scene.y0), leg.scene.t1, rtol)
             found.append(float(by_span[1][0]))
         found += [_least_minimum(leg, bound, orbit.rtol) for bound in leg.bounds]
     return np.array(found)

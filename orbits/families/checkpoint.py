@@ -14,7 +14,7 @@ from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, SavedBranch
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Closing, Symmetry
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import Chain
@@ -31,7 +31,7 @@ _CUTS = "cuts"
 _HOLDS = 1e-6  # relative closing error above which an orbit is not one of these scenes
 
 
-class _Cuts(NamedTuple):
+class _Segmentation(NamedTuple):
     """Where an orbit is cut (`Equations`)."""
 
     shares: tuple[float, ...]
@@ -45,7 +45,7 @@ def codec(surface: Surface) -> Codec:
         point = encode(member.point, _NOT_NUMBERS)
         cuts = member.point.equations
         if cuts is not surface.equations:
-            point |= encode({_CUTS: _Cuts(cuts.shares, cuts.s_spans)})
+            point |= encode({_CUTS: _Segmentation(cuts.shares, cuts.s_spans)})
         return encode(member, _POINT) | {"point": point}
 
     def unpack(record: Any) -> Member:
@@ -55,7 +55,7 @@ def codec(surface: Surface) -> Codec:
         fields = decode_fields(rest, Member, "file", OTHER, _POINT)
         numbers, cuts = record["point"], surface.equations
         if isinstance(numbers, dict) and _CUTS in numbers:
-            given = decode(numbers[_CUTS], _Cuts, "file", OTHER)
+            given = decode(numbers[_CUTS], _Segmentation, "file", OTHER)
             cuts = dataclasses.replace(cuts, shares=given.shares, s_spans=given.s_spans)
             numbers = {name: x for name, x in numbers.items() if name != _CUTS}
         old = _without_units(numbers)
@@ -151,7 +151,7 @@ def family_of(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
         make=make,
         shares=known.shares,
         s_spans=known.s_spans,
-        driven=driven(scene),
+        driven=is_driven(scene),
         collocated=known.collocated,
         stiff=known.stiff,
     )

@@ -243,7 +243,7 @@ def switch_branch(
         remedy = "Give none: then the difference of the states closes, angles up to whole turns."
         raise fail("closes", f"one that holds after {times} periods", "another one", remedy)
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
-    aside = surface.aside(x, ahead - x, point.sizes)
+    aside = surface.other_direction(x, ahead - x, point.sizes)
     if aside is None:
         raise SearchError(_NOT_SIMPLE)
     aside = -aside if opposite else aside

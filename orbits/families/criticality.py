@@ -32,7 +32,7 @@ from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member, smooth_orbit
 from orbits.motion import quick_solve
@@ -241,7 +241,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
         raise fail("kind", expected, kind or "an ordinary orbit", remedy)
     kind = Kind(kind)
     _check(orbit)
-    moving = driven(orbit.scene)
+    moving = is_driven(orbit.scene)
     each, rtol = sizes(orbit.scene), orbit.rtol
     axes = basis(orbit, moving, each)
     fine, coarse = (

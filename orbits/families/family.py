@@ -10,6 +10,7 @@ from jaxdyn import Scene, _labelled, _text
 from jaxdyn._checks import fail
 from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._text import joule, number_of, second
+from jaxdyn.continuation.branch import CLOSED
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
@@ -133,6 +134,11 @@ class Family:
                 **entries(axes, [member.orbit.y0 for member in self.members], labels),
             },
         )
+
+    @property
+    def closed(self) -> bool:
+        """Whether the family closes upon itself."""
+        return self.end == CLOSED
 
     @property
     def parameters(self) -> np.ndarray:

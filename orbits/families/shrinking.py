@@ -110,7 +110,7 @@ def _shrunk(
 def _resonant(surface: Surface, point: Point, rest: np.ndarray) -> bool:
     """Whether small oscillations about an equilibrium close as a tiny orbit does."""
     unknowns = surface.equations.unpack(point.x)
-    slope = np.asarray(_linearise(_scene(surface, point.x), rest)[1])
+    slope = np.asarray(_linearize(_scene(surface, point.x), rest)[1])
     values = np.linalg.eigvals(slope)
     values = values[values.imag > 0]
     turned = np.exp(1j * float(unknowns.angle))
@@ -126,7 +126,7 @@ def _scene(surface: Surface, x: np.ndarray) -> Scene:
 def _start(surface: Surface, x: np.ndarray, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(k,) the start at x and the flow there, in sizes (k,)."""
     y = surface.equations.start_at(x)
-    return y / each, np.asarray(_linearise(_scene(surface, x), y)[0]) / each
+    return y / each, np.asarray(_linearize(_scene(surface, x), y)[0]) / each
 
 
 def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | None:
@@ -137,7 +137,7 @@ def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | 
     """
 
     def equations(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        flow, slope = map(np.asarray, _linearise(scene, z * each))
+        flow, slope = map(np.asarray, _linearize(scene, z * each))
         return flow / each, map_in_units(slope, each)
 
     found = newton.solve(equations, y / each, steps=_NEWTON_STEPS, rank=_RANK, polish=1)
@@ -145,7 +145,7 @@ def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | 
 
 
 @jax.jit
-def _linearise(scene: Scene, y: Array) -> tuple[Array, Array]:
+def _linearize(scene: Scene, y: Array) -> tuple[Array, Array]:
     """The flow (k,) at a state, and its derivative (k, k)."""
 
     def flow(y: Array) -> Array:

@@ -38,7 +38,7 @@ def first_member(surface: Surface, point: Point, sign: float) -> Member:
     tangent = sign * tangent / np.linalg.norm(tangent)
     nothing = np.zeros((len(tangent), 0))
     member = member_at(surface, point, tangent, nothing)
-    alike = _same_scene(surface, ways)
+    alike = _fixed_parameter_directions(surface, ways)
     # A family within one scene needs an integral. Each one that the scene names accounts for one.
     unnamed = alike.shape[1] - (member.stability.integrals - member.stability.unnamed)
     if not member.stability.ok or unnamed <= 0:
@@ -98,7 +98,9 @@ class OrbitChart(Chart[Member]):
         old = _orthonormal(last.alike / point.units[:, None])
         alike = old
         if alike.shape[1]:
-            alike = _nearest(_same_scene(self.surface, self.surface.directions(point)), old)
+            alike = _nearest(
+                _fixed_parameter_directions(self.surface, self.surface.directions(point)), old
+            )
         if alike.shape[1] < last.alike.shape[1]:
             return "an integral of the family is lost"
         new = member_at(self.surface, point, tangent * self.units / point.units, alike)
@@ -160,7 +162,7 @@ def in_segments(surface: Surface, member: Member) -> Member:
     ways = new.directions(point)
     along = directions(member.tangent[:, None])
     tangent = _nearest(ways, along / np.linalg.norm(along))
-    alike = _nearest(_same_scene(new, ways), _orthonormal(directions(member.alike)))
+    alike = _nearest(_fixed_parameter_directions(new, ways), _orthonormal(directions(member.alike)))
     if not tangent.shape[1] or alike.shape[1] < member.alike.shape[1]:
         return member
     tangent, alike = point.units * tangent[:, 0], point.units[:, None] * alike
@@ -194,7 +196,7 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
     )
 
 
-def _same_scene(surface: Surface, ways: np.ndarray) -> np.ndarray:
+def _fixed_parameter_directions(surface: Surface, ways: np.ndarray) -> np.ndarray:
     """(n, d) orthonormal: the directions along which the parameter is constant."""
     if surface.equations.make is None or not ways.shape[1]:
         return ways

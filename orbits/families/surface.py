@@ -22,7 +22,7 @@ from orbits.closing.sizes import rate
 from orbits.families.sizes import unknown_sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
-from orbits.shooting.collocation import STEP_SHARE, on, quality, refine
+from orbits.shooting.collocation import STEP_SHARE, on_mesh, quality, refine
 from orbits.shooting.equations import (
     Equations,
     InUnits,
@@ -278,7 +278,9 @@ class Surface(abc.ABC):
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return UnknownSizes(point.sizes, parameter)
 
-    def aside(self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:
+    def other_direction(
+        self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
+    ) -> np.ndarray | None:
         """(n,) the other direction at a simple branch point, of unit length; None if there is none.
 
         Args:
@@ -334,7 +336,7 @@ class OrbitSurface(Surface):
     def recut(self, point: Point) -> "OrbitSurface | None":
         if point.equations.collocated:
             mesh = refine(point.equations, point.x, STEP_SHARE * self.goal)
-            cuts = None if mesh is None else on(point.equations, mesh)
+            cuts = None if mesh is None else on_mesh(point.equations, mesh)
         else:
             cuts = recut(point.equations, point.x, self.rtol, point.sizes, point.growth)
         return None if cuts is None else self._with_cuts(cuts)
@@ -407,10 +409,10 @@ class OrbitSurface(Surface):
             first, *between = (np.asarray(_field(scene, y, name=name)) for y in states)
             columns.append(equations.pack(first, between, 0.0, 0.0, 0.0) / in_units)
         # Not every symmetry of the scene is a symmetry of the closing condition.
-        return those_kept(jacobian, columns)
+        return kept_directions(jacobian, columns)
 
 
-def those_kept(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
+def kept_directions(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
     """(n, r) orthonormal: those of the directions (n,), in units, that keep the equations."""
     kept = [np.zeros(jacobian.shape[1])]
     for column in columns:

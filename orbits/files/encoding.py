@@ -7,7 +7,7 @@ from jaxdyn._checks import fail
 from jaxdyn.files.codec import decode_fields, decode_part, decode_scene, encode
 from jaxdyn.files.digests import DAMAGED
 from orbits.closing.closings import Closing, Symmetry
-from orbits.closing.given import check_drive, driven
+from orbits.closing.given import check_drive, is_driven
 from orbits.families.family import smooth_orbit
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit, Outcome
@@ -58,7 +58,7 @@ def decode_orbit(record: Any) -> Orbit:
         scene = decode_scene(record["scene"], DAMAGED)
         if not (0 < known.rtol < 1 and float(scene.t1) > 0 and math.isfinite(known.angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
-        if driven(scene):
+        if is_driven(scene):
             check_drive(scene, float(scene.t1))
         closing = decode_part(record["closing"], Closing, "closing", (Symmetry,), DAMAGED)
         closing.check(scene)

@@ -48,7 +48,7 @@ class Unknowns(NamedTuple):
     parameter: float
 
 
-class Linearised(NamedTuple):
+class LinearizedChain(NamedTuple):
     """The equations at given unknowns.
 
     Attributes:
@@ -109,7 +109,7 @@ class Chain(NamedTuple):
             return self.legs
         return legs_of(self.make(jnp.asarray(parameter, float)), self.path)
 
-    def linearised(self, x: np.ndarray, rtol) -> Linearised:
+    def linearize(self, x: np.ndarray, rtol) -> LinearizedChain:
         """The equations and their Jacobian.
 
         Legs are passed one by one on the host, so that each kind of leg is compiled once for chains
@@ -138,18 +138,18 @@ class Chain(NamedTuple):
             ends.append(end)
             values.append(left)
             rows.append(row)
-        left, slopes = jax.tree.map(np.asarray, closing_left(self.closes, starts[-1], start))
+        left, slopes = jax.tree.map(np.asarray, closing_error(self.closes, starts[-1], start))
         jacobian = np.concatenate([*rows, slopes[0] @ along + slopes[1] @ first])
-        return Linearised(np.concatenate([*values, left]), jacobian, starts, ends)
+        return LinearizedChain(np.concatenate([*values, left]), jacobian, starts, ends)
 
     def _pass_leg(self, i: int, y: np.ndarray, unknowns: Unknowns, rtol: np.ndarray):
         span = unknowns.spans[i]
         if self.make is None:
-            return leg_passed(self.legs[i], y, span, rtol)
+            return pass_leg(self.legs[i], y, span, rtol)
         parameter = np.asarray(unknowns.parameter)
-        return _leg_of_family_passed(self.make, self.path, i, y, span, parameter, rtol)
+        return _pass_family_leg(self.make, self.path, i, y, span, parameter, rtol)
 
-    def sizes(self, first: Linearised, spans: np.ndarray, parameter=0.0) -> list[np.ndarray]:
+    def sizes(self, first: LinearizedChain, spans: np.ndarray, parameter=0.0) -> list[np.ndarray]:
         """(k,) sizes of the entries of each leg's state, the largest of legs with equal labels."""
         legs = self.legs_at(parameter)
         each = [
@@ -163,7 +163,7 @@ class Chain(NamedTuple):
         ]
 
     def residual_units(
-        self, first: Linearised, spans: np.ndarray, each, parameter=0.0
+        self, first: LinearizedChain, spans: np.ndarray, each, parameter=0.0
     ) -> np.ndarray:
         """(m,) the change of each equation when the states change by their sizes."""
         found = [
@@ -172,7 +172,7 @@ class Chain(NamedTuple):
                 self.legs_at(parameter), first.ends, spans, each, strict=True
             )
         ]
-        both = closing_left(self.closes, first.starts[-1], first.starts[0])[1]
+        both = closing_error(self.closes, first.starts[-1], first.starts[0])[1]
         found.append(sum(np.abs(np.asarray(slope)) @ each[0] for slope in both))
         rows = np.concatenate(found)
         return np.where(rows > 0, rows, 1.0)
@@ -182,7 +182,7 @@ class Chain(NamedTuple):
     ) -> HybridOrbit:
         """The chain at a point x of the unknowns; FOUND only if it keeps the bounds of its legs."""
         unknowns = self.unpack(x)
-        starts = self.linearised(x, rtol).starts[:-1]
+        starts = self.linearize(x, rtol).starts[:-1]
         placed = tuple(
             dataclasses.replace(leg, scene=leg.scene.starting(y, t))
             for leg, y, t in zip(
@@ -226,7 +226,7 @@ class Chain(NamedTuple):
             for leg, span, solver in zip(self.legs, spans, solvers, strict=True):
                 y, miss = _end(leg, y, np.asarray(span), np.asarray(rtol, float), solver=solver)
                 left.append(np.asarray(miss))
-            closing = closing + np.asarray(closing_left(self.closes, y, first)[0])
+            closing = closing + np.asarray(closing_error(self.closes, y, first)[0])
         return np.concatenate([*left, closing])
 
 
@@ -281,7 +281,7 @@ def residuals(legs: Sequence[Leg], closes, start: Array, spans: Array, rtol) -> 
 
 
 @eqx.filter_jit
-def leg_passed(leg: Leg, y: Array, span, rtol):
+def pass_leg(leg: Leg, y: Array, span, rtol):
     """The next leg's start, residual of the ends, and end, with derivatives of the first two."""
 
     def passed(y, span):
@@ -292,8 +292,8 @@ def leg_passed(leg: Leg, y: Array, span, rtol):
 
 
 @eqx.filter_jit
-def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, parameter, rtol):
-    """`leg_passed` of a leg of a family, with the derivatives with respect to its parameter."""
+def _pass_family_leg(make: MakeChain, path: Path, i: int, y: Array, span, parameter, rtol):
+    """`pass_leg` of a leg of a family, with the derivatives with respect to its parameter."""
 
     def passed(y, span, parameter):
         return _passage(legs_of(make(parameter), path)[i], y, span, rtol)
@@ -303,7 +303,7 @@ def _leg_of_family_passed(make: MakeChain, path: Path, i: int, y: Array, span, p
 
 
 @eqx.filter_jit
-def closing_left(closes, end: Array, start: Array):
+def closing_error(closes, end: Array, start: Array):
     """The closing error, and its derivatives with respect to both states."""
 
     def left(end, start):
@@ -319,7 +319,7 @@ def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, 
 
     Each equation is divided by the norm of its derivative with respect to the start.
     """
-    by_end, by_start = (np.asarray(x) * each for x in closing_left(closes, end, start)[1])
+    by_end, by_start = (np.asarray(x) * each for x in closing_error(closes, end, start)[1])
     rows = np.linalg.norm(by_start, axis=1, keepdims=True)
     rows = np.where(rows > 0, rows, 1.0)
     return by_end / rows, by_start / rows

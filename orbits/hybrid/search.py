@@ -18,7 +18,7 @@ from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, check_scene
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.hybrid.equations import Chain
 from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import Phases, follow, legs_of
@@ -213,13 +213,13 @@ def _solve(
 ) -> HybridOrbit:
     """The chain near a start (k,) and spans (n,) by Newton's method, or the best iterate."""
     x = chain.pack(start, times)
-    first = chain.linearised(x, effort.rtol)
+    first = chain.linearize(x, effort.rtol)
     each = chain.sizes(first, times)
     units = chain.pack(each[0], times)
     rows = chain.residual_units(first, times, each)
 
     def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = chain.linearised(x, effort.rtol)
+        found = chain.linearize(x, effort.rtol)
         return found.value / rows, found.jacobian * units / rows[:, None]
 
     shortest = chain.pack(np.full(len(start), -np.inf), _SHORTEST * times)
@@ -296,7 +296,7 @@ def check_legs(legs: tuple[Leg, ...]) -> None:
             if not (isinstance(events, tuple) and all(isinstance(x, Event) for x in events)):
                 got = type(events).__name__
                 raise fail(f"legs[{i}].{name}", "a tuple of events", got, "Write (event,) for one.")
-        if driven(check_scene(leg.scene)):
+        if is_driven(check_scene(leg.scene)):
             remedy = "Each leg starts at its own time 0."
             raise fail(f"legs[{i}]", "a scene that does not depend on time", "a driven one", remedy)
         parts = {f"ends[{j}]": event for j, event in enumerate(leg.ends)}

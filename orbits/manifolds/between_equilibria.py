@@ -17,7 +17,7 @@ from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scene import check_scene
 from jaxdyn.system import System
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.directions import of_equilibrium
@@ -206,7 +206,7 @@ def _pose(
     if type(a.system).project is not System.project:
         remedy = "Use a minimal set of coordinates."
         raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
-    if driven(a):
+    if is_driven(a):
         remedy = "It has no equilibria."
         raise _checks.fail("a", "an autonomous scene", "one that depends on time", remedy)
     scene = a if make is None else check_scene(make(jnp.asarray(p)))

@@ -13,7 +13,7 @@ from jaxdyn.analysis.energy import change, energy
 from jaxdyn.integrate.events import Event
 from jaxdyn.system import System
 from orbits.analysis.stability import stability
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.links import Links, Solution, sample, solve
@@ -124,7 +124,7 @@ _SHIFTED = 10.0  # a shift of more than this many errors of the ends is a differ
 _DIMENSIONS = 3  # dimensions of the level sets in which surfaces of motions meet along motions
 
 
-class Asked(NamedTuple):
+class OrbitOptions(NamedTuple):
     """The arguments of `orbits.connect` that concern orbits."""
 
     until: Event | None
@@ -138,7 +138,7 @@ class Asked(NamedTuple):
     rtol: float
 
 
-def connect_orbits(a: Orbit, b: Orbit, asked: Asked) -> Connection:
+def connect_orbits(a: Orbit, b: Orbit, asked: OrbitOptions) -> Connection:
     """A connection of two orbits; see `orbits.connect`."""
     if asked.until is None:
         remedy = "Take a section that strands of both orbits cross, jaxdyn.integrate.events."
@@ -184,7 +184,7 @@ def _check(a: Orbit, b: Orbit) -> bool:
       ValueError: connections of the orbits are not isolated, or cannot be followed.
     """
     scene = a.scene
-    if driven(scene):
+    if is_driven(scene):
         got = "one that depends on time"
         raise _checks.fail("a", "an orbit of an autonomous scene", got, "Leave out the drive.")
     if type(scene.system).project is not System.project:

@@ -4,7 +4,7 @@ from jaxdyn import Scene, _checks
 from jaxdyn._checks import check_first
 from jaxdyn.integrate.events import Event
 from orbits.manifolds.between_equilibria import Make, connect_equilibria
-from orbits.manifolds.between_orbits import Asked, connect_orbits
+from orbits.manifolds.between_orbits import OrbitOptions, connect_orbits
 from orbits.manifolds.connection import Connection
 from orbits.orbit import Orbit
 
@@ -90,7 +90,7 @@ def connect(
         if make is not None or parameter is not None:
             remedy = "They are connected at each value of it."
             raise _checks.fail("make", "none for orbits", "one", remedy)
-        asked = Asked(
+        asked = OrbitOptions(
             until=until,
             crossings=crossings if isinstance(crossings, tuple) else (crossings, crossings),
             branch="both" if branch is None else branch,

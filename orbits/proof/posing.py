@@ -19,7 +19,7 @@ from jaxdyn.solvers.formulas.formulas import Formulas, topological_order
 from jaxdyn.solvers.formulas.graph import Node, Number
 from jaxdyn.system import System
 from orbits.closing.closings import Closing, Return, Reversal, Symmetry
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes, sizes_along
 from orbits.motion import sample
 from orbits.orbit import Orbit, SearchError
@@ -182,7 +182,7 @@ def equations_of(orbit: Orbit) -> ClosingEquations:
         held=(),
         spared=(),
         sizes=tuple(sizes_of(scene).tolist()),
-        drive=drive_period(formulas, orbit.period) if driven(scene) else None,
+        drive=drive_period(formulas, orbit.period) if is_driven(scene) else None,
         candidates=tuple(candidates),
         reversals=_reversals(closing, len(names)),
     )

@@ -25,7 +25,6 @@ from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import check_scene
-from jaxdyn.vibration.driven import driven
 from jaxdyn.vibration.inputs import Input, Output, check_input
 from jaxdyn.vibration.signals import Harmonic
 from jaxdyn.vibration.transfer import transfer_function
@@ -40,6 +39,7 @@ from orbits.shooting.finding import GOAL, find
 from orbits.shooting.segment import Make, OwnNumber
 
 _PARTS = (0.03, 0.1, 0.3, 0.6, 1.0)  # fractions of a level at which responses are found in turn
+_ABOVE, _LEVELS = 5.0, 200  # highest level, and most members, of a family over the level
 _SAME = 1e-6  # starts that differ less, relative to the sizes, belong to the same response
 _PEAK = {"xatol": 1e-6, "maxiter": 40}  # relative to a step along the curve
 _NO_FIRST = (
@@ -197,6 +197,7 @@ def frequency_response(
     frequencies: tuple[float, float],
     *,
     levels: float | Sequence[float] = 1.0,
+    isolas: int = 0,
     step: float = 0.1,
     members: int = 400,
     report: Callable[[Member], None] = lambda member: None,
@@ -212,19 +213,23 @@ def frequency_response(
         omega alone, that returns the forced scene, whose rate has the period 2 pi / omega.
       frequencies: lowest and highest angular frequency [rad/s].
       levels: amplitude of the forcing, or several amplitudes.
+      isolas: number of frequencies at which responses are also followed over the level, besides
+        that of the peak, to find curves that are detached at a level (isolas). 0 searches for none;
+        with 1 only the frequency of the peak is tried.
       step: length of the first step along a curve; see `orbits.continue_family`.
       members: largest number of responses of a curve.
       report: called with each response as it is found.
     Returns:
-      A family for each level, from one end of the range to the other, or two.
+      A family for each level, from one end of the range to the other, or two; then its isolas.
     Raises:
       ValueError: the scene does not start in equilibrium, `drive` does not suit it, or the
         frequencies or levels are out of range.
       SearchError: no response was found to begin with.
-    Limits: host only. Curves that do not reach the ends of the range (isolas, responses of another
-      period) are not found; `orbits.switch_branch` leads to those that branch off, and
-      `orbits.basins` at one frequency finds stable ones. If `drive` is a function, a program is
-      compiled for each level, and for each call if it defines the rate inside.
+    Limits: host only. An isola is found if it contains one of the frequencies tried, and the
+      responses there are connected with those to a weak forcing over levels up to five times the
+      level. Responses of another period are not found; `orbits.switch_branch` leads to those that
+      branch off, and `orbits.basins` at one frequency finds stable ones. If `drive` is a function,
+      a program is compiled for each level, and for each call if it defines the rate inside.
     Example:
       >>> import jaxdyn, orbits
       >>> def rate(t, y):
@@ -240,26 +245,35 @@ def frequency_response(
     low, high = _range(frequencies)
     positive("step", step, "It is a length in the space of the unknowns.")
     whole("members", members)
+    whole("isolas", isolas, 0)
     many = np.atleast_1d(np.asarray(array("levels", np.atleast_1d(levels), (None,)), float))
     if not len(many) or not (many > 0).all():
         raise fail("levels", "one amplitude > 0 or several", many.tolist())
     check_equilibrium(scene, jnp.asarray(scene.y0))
     own = callable(drive) and not isinstance(drive, Input)
     forced = _own(drive, scene) if own else _by_input(drive, scene)
+    if isolas and forced.over_levels is None:
+        remedy = "Then responses can be followed over the level."
+        raise fail("drive", "a function of (omega, level)", "one of omega alone", remedy)
 
-    def follow(orbit: Orbit, make: Make, start: float) -> Family:
+    def follow(orbit: Orbit, make: Make, start: float, *, down: bool | None = None) -> Family:
         return continue_family(
             orbit,
             make,
             start,
             within=(low, high),
-            down=start == high,
+            down=start == high if down is None else down,
             step=step,
             members=members,
             report=report,
         )
 
-    found = [(x, curve) for x in many.tolist() for curve in _curves(forced, x, (low, high), follow)]
+    found = []
+    for level in many.tolist():
+        curves = _curves(forced, level, (low, high), follow)
+        if isolas:
+            curves += _isolas(forced, level, _tried(curves, (low, high), isolas), curves, follow)
+        found += [(level, curve) for curve in curves]
     of_levels, curves = zip(*found, strict=True)
     return FrequencyResponse(of_levels, curves, (low, high))
 
@@ -282,21 +296,80 @@ def _curves(
 
 def _passes(curve: Family, orbit: Orbit, omega: float) -> bool:
     """Whether a curve leads to a response at a frequency."""
+    for there in _crossings(curve, omega):
+        apart = (np.asarray(there.orbit.y0) - np.asarray(orbit.y0)) / there.point.sizes
+        if np.abs(apart).max() < _SAME:
+            return True
+    return False
+
+
+def _crossings(curve: Family, value: float) -> list[Member]:
+    """The responses of a family at a value of its parameter."""
 
     def off(surface: Surface, member: Member) -> float:
         del surface
-        return member.parameter - omega
+        return member.parameter - value
 
-    surface = OrbitSurface(curve.equations, orbit.rtol, GOAL)
+    surface = OrbitSurface(curve.equations, curve.members[0].orbit.rtol, GOAL)
+    found = []
     for a, b in itertools.pairwise(curve.members):
-        if not (a.parameter - omega) * (b.parameter - omega) <= 0:
-            continue
-        there = zero_between(surface.at(a.point), a, b, off)
-        if there is not None:
-            apart = (np.asarray(there.orbit.y0) - np.asarray(orbit.y0)) / there.point.sizes
-            if np.abs(apart).max() < _SAME:
-                return True
-    return False
+        if (a.parameter - value) * (b.parameter - value) <= 0:
+            found.append(zero_between(surface.at(a.point), a, b, off))
+    return [member for member in found if member is not None]
+
+
+# ---- Isolas: curves that are detached at a level
+#
+# At a fixed frequency the responses are a curve over the level, which begins at those to a weak
+# forcing. Where an isola has joined the main curve at a higher level, this curve turns there, and
+# comes back to the level that is asked for on the isola.
+
+
+def _tried(curves: list[Family], ends: tuple[float, float], count: int) -> list[float]:
+    """The frequencies at which responses are followed over the level."""
+    output = curves[0].members[0].orbit.scene.labels()[0][0]
+    peaks = [_peak(curve, output).parameter for curve in curves]
+    inside = [x for x in peaks if ends[0] < x < ends[1]]
+    return inside + np.linspace(*ends, count + 1)[1:-1].tolist()
+
+
+def _isolas(
+    forced: "_Forced",
+    level: float,
+    frequencies: list[float],
+    known: list[Family],
+    follow: Callable[..., Family],
+) -> list[Family]:
+    """The curves of a level that are not among the known ones."""
+    found: list[Family] = []
+    for omega in frequencies:
+        for orbit in _responses(forced, level, omega):
+            if any(_passes(one, orbit, omega) for one in (*known, *found)):
+                continue
+            curve = follow(orbit, forced.make(level), omega, down=False)
+            if not curve.closed:  # both of its ends are beyond the range
+                last = curve.members[-1]
+                back = last.parameter > omega
+                curve = follow(last.orbit, forced.make(level), last.parameter, down=back)
+            found.append(curve)
+    return found
+
+
+def _responses(forced: "_Forced", level: float, omega: float) -> list[Orbit]:
+    """The responses at a level and a frequency that are connected with those to a weak forcing."""
+    assert forced.over_levels is not None
+    weak = _PARTS[0] * level
+    first = _near(forced, omega, weak)
+    if not first.ok:
+        return []
+    over = forced.over_levels(omega)
+    within = (-_ABOVE * level, _ABOVE * level)
+    family = continue_family(first, over, weak, within=within, members=_LEVELS)
+    found = []
+    for member in _crossings(family, level):
+        scene = forced.scene(omega, level).starting(member.orbit.y0)
+        found.append(find(scene, period=2 * np.pi / omega, throw=False))
+    return [orbit for orbit in found if orbit.ok]
 
 
 def _range(frequencies) -> tuple[float, float]:
@@ -314,11 +387,17 @@ class _Forced:
       scene: (omega, level) -> the forced scene.
       make: level -> the scene as a function of omega.
       linear: (omega) -> (k,) complex response per unit of the level.
+      over_levels: omega -> the scene as a function of the level; None if the level is fixed.
     """
 
     scene: Callable[[float, float], Scene]
     make: Callable[[float], Make]
     linear: Callable[[float], np.ndarray]
+    over_levels: Callable[[float], Make] | None
+
+
+def _level(scene: Scene) -> Array:
+    return scene.system.signal.amplitude  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _omega(scene: Scene) -> Array:
@@ -330,10 +409,15 @@ def _by_input(drive, scene: Scene) -> _Forced:
     linear = transfer_function(scene, found, _whole)
 
     def forced(omega: float, level: float) -> Scene:
-        return driven(scene, found, Harmonic(level, omega), 2 * np.pi / omega)
+        return drive(scene, found, Harmonic(level, omega), 2 * np.pi / omega)
 
-    along = OwnNumber(_omega)
-    return _Forced(forced, lambda level: along, lambda w: np.asarray(linear.at(w)))
+    along, over = OwnNumber(_omega), OwnNumber(_level)
+    return _Forced(
+        scene=forced,
+        make=lambda level: along,
+        linear=lambda omega: np.asarray(linear.at(omega)),
+        over_levels=lambda omega: over,
+    )
 
 
 def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
@@ -357,7 +441,10 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
         a = np.asarray(_slope(forced(omega, 1.0), ts, at_rest))
         return np.linalg.solve(1j * omega * np.eye(len(a)) - a, first)
 
-    return _Forced(forced, make, linear)
+    def over_levels(omega: float) -> Make:
+        return lambda level: forced(omega, level)
+
+    return _Forced(forced, make, linear, None if alone else over_levels)
 
 
 _SAMPLES = 64  # per period of the forcing, for its first harmonic

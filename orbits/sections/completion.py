@@ -17,7 +17,7 @@ from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_first, fail, finite, is_traced, numbers
 from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy as energy_of
-from jaxdyn.integrate.event_search.event_values import look
+from jaxdyn.integrate.event_search.event_values import evaluate
 from jaxdyn.integrate.events import Event, Reaches, as_events
 from jaxdyn.scene import check_scene
 from orbits.closing.sizes import sizes
@@ -147,7 +147,7 @@ def _rows(scene: Scene, event: Event, given: Mapping, index: int, energy) -> tup
 
 @jax.jit
 def _values_and_rounding(scene: Scene, event: Event, t0: Array, y0s: Array):
-    seen = jax.vmap(lambda y: look(scene.field, (event,), t0, y))(y0s)
+    seen = jax.vmap(lambda y: evaluate(scene.field, (event,), t0, y))(y0s)
     return seen.values[:, 0], seen.rounding[:, 0]
 
 

@@ -88,7 +88,7 @@ def first_guess(
     """
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
-    if _any_start(equations):
+    if _is_start_free(equations):
         ys = _states_at(equations, scene, np.linspace(0.0, span, _SAMPLES))
         speeds = np.abs(np.asarray(_rates(scene, ys)) / _scales(ys)).max(axis=1)
         if not np.isfinite(speeds).all():
@@ -102,7 +102,7 @@ def first_guess(
     return mesh and Guess(mesh, span * equations.closing.parts)
 
 
-def _any_start(equations: Equations) -> bool:
+def _is_start_free(equations: Equations) -> bool:
     """Whether any point of the orbit may be its start."""
     everything = len(equations.closing.free(len(equations.scene.y0))) == len(equations.scene.y0)
     return everything and not (equations.driven or equations.conditions)
@@ -160,7 +160,7 @@ def _first_mesh(
     ts = _divide(ts, np.ones(_SAMPLES - 1), _FIRST)
     for _ in range(_SAMPLINGS):
         mesh = Mesh(shares=np.diff(ts) / span, states=_states_at(equations, scene, ts)[:-1])
-        here = on(equations, mesh)
+        here = on_mesh(equations, mesh)
         period = span * equations.closing.parts
         x = here.pack(scene.y0, mesh.states[1:], angle=0.0, parameter=0.0, period=period)
         found = quality(here, x)
@@ -185,7 +185,7 @@ def is_stiff(equations: Equations, guess: np.ndarray) -> bool:
     return int(flow.status) == Status.STEP_LIMIT
 
 
-def on(equations: Equations, mesh: Mesh) -> Equations:
+def on_mesh(equations: Equations, mesh: Mesh) -> Equations:
     """The closing equations by collocation on a mesh."""
     shares = tuple(mesh.shares.tolist())
     return dataclasses.replace(equations, shares=shares, s_spans=None, collocated=True)
@@ -218,7 +218,7 @@ def quality(equations: Equations, x: np.ndarray) -> Quality:
     here = pieces(equations, x)
     scales = _scales(np.asarray(here.start))
     errors = gauss_steps.local_errors(equations.scene, here, make=equations.make)
-    _, slopes = gauss_steps.linearise_steps(equations.scene, here, make=equations.make)
+    _, slopes = gauss_steps.linearize_steps(equations.scene, here, make=equations.make)
     growth = np.asarray(slopes.start) * scales / scales[:, None]
     return Quality((errors / scales).max(axis=1), np.linalg.norm(growth, axis=(1, 2)))
 
@@ -297,14 +297,14 @@ class Chain(NamedTuple):
     rest: np.ndarray
 
 
-class _Round(NamedTuple):
+class _Elimination(NamedTuple):
     """The equations upper @ dy + left @ before + right @ after + shared @ dg + rest = 0 for dy."""
 
     upper: np.ndarray
     chain: Chain
 
 
-def condense(chain: Chain) -> tuple[Chain, list[_Round]]:
+def condense(chain: Chain) -> tuple[Chain, list[_Elimination]]:
     """One equation for the two ends of a chain, and how the states between follow from them."""
     rounds = []
     while len(chain.rest) > 1:
@@ -323,7 +323,7 @@ def condense(chain: Chain) -> tuple[Chain, list[_Round]]:
         upper, lower = ([a[:, part] for a in turned] for part in (slice(k), slice(k, None)))
         by_before, by_after, by_shared, known = upper
         between = Chain(by_before, by_after, by_shared, known[..., 0])
-        rounds.append(_Round(r[:, :k], between))
+        rounds.append(_Elimination(r[:, :k], between))
         joined = (*lower[:3], lower[3][..., 0])
         left, right, shared, rest = (
             np.concatenate([new, old[2 * pairs :]]) for new, old in zip(joined, chain, strict=True)
@@ -333,7 +333,7 @@ def condense(chain: Chain) -> tuple[Chain, list[_Round]]:
 
 
 def expand(
-    rounds: list[_Round],
+    rounds: list[_Elimination],
     first: np.ndarray,
     last: np.ndarray,
     dg: np.ndarray,
@@ -452,9 +452,9 @@ def solve(
 
 def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     here = jax.tree.map(np.asarray, pieces(equations, x))
-    found, slopes = gauss_steps.linearise_steps(equations.scene, here, make=equations.make)
+    found, slopes = gauss_steps.linearize_steps(equations.scene, here, make=equations.make)
     left, end = np.asarray(slopes.start), np.asarray(found.end)
-    by = _by_shared(equations, x)
+    by = _slopes_in_shared(equations, x)
     shared = sum(
         np.asarray(slope)[:, :, None] * np.asarray(change)[:, None, :]
         for slope, change in (
@@ -547,7 +547,7 @@ def _shared_places(equations: Equations) -> np.ndarray:
 
 
 @jax.jit
-def _by_shared(equations: Equations, x):
+def _slopes_in_shared(equations: Equations, x):
     """Derivatives of the n pieces with respect to the shared unknowns (s,)."""
     places = _shared_places(equations)
     return jax.jacfwd(lambda u: pieces(equations, x.at[places].set(u)))(x[places])
@@ -577,7 +577,7 @@ _MESHES_MOST = 8
 _COARSE_RTOL = 1e-6
 
 
-def suits(equations: Equations) -> bool:
+def is_applicable(equations: Equations) -> bool:
     """Whether collocation can solve the equations: no states are projected onto constraints."""
     return type(equations.scene.system).project is System.project
 
@@ -599,7 +599,7 @@ class Collocation(Strategy):
           ValueError: see the limits.
         """
         problem, equations, effort = search.problem, search.equations, search.effort
-        if not suits(equations):
+        if not is_applicable(equations):
             remedy = "Leave it out: by shooting."
             raise fail("strategy", "one for a scene with projected constraints", self, remedy)
         if search.segments is not None:
@@ -635,7 +635,7 @@ class Collocation(Strategy):
 
         It may where the motion from the guess is stiff, or integrations take too many steps.
         """
-        if not suits(search.equations):
+        if not is_applicable(search.equations):
             return False
         return failed.outcome == Outcome.STEP_LIMIT or _stiff(search.problem, search.equations)
 
@@ -697,5 +697,5 @@ def _place(
     equations: Equations, mesh: Mesh, angle: float, period: float
 ) -> tuple[Equations, np.ndarray]:
     """The equations on a mesh, and the unknowns x of the motion on it."""
-    here, (first, *others) = on(equations, mesh), mesh.states
+    here, (first, *others) = on_mesh(equations, mesh), mesh.states
     return here, here.pack(first, others, angle=angle, parameter=0.0, period=period)

@@ -32,7 +32,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, System
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
-from orbits.closing.given import Problem, driven, repeats
+from orbits.closing.given import Problem, is_driven, repeats
 from orbits.closing.sizes import alike, coupled_sizes, sizes
 from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
@@ -340,7 +340,7 @@ def _known_orbit(orbit: Orbit) -> KnownOrbit:
     if _several_points(scene.system):
         curves = _images(scene.system, np.asarray(ys) / scales)
         points, sides = curves[:, :-1], jnp.diff(curves, axis=1)
-    elif driven(scene):  # only the phases of the drive at which a period may begin
+    elif is_driven(scene):  # only the phases of the drive at which a period may begin
         parts = next((n for n in range(_PARTS, 1, -1) if repeats(scene, period / n)), 1)
         at = np.arange(parts) * period / parts
         points = quick_solve(scene, period, ts=at, rtol=_RTOL, solver=orbit.solver).ys[None]

@@ -93,7 +93,7 @@ def _orbit_after_descent(search: Search) -> Orbit:
 
 
 @dataclasses.dataclass(frozen=True)
-class End:
+class DescentResult:
     """Where a descent ended.
 
     Attributes:
@@ -116,7 +116,7 @@ def descend(
     lower: np.ndarray,
     upper: np.ndarray,
     effort: Effort,
-) -> End:
+) -> DescentResult:
     """The point to which descent on the closing error leads.
 
     Args:
@@ -151,7 +151,7 @@ def descend(
         moves, state = _adam_moves(jnp.asarray(gradient), state)
         new = np.clip(x + np.asarray(moves) * lengths, lower, upper)
         step, x = float(np.linalg.norm((new - x) / units)), new
-    return End(
+    return DescentResult(
         x=best,
         residual=best_residual,
         near=bool(least <= _NEAR),

@@ -26,12 +26,12 @@ from jaxdyn._checks import as_float
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing, Condition
-from orbits.closing.given import drive, driven
+from orbits.closing.given import drive, is_driven
 from orbits.closing.sizes import PHASES, sizes
 from orbits.motion import advance
 from orbits.orbit import Orbit
 from orbits.shooting import gauss_steps
-from orbits.shooting.segment import UNTIMED, Limits, Make, Piece, linearise_end, scene_of
+from orbits.shooting.segment import UNTIMED, Limits, Make, Piece, linearize_end, scene_of
 
 
 class Unknowns(NamedTuple):
@@ -100,7 +100,7 @@ class Equations(eqx.Module):
             conditions=conditions,
             make=make,
             s_spans=spans,
-            driven=driven(orbit.scene),
+            driven=is_driven(orbit.scene),
         )
 
     @property
@@ -209,7 +209,7 @@ class Equations(eqx.Module):
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
             piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
-            y, _, slopes = linearise_end(self.scene, piece, rtol, make=self.make)
+            y, _, slopes = linearize_end(self.scene, piece, rtol, make=self.make)
             maps.append(np.asarray(slopes.start))
             t += span
         return np.stack(maps)
@@ -257,7 +257,7 @@ class Equations(eqx.Module):
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
         ends, status, slopes = self.pass_segments(here, rtol, limits)
-        residual, jacobian = map(np.asarray, linearise(self, x, here, ends, slopes))
+        residual, jacobian = map(np.asarray, linearize(self, x, here, ends, slopes))
         return Evaluation(
             residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
         )
@@ -265,7 +265,7 @@ class Equations(eqx.Module):
     def pass_segments(self, here: Piece, rtol: float, limits: Limits = UNTIMED):
         """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a `Piece`)."""
         if self.collocated:
-            found, slopes = gauss_steps.linearise_steps(self.scene, here, make=self.make)
+            found, slopes = gauss_steps.linearize_steps(self.scene, here, make=self.make)
             return found.end, found.status, slopes
         # One compiled program for any number of segments, run in threads on all cores.
         count = len(here.span)
@@ -274,7 +274,7 @@ class Equations(eqx.Module):
         def integrate(piece: Piece):
             if limits.over():
                 return _unfinished(len(piece.start))
-            found = linearise_end(self.scene, piece, rtol, limits=limits, make=self.make)
+            found = linearize_end(self.scene, piece, rtol, limits=limits, make=self.make)
             return jax.block_until_ready(found)
 
         if count == 1:  # starting a thread takes as long as a few integrations
@@ -288,11 +288,11 @@ class Equations(eqx.Module):
         """(m,) the residual at x from the segments and their ends (n, k), however obtained."""
         n, k = ends.shape
         none = Piece(np.zeros((n, k, k)), *np.zeros((3, n, k)))
-        return np.asarray(linearise(self, x, here, ends, none)[0])
+        return np.asarray(linearize(self, x, here, ends, none)[0])
 
 
 def _unfinished(k: int):
-    """What `linearise_end` returns for a segment that is not integrated."""
+    """What `linearize_end` returns for a segment that is not integrated."""
     slopes = Piece(np.full((k, k), np.nan), *np.full((3, k), np.nan))
     return np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), slopes
 
@@ -313,7 +313,7 @@ def pieces(equations: Equations, x: Array) -> Piece:
 
 
 @jax.jit
-def linearise(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
+def linearize(equations: Equations, x: Array, here: Piece, ends: Array, slopes: Piece):
     """The residual and the Jacobian at x from the segments' ends and their derivatives."""
 
     def residual(x):

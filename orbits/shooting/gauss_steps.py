@@ -85,7 +85,7 @@ def steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES)
 
 
 @functools.partial(jax.jit, static_argnames=("make", "nodes"))
-def linearise_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
+def linearize_steps(scene: Scene, pieces: Piece, *, make: Make | None, nodes: int = NODES):
     """The steps, and the derivatives of their ends in each field of the pieces (a `Piece`)."""
 
     def each(piece: Piece, end: Array):

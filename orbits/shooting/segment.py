@@ -84,7 +84,7 @@ def end_of(
     return advance(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
 
 
-def linearise_end(
+def linearize_end(
     scene: Scene, piece: Piece, rtol, *, limits: Limits = UNTIMED, make: Make | None = None
 ):
     """A segment's end (k,), its status, and the end's derivatives in each field (a `Piece`).
@@ -97,7 +97,7 @@ def linearise_end(
 
 @functools.partial(jax.jit, static_argnames="make")
 def compiled_end(scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None):
-    """`linearise_end` for arrays alone, since Python numbers would recompile."""
+    """`linearize_end` for arrays alone, since Python numbers would recompile."""
 
     def end(at: Piece):
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)

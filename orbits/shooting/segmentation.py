@@ -12,7 +12,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail, whole
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.analysis.regularised import logarithmic_span
+from jaxdyn.analysis.regularized import logarithmic_span
 from orbits.closing.sizes import sizes
 from orbits.motion import at_even_s, attracts, quick_solve
 from orbits.shooting.equations import Equations, pieces, sizes_at

@@ -6,23 +6,18 @@ prediction of its derivatives, so it is followed, however far the parameters mov
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, _text
-from jaxdyn._checks import array, fail, positive, whole
-from jaxdyn.continuation import Equilibrium
-from jaxdyn.continuation import sensitivity as points
+from jaxdyn import _text
+from jaxdyn._checks import array, positive, whole
 from jaxdyn.status import Code
-from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable
 from orbits.closing.closings import Hold
-from orbits.orbit import Orbit, SearchError
-from orbits.shooting.finding import find
+from orbits.orbit import SearchError
+from orbits.targets.followed import At, Followed, Near, bounds, follow
 
 #: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
@@ -57,7 +52,7 @@ class Design:
 
     Attributes:
       numbers: (n,) the parameters.
-      found: the orbit, or the special point.
+      found: the orbit, or the special point, or a tuple of them.
       residual: (m,) residuals of the requirement, 0 if it is met.
       slopes: (m, n) their derivatives with respect to the parameters.
       steps: number of steps taken.
@@ -65,7 +60,7 @@ class Design:
     """
 
     numbers: np.ndarray
-    found: Orbit | Equilibrium
+    found: Any
     residual: np.ndarray
     slopes: np.ndarray
     steps: int
@@ -98,7 +93,7 @@ def design(
     make: Callable[[Array], Any],
     wanted: Callable[[Any], Any],
     guess,
-    near: Orbit | Equilibrium,
+    near: Near | Sequence[Near],
     *,
     lower=None,
     upper=None,
@@ -110,15 +105,19 @@ def design(
     """Parameters of a scene for which an orbit, or a special point, meets a requirement.
 
     Args:
-      make: numbers (n,) -> scene; if `near` is a special point of a family of equilibria, numbers
-        (n,) -> (parameter -> scene). A program is compiled for each rate, so define that of an
-        `ode` outside.
+      make: numbers (n,) -> scene; if `near` is a special point of a family, numbers (n,) ->
+        (parameter -> scene), except for families of orbits in energy. A program is compiled for
+        each rate, so define that of an `ode` outside.
       wanted: the requirement as a function that returns residuals, a number or numbers (m,), which
         are 0 if it is met. Its argument is the `orbits.differentiable` orbit, with its period,
-        start, multipliers and amplitudes, or the `jaxdyn.continuation.differentiable` point.
+        start, multipliers and amplitudes; or the `jaxdyn.continuation.differentiable` point, with
+        its parameter; or a special orbit with its parameter (its energy in a family in energy) and,
+        except at a fold, its `orbit`. For several of them it is a tuple.
       guess: (n,) the parameters to which `near` belongs.
       near: the result of `find` for them; or a fold or a Hopf point, from ``family.special`` of
-        `jaxdyn.continue_equilibria`.
+        `jaxdyn.continue_equilibria`; or a fold, branch point, period doubling or torus point, from
+        ``family.special`` of `orbits.continue_family`; or a list of these, for instance the two
+        ends of an interval of stable orbits.
       lower: (n,) lower bounds of the parameters; -inf for none.
       upper: (n,) upper bounds.
       hold: conditions on the orbit, as for `find`; they select a member of a family.
@@ -126,7 +125,8 @@ def design(
       steps: largest number of steps.
       throw: raise unless it is met; with False check `Design.outcome`.
     Returns:
-      The parameters, and the orbit or the point. With more residuals than parameters, or if they
+      The parameters, and the orbit or the point (for a special orbit, see
+      `orbits.families.SpecialOrbit`). With more residuals than parameters, or if they
       cannot all be 0, those with the least sum of squares.
     Raises:
       ValueError: `near` is not an orbit that was found, nor such a point; shapes do not fit, or
@@ -146,94 +146,30 @@ def design(
       (0.874143129, 2.0)
     """
     numbers = np.asarray(array("guess", guess, (None,)))
-    low, high = _bounds(lower, upper, numbers)
+    low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
-    problem = _of_orbits(make, near, hold) if isinstance(near, Orbit) else _of_points(make, near)
-    search = _Search(problem, wanted, low, high, goal)
-    found = search.run(numbers, near, steps)
+    followed, known = follow(make, near, hold)
+    found = _Search(followed, wanted, low, high, goal).run(numbers, known, steps)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
 
 
 @dataclasses.dataclass(frozen=True)
-class _Problem:
-    """The object that is followed, an orbit or a special point, as a function of the parameters.
-
-    Attributes:
-      near: (numbers, known) -> the differentiable object.
-      again: (numbers, known, guess of the object) -> the object found for other parameters.
-      place: the numbers of the differentiable object that predict the next one.
-    """
-
-    near: Callable[[Array, Any], Any]
-    again: Callable[[np.ndarray, Any, Any], Any]
-    place: Callable[[Any], Any]
-
-
-def _of_orbits(make: Callable[[Array], Scene], near: Orbit, hold: Hold) -> _Problem:
-    if not near.ok:
-        raise fail("near", "an orbit that closes", near.message, "find() one first.")
-
-    def again(numbers: np.ndarray, known: Orbit, guess: Any) -> Orbit:
-        y0, period = guess
-        scene = make(jnp.asarray(numbers))
-        return find(
-            scene, y0, period, closing=known.closing, hold=hold, rtol=known.rtol, throw=True
-        )
-
-    def place(orbit: DifferentiableOrbit) -> tuple[Array, Array]:
-        return orbit.y0, orbit.period
-
-    return _Problem(lambda x, known: differentiable(make(x), known, hold=hold), again, place)
-
-
-def _of_points(make: Callable[[Array], Any], near: Equilibrium) -> _Problem:
-    if not isinstance(near, Equilibrium):
-        expected = "an orbit, or a fold or a Hopf point"
-        raise fail("near", expected, type(near).__name__, "See family.special.")
-
-    def again(numbers: np.ndarray, known: Equilibrium, guess: Any) -> Equilibrium:
-        state, parameter = guess
-        here = make(jnp.asarray(numbers))
-        return points.find_again(here, known, state, float(parameter))
-
-    def place(point: points.DifferentiablePoint) -> tuple[Array, Array]:
-        return point.state, point.parameter
-
-    return _Problem(lambda x, known: points.differentiable(make(x), known), again, place)
-
-
-@dataclasses.dataclass(frozen=True)
-class _At:
-    """The state of the search at some parameters."""
-
-    numbers: np.ndarray
-    found: Any
-    residual: np.ndarray
-    slopes: np.ndarray
-    place: Any
-    place_slopes: Any
-
-    def sum_of_squares(self) -> float:
-        return float(self.residual @ self.residual)
-
-
-@dataclasses.dataclass(frozen=True)
 class _Search:
     """The Gauss-Newton method with bounds; steps are halved until they come closer."""
 
-    problem: _Problem
+    followed: Followed
     wanted: Callable[[Any], Any]
     low: np.ndarray
     high: np.ndarray
     goal: float
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Design:
-        here = self._at(numbers, near)
+        here = self.followed.at(numbers, near, self.wanted)
         for n in range(steps):
-            if np.abs(here.residual).max() <= self.goal:
+            if np.abs(here.value).max() <= self.goal:
                 return self._design(here, n, DesignOutcome.FOUND)
             step = self._step(here)
             if step is None:
@@ -242,33 +178,17 @@ class _Search:
             if new is None:
                 return self._design(here, n, DesignOutcome.LOST)
             here = new
-        held = np.abs(here.residual).max() <= self.goal
+        held = np.abs(here.value).max() <= self.goal
         outcome = DesignOutcome.FOUND if held else DesignOutcome.STEP_LIMIT
         return self._design(here, steps, outcome)
 
-    def _at(self, numbers: np.ndarray, found: Any) -> _At:
-        def all_of(x: Array) -> tuple[Array, Any]:
-            thing = self.problem.near(x, found)
-            residual = jnp.atleast_1d(jnp.asarray(self.wanted(thing), float))
-            return residual, self.problem.place(thing)
-
-        residual, place = all_of(jnp.asarray(numbers))
-        if residual.ndim != 1:
-            raise fail("wanted", "a number or numbers (m,)", f"shape {residual.shape}")
-        slopes, place_slopes = jax.jacfwd(all_of)(jnp.asarray(numbers))
-        residual, slopes = np.asarray(residual), np.asarray(slopes)
-        if not (np.isfinite(residual).all() and np.isfinite(slopes).all()):
-            remedy = "A multiplier that meets another one has no derivative; see orbits.stability."
-            raise fail("wanted", "finite numbers with derivatives", "NaN or infinite ones", remedy)
-        return _At(numbers, found, residual, slopes, place, place_slopes)
-
-    def _step(self, here: _At) -> np.ndarray | None:
+    def _step(self, here: At) -> np.ndarray | None:
         """(n,) the step within the bounds; None if none comes closer to first order."""
         units = np.where(here.numbers != 0, np.abs(here.numbers), 1.0)
         slopes, free = here.slopes * units, np.ones(len(units), bool)
         for _ in units:
             step = np.zeros(len(units))
-            step[free] = -np.linalg.lstsq(slopes[:, free], here.residual)[0]
+            step[free] = -np.linalg.lstsq(slopes[:, free], here.value)[0]
             new = here.numbers + step * units
             beyond = free & (
                 ((new < self.low) & (here.numbers <= self.low))
@@ -279,42 +199,21 @@ class _Search:
             free &= ~beyond
         moved = np.clip(here.numbers + step * units, self.low, self.high) - here.numbers
         gained = np.abs(here.slopes @ moved).max()
-        if gained <= _LEVEL * np.abs(here.residual).max() or np.abs(moved / units).max() < _SETTLED:
+        if gained <= _LEVEL * np.abs(here.value).max() or np.abs(moved / units).max() < _SETTLED:
             return None
         return moved
 
-    def _closer(self, here: _At, step: np.ndarray) -> _At | None:
+    def _closer(self, here: At, step: np.ndarray) -> At | None:
         """The state after the step, or after a part of it that comes closer."""
         for _ in range(_HALVINGS):
-            guess = jax.tree.map(
-                lambda x, slope, step=step: np.asarray(x + slope @ step),
-                here.place,
-                here.place_slopes,
-            )
-            numbers = here.numbers + step
-            try:
-                new = self._at(numbers, self.problem.again(numbers, here.found, guess))
-            except (SearchError, ValueError):
-                new = None
+            new = self.followed.moved(here, here.numbers + step, self.wanted)
             if new is not None:
-                before, after = here.sum_of_squares(), new.sum_of_squares()
-                if after < (1 - _LESS) * before or np.abs(new.residual).max() <= self.goal:
+                before, after = (float(at.value @ at.value) for at in (here, new))
+                if after < (1 - _LESS) * before or np.abs(new.value).max() <= self.goal:
                     return new
             step = 0.5 * step
         return None
 
     @staticmethod
-    def _design(here: _At, steps: int, outcome: DesignOutcome) -> Design:
-        return Design(here.numbers, here.found, here.residual, here.slopes, steps, outcome)
-
-
-def _bounds(lower, upper, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    low, high = (
-        np.full(len(numbers), end)
-        if given is None
-        else np.broadcast_to(np.asarray(given, float), numbers.shape)
-        for given, end in ((lower, -np.inf), (upper, np.inf))
-    )
-    if not ((low <= numbers) & (numbers <= high)).all():
-        raise fail("guess", "within its bounds", numbers.tolist(), "See lower and upper.")
-    return low, high
+    def _design(here: At, steps: int, outcome: DesignOutcome) -> Design:
+        return Design(here.numbers, here.found, here.value, here.slopes, steps, outcome)

@@ -16,7 +16,7 @@ from jaxdyn._checks import check_untraced, fail
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
 from jaxdyn.scene import check_scene
-from orbits.targets.thrown import Down, Thrown, Units, direction, rotate
+from orbits.targets.thrown import Down, ThrownSystem, Units, direction, rotate
 
 # ---- The end of a throw dominated by drag: a steady fall, in a straight line
 #
@@ -87,7 +87,7 @@ class End(NamedTuple):
     lost: Array
 
 
-def fallen(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
+def fall_end(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     """The end of the steady fall that a throw of course w reaches at r (2,) with v (2,)."""
     c, s = direction(w)
 
@@ -248,7 +248,7 @@ def _pull(scene: Scene) -> Array:
 def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     speed = jnp.exp(log_speed)
     fall, units = jax.lax.stop_gradient(_scales(scene, w, speed, rtol))
-    system = Thrown(system=scene.system, origin=scene.y0[:2], course=w, units=units)
+    system = ThrownSystem(system=scene.system, origin=scene.y0[:2], course=w, units=units)
     start = jnp.zeros(4).at[2].set(speed / units.speeds(jnp.zeros(()))[0])
     # With a span much longer than the flight, the time of the flight would have no digits left.
     soon, patience = jax.lax.stop_gradient(_patience(scene, speed))
@@ -260,7 +260,7 @@ def _landing(scene: Scene, w: Array, log_speed: Array, rtol: Array):
     landed = stop.event >= 0
     r, v = system.position_and_velocity(stop.t, stop.y)
     t_end = stop.t * units.time
-    end = fallen(scene, w, t_end, r, v)
+    end = fall_end(scene, w, t_end, r, v)
     falls = ~landed & jnp.isfinite(fall.settled)
     unsettled = end.lost | (fall.settled > soon)
     c, s = direction(w)

@@ -40,7 +40,7 @@ class Units(eqx.Module):
         return self.grain * jnp.exp(-t * self.time / (2 * self.memory))
 
 
-class Thrown(System):
+class ThrownSystem(System):
     """A point in axes along its launch, with the state a, b, va, vb: forwards and to the left.
 
     State and time are in `Units`.

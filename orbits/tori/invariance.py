@@ -24,7 +24,7 @@ from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation import newton
 from orbits.closing.sizes import alike, sizes
-from orbits.shooting.segment import Piece, linearise_end
+from orbits.shooting.segment import Piece, linearize_end
 from orbits.tori import circle
 
 _STEPS = 15
@@ -164,7 +164,7 @@ def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
     Angles are taken in the turn nearest to their start. States are NaN where a motion ends.
     """
     done = [
-        linearise_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
+        linearize_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
     ]
     ends, _, slopes = (list(x) for x in zip(*done, strict=True))
     ends = points + np.asarray(_differences(scene, np.array(ends), points))

@@ -11,7 +11,7 @@ from jaxdyn._checks import check_first
 from jaxdyn.status import Code
 from orbits.analysis.monodromy import return_in_basis, tangents_in
 from orbits.analysis.stability import stability
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import largest_entry, sizes
 from orbits.orbit import Orbit, SearchError
 from orbits.tori import circle
@@ -338,6 +338,6 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
 
 
 def _held_quantity(scene: Scene) -> str:
-    if driven(scene):
+    if is_driven(scene):
         return "drive"
     return "energy" if scene.has_energy else "time"

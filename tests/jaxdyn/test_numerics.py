@@ -9,7 +9,7 @@ import pytest
 
 from jaxdyn._numerics import (
     in_one_kernel,
-    materialise,
+    materialize,
     rough_power,
     runtime_one,
     safe_norm,
@@ -84,9 +84,9 @@ def test_two_sum_returns_what_rounding_left_out():
     assert (float(total), float(carry)) == (1.0, 1e-17)
 
 
-def test_materialised_changes_no_bit():
+def test_materialize_changes_no_bit():
     x = jnp.asarray(RNG.normal(size=50) * 10.0 ** RNG.integers(-300, 300, 50))
-    kept = jax.jit(lambda x, t: materialise(x, runtime_one(t)))(x, -3.7)
+    kept = jax.jit(lambda x, t: materialize(x, runtime_one(t)))(x, -3.7)
     np.testing.assert_array_equal(kept, x)
 
 

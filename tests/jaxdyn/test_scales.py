@@ -10,7 +10,7 @@ from units import rewritten
 
 import jaxdyn
 from jaxdyn import scales, scenes
-from jaxdyn.analysis.regularised import regularize
+from jaxdyn.analysis.regularized import regularize
 from jaxdyn.hard.cases.encounters import pythagorean
 
 
@@ -62,9 +62,9 @@ def test_nothing_that_depends_on_the_state_leaves_the_span():
 
 def test_entries_of_one_unit_share_a_size_and_angles_are_known_by_the_radian():
     groups = scales.groups(scenes.double_pendulum().system)
-    assert groups.of == (0, 0, 1, 1)
+    assert groups.group_of == (0, 0, 1, 1)
     np.testing.assert_array_equal(groups.sizes(jnp.array([9.0, 2.0, 3.0, 4.0])), [1, 1, 4, 4])
-    assert len(set(scales.groups(scenes.three_body().system).of)) == 2
+    assert len(set(scales.groups(scenes.three_body().system).group_of)) == 2
 
 
 @pytest.mark.sample("scene2")
@@ -101,8 +101,8 @@ def test_a_second_order_state_without_units_has_places_and_velocities():
         return jnp.concatenate([y[2:], -y[:2]])
 
     plain, second = (jaxdyn.ode(fall, [1.0, 0, 0, 1.0], second_order=is_) for is_ in (False, True))
-    assert scales.groups(plain.system).of == (0, 1, 2, 3)
-    assert scales.groups(second.system).of == (0, 0, 1, 1)
+    assert scales.groups(plain.system).group_of == (0, 1, 2, 3)
+    assert scales.groups(second.system).group_of == (0, 0, 1, 1)
 
 
 def test_long_states_have_the_groups_of_short_ones():

@@ -297,7 +297,7 @@ def _given(scene, effect):
         ),
         (
             _ball(Fan()),
-            r"Fan: expected an effect that FreePoints accepts: forces on points, got forces on c",
+            r"Fan: expected an effect that FreePoints accepts: forces on points, got forces on",
         ),
         (Scene(FreePoints(2.0), ("drag",), y0=Y0), r"effects: expected effects, got 'drag'\. W"),
         (
@@ -306,7 +306,7 @@ def _given(scene, effect):
         ),
         (
             _given(with_work(scenes.polar_particle(LinearDrag(0.1)), LinearDrag), Torque()),
-            r"Torque: expected an effect that Ledger accepts: forces on points, got forces on c",
+            r"Torque: expected an effect that WorkByEffect accepts: forces on points, got forces",
         ),
     ],
 )

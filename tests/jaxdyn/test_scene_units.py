@@ -50,7 +50,7 @@ def test_they_change_no_number_and_stay_with_the_scene(tmp_path):
     motion.save(path)
     assert jaxdyn.load(path).scene.units == UNITS
     spring = dataclasses.replace(scenes.oscillator(x=0.0), units=("mm", "g", "ms"))
-    driven = vibration.driven(spring, "x", vibration.Step(1.0))
+    driven = vibration.drive(spring, "x", vibration.Step(1.0))
     assert driven.labels() == (("x", "mm"), ("vx", "mm/ms"))
     assert "rad/ms" in repr(vibration.modes(spring))
 

@@ -58,7 +58,7 @@ class Box(NamedTuple):
             return np.all((ys >= self.low - margin) & (ys <= self.high + margin), axis=1)
 
 
-class Ends(NamedTuple):
+class SearchEnds(NamedTuple):
     """Where the iterations ended.
 
     Attributes:
@@ -78,10 +78,10 @@ class Ends(NamedTuple):
     along: np.ndarray
 
 
-def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> Ends:
+def search(field: Field, t: Array, box: Box, ys: np.ndarray) -> SearchEnds:
     """The ends of iterations from states (s, k) in a box."""
     found = _search(field, t, jnp.asarray(box.axes), jnp.asarray(ys))
-    return Ends(*(np.asarray(x) for x in found))
+    return SearchEnds(*(np.asarray(x) for x in found))
 
 
 @eqx.filter_jit

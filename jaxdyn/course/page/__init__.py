@@ -9,5 +9,11 @@ in a browser, and writes the page as a single file.
 
 import lazy_loader
 
+import jaxdyn._doors
+
 # `jaxdyn list --problems` reads the register without loading JAX.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+#: Renamed in version 0.3.
+_RENAMED = {"Played": "PlayedMotions"}
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed, renamed=_RENAMED)

@@ -4,7 +4,7 @@ from .content import Check as Check
 from .content import Drawing as Drawing
 from .content import Number as Number
 from .content import Page as Page
-from .content import Played as Played
+from .content import PlayedMotions as PlayedMotions
 from .extremes import Largest as Largest
 from .extremes import largest as largest
 from .motions import equations_of as equations_of

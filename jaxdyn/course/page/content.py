@@ -50,7 +50,7 @@ class Drawing(NamedTuple):
     look: str
 
 
-class Played(NamedTuple):
+class PlayedMotions(NamedTuple):
     """Motions for a browser, by name, shown together or selected by a slider.
 
     Attributes:
@@ -83,7 +83,7 @@ class Page:
         self.numbers: list[Number] = []
         self.checks: list[Check] = []
         self.drawings: list[Drawing] = []
-        self.played: list[Played] = []
+        self.played: list[PlayedMotions] = []
         self.asks: list[Ask] = []
 
     @property
@@ -144,7 +144,9 @@ class Page:
         """
         named = motions if isinstance(motions, Mapping) else {"": motions}
         self.played.append(
-            Played({str(name): one for name, one in named.items()}, look, choose, inexact, ends)
+            PlayedMotions(
+                {str(name): one for name, one in named.items()}, look, choose, inexact, ends
+            )
         )
 
     def ask(

@@ -8,7 +8,7 @@ it, and the names are those that the code uses.
 import ast
 import functools
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 _FOLDER = Path(__file__).parents[1]
 _ANSWER = "Answer: "
@@ -37,7 +37,6 @@ class Problem(NamedTuple):
       answer: the answer in a few sentences.
       solution: the answer of each part, with formulas, in paragraphs and indented blocks; empty if
         the answer is complete.
-      names: the public names that the page uses, such as ``jaxdyn.simulate``.
       code: the text of its file.
     """
 
@@ -48,8 +47,16 @@ class Problem(NamedTuple):
     statement: str
     answer: str
     solution: str
-    names: tuple[str, ...]
     code: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The public names that the page uses, such as ``jaxdyn.simulate``."""
+        return _names(ast.parse(self.code))
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, for a JSON object."""
+        return self._asdict() | {"names": self.names}
 
     @property
     def asks_for_equations(self) -> bool:
@@ -89,7 +96,6 @@ def _read(path: Path) -> Problem:
         statement=statement.strip(),
         answer=" ".join(answer.split()),
         solution=solution.rstrip(),
-        names=_names(tree),
         code=text,
     )
 

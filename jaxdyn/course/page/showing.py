@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxdyn import player
-from jaxdyn.course.page.content import Page, Played
+from jaxdyn.course.page.content import Page, PlayedMotions
 from jaxdyn.course.page.motions import equations_of
 from jaxdyn.course.page.register import Problem
 from jaxdyn.files.output_files import replace
@@ -55,7 +55,7 @@ def displays(page: Page) -> list[Display]:
     return found
 
 
-def _display(played: Played, asks: Sequence[player.Ask]) -> Display:
+def _display(played: PlayedMotions, asks: Sequence[player.Ask]) -> Display:
     data = player.export(played.motions, choose=played.choose)
     computed = player.fragment(data, played.look.replace("`", ""))
     if played.inexact:
@@ -79,7 +79,7 @@ def formulas(page: Page) -> list[str]:
     ]
 
 
-def one_file(problem: Problem, found: Page, path: Path) -> player.Playing:
+def one_file(problem: Problem, found: Page, path: Path) -> player.PlayerPage:
     """Write a page as a single file: the problem, the motions, and, folded, answer and equations.
 
     Args:
@@ -104,7 +104,7 @@ def one_file(problem: Problem, found: Page, path: Path) -> player.Playing:
     title = f"{problem.number}. {problem.title}"
     text = page(title, style, "\n".join(parts), script(*kinds))
     replace(path, text)
-    return player.Playing(text)
+    return player.PlayerPage(text)
 
 
 def _fold(title: str, content: str) -> str:

@@ -28,13 +28,13 @@ _MOST = 5_000_000
 _MOMENTS = (1, 2, 3)
 
 
-def flipping(wobble: float, representation: str = "quaternion") -> Scene:
+def flipping_body(wobble: float, representation: str = "quaternion") -> Scene:
     """A body of moments 1, 2, 3 that spins at 1 rad/s about axis 2 and slightly about axis 1."""
     return free_body((wobble, 1.0, 0.0), representation=representation)
 
 
 def flip_period(wobble: float) -> float:
-    """The period [s] of `flipping`, 4 K(k) / n, in which omega_3 passes 0 twice.
+    """The period [s] of `flipping_body`, 4 K(k) / n, in which omega_3 passes 0 twice.
 
     1 - k^2, on which K depends like a logarithm near the separatrix, is computed exactly.
     """
@@ -48,7 +48,7 @@ def flip_period(wobble: float) -> float:
 
 def _flips(wobble: float) -> tuple[Figure, ...]:
     period = flip_period(wobble)
-    motion = _motion(flipping(wobble), _PERIODS * period)
+    motion = _motion(flipping_body(wobble), _PERIODS * period)
     y = motion.ys[-1]
     # omega_3 is 0 after whole periods; this is the time by which the motion is past that zero.
     late = float(y[-1] / motion.scene.rate(motion.ts[-1], y)[-1])
@@ -65,10 +65,10 @@ def _flips(wobble: float) -> tuple[Figure, ...]:
 
 def _orthogonal() -> tuple[Figure, ...]:
     span = 4000 * flip_period(0.1)
-    motion = _motion(flipping(0.1, "matrix"), span)
+    motion = _motion(flipping_body(0.1, "matrix"), span)
     R = np.asarray(energy.along(pose, motion).R_wb)
     off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max()
-    other = simulate(flipping(0.1), span, samples=2, rtol=_RTOL, max_steps=_MOST)
+    other = simulate(flipping_body(0.1), span, samples=2, rtol=_RTOL, max_steps=_MOST)
     gap = pose(other.scene, span, other.ys[-1]).R_wb - R[-1]
     return (
         Figure("orthogonality", float(off), 1e-12),

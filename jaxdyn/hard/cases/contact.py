@@ -41,7 +41,7 @@ class Bounce(eqx.Module):
         return y.at[3].multiply(-self.keeps)
 
 
-class Tired(eqx.Module):
+class RestOrBounce(eqx.Module):
     """The choice whether a ball stays on the floor: 1 for END, 0 to bounce."""
 
     speed: Array
@@ -52,17 +52,17 @@ class Tired(eqx.Module):
         return jnp.where(y[3] < self.speed, 1, 0)
 
 
-def bouncing(keeps: float) -> dict[str, Phase]:
+def bouncing_ball(keeps: float) -> dict[str, Phase]:
     """A ball that keeps a fraction of its speed at each bounce, and finally comes to rest."""
     lands = Reaches(1, 0.0, -1)
-    rest = Tired(jnp.asarray(_SLOW))
+    rest = RestOrBounce(jnp.asarray(_SLOW))
     landing = Exit(event=lands, to=("fly", END), change=Bounce(jnp.asarray(keeps)), choose=rest)
     return {"fly": Phase(cannonball(g=_G), (landing,))}
 
 
 def _bounces() -> tuple[Figure, ...]:
     keeps = 0.8
-    chain = simulate_phases(bouncing(keeps), "fly", [0.0, 0.0, 1.0, _UP], 1e3, samples=2)
+    chain = simulate_phases(bouncing_ball(keeps), "fly", [0.0, 0.0, 1.0, _UP], 1e3, samples=2)
     flights = 2 * _UP / _G * keeps ** np.arange(len(chain.times))
     zeno = 2 * _UP / _G / (1 - keeps)
     return (

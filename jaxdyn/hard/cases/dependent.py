@@ -28,7 +28,7 @@ _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))  # as many rods as make four points rigid
 
 
-def skating(between: float) -> Scene:
+def body_on_skates(between: float) -> Scene:
     """A body on two skates, one above the other, with an angle between their headings [rad].
 
     Their normals meet at the upper skate, about which the body turns at a constant rate.
@@ -45,7 +45,7 @@ def _skates() -> tuple[Figure, ...]:
     (x, y) = _SKATES[1]
     wanted = np.array([x - c * x + s * y, y - s * x - c * y, turned])
     for between, followed in ((1e-2, True), (1e-4, True), (1e-6, False)):
-        scene = skating(between)
+        scene = body_on_skates(between)
         end = solve(scene, t1, rtol=_LOOSER, max_steps=100_000)
         gap = absolute_error(end.y1[:3], wanted)
         report = constraints.conditioning(scene, 0.0, scene.y0)
@@ -82,7 +82,7 @@ def _rods() -> tuple[Figure, ...]:
     )
 
 
-def folding(short_of: float, rate: float = 0.0) -> Scene:
+def folding_bars(short_of: float, rate: float = 0.0) -> Scene:
     """Bars of lengths 1, 2, 1 on hinges 2 apart, short of the flat pose by an angle [rad].
 
     As a parallelogram they turn towards the flat pose at a rate [rad/s].
@@ -94,13 +94,13 @@ def folding(short_of: float, rate: float = 0.0) -> Scene:
 
 
 def _dead() -> tuple[Figure, ...]:
-    flat = folding(0.0)
+    flat = folding_bars(0.0)
     end = solve(flat, 1.0)
     # Rough steps could jump over the flat pose; fine ones lose all digits beside it.
-    through = [solve(folding(0.3, 2.0), 1.0, rtol=rtol) for rtol in (1e-5, 1e-10)]
+    through = [solve(folding_bars(0.3, 2.0), 1.0, rtol=rtol) for rtol in (1e-5, 1e-10)]
     passed = sum(int(end.status) != Status.SINGULAR for end in through)
     near = np.array([1e-1, 1e-3, 1e-5])
-    starts = jnp.stack([folding(short).y0 for short in near])
+    starts = jnp.stack([folding_bars(short).y0 for short in near])
     found = jax.vmap(lambda y: constraints.conditioning(flat, 0.0, y))(starts)
     grows = np.asarray(found.condition) * near
     at_rest = constraints.conditioning(flat, 0.0, flat.y0)

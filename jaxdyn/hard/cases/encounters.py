@@ -2,7 +2,7 @@
 
 The reference for the Pythagorean problem was computed with 48 digits by
 tests/references/pythagorean_reference.py; a test compares it with that file. The orbits follow
-Kepler's laws. Both are run in logarithmic time (`jaxdyn.analysis.regularised`) and, for comparison,
+Kepler's laws. Both are run in logarithmic time (`jaxdyn.analysis.regularized`) and, for comparison,
 in plain time.
 """
 
@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn.analysis import energy
 from jaxdyn.analysis.approaches import closest_approaches
-from jaxdyn.analysis.regularised import simulate_regularised
+from jaxdyn.analysis.regularized import simulate_regularized
 from jaxdyn.hard.case import Case, Figure, relative_error
 from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
@@ -66,7 +66,7 @@ def pythagorean_outcome(y: Array) -> np.ndarray:
 
 def _pythagorean() -> tuple[Figure, ...]:
     scene = pythagorean()
-    motion = simulate_regularised(scene, rtol=_RTOL)
+    motion = simulate_regularized(scene, rtol=_RTOL)
     plain = simulate(scene, rtol=_RTOL, samples=2)
     nearest = closest_approaches(scene, rtol=_RTOL)[:2]
     found = [x for near in nearest for x in (near.t, near.distance)]
@@ -95,7 +95,7 @@ def _eccentric(gap: float) -> tuple[Figure, ...]:
     size = float(2 / r - v * v)  # 1 / semi-axis of the rounded start
     period = 2 * math.pi * size**-1.5
     t1 = _PERIODS * period
-    motion = simulate_regularised(scene, t1, samples=2, rtol=_RTOL)
+    motion = simulate_regularized(scene, t1, samples=2, rtol=_RTOL)
     plain = simulate(scene, t1, samples=2, rtol=_RTOL, throw=False)
     late, turned = _off(motion.ys[-1], size)
     late_plain, turned_plain = _off(plain.ys[-1], size)

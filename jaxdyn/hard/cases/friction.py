@@ -32,7 +32,7 @@ _HALF = math.pi / _FREQUENCY
 _CYCLES = 10
 
 
-class Held(eqx.Module):
+class StickOrSlide(eqx.Module):
     """The choice whether dry friction holds a spring: 1 for END, 0 to slide back."""
 
     far: Array  # largest distance from the anchor at which friction can hold [m]
@@ -43,9 +43,9 @@ class Held(eqx.Module):
         return jnp.where(jnp.abs(y[0]) <= self.far, 1, 0)
 
 
-def rubbing(k: float, friction: float) -> dict[str, Phase]:
+def rubbing_mass(k: float, friction: float) -> dict[str, Phase]:
     """The phases of a mass of 1 kg on a spring that slides right and left on a dry floor."""
-    held = Held(jnp.asarray(friction / k))
+    held = StickOrSlide(jnp.asarray(friction / k))
     phases = {}
     for way, name, other in ((1, "right", "left"), (-1, "left", "right")):
         scene = particle(Spring(k), ConstantForce((-way * friction, 0.0)))
@@ -57,7 +57,7 @@ def rubbing(k: float, friction: float) -> dict[str, Phase]:
 def _dry() -> tuple[Figure, ...]:
     k, friction, start = 9.0, 1.0, 2.5
     chain = simulate_phases(
-        rubbing(k, friction), "left", [start, 0.0, 0.0, 0.0], 100.0, samples=2, rtol=_RTOL
+        rubbing_mass(k, friction), "left", [start, 0.0, 0.0, 0.0], 100.0, samples=2, rtol=_RTOL
     )
     n = np.arange(1, 1 + math.ceil((start * k / friction - 1) / 2))
     places = (-1.0) ** n * (start - 2 * n * friction / k)

@@ -35,7 +35,7 @@ def kepler(eccentricity: float) -> Scene:
     return power_law(k=1.0, n=-2.0, r=1 + e, speed=math.sqrt((1 - e) / (1 + e)))
 
 
-def swinging() -> Scene:
+def swinging_pendulum() -> Scene:
     """A pendulum with an amplitude of 1 rad and w = 1."""
     return pendulum(g=1.0, angle=1.0)
 
@@ -98,7 +98,7 @@ CASES = (
     Case(
         "million-periods-pendulum",
         "The energy of a pendulum has a bounded error over a million periods.",
-        functools.partial(_figures, swinging, 4 * complete(math.cos(0.5)), GAUSS12, 6.3),
+        functools.partial(_figures, swinging_pendulum, 4 * complete(math.cos(0.5)), GAUSS12, 6.3),
     ),
     Case(
         "million-periods-eight",

@@ -52,7 +52,7 @@ FOLDS = (1.83115044893896329429, 2.67069709685040944988)
 _BESIDE = 1e-7  # [N] distance from that weight; the two are then about 1e-3 m apart
 
 
-def oblique(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
+def oblique_springs(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
     """A mass on two springs with anchors at (0, 0) and (0.8, 0.6)."""
     return two_springs(
         anchor_a=(0.0, 0.0),
@@ -69,7 +69,7 @@ def oblique(k_b: float, length_a: float, length_b: float, g: float) -> Scene:
 
 
 def _small_basins() -> tuple[Figure, ...]:
-    found = [equilibria(oblique(*numbers), *_BOX) for numbers, _ in OBLIQUE]
+    found = [equilibria(oblique_springs(*numbers), *_BOX) for numbers, _ in OBLIQUE]
     wanted = [np.array(points) for _, points in OBLIQUE]
     pairs = list(zip(found, wanted, strict=True))
     return (
@@ -81,7 +81,7 @@ def _small_basins() -> tuple[Figure, ...]:
 
 def _folds() -> tuple[Figure, ...]:
     weights = [fold + side * _BESIDE for fold in FOLDS for side in (-1, 1)]
-    found = [equilibria(oblique(0.5, 3.0, 3.0, g), *_BOX, starts=64) for g in weights]
+    found = [equilibria(oblique_springs(0.5, 3.0, 3.0, g), *_BOX, starts=64) for g in weights]
     counts = [len(f) for f in found]
     gaps = [_nearest(f) for f in (found[1], found[2])]
     return (

@@ -30,7 +30,7 @@ _SAMPLES = 201
 _NODES = 64
 
 
-class Uprighting(Effect):
+class UprightingSpring(Effect):
     """A spring of stiffness k [N/m] that pulls towards the vertical through the origin."""
 
     k: jax.Array
@@ -164,7 +164,7 @@ def _swings() -> tuple[Figure, ...]:
     shakes = np.round(np.linspace(0, 1.1 * period * frequency / (2 * math.pi), _SAMPLES))
     ts = 2 * math.pi / frequency * shakes
     fast = simulate(shaken(amplitude, frequency, start), ts[-1], samples=ts, rtol=_RTOL)
-    pull = Uprighting(jnp.asarray((amplitude * frequency / _LENGTH) ** 2 / 2))
+    pull = UprightingSpring(jnp.asarray((amplitude * frequency / _LENGTH) ** 2 / 2))
     slow = simulate(shaken(0.0, 1.0, angle) + pull, ts[-1], samples=ts, rtol=_RTOL)
     theta = np.asarray(slow.ys[:, 0])
     wanted = theta - ripple * np.sin(theta)

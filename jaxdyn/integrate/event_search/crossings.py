@@ -19,11 +19,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.event_values import (
-    Clocks,
-    Sight,
-    bends,
+    EventSampler,
+    TimeDependence,
+    curvature_rounding,
     directions,
-    look,
+    evaluate,
     values,
 )
 from jaxdyn.integrate.march import History, StepControl, Watch, march
@@ -51,7 +51,7 @@ class Beginning(NamedTuple):
       slope: (E,) slopes in time.
       noise: (E,) rounding of the values there.
       speeds: (E,) one rounding of a slope.
-      bends: (E,) one rounding of a second derivative.
+      curvature_rounding: (E,) one rounding of a second derivative.
     """
 
     t: Array
@@ -62,13 +62,13 @@ class Beginning(NamedTuple):
     slope: Array
     noise: Array
     speeds: Array
-    bends: Array
+    curvature_rounding: Array
 
     @classmethod
     def of(cls, field, events: tuple, t: Array, y: Array) -> "Beginning":
         """The beginning at (t, y); `field` has ``rate(t, y)`` and a ``system``."""
         rate = field.rate(t, y)
-        here = look(field, events, t, y)
+        here = evaluate(field, events, t, y)
         return cls(
             t=t,
             y=y,
@@ -78,7 +78,7 @@ class Beginning(NamedTuple):
             slope=here.slopes,
             noise=here.rounding + jnp.abs(t) * here.speeds,
             speeds=here.speeds,
-            bends=bends(field, events, t, y),
+            curvature_rounding=curvature_rounding(field, events, t, y),
         )
 
     def sides(self, events: tuple, h: Array, wanted: Array) -> Array:
@@ -96,7 +96,9 @@ class Beginning(NamedTuple):
           wanted: (E,) signs after the crossings that count, 0 for both.
         """
         ahead = jnp.sign(h)
-        moved = _ROUNDINGS * (self.noise + jnp.abs(h) * self.speeds + h * h * self.bends)
+        moved = _ROUNDINGS * (
+            self.noise + jnp.abs(h) * self.speeds + h * h * self.curvature_rounding
+        )
         moving = jnp.abs(self.slope) > _ROUNDINGS * self.speeds
         before, after = (self._near(events, s * _CLOSE * h, moved) for s in (-1.0, 1.0))
         still = jnp.where(before * after < 0, after, -wanted)
@@ -136,13 +138,13 @@ def are_settled(times: Array, g: Array, slope: Array, sides: Array, noise: Array
     Limits: wrong for functions whose samples look smooth but which are not smooth in between.
     """
     width = jnp.diff(times)[:, None]
-    parts = Stretch(g[:-1], g[1:], slope[:-1], slope[1:], width)
+    parts = HermiteCubic(g[:-1], g[1:], slope[:-1], slope[1:], width)
     between = 0.5 * (width[1:] + width[:-1])
     fourth = jnp.max(jnp.abs(jnp.diff(parts.third, axis=0) / between), axis=0)
     return parts.is_settled(fourth[None], sides[:-1], sides[1:], jnp.maximum(noise[:-1], noise[1:]))
 
 
-class Stretch(NamedTuple):
+class HermiteCubic(NamedTuple):
     """Neighbouring samples of functions; all arrays of one shape.
 
     Attributes:
@@ -220,7 +222,7 @@ class Bracket(NamedTuple):
         return jnp.isfinite(self.low)
 
 
-class _Polish(NamedTuple):
+class _RootRefinement(NamedTuple):
     """The state of the polishing iteration."""
 
     n: Array  # () evaluations so far
@@ -234,7 +236,9 @@ class _Polish(NamedTuple):
     y: Array  # (k, E) the states at the last look
 
 
-def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array, Array]:
+def refine_roots(
+    sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket
+) -> tuple[Array, Array]:
     """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
@@ -251,8 +255,8 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
     eps = jnp.finfo(y0.dtype).eps
     least = _MIN_BRACKET_PART * jnp.abs(last - first)
 
-    def look(p: _Polish) -> _Polish:
-        ahead = sight.after(t0, y0, p.h)
+    def look(p: _RootRefinement) -> _RootRefinement:
+        ahead = sampler.after(t0, y0, p.h)
         g, slope, side = (jnp.diagonal(x) for x in (ahead.g, ahead.slope, ahead.side))
         # A start on the event may be beyond it by rounding, and leave before it returns.
         leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
@@ -271,7 +275,7 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
         back = jnp.where(p.arrived, 2 * p.back, fine)
         nearer = jnp.where(at_begin, high, p.h + jnp.clip(low - p.h, -back, back))
         new = jnp.where(done, p.h, jnp.where(arrived, nearer, new))
-        return _Polish(
+        return _RootRefinement(
             n=p.n + 1,
             low=low,
             high=high,
@@ -283,13 +287,13 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
             y=ahead.y,
         )
 
-    def going(p: _Polish) -> Array:
+    def going(p: _RootRefinement) -> Array:
         return (p.n < _MAX_LOOKS) & (found & ~p.done).any()
 
     h = 0.5 * (first + last)
     far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
     y = jnp.broadcast_to(y0[:, None], (*y0.shape, *h.shape))
-    begin = _Polish(
+    begin = _RootRefinement(
         n=jnp.zeros((), int),
         low=first,
         high=last,
@@ -304,8 +308,8 @@ def polish(sight: Sight, t0: Array, y0: Array, bracket: Bracket) -> tuple[Array,
     return jnp.where(found, end.h, jnp.inf), end.y
 
 
-def land(
-    sight: Sight, which: Array, t0: Array, h: Array, y: Array, towards: Array
+def move_onto_event(
+    sampler: EventSampler, which: Array, t0: Array, h: Array, y: Array, towards: Array
 ) -> tuple[Array, Array]:
     """Time after t0 and state of an event, moved onto it without passing beyond it.
 
@@ -314,7 +318,7 @@ def land(
     event, without knowing how large the state has been.
 
     Args:
-      sight: the events.
+      sampler: the events.
       which: () index of the event.
       t0: () time of the node.
       h: () time after it; infinite if there is no event.
@@ -322,10 +326,10 @@ def land(
       towards: () sign of the value beyond it.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
-    rate = sight.field.rate(t, y)
+    rate = sampler.field.rate(t, y)
 
     def value(t, y):
-        return values(sight.events, t, y)[which]
+        return values(sampler.events, t, y)[which]
 
     g, slope = jax.jvp(value, (t, y), (jnp.ones_like(t), rate))
     on = -g / jnp.where(slope == 0, 1.0, slope)
@@ -405,18 +409,18 @@ def first_crossing(
       method: see `flow`.
       before: see `march`.
     """
-    sight = Sight(field, events, method)
+    sampler = EventSampler(field, events, method)
     sides = jnp.broadcast_to(sides, directions(events).shape)
-    watch = _Lookout(sight, sides, Clocks.of(events, len(y0)))
+    watch = _CrossingWatch(sampler, sides, TimeDependence.of(events, len(y0)))
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
-    hs, ys = polish(sight, seen.t0, seen.y0, seen.bracket)
+    hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _AT_ONCE)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
-    h, y = land(sight, which, seen.t0, hs[which], ys[:, which], towards)
+    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards)
     # A step is checked at its end; for the shorter step to the event there is only this check.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
@@ -437,7 +441,7 @@ def first_crossing(
     return out, found
 
 
-class _Look(NamedTuple):
+class _Samples(NamedTuple):
     """Events at one time, or at several along a first axis."""
 
     part: Array  # () of the step
@@ -447,10 +451,10 @@ class _Look(NamedTuple):
     noise: Array  # (E,) values up to this are rounding
 
 
-class _Seen(NamedTuple):
+class _Memory(NamedTuple):
     """What the watch remembers; one entry for each of the E events."""
 
-    end: _Look  # at the last accepted node; NaN side once a value was NaN
+    end: _Samples  # at the last accepted node; NaN side once a value was NaN
     t0: Array  # () last accepted node before the events found
     y0: Array  # (k,)
     bracket: Bracket
@@ -459,34 +463,36 @@ class _Seen(NamedTuple):
     unseen: Array  # () whether more happened within a step than could be resolved
 
 
-class _Survey(NamedTuple):
+class _StepSearch(NamedTuple):
     """A step while it is searched panel by panel, each beginning where the last one ended."""
 
     n: Array  # () panels so far
-    begin: _Look
+    begin: _Samples
     end: Array  # () of the panel, as part of the step
     bracket: Bracket  # in parts of the step
 
 
-class _Lookout(Watch):
-    sight: Sight
+class _CrossingWatch(Watch):
+    sampler: EventSampler
     sides: Array  # (E,) signs just after the start where these are known, else 0
-    clocks: Clocks | None
+    in_time: TimeDependence | None
     direction: Array | float = 1.0
 
     @property
     def wanted(self) -> Array:
         """(E,) the signs after the crossings that count, 0 for both."""
-        return directions(self.sight.events)
+        return directions(self.sampler.events)
 
     def towards(self, direction):
-        return _Lookout(self.sight, self.sides, self.clocks, direction)
+        return _CrossingWatch(self.sampler, self.sides, self.in_time, direction)
 
     def start(self, t0, y0):
-        here = Beginning.of(self.sight.field, self.sight.events, self.direction * t0, y0)
+        here = Beginning.of(self.sampler.field, self.sampler.events, self.direction * t0, y0)
         zero = jnp.zeros_like(here.g)
-        end = _Look(part=jnp.ones_like(t0), g=here.g, slope=here.slope, side=zero, noise=here.noise)
-        return _Seen(
+        end = _Samples(
+            part=jnp.ones_like(t0), g=here.g, slope=here.slope, side=zero, noise=here.noise
+        )
+        return _Memory(
             end=end,
             t0=t0,
             y0=y0,
@@ -500,80 +506,84 @@ class _Lookout(Watch):
         del y1
         h = self.direction * (t1 - t0)
         begin = self.direction * t0
-        first = memory.beginning.sides(self.sight.events, h, self.wanted)
+        first = memory.beginning.sides(self.sampler.events, h, self.wanted)
         first = jnp.where(self.sides == 0, first, self.sides)
         side = jnp.where(memory.begun, memory.end.side, first)
-        survey = self._survey(keep, begin, y0, h, memory, side)
-        low, high, towards = survey.bracket
+        search = self._search_step(keep, begin, y0, h, memory, side)
+        low, high, towards = search.bracket
         bracket = Bracket(low * h, high * h, towards)
         begun = jnp.ones((), bool)
-        unseen = (survey.n >= _MAX_CLOCKED) & ~survey.bracket.found.any()
-        seen = memory._replace(end=survey.begin, t0=begin, y0=y0, bracket=bracket, begun=begun)
+        unseen = (search.n >= _MAX_CLOCKED) & ~search.bracket.found.any()
+        seen = memory._replace(end=search.begin, t0=begin, y0=y0, bracket=bracket, begun=begun)
         seen = seen._replace(unseen=unseen)
         memory = jax.tree.map(lambda new, old: jnp.where(keep, new, old), seen, memory)
         over = memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
         return memory, over | memory.unseen
 
-    def _survey(self, keep, t: Array, y: Array, h: Array, memory: _Seen, side: Array) -> _Survey:
+    def _search_step(
+        self, keep, t: Array, y: Array, h: Array, memory: _Memory, side: Array
+    ) -> _StepSearch:
         """The step after all its panels, or after the one in which something happens first."""
         begin = memory.end._replace(part=jnp.zeros_like(t), side=side)
-        start = _Survey(
+        start = _StepSearch(
             n=jnp.zeros((), int), begin=begin, end=jnp.ones_like(t), bracket=Bracket.none(side)
         )
 
-        most = _MAX_PANELS if self.clocks is None else _MAX_CLOCKED
+        most = _MAX_PANELS if self.in_time is None else _MAX_CLOCKED
 
-        def panel(survey: _Survey) -> _Survey:
-            looks = self._looks(t, y, h, survey.begin, survey.end)
-            new = _judge(survey, looks, h, self.wanted, most)
-            if self.clocks is None:
+        def panel(search: _StepSearch) -> _StepSearch:
+            samples = self._sample(t, y, h, search.begin, search.end)
+            new = _judge(search, samples, h, self.wanted, most)
+            if self.in_time is None:
                 return new
             # Half of the panel first, where not all that happens in it can be seen.
-            begin = survey.begin.part
-            width = survey.end - begin
-            hidden = self.clocks.hide(t + begin * h, t + survey.end * h) & (width > _MIN_PANEL)
-            half = survey._replace(n=survey.n + 1, end=begin + 0.5 * width)
+            begin = search.begin.part
+            width = search.end - begin
+            hidden = self.in_time.hide(t + begin * h, t + search.end * h) & (width > _MIN_PANEL)
+            half = search._replace(n=search.n + 1, end=begin + 0.5 * width)
             return jax.tree.map(lambda a, b: jnp.where(hidden, a, b), half, new)
 
-        def going(survey: _Survey) -> Array:
-            over = survey.bracket.found | jnp.isnan(survey.begin.side)
-            return keep & (survey.begin.part < 1) & (survey.n < _MAX_CLOCKED) & ~over.any()
+        def going(search: _StepSearch) -> Array:
+            over = search.bracket.found | jnp.isnan(search.begin.side)
+            return keep & (search.begin.part < 1) & (search.n < _MAX_CLOCKED) & ~over.any()
 
         return jax.lax.while_loop(going, panel, start)
 
-    def _looks(self, t: Array, y: Array, h: Array, begin: _Look, end: Array) -> _Look:
+    def _sample(self, t: Array, y: Array, h: Array, begin: _Samples, end: Array) -> _Samples:
         """The events at the beginning of a panel, at the places within it and at its end."""
         parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
-        g, slope, known, noise, _ = self.sight.after(t, y, parts[1:] * h)
+        g, slope, known, noise, _ = self.sampler.after(t, y, parts[1:] * h)
         sides = [begin.side]
         for side in known:
             sides.append(jnp.where(side == 0, sides[-1], side))
         pairs = (begin.g, g), (begin.slope, slope), (begin.noise, noise)
         g, slope, noise = (jnp.concatenate([a[None], b]) for a, b in pairs)
-        return _Look(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
+        return _Samples(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 
 
-def _judge(survey: _Survey, looks: _Look, h: Array, wanted: Array, most: int) -> _Survey:
+def _judge(
+    search: _StepSearch, samples: _Samples, h: Array, wanted: Array, most: int
+) -> _StepSearch:
     """The next panel, or the first stretch of this one that has to be refined."""
-    width = survey.end - survey.begin.part
-    exhausted = (width < _MIN_PANEL) | (survey.n >= most)
-    s = looks.side
-    known = are_settled(h * looks.part, looks.g, looks.slope, s, looks.noise) | exhausted
+    width = search.end - search.begin.part
+    exhausted = (width < _MIN_PANEL) | (search.n >= most)
+    s = samples.side
+    known = are_settled(h * samples.part, samples.g, samples.slope, s, samples.noise) | exhausted
     across = (s[:-1] * s[1:] < 0) & ((wanted == 0)[None] | (wanted[None] == s[1:]))
     unclear, n = _first(~known), len(_LOOK_PLACES)
     hit = _first(across)
     into, found = (unclear < n) & (unclear <= hit), hit < unclear
-    begin = jax.tree.map(lambda x: x[jnp.where(into, unclear, n)], looks)
+    begin = jax.tree.map(lambda x: x[jnp.where(into, unclear, n)], samples)
     # The next panel takes in what would be a sliver at the end of the step.
     following = jnp.where(
-        survey.end + (_PANEL_GROWTH + 1) * width < 1, survey.end + _PANEL_GROWTH * width, 1.0
+        search.end + (_PANEL_GROWTH + 1) * width < 1, search.end + _PANEL_GROWTH * width, 1.0
     )
-    end = jnp.where(into, looks.part[jnp.minimum(unclear, n - 1) + 1], following)
+    end = jnp.where(into, samples.part[jnp.minimum(unclear, n - 1) + 1], following)
     at = jnp.minimum(hit, n - 1)
     here = found & across[at]
-    low, high = (jnp.where(here, looks.part[at + i], jnp.inf) for i in (0, 1))
-    return _Survey(n=survey.n + 1, begin=begin, end=end, bracket=Bracket(low, high, s[at + 1]))
+    low, high = (jnp.where(here, samples.part[at + i], jnp.inf) for i in (0, 1))
+    return _StepSearch(n=search.n + 1, begin=begin, end=end, bracket=Bracket(low, high, s[at + 1]))
 
 
 def _first(flags: Array) -> Array:

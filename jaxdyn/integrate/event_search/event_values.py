@@ -26,7 +26,7 @@ _FEW_WAVES = 4.0
 _COINCIDENCE_ROUNDINGS = 64
 
 
-class Looked(NamedTuple):
+class EventValues(NamedTuple):
     """The E events at a point (t, y) of a motion, one entry each.
 
     Attributes:
@@ -68,12 +68,12 @@ def sizes(system: System, y: Array) -> Array:
     return jnp.max(jnp.where(units[:, None] == units[None, :], jnp.abs(y)[None, :], 0.0), axis=1)
 
 
-def look(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> Looked:
+def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> EventValues:
     """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
     rows, terms = _terms(field, events, t, y)
     eps = jnp.finfo(y.dtype).eps
     known = jnp.maximum(sizes(field.system, y), size)
-    return Looked(
+    return EventValues(
         values=values(events, t, y),
         slopes=jnp.sum(terms, -1),
         rounding=eps * jnp.sum(jnp.abs(rows * known[None]), -1),
@@ -81,7 +81,7 @@ def look(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) ->
     )
 
 
-def bends(field, events: tuple, t: Array, y: Array) -> Array:
+def curvature_rounding(field, events: tuple, t: Array, y: Array) -> Array:
     """(E,) one rounding of the second derivatives along the motion; 0 where they do not exist."""
     ahead = (jnp.ones_like(t), field.rate(t, y))
     _, second = jax.jvp(lambda t, y: _terms(field, events, t, y)[1].sum(-1), (t, y), ahead)
@@ -127,14 +127,16 @@ def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
     return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
-def at(events: tuple, t: Array, y: Array, rate: Array, size: Array) -> tuple[Array, ...]:
+def values_and_signs(
+    events: tuple, t: Array, y: Array, rate: Array, size: Array
+) -> tuple[Array, ...]:
     """(E,) each: values, slopes along a motion of this rate, and the two results of `sides`."""
     ahead = (jnp.ones_like(t), rate)
     g, slope = jax.jvp(functools.partial(values, events), (t, y), ahead)
     return g, slope, *sides(events, t, y, size)
 
 
-class Clocks(eqx.Module):
+class TimeDependence(eqx.Module):
     """What the values of events do in time alone, which no step of the motion measures.
 
     Attributes:
@@ -146,8 +148,8 @@ class Clocks(eqx.Module):
     plan: Plan = eqx.field(static=True)
 
     @classmethod
-    def of(cls, events: tuple, k: int) -> "Clocks | None":
-        """The clocks of events of a state (k,); None if nothing is hidden, or conditions decide."""
+    def of(cls, events: tuple, k: int) -> "TimeDependence | None":
+        """That of events of a state (k,); None if nothing is hidden, or conditions decide."""
         plan = plan_of(_Values(events), k, waves=True)
         return cls(events, plan) if plan.hides and not plan.size else None
 
@@ -166,7 +168,7 @@ class _Values(eqx.Module):
         return values(self.events, t, y)
 
 
-class Ahead(NamedTuple):
+class EventSamples(NamedTuple):
     """The E events at s times ahead of a node.
 
     Attributes:
@@ -184,7 +186,7 @@ class Ahead(NamedTuple):
     y: Array
 
 
-class Sight(eqx.Module):
+class EventSampler(eqx.Module):
     """Events of a motion at any time after a node, by one step of the method from there.
 
     Attributes:
@@ -197,7 +199,7 @@ class Sight(eqx.Module):
     events: tuple
     method: Method = eqx.field(static=True)
 
-    def after(self, t: Array, y: Array, hs: Array) -> Ahead:
+    def after(self, t: Array, y: Array, hs: Array) -> EventSamples:
         """The events after one step of each length hs (s,) from (t, y)."""
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ts = t + hs
@@ -207,10 +209,10 @@ class Sight(eqx.Module):
 
         def along(t, y, rate):
             size = jnp.maximum(start, sizes(self.field.system, y))
-            return at(self.events, t, y, rate, size)
+            return values_and_signs(self.events, t, y, rate, size)
 
         seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
-        return Ahead(*seen, y=x)
+        return EventSamples(*seen, y=x)
 
     def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
         """(k, s) increments of one step of each length hs (s,)."""
@@ -258,7 +260,7 @@ def coincident(field, events: tuple, y0: Array, t0: Array, t: Array, y: Array, d
       y: (k,) state then.
       direction: () 1 forwards in time, -1 backwards.
     """
-    here = look(field, events, t, y, sizes(field.system, y0))
+    here = evaluate(field, events, t, y, sizes(field.system, y0))
     time = jnp.abs(t0) + jnp.abs(t)
     off = _COINCIDENCE_ROUNDINGS * (here.rounding + time * here.speeds)
     wanted = directions(events)

@@ -183,11 +183,12 @@ def calculate(eqn, args: Sequence[np.ndarray]) -> list[np.ndarray] | None:
     return None if found is None else [np.asarray(x, kind) for x in found]
 
 
-#: Operations that only rearrange their first arguments; the others are known indices.
+#: Operations that only rearrange some of their arguments, these; the others are known indices.
 MOVES = {
-    **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), None),
-    **dict.fromkeys(("concatenate", "rev", "split", "stack", "unstack", "pad"), None),
-    **{"dynamic_slice": 1, "gather": 1, "dynamic_update_slice": 2},
+    **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice"), slice(None)),
+    **dict.fromkeys(("concatenate", "rev", "split", "stack", "unstack", "pad"), slice(None)),
+    **dict.fromkeys(("dynamic_slice", "gather"), slice(1)),
+    **{"dynamic_update_slice": slice(2), "scatter": slice(0, None, 2)},
 }
 
 
@@ -215,25 +216,42 @@ def by_jax(primitive, params: dict, args: list[np.ndarray]) -> list[np.ndarray]:
 def move(eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """What an operation of `MOVES` makes of its arguments."""
     name, params = eqn.primitive.name, dict(eqn.params)
-    n = MOVES[name] or len(args)
-    entries, places = args[:n], args[n:]
-    if any(x.dtype == object for x in places):
+    moved = range(len(args))[MOVES[name]]
+    entries = [args[i].astype(object) for i in moved]
+    if any(x.dtype == object for i, x in enumerate(args) if i not in moved):
         raise NotElementary(f"{name} at indices known only at run time")
-    found = rearrange(name, params, [*(x.astype(object) for x in entries), *places])
+    given = list(args)
+    given[MOVES[name]] = entries
+    found = rearrange(name, params, given)
     if found is not None:
         return found
     # The operation is applied to the indices of all entries, to see where each goes.
     if name == "gather":
         params["fill_value"] = -1
     starts = itertools.accumulate((x.size for x in entries), initial=0)
-    numbers = [
+    given[MOVES[name]] = [
         n + np.arange(x.size).reshape(x.shape) for n, x in zip(starts, entries, strict=False)
     ]
-    pool = np.concatenate([x.astype(object).ravel() for x in entries])
-    found = by_jax(eqn.primitive, params, [*numbers, *places])
+    pool = np.concatenate([x.ravel() for x in entries])
+    found = by_jax(eqn.primitive, params, given)
     if any((x < 0).any() for x in found):
         raise NotElementary(f"{name} at indices out of bounds")
     return [np.asarray(pool[x], object) for x in found]
+
+
+def add_at(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
+    """An array with other numbers added to entries of it."""
+    x, places, added = args
+    if places.dtype == object:
+        raise NotElementary("scatter-add at indices known only at run time")
+    found = x.astype(object)
+    for at in np.ndindex(added.shape):
+        one, nothing = np.zeros(added.shape), np.zeros(x.shape)
+        one[at] = 1.0
+        (goes,) = by_jax(eqn.primitive, eqn.params, [nothing, places, one])
+        for to in zip(*np.nonzero(goes), strict=True):
+            found[to] = graph.add(found[to], added[at])
+    return [found]
 
 
 def convert(graph: Graph, x: np.ndarray, kind: np.dtype, wanted: np.dtype) -> np.ndarray:
@@ -438,6 +456,8 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name == "convert_element_type":
         kinds = eqn.invars[0].aval.dtype, np.dtype(params["new_dtype"])
         return [convert(graph, args[0], *kinds)]
+    if name == "scatter-add":
+        return add_at(graph, eqn, args)
     _check_kinds(eqn)
     if name in _FOLDED:
         binary, of_none = _FOLDED[name]

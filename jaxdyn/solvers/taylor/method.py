@@ -32,8 +32,8 @@ from jaxdyn.solvers.method import (
     Advance,
     Method,
     Rate,
-    grows_from,
     operations,
+    stability_limit,
     trace_once,
 )
 from jaxdyn.solvers.pairs import VERNER9
@@ -97,7 +97,7 @@ class Taylor(Method):
         def growth(z: float) -> float:
             return abs(sum((-z) ** k / math.factorial(k) for k in range(self.order + 1)))
 
-        return grows_from(growth)
+        return stability_limit(growth)
 
     @property
     def position_only(self) -> bool:

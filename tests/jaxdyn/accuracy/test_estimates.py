@@ -17,7 +17,14 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 KNOWN = known()
 THROW = {"cannonball, drag": KNOWN["cannonball, drag"]}
 DAMPED = {"damped oscillator": KNOWN["damped oscillator"]}
-_MORE = ("ellipse 0.9", "flipping body", "two masses", "pushed rod", "straight line", "limit cycle")
+_MORE = (
+    "ellipse 0.9",
+    "flipping body",
+    "two masses",
+    "pushed rod",
+    "straight line",
+    "limit cycle",
+)
 SOME = DAMPED | {name: KNOWN[name] for name in _MORE}
 TSIT5 = solvers.from_diffrax(diffrax.Tsit5())
 

@@ -14,7 +14,7 @@ from jaxdyn.analysis.linearize import modes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
-from jaxdyn.hard.cases.rest import FOLDS, OBLIQUE, oblique
+from jaxdyn.hard.cases.rest import FOLDS, OBLIQUE, oblique_springs
 from jaxdyn.scene import Effect
 from jaxdyn.scenes import cannonball, lorenz
 from jaxdyn.scenes.pendula import pendulum
@@ -141,7 +141,7 @@ def test_low_discrepancy_points_fill_the_cube():
 @pytest.mark.slow
 @pytest.mark.parametrize(("numbers", "expected"), OBLIQUE)
 def test_equilibria_with_small_basins_are_all_found(numbers, expected):
-    found = equilibria(oblique(*numbers), [-10, -10], [10, 10])
+    found = equilibria(oblique_springs(*numbers), [-10, -10], [10, 10])
     assert found.states.shape == (len(expected), 4)
     assert gap(found.states[:, :2], expected) < 1e-12
     assert (found.states[:, 2:] == 0).all()
@@ -155,7 +155,9 @@ def test_equilibria_with_small_basins_are_all_found(numbers, expected):
 @pytest.mark.slow
 def test_two_equilibria_that_are_about_to_vanish():
     before, after = (
-        equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1] + beside), [-10, -10], [10, 10], starts=64)
+        equilibria(
+            oblique_springs(0.5, 3.0, 3.0, FOLDS[1] + beside), [-10, -10], [10, 10], starts=64
+        )
         for beside in (-1e-7, 1e-7)
     )
     assert (len(before), len(after)) == (3, 1)
@@ -163,7 +165,7 @@ def test_two_equilibria_that_are_about_to_vanish():
     assert after.complete
     near = before.states[np.abs(before.states[:, 1] - 1.02) < 0.01]
     assert 1e-4 < np.ptp(near[:, 1]) < 1e-2
-    at = equilibria(oblique(0.5, 3.0, 3.0, FOLDS[1]), [-10, -10], [10, 10], starts=64)
+    at = equilibria(oblique_springs(0.5, 3.0, 3.0, FOLDS[1]), [-10, -10], [10, 10], starts=64)
     assert not at.complete
     assert "near (0.4602, 1.02002) the Jacobian is singular" in at.certainty
 
@@ -187,7 +189,7 @@ def test_a_place_where_the_rate_is_zero_but_jumps_is_no_equilibrium():
 
 
 def test_modes_take_what_equilibria_returns():
-    scene = oblique(8.0, 2.0, 0.8, 1.0)
+    scene = oblique_springs(8.0, 2.0, 0.8, 1.0)
     state = equilibria(scene, [1.0, -1.0], [2.0, 1.0], starts=32).states[0]
     assert (modes(scene, state).squares > 0).all()
     moving = np.array([0.0, 0.0, 1.0, 0.0])

@@ -10,7 +10,7 @@ from helpers import SOLVED, gap
 
 from jaxdyn import Effect, scenes, simulate
 from jaxdyn.analysis import energy
-from jaxdyn.analysis.work_by_effect import Ledger, power, with_work
+from jaxdyn.analysis.work_by_effect import WorkByEffect, power, with_work
 from jaxdyn.effects import LinearDrag, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.newton_euler import NewtonEuler
@@ -121,8 +121,8 @@ def test_a_torque_on_a_rigid_body_works_on_its_spin():
 
 
 def test_a_scene_without_a_ledger_has_none():
-    assert not isinstance(BALL.system, Ledger)
-    assert isinstance(LEDGER.system, Ledger)
+    assert not isinstance(BALL.system, WorkByEffect)
+    assert isinstance(LEDGER.system, WorkByEffect)
     assert not LEDGER.second_order
 
 

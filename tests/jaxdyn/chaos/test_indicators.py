@@ -124,6 +124,25 @@ def test_parameters_may_differ():
     assert abs(found.exponent[1, 0] - 0.9056) < 0.2
 
 
+@pytest.mark.slow
+def test_a_map_resumes_bit_for_bit(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxdyn.chaos.maps._CHUNK", 3)
+    path = tmp_path / "map.jsonl"
+    grid = np.linspace(-0.4, 0.6, 4), np.linspace(0.0, 0.9, 3)  # some starts do not exist
+    whole = chaos.chaos_map(crossing, *grid, 50.0, path=path)
+    text = path.read_bytes()
+    path.write_bytes(b"".join(text.splitlines(keepends=True)[:3]))
+    again = chaos.chaos_map(crossing, *grid, 50.0, path=path)
+    assert path.read_bytes() == text
+    for name in ("mean", "exponent", "time", "status"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
+    assert np.isnan(whole.mean).any()
+    assert whole.ok.any()
+    plain = chaos.chaos_map(crossing, *grid, 50.0)
+    np.testing.assert_allclose(plain.mean, whole.mean, rtol=1e-9)
+    assert "of this call" in refusal(lambda: chaos.chaos_map(crossing, *grid, 60.0, path=path))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -10,7 +10,7 @@ from helpers import EXACT, gap
 
 from jaxdyn import Trajectory, effects, scenes, simulate
 from jaxdyn.analysis import work_by_effect
-from jaxdyn.analysis.regularised import LogarithmicTime
+from jaxdyn.analysis.regularized import LogarithmicTime
 from jaxdyn.drawing.contents import in_time, paths
 from jaxdyn.drawing.curves import CURVE_SAMPLES
 from jaxdyn.drawing.strokes import coil, dashpot, grounds

@@ -6,11 +6,11 @@ import pytest
 from helpers import gap
 
 from jaxdyn import System
-from jaxdyn.analysis.regularised import LogarithmicTime
-from jaxdyn.analysis.work_by_effect import Ledger
+from jaxdyn.analysis.regularized import LogarithmicTime
+from jaxdyn.analysis.work_by_effect import WorkByEffect
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.scene import Points
-from jaxdyn.scenes.central import _Swept
+from jaxdyn.scenes.central import _SweptAngle
 from jaxdyn.sketch import Shape
 
 TIME, INNER, EFFECTS = 0.7, np.array([0.3, -0.2, 0.5, 1.1]), ("an effect",)
@@ -94,9 +94,9 @@ class Answers(System):
 
 #: (system, whole state, further entries)
 CASES = [
-    (Ledger(Answers(), ("LinearDrag",)), np.append(INNER, 0.4), 1),
+    (WorkByEffect(Answers(), ("LinearDrag",)), np.append(INNER, 0.4), 1),
     (LogarithmicTime(Answers()), np.append(INNER, [0.4, TIME]), 2),
-    (_Swept(Answers()), np.append(INNER, 9.0), 1),
+    (_SweptAngle(Answers()), np.append(INNER, 9.0), 1),
 ]
 QUESTIONS = {
     "points": lambda s, t, y: s.points(t, y),
@@ -121,12 +121,13 @@ OF_STATES = {
     "generators": lambda s, t, y: s.generators(y)["along x"],
 }
 OWN = {"labels", "rate", "check", "check_effects"}
+OLD_NAMES = {"cut", "held"}
 #: What further entries take away: see there.
 NOT_ANY_MORE = {"second_order": False, "canonical": None}
 
 
 def test_every_question_is_answered_here():
-    asked = {name for name in vars(System) if not name.startswith("_")}
+    asked = {name for name in vars(System) if not name.startswith("_")} - OLD_NAMES
     assert asked == {*QUESTIONS, *OF_STATES, *OWN, *NOT_ANY_MORE}
     answered = set(vars(Extended)) | Extended.__abstractmethods__
     assert asked <= answered
@@ -164,4 +165,4 @@ def test_without_constraints_nothing_is_projected():
         project = System.project
 
     y = np.append(INNER, 0.4)
-    assert Ledger(Free(), ("LinearDrag",)).project(TIME, y) is y
+    assert WorkByEffect(Free(), ("LinearDrag",)).project(TIME, y) is y

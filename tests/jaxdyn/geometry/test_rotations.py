@@ -116,7 +116,7 @@ def test_quaternions_and_matrices_are_one_group():
     assert gap(matrix(conjugate), matrix(q).transpose(0, 2, 1)) < EXACT
     back = jax.vmap(ro.wxyz_from_matrix)(matrix(q))
     assert gap(back, q * jnp.sign(q[:, :1])) < EXACT
-    assert gap(jax.vmap(ro.normalise_wxyz)(5 * q), q) < EXACT
+    assert gap(jax.vmap(ro.normalize_wxyz)(5 * q), q) < EXACT
     # i j = k and the rest of Hamilton's table
     i, j, k = jnp.eye(4)[1:]
     assert gap(MULTIPLY(i, j), k) == 0
@@ -135,7 +135,7 @@ def test_nothing_is_returned_for_no_axis_and_no_quaternion():
     assert jnp.isnan(ROTMAT(jnp.zeros(3), 1.0)).all()
     assert jnp.isnan(ro.rotate(jnp.zeros(3), 1.0, jnp.ones(3))).all()
     assert jnp.isnan(MATRIX(jnp.zeros(4))).all()
-    assert jnp.isnan(ro.normalise_wxyz(jnp.zeros(4))).all()
+    assert jnp.isnan(ro.normalize_wxyz(jnp.zeros(4))).all()
 
 
 # ---- rates
@@ -241,7 +241,7 @@ def test_unknown_sequences_are_refused():
 
 
 def test_orthonormalise_is_the_polar_factor():
-    nearest = jax.jit(frames.orthonormalise)
+    nearest = jax.jit(frames.orthonormalize)
     for scale in (1e-12, 1e-3, 1.0):
         R = np.asarray(EXP(RNG.normal(size=3)))
         A = R + scale * 0.3 * RNG.normal(size=(3, 3))
@@ -252,7 +252,7 @@ def test_orthonormalise_is_the_polar_factor():
     u, _, vt = np.linalg.svd(stretched)
     assert gap(nearest(stretched), u @ vt) < 1e-12  # condition number 1e6
     drifted = R * (1 + 1e-5)
-    assert gap(frames.orthonormalise(drifted, iterations=2), R) < 10 * EXACT
+    assert gap(frames.orthonormalize(drifted, iterations=2), R) < 10 * EXACT
     for bad in (-np.eye(3), np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])):
         assert jnp.isnan(nearest(bad)).all()
 
@@ -303,11 +303,11 @@ def test_logarithm_and_axis_angle_derivatives():
 
 def test_nothing_that_a_rate_may_call_sorts_scatters_or_needs_lapack():
     def rate(q, omega, A):
-        R = ro.matrix_from_wxyz(ro.normalise_wxyz(q))
+        R = ro.matrix_from_wxyz(ro.normalize_wxyz(q))
         angles = euler_from_matrix(R, "ZXZ").angles
         rates = euler_rates_from_body(angles, omega, "ZXZ").rates
         turn = ro.rotation_vector_from_wxyz(q)
-        return ro.wxyz_rate_from_body(q, omega), rates, turn, frames.orthonormalise(A)
+        return ro.wxyz_rate_from_body(q, omega), rates, turn, frames.orthonormalize(A)
 
     used = set(primitives(jax.jit(rate), jnp.ones(4), jnp.ones(3), jnp.eye(3)))
     forbidden = {

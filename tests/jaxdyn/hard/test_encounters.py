@@ -9,9 +9,9 @@ import pytest
 from helpers import SOLVED, TESTS, gap
 
 from jaxdyn import Scene, scenes, simulate
-from jaxdyn.analysis import regularised
+from jaxdyn.analysis import regularized
 from jaxdyn.analysis.approaches import closest_approaches
-from jaxdyn.analysis.regularised import regularize, simulate_regularised
+from jaxdyn.analysis.regularized import regularize, simulate_regularized
 from jaxdyn.effects import LinearDrag, PairGravity, PowerLaw
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.hard.cases import encounters
@@ -31,7 +31,7 @@ def test_the_numbers_in_the_package_are_those_of_the_reference():
 
 @pytest.mark.slow
 def test_bodies_go_through_fifteen_encounters():
-    motion = simulate_regularised(encounters.pythagorean(), rtol=1e-14)
+    motion = simulate_regularized(encounters.pythagorean(), rtol=1e-14)
     found = encounters.pythagorean_outcome(motion.ys[-1])
     assert np.max(np.abs(found / np.array(encounters.PYTHAGOREAN_OUTCOME) - 1)) < 1e-6
 
@@ -39,22 +39,22 @@ def test_bodies_go_through_fifteen_encounters():
 @pytest.mark.slow
 def test_drag_does_as_in_plain_time():
     scene = BODIES + LinearDrag(0.05)
-    slow = simulate_regularised(scene, 4.0, rtol=1e-13)
+    slow = simulate_regularized(scene, 4.0, rtol=1e-13)
     # The encounter, nearer by 40 times than the start, amplifies errors.
     assert gap(slow.ys[-1], simulate(scene, 4.0, rtol=1e-13).ys[-1]) < 100 * SOLVED
 
 
 @pytest.mark.slow
 def test_a_motion_runs_back_to_its_start():
-    there = simulate_regularised(BODIES, rtol=1e-13)
-    back = simulate_regularised(BODIES.starting(there.ys[-1]), 0.0, t0=6.0, rtol=1e-13)
+    there = simulate_regularized(BODIES, rtol=1e-13)
+    back = simulate_regularized(BODIES.starting(there.ys[-1]), 0.0, t0=6.0, rtol=1e-13)
     assert gap(back.ys[-1], BODIES.y0) < SOLVED
     assert float(back.ts[-1]) == 0.0
 
 
 @pytest.mark.slow
 def test_the_end_is_at_the_wanted_time_and_samples_are_in_order():
-    motion = simulate_regularised(BODIES, 5.0, t0=1.0)
+    motion = simulate_regularized(BODIES, 5.0, t0=1.0)
     assert motion.ts[0] == 1.0
     assert motion.ts[-1] == 5.0
     assert np.all(np.diff(motion.ts) > 0)
@@ -70,7 +70,7 @@ def test_the_energy_follows_a_force_that_depends_on_time():
             return (1 + 0.1 * t) * super().force(t, r, v, m)
 
     scene = Scene(BODIES.system, (Growing(),), y0=BODIES.y0, t1=2.0)
-    slow = simulate_regularised(scene, rtol=1e-13)
+    slow = simulate_regularized(scene, rtol=1e-13)
     assert gap(slow.ys[-1], simulate(scene, rtol=1e-13).ys[-1]) < 100 * SOLVED
 
 
@@ -95,25 +95,25 @@ def test_gradients_go_through_an_encounter():
         return how(BODIES.starting(y0, 2.0))
 
     plain = jax.jacfwd(end)(0.1, lambda scene: simulate(scene, rtol=1e-12, samples=2).ys[-1])
-    slow = jax.jacfwd(end)(0.1, lambda s: simulate_regularised(s, rtol=1e-12, samples=2).ys[-1])
+    slow = jax.jacfwd(end)(0.1, lambda s: simulate_regularized(s, rtol=1e-12, samples=2).ys[-1])
     assert gap(plain, slow) < 1e-9 * float(jnp.max(jnp.abs(plain)))
 
 
 @pytest.mark.slow
 def test_a_collision_ends_in_a_status():
     head_on = BODIES.starting([-1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0], 6.0)
-    motion = simulate_regularised(head_on, throw=False, max_steps=20_000)
+    motion = simulate_regularized(head_on, throw=False, max_steps=20_000)
     assert Status(int(motion.status)) in (Status.STEP_COLLAPSED, Status.STEP_LIMIT)
     assert np.isnan(motion.ys[-1]).all()
     with pytest.raises(IntegrationError):
-        simulate_regularised(head_on, max_steps=20_000)
+        simulate_regularized(head_on, max_steps=20_000)
 
 
 def test_a_search_that_ends_before_the_end_time_is_a_status(monkeypatch):
-    monkeypatch.setattr(regularised, "_UNREACHABLE_SPAN", 1e-3)
-    found = simulate_regularised(BODIES, 1.0, throw=False)
+    monkeypatch.setattr(regularized, "_UNREACHABLE_SPAN", 1e-3)
+    found = simulate_regularized(BODIES, 1.0, throw=False)
     assert found.status == Status.NOT_FINITE
-    assert np.isnan(regularised.logarithmic_span(BODIES, 1.0))
+    assert np.isnan(regularized.logarithmic_span(BODIES, 1.0))
 
 
 def test_what_makes_no_sense_is_refused():
@@ -122,9 +122,9 @@ def test_what_makes_no_sense_is_refused():
     with pytest.raises(ValueError, match="scene: expected free points, got NewtonEuler"):
         regularize(scenes.pendulum())
     with pytest.raises(ValueError, match="samples: expected at least 2"):
-        simulate_regularised(BODIES, samples=1)
+        simulate_regularized(BODIES, samples=1)
     with pytest.raises(ValueError, match="t1: expected a time other than t0"):
-        simulate_regularised(BODIES, 0.0)
+        simulate_regularized(BODIES, 0.0)
 
 
 @pytest.mark.slow

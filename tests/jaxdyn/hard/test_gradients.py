@@ -9,7 +9,7 @@ import pytest
 from jaxdyn import Scene, scenes, solvers
 from jaxdyn.effects import LinearDrag, PowerLaw, QuadraticDrag, SinusoidalForce, Spring
 from jaxdyn.formulations.newton import FreePoints
-from jaxdyn.hard.cases.contact import bouncing
+from jaxdyn.hard.cases.contact import bouncing_ball
 from jaxdyn.integrate.phases import follow
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes.corners import phases_of
@@ -98,7 +98,7 @@ def test_the_time_and_place_of_a_stop():
 def test_the_time_of_the_third_bounce():
     def third(keeps, up):
         y0 = jnp.stack([0.0, 0.0, 1.0, up])
-        return follow(bouncing(keeps), [("fly", 0)] * 3, y0, 100.0, rtol=RTOL)[0]
+        return follow(bouncing_ball(keeps), [("fly", 0)] * 3, y0, 100.0, rtol=RTOL)[0]
 
     keeps, up, g = 0.8, 5.0, 10.0
     by_keeps, by_up = jax.grad(third, argnums=(0, 1))(keeps, up)

@@ -10,7 +10,7 @@ from helpers import gap, kepler, kepler_state
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.analysis.regularised import regularize
+from jaxdyn.analysis.regularized import regularize
 from jaxdyn.integrate.march import Samples, StepControl
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scales import Groups

@@ -19,7 +19,7 @@ ENDS = [
     ),
     (
         lambda: scenes.two_body().starting([0.0, 0, 1, 0, 0, 0, 0, 0]),
-        r"Bodies that meet .* regularised\.simulate_regularised",
+        r"Bodies that meet .* regularized\.simulate_regularized",
     ),
 ]
 

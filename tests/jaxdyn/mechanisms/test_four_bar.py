@@ -6,7 +6,7 @@ import pytest
 from helpers import EXACT, gap, refusal
 
 from jaxdyn import Status, simulate
-from jaxdyn.hard.cases.dependent import folding
+from jaxdyn.hard.cases.dependent import folding_bars
 from jaxdyn.scenes import linkages
 
 NOW = jnp.zeros(())
@@ -48,12 +48,12 @@ def test_a_linkage_at_its_change_point_is_refused_by_name(formulation):
 
 
 def test_a_pose_where_the_bars_lose_rank_is_refused_with_the_remedy():
-    said = refusal(folding(0.0).check)
+    said = refusal(folding_bars(0.0).check)
     assert said.startswith("y0: expected a pose whose constraints determine the motion, got one ")
     assert said.endswith(
         "It could continue in several ways (a linkage at a dead centre); start beside it."
     )
-    folding(1e-3).check()
+    folding_bars(1e-3).check()
 
 
 def test_a_step_past_two_change_points_is_refused_too():

@@ -103,8 +103,8 @@ def test_a_branch_that_holds_gives_the_rate_itself(rate):
     for seed in range(20):
         t, *y = np.random.default_rng(seed).normal(size=3)
         y = jnp.asarray(y)
-        _, here = found.look(field, t, y)
-        again, same = found.look(field, t, y, here.outcomes)
+        _, here = found.evaluate(field, t, y)
+        again, same = found.evaluate(field, t, y, here.outcomes)
         assert np.allclose(again, field.rate(t, y), rtol=1e-14)
         assert np.array_equal(same.outcomes, here.outcomes)
         assert (np.asarray(same.margins) >= 0).all()
@@ -114,10 +114,10 @@ def test_a_branch_that_holds_gives_the_rate_itself(rate):
 def test_margins_are_negative_exactly_where_outcomes_differ():
     found, field = plan(with_all_kinds)
     start = jnp.array([0.3, 0.3])
-    _, here = found.look(field, 0.1, start)
+    _, here = found.evaluate(field, 0.1, start)
     for seed in range(50):
         y = start + 0.7 * np.random.default_rng(seed).normal(size=2)
-        _, there = found.look(field, 0.1, y, here.outcomes)
+        _, there = found.evaluate(field, 0.1, y, here.outcomes)
         differs = np.asarray(there.outcomes) != np.asarray(here.outcomes)
         assert np.array_equal(np.asarray(there.margins) < 0, differs)
 
@@ -130,8 +130,8 @@ def test_derivatives_on_a_surface_are_those_of_the_branch(held):
 
     found, field = plan(by_state)
     on_it = jnp.zeros(2)
-    _, here = found.look(field, 0.0, on_it + (0.5 if held else -0.5))
-    rate, _ = found.look(field, 0.0, on_it, here.outcomes)
+    _, here = found.evaluate(field, 0.0, on_it + (0.5 if held else -0.5))
+    rate, _ = found.evaluate(field, 0.0, on_it, here.outcomes)
     # Without a branch half of it, as JAX has it.
     assert np.allclose(rate, (held + 1.0, held), rtol=0, atol=0)
 
@@ -216,13 +216,13 @@ def test_switching_times_are_the_first_numbers_on_the_other_side():
     found, field = plan(lambda t, y: [jnp.where(t >= 0.3, 1.0, 0.0), jnp.sign(jnp.sin(7 * t))])
     t, changes = jnp.asarray(0.05), []
     while t < 1.0:
-        _, here = found.look(field, t, jnp.zeros(2))
+        _, here = found.evaluate(field, t, jnp.zeros(2))
         t = next_change(found, field, t, jnp.asarray(1.0), here.outcomes)
         changes.append(float(t))
     assert np.allclose(changes, [0.3, np.pi / 7, 2 * np.pi / 7, 1.0], rtol=1e-15)
     assert changes[0] == 0.3
     # Backwards in time from either side.
-    _, here = found.look(field, 0.4, jnp.zeros(2))
+    _, here = found.evaluate(field, 0.4, jnp.zeros(2))
     back = float(next_change(found, field, jnp.asarray(0.4), jnp.asarray(0.0), here.outcomes))
     assert back == np.nextafter(0.3, 0.0)
 
@@ -234,5 +234,5 @@ def test_conditions_that_only_save_digits_are_none(function):
     found, field = plan(lambda t, y: [y[1], -function(y[0], y[1]) - y[0]])
     assert found.conditions == ()
     at = jnp.array([0.3, -0.4])
-    rate, _ = found.look(field, 0.0, at)
+    rate, _ = found.evaluate(field, 0.0, at)
     np.testing.assert_allclose(rate, [at[1], -function(*at) - at[0]], rtol=1e-15)

@@ -4,7 +4,9 @@ import dataclasses
 import json
 import shutil
 import subprocess
+from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,7 +18,7 @@ import jaxdyn
 from jaxdyn import Effect, effects, player, scenes, simulate
 from jaxdyn.gallery import poster
 from jaxdyn.integrate.events import Reaches
-from jaxdyn.player import pages
+from jaxdyn.player import choices, pages
 from jaxdyn.player.choices import Choices
 from jaxdyn.player.model import _drawing, _parameters, model
 from jaxdyn.scenes import catalogue
@@ -316,6 +318,65 @@ def test_what_is_not_one_scene_is_refused_with_what_to_do():
     said = refusal(lambda: player.live({"on Earth": swing, "in space": weightless}))
     assert said.endswith("Name the parameter in which they differ: choose=.")
     assert "at most 20, got 21" in refusal(lambda: player.live(swing, motions=21))
+
+
+def _lambda(mu):
+    return jaxdyn.ode(lambda t, y, p: [y[1], p * (1 - y[0] ** 2) * y[1] - y[0]], [2, 0], params=mu)
+
+
+def _nested(mu):
+    def rate(t, y, p):
+        return [y[1], p["mu"] * (1 - y[0] ** 2) * y[1] - y[0]]
+
+    return jaxdyn.ode(rate, [2, 0], params={"mu": mu})
+
+
+def _captured(mu):
+    return jaxdyn.ode(lambda t, y: [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]], [2, 0])
+
+
+@pytest.mark.parametrize("make", [_lambda, _nested])
+def test_scenes_whose_functions_are_made_at_each_call_are_of_one_kind(make):
+    named = {"half": make(0.5), "two": make(2.0)}
+    found = choices.starts(named["half"], named)
+    assert [one["parameters"] for one in found] == [[0.5], [2.0]]
+    decay = jaxdyn.ode(lambda t, y, p: -p * y, [2, 0], params=1.0)
+    said = refusal(lambda: choices.start(_lambda(0.5), decay, ""))
+    assert said.endswith("got other formulas. Put it on a page of its own.")
+
+
+def test_numbers_that_functions_captured_must_be_the_same_on_a_page():
+    player.live({"one": _captured(0.5), "again": _captured(0.5)})
+    said = refusal(lambda: player.live({"half": _captured(0.5), "two": _captured(2.0)}))
+    assert said.startswith(
+        "scenes: expected functions that captured the same numbers, got another value of 'mu'. "
+        "Pass them as params: "
+    )
+    other = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [2, 0])
+    said = refusal(lambda: player.live({"half": _captured(0.5), "other": other}))
+    assert said.endswith("got other formulas. Put it on a page of its own.")
+
+
+class Push(Effect):
+    """A horizontal force of a given size."""
+
+    size: jax.Array
+    course: Callable = eqx.field(static=True)
+
+    def force(self, t, r, v, m):
+        return jnp.zeros_like(r).at[:, 0].set(self.size * self.course(t))
+
+
+def test_effects_whose_functions_are_made_at_each_call_are_of_one_kind():
+    def pushed(size):
+        return scenes.pendulum() + Push(jnp.asarray(size), lambda t: jnp.sin(2 * t))
+
+    named = {"weak": pushed(0.1), "strong": pushed(2.0), "none": scenes.pendulum()}
+    found = choices.starts(named["weak"], named)
+    assert [one["off"] for one in found] == [[], [], [1]]
+    assert [one["parameters"][-1] for one in found] == [0.1, 2.0, 0.1]
+    other = scenes.pendulum() + Push(jnp.asarray(0.1), lambda t: jnp.cos(2 * t))
+    assert "got other formulas" in refusal(lambda: choices.start(named["weak"], other, ""))
 
 
 def test_a_name_cannot_break_out_of_the_page():

@@ -262,7 +262,7 @@ def test_a_top_nutates_and_keeps_what_it_should():
 def test_critical_spin_three_ways():
     formula = precession.critical_spin(**TOP)
     assert gap(formula**2, 4 * K * PIVOT / TOP["I3"] ** 2) < SOLVED * formula**2
-    assert abs(spinning_top.critical_spin_by_linearisation(**TOP) / formula - 1) < 1e-10
+    assert abs(spinning_top.critical_spin_by_linearization(**TOP) / formula - 1) < 1e-10
     assert abs(spinning_top.critical_spin_by_simulation(**TOP) / formula - 1) < 3e-5
 
 

@@ -13,7 +13,7 @@ from references.order_conditions import OrderConditions
 from jaxdyn import Effect, Scene, ensemble, ode, scenes, simulate, solve, until
 from jaxdyn.accuracy import convergence, estimates, horizon
 from jaxdyn.accuracy.work_precision import work_precision
-from jaxdyn.analysis.regularised import logarithmic_span, solve_regularised
+from jaxdyn.analysis.regularized import logarithmic_span, solve_regularized
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import phases
 from jaxdyn.integrate.events import Reaches
@@ -288,7 +288,7 @@ def test_estimates_take_solvers_of_diffrax():
 def test_logarithmic_time_takes_solvers_of_diffrax():
     scene = scenes.two_body()
     s = logarithmic_span(scene, 1.0)
-    ends = [solve_regularised(scene, 1.0, s, solver=x).y1 for x in (diffrax.Tsit5(), None)]
+    ends = [solve_regularized(scene, 1.0, s, solver=x).y1 for x in (diffrax.Tsit5(), None)]
     assert gap(*ends) < 1e-6
 
 

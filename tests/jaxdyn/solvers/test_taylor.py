@@ -103,6 +103,13 @@ def _moved(t, y):
     return lax.dynamic_slice(put, (jnp.array(1),), (4,)) + jnp.split(padded, [4])[0]
 
 
+def _written(t, y):
+    known = jnp.zeros((4, 2)).at[:, 0].set(y * t).at[jnp.array([2, 1]), 1].set(y[:2])
+    beyond = y.at[9].set(3.0)  # changes nothing
+    added = known.at[jnp.array([0, 3, 0])].add(jnp.stack([y[:2], y[2:], beyond[1:3]]))
+    return added.sum(axis=1) + jax.grad(lambda y: jnp.prod(y[jnp.array([0, 2])]))(y)
+
+
 def _looped(t, y):
     def body(carry, x):
         return carry * x + y, carry[0]
@@ -143,9 +150,9 @@ def _edges(t, y):
     return cut + far + y.at[jnp.array([0, 9, -1, 2])].get(mode="clip")
 
 
-@pytest.mark.sample("_looped", "_empty")
+@pytest.mark.sample("_written", "_looped", "_empty")
 @pytest.mark.parametrize(
-    "rate", [_matrix, _moved, _looped, _chosen, _nothing_twice, _truths, _empty, _edges]
+    "rate", [_matrix, _moved, _written, _looped, _chosen, _nothing_twice, _truths, _empty, _edges]
 )
 def test_arrays_taken_apart_have_the_same_rate_and_its_derivative(rate):
     t, y = jnp.asarray(0.3), jnp.array([0.2, -0.5, 0.7, 1.1])

@@ -251,15 +251,15 @@ def test_linearised_about_equilibria_against_derivatives():
     hanging = scenes.double_pendulum(m=(1.0, 2.0), length=(1.0, 0.5), g=9.81)
     upright = [np.pi, 0.0, 0.0, 0.0]
     for scene, y in ((hanging, np.zeros(4)), (hanging, upright), (scenes.cart_pendulum(), None)):
-        found = jaxdyn.equations(scene).linearised(y)
+        found = jaxdyn.equations(scene).linearize(y)
         m, c, k = found.matrices()
         n = len(m)
         y = np.zeros(2 * n) if y is None else np.asarray(y)
         slopes = jax.jacfwd(lambda y, scene=scene: scene.rate(0.0, y))(jnp.asarray(y))
         below = np.hstack([-np.linalg.solve(m, k), -np.linalg.solve(m, c)])
         assert np.allclose(slopes[n:], below, rtol=1e-13, atol=1e-13)
-    assert jaxdyn.equations(scenes.pendulum()).linearised().text() == "M = m l^2\nK = m g l"
-    damped = jaxdyn.equations(scenes.oscillator() + effects.LinearDrag(0.1)).linearised()
+    assert jaxdyn.equations(scenes.pendulum()).linearize().text() == "M = m l^2\nK = m g l"
+    damped = jaxdyn.equations(scenes.oscillator() + effects.LinearDrag(0.1)).linearize()
     assert damped.text() == "M = m\nC = c\nK = k"
     assert "pmatrix" in damped.latex()
     assert damped.mathml().count("<math") == 3
@@ -271,7 +271,7 @@ def test_a_linkage_near_its_equilibrium():
     crank = scenes.four_bar(**UNEQUAL, formulation="newton_euler")
     y = jaxdyn.equilibria(crank, [-1.0], [1.0]).states[0]
     found = jaxdyn.equations(crank)
-    m, c, k = found.linearised(y).matrices()
+    m, c, k = found.linearize(y).matrices()
     slopes = jax.jacfwd(lambda y: crank.rate(0.0, y))(jnp.asarray(y))
     assert np.allclose(slopes[1:], np.hstack([-k / m, -c / m]), rtol=1e-13, atol=1e-13)
     values = found.at(0.0, y)
@@ -281,12 +281,12 @@ def test_a_linkage_near_its_equilibrium():
 
 def test_linearised_refuses_what_is_no_equilibrium():
     found = jaxdyn.equations(scenes.pendulum())
-    assert "a state at rest without accelerations" in refusal(lambda: found.linearised([1.0, 0.0]))
-    assert "a state at rest" in refusal(lambda: found.linearised([0.0, 1.0]))
+    assert "a state at rest without accelerations" in refusal(lambda: found.linearize([1.0, 0.0]))
+    assert "a state at rest" in refusal(lambda: found.linearize([0.0, 1.0]))
     shaken = jaxdyn.equations(scenes.shaken_pendulum())
-    assert "equations that depend on time" in refusal(shaken.linearised)
+    assert "equations that depend on time" in refusal(shaken.linearize)
     tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
-    assert "a scene of free coordinates" in refusal(tied.linearised)
+    assert "a scene of free coordinates" in refusal(tied.linearize)
 
 
 #: Conditions of equilibrium, and a box that holds some.

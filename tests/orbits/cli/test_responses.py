@@ -52,6 +52,7 @@ def test_a_backbone_is_printed_drawn_and_written(command, tmp_path):
 def test_what_they_refuse(response, command):
     assert "one amplitude > 0" in response("--levels", "1,-1")[2]
     assert "--output: expected one of" in response("--output", "z")[2]
+    assert "isolas: expected a whole number" in response("--isolas=-1")[2]
     backbone = functools.partial(command, "orbits", "backbone", "pendulum")
     assert "two bounds" in backbone("--within", "2,1")[2]
     assert "mode: expected at most 1" in backbone("--mode", 2)[2]

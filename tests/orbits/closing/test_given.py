@@ -6,7 +6,7 @@ import pytest
 
 import orbits
 from jaxdyn import scenes
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ from orbits.closing.given import driven
     ],
 )
 def test_a_drive_is_seen_at_rest_too(scene, expected):
-    assert driven(scene) == expected
+    assert is_driven(scene) == expected
 
 
 @pytest.mark.slow

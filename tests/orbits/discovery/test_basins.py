@@ -16,6 +16,10 @@ def wells(t, y):
     return [y[1], y[0] - y[0] ** 3 - 0.3 * y[1]]
 
 
+def unstable_wells(t, y):
+    return [y[1], y[0] - y[0] ** 3 + 0.3 * y[1]]
+
+
 def duffing(t, y):
     return [y[1], y[0] - y[0] ** 3 - 0.15 * y[1] + 0.2 * jnp.cos(t)]
 
@@ -75,8 +79,8 @@ def test_refined_boundaries_are_those_of_a_fine_grid(scene, found):
 
 @pytest.mark.slow
 def test_it_resumes(scene, found, tmp_path, monkeypatch):
-    path = tmp_path / "basins.npz"
-    monkeypatch.setattr("orbits.discovery.basins._CHUNK", 100)
+    path = tmp_path / "basins.jsonl"
+    monkeypatch.setattr("orbits.discovery.basins.CHUNK", 100)
     grid = {"x": SIDE, "v": SIDE}
     counts = []
     from jaxdyn.ensemble import engine
@@ -95,8 +99,36 @@ def test_it_resumes(scene, found, tmp_path, monkeypatch):
     again = orbits.basins(scene, grid, path=path)
     assert counts[:3] == [100, 96, 96]
     assert np.array_equal(again.labels, found.labels)
+    before, size = len(counts), path.stat().st_size
+    same = orbits.basins(scene, grid, path=path)
+    assert len(counts) == before  # all ends are known, also those of later rounds
+    assert path.stat().st_size == size
+    assert np.array_equal(same.labels, again.labels)
     other = {"x": SIDE[1:], "v": SIDE}
     assert "of another" in refusal(lambda: orbits.basins(scene, other, path=path))
+    faster = jaxdyn.ode(unstable_wells, [0.0, 0.0], 40.0, names=["x", "v"])
+    assert "of another" in refusal(lambda: orbits.basins(faster, grid, path=path))
+
+
+def test_basins_of_a_map_resume_bit_for_bit(tmp_path, monkeypatch):
+    monkeypatch.setattr("orbits.discovery.map_basins.CHUNK", 50)
+    side, path = np.linspace(-2, 2, 18)[:-1], tmp_path / "henon.jsonl"
+    grid = {"x": side, "y": side}
+    whole = orbits.map_basins(henon, grid, params=1.4, path=path)
+    text = path.read_bytes()
+    lines = text.splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:3]) + lines[3][:40])  # killed while it writes a line
+    again = orbits.map_basins(henon, grid, params=1.4, path=path)
+    assert path.read_bytes() == text
+    assert np.array_equal(again.labels, whole.labels)
+    assert np.array_equal(again.attractors[0].points, whole.attractors[0].points)
+    plain = orbits.map_basins(henon, grid, params=1.4)
+    assert np.array_equal(plain.labels, whole.labels)
+    for options in ({"params": 1.3}, {"params": 1.4, "steps": 100}):
+        refused = refusal(lambda o=options: orbits.map_basins(henon, grid, **o, path=path))
+        assert "path: expected the file of this call" in refused
+    path.write_bytes(text.replace(b"[", b" [", 1))
+    assert "edited" in refusal(lambda: orbits.map_basins(henon, grid, params=1.4, path=path))
 
 
 @pytest.mark.slow

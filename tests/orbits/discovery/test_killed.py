@@ -30,9 +30,9 @@ def searched(**options):
     return orbits.search(two_cycles(), box, SAMPLES, longest=3.5, windows=2, chunk=1, **options)
 
 
-def begun(path):
+def begun(path, code=_SEARCH):
     where = {"PYTHONPATH": ":".join([os.path.dirname(__file__), *sys.path])}
-    command = [sys.executable, "-c", _SEARCH, str(path)]
+    command = [sys.executable, "-c", code, str(path)]
     return subprocess.Popen(command, env=os.environ | where)
 
 
@@ -70,6 +70,37 @@ def test_a_search_that_is_killed_again_and_again_ends_with_the_same_table(tmp_pa
     assert again.counts == whole.counts
     assert [chunk.number for chunk in table.read(path)[1]] == list(range(SAMPLES))
     assert lines(path) == 1 + SAMPLES
+
+
+_BASINS = """
+import sys, jaxdyn
+jaxdyn.configure()
+from test_killed import newtons
+newtons(sys.argv[1])
+"""
+
+
+def newton(y):
+    square = y[0] ** 2 + y[1] ** 2
+    return [0.5 * (y[0] + y[0] / square), 0.5 * (y[1] - y[1] / square)]
+
+
+def newtons(path):
+    side = np.linspace(-1.9, 1.9, 400)
+    return orbits.map_basins(newton, {"x": side, "y": side}, steps=1000, path=path)
+
+
+@pytest.mark.slow
+def test_basins_that_are_killed_again_and_again_end_with_the_same_labels(tmp_path):
+    path = tmp_path / "newton.jsonl"
+    for wanted in (1, 3, 6):
+        run = begun(path, _BASINS)
+        wait_for(lambda wanted=wanted: lines(path) >= wanted, run)
+        run.send_signal(signal.SIGKILL)
+        run.wait(LONGEST)
+    again, whole = newtons(path), newtons(tmp_path / "whole.jsonl")
+    assert np.array_equal(again.labels, whole.labels)
+    assert path.read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
 
 
 def test_a_write_that_is_killed_leaves_the_old_file_or_the_new_one(tmp_path):

@@ -144,10 +144,10 @@ def _thrown(t, y):
 def test_derivatives_by_the_parameter_are_those_of_differences(bounce):
     chain = Chain.of(bounce, _ball)
     x = chain.pack(np.asarray(bounce.y0), bounce.spans, 0.1)
-    exact = chain.linearised(x, 1e-13).jacobian
+    exact = chain.linearize(x, 1e-13).jacobian
     h = 1e-5
     for i, step in enumerate(h * np.eye(len(x))):
-        ends = [chain.linearised(x + sign * step, 1e-13).value for sign in (1, -1)]
+        ends = [chain.linearize(x + sign * step, 1e-13).value for sign in (1, -1)]
         np.testing.assert_allclose(exact[:, i], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
     unknowns = chain.unpack(x)
     np.testing.assert_array_equal(unknowns.start, bounce.y0)

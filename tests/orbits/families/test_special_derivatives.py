@@ -4,17 +4,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cycles import Bautin, Moebius, Torus, cycle
+from cycles import Bautin, Moebius, Pitchfork, Torus, cycle
+from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import jaxdyn
 import orbits
 from jaxdyn.continuation import Kind
-from orbits.families import special_parameter
+from orbits.families import SpecialOrbit, special_parameter
+from orbits.families.again import find_again
 
 #: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
 SPECIAL = {
     Kind.FOLD: (Bautin, -0.2, (0.85, 0.0), {"step": 0.05, "members": 10, "down": True}),
+    Kind.BRANCH: (Pitchfork, -0.2, (1.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
     Kind.DOUBLING: (Moebius, -0.2, (1.0, 0.0, 0.0, 0.0), {"step": 0.08, "members": 6}),
     Kind.TORUS: (Torus, -0.1, (1.0, 0.0, 0.0, 0.0), {"step": 0.06, "members": 6}),
 }
@@ -34,6 +37,15 @@ def test_special_orbits_by_a_number_of_their_scenes(kind):
     value, slope = jax.value_and_grad(lambda c: special_parameter(point, make(c)))(0.3)
     assert value == point.parameter
     assert slope == pytest.approx(-0.6, abs=1e-8)
+    # Found again with another number.
+    known, other = SpecialOrbit.of(point), jnp.asarray(0.4)
+    guess = np.asarray(known.orbit.y0), known.orbit.period
+    again = find_again(known, make(other), known.parameter - 0.06, guess)
+    assert again.parameter == pytest.approx(known.parameter - 0.07, abs=1e-11)
+    assert again.orbit.ok
+    if kind == Kind.FOLD:  # the others have their cycle everywhere
+        with pytest.raises(orbits.SearchError, match="not found again"):
+            find_again(known, make(other), known.parameter + 50.0, guess)
 
 
 def rate(t, y, n):
@@ -99,10 +111,45 @@ def test_a_doubling_of_a_conservative_scene_is_on_mathieus_curve():
         assert slope == pytest.approx(differences, abs=1e-8)
 
 
+def coupled(t, y, p):
+    """x'' = -x, and beside it y'' = -(w^2 + k x^2) y, as a conservative scene."""
+    del t
+    x, u, v, w = y
+    return [v, w, -x - p[1] * x * u**2, -p[0] * u - p[1] * x**2 * u]
+
+
+def coupled_energy(t, y, p):
+    del t
+    x, u, v, w = y
+    return 0.5 * (v**2 + w**2 + x**2 + p[0] * u**2 + p[1] * x**2 * u**2)
+
+
+def beside(k):
+    numbers = jnp.stack([jnp.asarray(0.8), jnp.asarray(k, float)])
+    return jaxdyn.ode(coupled, [0.5, 0.0, 0.0, 0.0], 6.2, params=numbers, energy=coupled_energy)
+
+
+@pytest.mark.slow
+def test_the_energy_of_a_branch_point_of_a_conservative_scene_is_on_mathieus_curve():
+    # With x = A cos t, y obeys Mathieu's equation: a = w^2 + k E, q = k E / 2 to its sign.
+    def exact(k):
+        return brentq(lambda e: 0.8 + k * e - mathieu_b(1, 0.5 * k * e), 0.01, 2.0, xtol=1e-15)
+
+    scene = beside(0.5)
+    family = orbits.continue_family(orbits.find(scene), energies=(0.0, 0.4), step=0.1)
+    point = next(x for x in family.special if x.kind == Kind.BRANCH)
+    assert point.energy == pytest.approx(exact(0.5), abs=1e-9)
+    slope = jax.grad(lambda k: special_parameter(point, beside(k)))(0.5)
+    h = 1e-3
+    ends = {i: exact(0.5 + i * h) for i in (-2, -1, 1, 2)}
+    differences = (8 * (ends[1] - ends[-1]) - ends[2] + ends[-2]) / (12 * h)
+    assert slope == pytest.approx(differences, abs=1e-8)
+
+
 def test_points_without_such_derivatives_are_refused():
     def make(a):
         return cycle(Bautin, a, (1.1, 0.0))
 
     family = orbits.continue_family(orbits.find(make(jnp.asarray(0.3))), make, 0.3, members=1)
-    with pytest.raises(ValueError, match="point: expected a fold, period doubling or torus point"):
+    with pytest.raises(ValueError, match="point: expected a fold, branch point, period"):
         special_parameter(family.members[0], make)

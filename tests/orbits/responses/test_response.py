@@ -165,3 +165,69 @@ def test_a_resonance_that_passes_the_end_of_the_range_has_both_branches(found):
     # The lower one goes on behind its fold, on the unstable branch, to the same end.
     assert lower.members[-1].parameter >= 1.8
     assert lower.members[-1].stability.verdict == "unstable"
+
+
+def rubbing(t, y):
+    """Linear but for its damping: an isola about resonance (Habib, Cirillo, Kerschen, 2018)."""
+    x, v = y
+    return [v, -0.25 * v + v**3 - v**5 - x]
+
+
+def rubbed(level):
+    return Balance(lambda p, x, v: level * jnp.cos(p) - 0.2 * v + v**3 - v**5 - x, 1, 9)
+
+
+def damped(t, y, p):
+    omega, level = p
+    x, v = y
+    return [v, level * jnp.cos(omega * t) - 0.2 * v + v**3 - v**5 - x]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [False, True])
+def test_an_isola_of_nonlinear_damping_is_found(own):
+    scene = jaxdyn.ode(rubbing, [0.0, 0.0], names=["x", "v"])
+    level = 0.03
+
+    def drive(omega, level):
+        return jaxdyn.ode(damped, [0.0, 0.0], names=["x", "v"], params=(omega, level))
+
+    given = drive if own else "x"
+    found = orbits.frequency_response(
+        scene, given, (0.7, 1.4), levels=level, isolas=1, members=150, step=0.2
+    )
+    main, isola = found.curves
+    assert found.levels == (level, level)
+    assert isola.closed
+    assert not main.closed
+    assert not main.special
+    folds = sorted(m.parameter for m in isola.special if m.kind == orbits.Kind.FOLD)
+    assert len(folds) == 2
+    assert folds[0] < 1 < folds[1]
+    # Amplitudes at resonance: f = 0.25 A - 3/4 A^3 + 5/8 A^5 by the first harmonic.
+    roots = np.roots([5 / 8, 0, -3 / 4, 0, 0.25, -level])
+    real = np.sort(roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real)
+    highest = max(quantities.amplitude(m.orbit, "x") for m in isola.members)
+    lowest = min(quantities.amplitude(m.orbit, "x") for m in isola.members)
+    assert len(real) == 3
+    assert_allclose([lowest, highest], real[1:], rtol=0.02)
+    # Both folds by harmonic balance, and members in between.
+    known = rubbed(level)
+    for m in (x for x in isola.special if x.kind == orbits.Kind.FOLD):
+        size, lag = (of(m.orbit, "x") for of in (quantities.amplitude, quantities.phase))
+        inside = 1 + 0.999 * (m.parameter - 1)
+        guess = known.start([[size * np.cos(lag)], [size * np.sin(lag)]])
+        assert_allclose(m.parameter, known.fold(inside, guess), rtol=1e-8)
+    without = orbits.frequency_response(scene, given, (0.7, 1.4), levels=level, step=0.2)
+    assert len(without.curves) == 1
+
+
+def test_isolas_need_a_drive_with_a_level():
+    def alone(omega):
+        return jaxdyn.ode(rubbing, [0.0, 0.0], names=["x", "v"])
+
+    scene = alone(1.0)
+    with pytest.raises(ValueError, match="drive: expected a function of"):
+        orbits.frequency_response(scene, alone, (0.7, 1.4), isolas=2)
+    with pytest.raises(ValueError, match="isolas: expected a whole number"):
+        orbits.frequency_response(scene, "x", (0.7, 1.4), isolas=-1)

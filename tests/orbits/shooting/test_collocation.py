@@ -52,7 +52,7 @@ def test_a_step_has_order_sixteen_and_its_derivatives_are_exact():
     spans = jnp.array([3.0, 6.0])
     starts = jnp.array([[1.0, 0.0]] * 2)
     pieces = gauss_steps.Piece(start=starts, t0=jnp.zeros(2), span=spans, parameter=jnp.zeros(2))
-    found, slopes = gauss_steps.linearise_steps(scene, pieces, make=None)
+    found, slopes = gauss_steps.linearize_steps(scene, pieces, make=None)
     errors = np.abs(found.end - jnp.stack([jnp.cos(spans), -jnp.sin(spans)], axis=1)).max(axis=1)
     assert 16.0 < np.log2(errors[1] / errors[0]) < 18.0  # 17 of a step
     estimates = gauss_steps.local_errors(scene, pieces, make=None).max(axis=1)

@@ -11,7 +11,7 @@ from helpers import SOLVED, TESTS, forge, gap, kepler
 
 import orbits
 from jaxdyn import scenes
-from jaxdyn.analysis.regularised import logarithmic_span, solve_regularised
+from jaxdyn.analysis.regularized import logarithmic_span, solve_regularized
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.status import Status
 from orbits.analysis import evidence
@@ -208,7 +208,7 @@ SPAN = 9.0
 
 
 def ended(e, s, rtol=1e-13, **how):
-    return solve_regularised(kepler(e), SPAN, s, rtol=rtol, **how)
+    return solve_regularized(kepler(e), SPAN, s, rtol=rtol, **how)
 
 
 @pytest.mark.slow
@@ -232,7 +232,7 @@ def test_derivatives_are_those_of_plain_time():
     slow, plain = (
         [d(lambda y, how=how: end(y, how))(kepler(0.5).y0) for d in (jax.grad, jax.jacfwd)]
         for how in (
-            lambda scene: solve_regularised(scene, SPAN, s, rtol=1e-13),
+            lambda scene: solve_regularized(scene, SPAN, s, rtol=1e-13),
             lambda scene: solve(scene, SPAN, rtol=1e-13),
         )
     )

@@ -10,7 +10,7 @@ import pytest
 import jaxdyn
 import orbits
 from orbits.shooting.equations import Equations, InUnits
-from orbits.shooting.segment import Limits, linearise_end
+from orbits.shooting.segment import Limits, linearize_end
 from orbits.shooting.segmentation import cut_into_segments, recut, with_segments
 
 RTOL = 1e-12
@@ -71,9 +71,9 @@ def test_no_segment_is_integrated_when_the_time_is_up(cycle, monkeypatch):
 
     def counted(*args, **options):
         begun.append(args)
-        return linearise_end(*args, **options)
+        return linearize_end(*args, **options)
 
-    monkeypatch.setattr("orbits.shooting.equations.linearise_end", counted)
+    monkeypatch.setattr("orbits.shooting.equations.linearize_end", counted)
     over = Limits(over=lambda: len(begun) >= 3)
     found = parts(x, RTOL, over)
     assert 3 <= len(begun) <= 2 + os.cpu_count()  # those that had begun

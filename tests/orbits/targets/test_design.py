@@ -1,14 +1,20 @@
 """Numbers for which something holds of an orbit or a special point, against closed forms."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from cycles import Bautin, cycle
+from harmonics import Balance
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ellipk
 
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from orbits.targets import DesignOutcome, design
+from orbits import Kind
+from orbits.targets import DesignOutcome, OptimumOutcome, design, minimise
 
 
 def pendulum(numbers):
@@ -93,11 +99,145 @@ def test_period_and_multiplier_of_a_cycle():
     assert orbits.stability(found.found).nontrivial[0] == pytest.approx(0.01, abs=1e-10)
 
 
+def test_a_fold_of_cycles_where_it_is_wanted():
+    def make(numbers):  # a fold at -c^2 - 1/4
+        return lambda a: cycle(Bautin, a + numbers[0] ** 2, (0.85, 0.0))
+
+    known = make(jnp.array([0.3]))
+    first = orbits.find(known(-0.29))
+    (fold,) = orbits.continue_family(first, known, -0.29, step=0.05, members=10, down=True).special
+    found = design(make, lambda fold: fold.parameter + 0.5, [0.3], fold, lower=[0.0])
+    assert found.numbers[0] == pytest.approx(0.5, abs=1e-10)
+    assert found.found.parameter == pytest.approx(-0.5, abs=1e-10)
+    assert np.hypot(*found.found.orbit.y0) == pytest.approx(np.sqrt(0.5), abs=1e-7)
+    with pytest.raises(ValueError, match="orbit: expected one that is not at a fold"):
+        design(make, lambda fold: fold.orbit.period, [0.3], fold)
+    held = design(make, lambda fold: fold.parameter + 0.5, [0.3], fold, upper=[0.4], throw=False)
+    assert held.outcome == DesignOutcome.LEAST
+    assert held.numbers[0] == 0.4
+
+
+def forced(t, y, p):
+    omega, beta = p
+    return [y[1], jnp.cos(omega * t) - 0.1 * y[1] - y[0] - beta * y[0] ** 3]
+
+
+@pytest.mark.slow
+def test_no_fold_of_duffings_response_below_two():
+    def make(numbers):
+        def at(omega):
+            numbers_of = jnp.stack([jnp.asarray(omega, float), numbers[0]])
+            return jaxdyn.ode(forced, [0.0, 0.0], 2 * jnp.pi / omega, params=numbers_of)
+
+        return at
+
+    start = make(jnp.array([2.0]))
+    family = orbits.continue_family(
+        orbits.find(start(3.0)), start, 3.0, within=(1.6, 3.0), down=True, step=0.3
+    )
+    fold = family.special[0]
+    found = design(make, lambda fold: jnp.minimum(fold.parameter - 2.0, 0.0), [2.0], fold)
+    # By harmonic balance: from the orbit's first harmonic, the fold near it.
+    beta = float(found.numbers[0])
+    known = Balance(lambda p, x, v: jnp.cos(p) - 0.1 * v - x - beta * x**3, 1, 15)
+    orbit = found.found.orbit
+    motion = jaxdyn.simulate(orbit.scene, orbit.period, samples=257).ys[:-1, 0]
+    c = np.fft.rfft(motion)[1] * 2 / 256
+    omega = known.fold(2.0 * 1.001, known.start([[c.real], [-c.imag]]))
+    assert omega == pytest.approx(2.0, abs=1e-9)
+
+
+def upright(t, y, p):
+    amplitude, shape = p
+    shaken = amplitude * (jnp.cos(t) + shape * jnp.cos(2 * t))
+    return [y[1], (0.1 + shaken) * jnp.sin(y[0]) - 0.1 * y[1]]
+
+
+def drive(numbers):
+    return lambda amplitude: jaxdyn.ode(
+        upright, [0.0, 0.0], 2 * jnp.pi, params=jnp.stack([amplitude, numbers[0]])
+    )
+
+
+def limits(shape):
+    """The amplitudes between which a pendulum stands upright, from M along the drive by SciPy."""
+
+    def trace(amplitude):
+        def rate(t, z):
+            k = 0.1 + amplitude * (np.cos(t) + shape * np.cos(2 * t))
+            return [z[1], k * z[0] - 0.1 * z[1], z[3], k * z[2] - 0.1 * z[3]]
+
+        end = solve_ivp(rate, (0, 2 * np.pi), [1, 0, 0, 1], "DOP853", rtol=1e-12, atol=1e-13)
+        return end.y[0, -1] + end.y[3, -1]
+
+    # Multipliers 1 and -1; their product is exp(-0.2 pi).
+    product = np.exp(-0.2 * np.pi)
+    low = brentq(lambda a: trace(a) - 1 - product, 0.3, 0.6, xtol=1e-14)
+    return low, brentq(lambda a: trace(a) + 1 + product, low, 0.9, xtol=1e-14)
+
+
+@pytest.mark.slow
+def test_the_widest_range_of_amplitudes_at_which_a_pendulum_stands_upright():
+    start = drive(jnp.array([0.5]))
+    rest = orbits.find(start(jnp.asarray(0.6)))
+    (low,), (high,) = (
+        orbits.continue_family(rest, start, 0.6, within=(0.45, 0.72), down=down).special
+        for down in (True, False)
+    )
+    assert (low.kind, high.kind) == (Kind.BRANCH, Kind.DOUBLING)
+    at = limits(0.5)
+    assert (low.parameter, high.parameter) == pytest.approx(at, abs=1e-10)
+
+    def less(ends):
+        return ends[0].parameter - ends[1].parameter
+
+    best = minimise(drive, less, [0.5], (low, high), lower=[0.0], upper=[2.0])
+    assert best.outcome == OptimumOutcome.FOUND
+    ends = [end.parameter for end in best.found]
+    assert ends == pytest.approx(limits(best.numbers[0]), abs=1e-10)
+    exact = minimize_scalar(lambda s: np.subtract(*limits(s)), (1.0, 1.1, 1.3), tol=1e-9)
+    assert best.numbers[0] == pytest.approx(exact.x, abs=1e-5)  # as flat as it is there
+    assert best.value == pytest.approx(exact.fun, abs=1e-12)
+    # A margin that is required, about the amplitude in the middle.
+    placed = design(
+        drive, lambda ends: ends[1].parameter - ends[0].parameter - 0.2, [0.5], [low, high]
+    )
+    assert np.ptp(limits(placed.numbers[0])) == pytest.approx(0.2, abs=1e-9)
+
+
+def test_the_shortest_period_of_a_swinging_rod(swing):
+    def rod(numbers):  # about a point at a distance from its middle
+        return scenes.oscillator(k=9.81 * numbers[0], m=1 / 12 + numbers[0] ** 2)
+
+    known = orbits.find(rod(jnp.array([0.4])), [1.0, 0.0], 2.0, hold="x")
+    best = minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x")
+    assert best.numbers[0] == pytest.approx(1 / np.sqrt(12), abs=1e-7)
+    assert "Optimum" in repr(best)
+    held = minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x", lower=[0.35])
+    assert held.numbers[0] == 0.35
+    assert held.ok
+    few = minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x", steps=1, throw=False)
+    assert few.outcome == OptimumOutcome.STEP_LIMIT
+    with pytest.raises(orbits.SearchError, match="The search reached its step limit"):
+        minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x", steps=1)
+
+    # A slope that does not lead to smaller values.
+    def wrong(orbit):
+        return orbit.period - 2 * jax.lax.stop_gradient(orbit.period)
+
+    lost = minimise(pendulum, wrong, [1.0], swing, hold="theta", throw=False)
+    assert lost.outcome == OptimumOutcome.LOST
+
+
 def test_misuse(swing, hopf):
     with pytest.raises(ValueError, match="guess: expected within its bounds"):
         design(pendulum, period_of, [1.0], swing, upper=0.5)
-    with pytest.raises(ValueError, match="near: expected an orbit, or a fold or a Hopf point"):
+    with pytest.raises(ValueError, match="near: expected an orbit, or a special point of a family"):
         design(pendulum, period_of, [1.0], swing.scene)
+    with pytest.raises(ValueError, match="near: expected at least one orbit"):
+        design(pendulum, period_of, [1.0], [])
+    with pytest.raises(ValueError, match="quantity: expected one number, got 2"):
+        minimise(pendulum, lambda orbit: orbit.y0, [1.0], swing, hold="theta")
     with pytest.raises(ValueError, match="wanted: expected a number or numbers"):
         design(pendulum, lambda orbit: jnp.zeros((2, 2)), [1.0], swing, hold="theta")
     with pytest.raises(ValueError, match="wanted: expected finite numbers with derivatives"):

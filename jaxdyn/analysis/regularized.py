@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _doors
 from jaxdyn._checks import check_first
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
@@ -105,7 +105,7 @@ def regularize(scene: Scene, t0=0.0) -> Scene:
 
 
 @check_first
-def simulate_regularised(
+def simulate_regularized(
     scene: Scene,
     t1=None,
     *,
@@ -134,7 +134,7 @@ def simulate_regularised(
       >>> from jaxdyn.analysis import energy
       >>> from jaxdyn import scenes
       >>> fall = scenes.power_law(n=-2.0, speed=1e-2)  # passes the sun at 5e-5 m
-      >>> float(energy.drift(simulate_regularised(fall, 100.0, rtol=1e-13))) < 1e-13
+      >>> float(energy.drift(simulate_regularized(fall, 100.0, rtol=1e-13))) < 1e-13
       True
     """
     options = SolverOptions(rtol=rtol, max_steps=max_steps)
@@ -150,7 +150,7 @@ def simulate_regularised(
 
 
 @check_first
-def solve_regularised(
+def solve_regularized(
     scene: Scene,
     t1,
     s,
@@ -241,3 +241,11 @@ def run_regularized(scene: Scene, t1, t0, samples: int, options: SolverOptions, 
     run = eqx.tree_at(lambda run: (run.y1, run.ys), run, (last, run.ys.at[-1].set(last)))
     status = jnp.where(stop.status == Status.OK, run.status, stop.status)
     return slow, grid.at[-1].set(length), run, status
+
+
+#: Renamed in version 0.3.
+_RENAMED = {
+    "simulate_regularised": "simulate_regularized",
+    "solve_regularised": "solve_regularized",
+}
+__getattr__ = _doors.attribute_getter(__name__, renamed=_RENAMED)

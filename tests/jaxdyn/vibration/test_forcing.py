@@ -21,7 +21,7 @@ def step_response(t):
 
 
 def test_the_response_to_a_step_is_the_closed_form():
-    scene = vibration.driven(one(), "x", vibration.Step(2.0, 1.0), 6.0)
+    scene = vibration.drive(one(), "x", vibration.Step(2.0, 1.0), 6.0)
     motion = jaxdyn.simulate(scene)
     t = np.asarray(motion.ts)
     known = np.where(t > 1, 2 * step_response(t - 1), 0.0)
@@ -29,11 +29,11 @@ def test_the_response_to_a_step_is_the_closed_form():
 
 
 def test_the_response_to_an_impulse_is_the_rate_of_that_to_a_step():
-    motion = jaxdyn.simulate(vibration.struck(one(), "x", 3.0), 6.0)
+    motion = jaxdyn.simulate(vibration.strike(one(), "x", 3.0), 6.0)
     t = np.asarray(motion.ts)
     assert_allclose(motion["x"], 3 / (M * W) * np.exp(-DECAY * t) * np.sin(W * t), atol=1e-11)
     short = vibration.Pulse(3.0 * np.pi / 2 / 1e-4, 1e-4)
-    pulsed = jaxdyn.simulate(vibration.driven(one(), "x", short, 6.0))
+    pulsed = jaxdyn.simulate(vibration.drive(one(), "x", short, 6.0))
     assert_allclose(pulsed["x"][1:], motion["x"][1:], atol=3e-4)
 
 
@@ -42,14 +42,14 @@ def test_a_harmonic_response_settles_to_the_receptance():
     h = complex(vibration.receptance(one(), "x", "x", omega))
     drive = vibration.Harmonic(0.5, omega, 0.3)
     start = [(0.5 * h * np.exp(-0.3j)).real, (0.5j * omega * h * np.exp(-0.3j)).real]
-    motion = jaxdyn.simulate(vibration.driven(one(), "x", drive, 9.0).starting(start))
+    motion = jaxdyn.simulate(vibration.drive(one(), "x", drive, 9.0).starting(start))
     known = 0.5 * h * np.exp(1j * (omega * np.asarray(motion.ts) - 0.3))
     assert_allclose(motion["x"], known.real, atol=1e-11)
 
 
 def test_a_sweep_and_a_moving_base_agree_with_another_integrator():
     sweep = vibration.Sweep(1.0, 0.5, 4.0, 20.0)
-    motion = jaxdyn.simulate(vibration.driven(one(), vibration.Base([1.0]), sweep, 20.0))
+    motion = jaxdyn.simulate(vibration.drive(one(), vibration.Base([1.0]), sweep, 20.0))
     assert float(sweep.omega(20.0)) == 4.0
 
     def rate(t, y):
@@ -67,7 +67,7 @@ def road():
 def test_a_road_is_taken_line_by_line():
     """By the matrix exponential of each line; the road acts by its height and by its slope."""
     ts, heights = road()
-    scene = vibration.driven(
+    scene = vibration.drive(
         quarter_car(0.0, 0.0), vibration.Motion(quarter_car), vibration.Table(ts, heights)
     )
     motion = jaxdyn.simulate(scene, 20.0, samples=401)
@@ -86,7 +86,7 @@ def test_a_road_is_taken_line_by_line():
 
 def test_a_table_costs_two_steps_a_line_and_no_rejected_one():
     ts, heights = road()
-    scene = vibration.driven(one(), "x", vibration.Table(ts, heights), 20.0)
+    scene = vibration.drive(one(), "x", vibration.Table(ts, heights), 20.0)
     motion = jaxdyn.simulate(scene)
     assert motion.rejected == 0
     assert motion.steps <= 3 * 400
@@ -94,7 +94,7 @@ def test_a_table_costs_two_steps_a_line_and_no_rejected_one():
 
 def test_responses_are_differentiable_in_the_signal_and_mapped_over():
     def end(height):
-        scene = vibration.driven(one(), "x", vibration.Step(height), 1.0)
+        scene = vibration.drive(one(), "x", vibration.Step(height), 1.0)
         return jaxdyn.solve(scene, 1.0).y1[0]
 
     assert_allclose(jax.grad(end)(2.0), step_response(1.0), rtol=1e-9)
@@ -103,7 +103,7 @@ def test_responses_are_differentiable_in_the_signal_and_mapped_over():
 
 def test_a_driven_scene_is_what_it_was_otherwise():
     scene = scenes.pendulum(angle=0.1)
-    held = vibration.driven(scene, "theta", vibration.Step(0.0))
+    held = vibration.drive(scene, "theta", vibration.Step(0.0))
     assert held.labels() == scene.labels()
     assert_allclose(jaxdyn.simulate(held).ys, jaxdyn.simulate(scene).ys, rtol=0, atol=1e-10)
     assert_allclose(
@@ -115,25 +115,25 @@ def test_a_driven_scene_is_what_it_was_otherwise():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: vibration.driven(one(), "x", jnp.sin), "signal: expected a signal"),
+        (lambda: vibration.drive(one(), "x", jnp.sin), "signal: expected a signal"),
         (
-            lambda: vibration.driven(one(), "x", vibration.Pulse(1.0, 0.0)),
+            lambda: vibration.drive(one(), "x", vibration.Pulse(1.0, 0.0)),
             "Pulse.duration: expected > 0",
         ),
         (
-            lambda: vibration.driven(one(), "x", vibration.Sweep(1.0, 1.0, 2.0, 0.0)),
+            lambda: vibration.drive(one(), "x", vibration.Sweep(1.0, 1.0, 2.0, 0.0)),
             "Sweep.duration: expected > 0",
         ),
         (
-            lambda: vibration.driven(one(), "x", vibration.Table([0.0, 0.0], [1.0, 2.0])),
+            lambda: vibration.drive(one(), "x", vibration.Table([0.0, 0.0], [1.0, 2.0])),
             "Table.ts: expected increasing times",
         ),
         (
-            lambda: vibration.driven(one(), "x", vibration.Table([0.0, 1.0], [1.0])),
+            lambda: vibration.drive(one(), "x", vibration.Table([0.0, 1.0], [1.0])),
             "Table.values: expected shape",
         ),
         (
-            lambda: vibration.struck(quarter_car(0.0, 0.0), vibration.Motion(quarter_car), 1.0),
+            lambda: vibration.strike(quarter_car(0.0, 0.0), vibration.Motion(quarter_car), 1.0),
             "input: expected one that may jump",
         ),
     ],

@@ -57,7 +57,7 @@ def derivatives(signal: Signal, t: Array, order: int) -> Array:
 
 
 @check_first
-def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
+def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
     """A scene with an input that follows a signal, for `simulate` and other functions of scenes.
 
     Args:
@@ -75,7 +75,7 @@ def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
       >>> import jaxdyn
       >>> from jaxdyn import scenes, vibration
       >>> rest = scenes.oscillator(k=4.0, x=0.0)
-      >>> motion = jaxdyn.simulate(vibration.driven(rest, "x", vibration.Step(8.0)), jnp.pi / 2)
+      >>> motion = jaxdyn.simulate(vibration.drive(rest, "x", vibration.Step(8.0)), jnp.pi / 2)
       >>> print(f"{motion['x'][-1]:.9f}")  # 2 (1 - cos 2 t)
       4.000000000
     """
@@ -87,12 +87,12 @@ def driven(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
 
 
 @check_first
-def struck(scene: Scene, input: str | Input, impulse) -> Scene:
+def strike(scene: Scene, input: str | Input, impulse) -> Scene:
     """A scene just after an impulse, so that its motion is the impulse response.
 
     Args:
       scene: the scene, with the initial state just before the impulse, e.g. an equilibrium.
-      input: where the impulse acts; see `driven`.
+      input: where the impulse acts; see `drive`.
       impulse: () the integral of the input over the short time in which it acts, e.g. [N s].
     Returns:
       The same scene with the state (k,) after the impulse.
@@ -100,7 +100,7 @@ def struck(scene: Scene, input: str | Input, impulse) -> Scene:
       ValueError: the input does not suit the scene, or depends on the rate of the signal.
     Example:
       >>> from jaxdyn import scenes, vibration
-      >>> print(vibration.struck(scenes.oscillator(m=2.0, x=0.0), "x", 1.0).y0)
+      >>> print(vibration.strike(scenes.oscillator(m=2.0, x=0.0), "x", 1.0).y0)
       [0.  0.5]
     """
     check_scene(scene)

@@ -1,0 +1,310 @@
+"""Special orbits as functions of the numbers of their scenes: where they lie, with derivatives.
+
+Along a family the test function of a special point, g(p, numbers) = 0, has derivatives by the
+implicit function theorem for the orbit, so dp = -g_numbers / g_p dnumbers. At a period doubling the
+test is det(M + 1), with M the derivative of the return map: the product of all l + 1 over the
+multipliers l. It is simple also where two multipliers of a conservative scene meet at -1, since
+(l + 1) (1 / l + 1) = l + 1 / l + 2 passes 0 with their index. At a branch point it is the same
+product of l - 1, of M on what is orthogonal to the flow and to the gradients of the integrals. At a
+torus point it is |l|^2 - 1, with the critical multiplier l. At a fold, where orbits have no
+derivative with respect to the parameter, it is the part w F of the closing equations F that no
+change of the orbit moves, with w normal to the range of their Jacobian.
+
+In a family in energy of a conservative scene the energy takes the place of the parameter.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import check_first, fail
+from jaxdyn.analysis.energy import integrals
+from jaxdyn.continuation.kinds import Kind
+from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable, pose, residual
+from orbits.analysis.stability import Stability, stability
+from orbits.closing.closings import Condition, Energy, Hold, conditions
+from orbits.closing.given import driven
+from orbits.closing.sizes import sizes
+from orbits.families.family import Member, smooth_orbit
+from orbits.orbit import Orbit
+from orbits.shooting.equations import InUnits
+from orbits.shooting.segment import Make, scene_of
+
+#: A singular value of the closing equations' Jacobian at a fold is zero below this share of the
+#: largest. Its remainder there is the root of the rounding error of the parameter.
+ZERO = 1e-5
+_KINDS = (Kind.FOLD, Kind.BRANCH, Kind.DOUBLING, Kind.TORUS)
+
+
+@dataclasses.dataclass(frozen=True)
+class SpecialOrbit:
+    """A special orbit, without its family.
+
+    Attributes:
+      kind: fold, branch point, period doubling or torus point.
+      orbit: the orbit.
+      parameter: the value of its family's parameter; in a family in energy, its energy.
+    """
+
+    kind: Kind
+    orbit: Orbit
+    parameter: float
+
+    @classmethod
+    def of(cls, member: "Member | SpecialOrbit") -> "SpecialOrbit":
+        """The special orbit of a family's special point.
+
+        Raises:
+          ValueError: it is of another kind, or a chain of legs.
+        """
+        if isinstance(member, SpecialOrbit):
+            return member
+        if not isinstance(member, Member) or member.kind not in _KINDS:
+            what = "a fold, branch point, period doubling or torus point"
+            got = getattr(member, "kind", type(member).__name__) or "an ordinary orbit"
+            raise fail("point", what, got, "Choose one of family.special.")
+        orbit = smooth_orbit("point", member.orbit)
+        value = member.energy if math.isnan(member.parameter) else member.parameter
+        return cls(member.kind, orbit, value)
+
+    @functools.cached_property
+    def stability(self) -> Stability:
+        """The stability of the orbit."""
+        return stability(self.orbit)
+
+
+class Place(NamedTuple):
+    """Where an orbit of a family is to be found.
+
+    Attributes:
+      scene: its scene.
+      held: the conditions that it satisfies besides closing.
+    """
+
+    scene: Scene
+    held: tuple[Condition, ...]
+
+
+def path_of(orbit: Orbit, make: Make | Scene, hold: Hold) -> Callable[[Array], Place]:
+    """The function from the parameter of a family, or from its energy, to the place of an orbit.
+
+    Names of entries in `hold` stand for their values in `orbit`.
+    """
+    held = conditions(orbit.scene, hold)
+    if isinstance(make, Scene):
+        scene = make.starting(orbit.y0, orbit.period)
+        return lambda energy: Place(scene, (*held, Energy(energy)))
+    return lambda parameter: Place(scene_of(orbit.scene, make, parameter), held)
+
+
+@check_first
+def special_parameter(
+    point: Member | SpecialOrbit, make: Make | Scene, *, hold: Hold = ()
+) -> Array:
+    """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and so on.
+
+    ``orbits.differentiable(make(p), point.orbit)`` with this parameter p is the orbit itself, if it
+    is not at a fold.
+
+    Args:
+      point: a fold, branch point, period doubling or torus point, of ``family.special``.
+      make: parameter -> scene, as for `continue_family`, with the numbers to differentiate by:
+        those with which the point was found, or traced copies. In a family in energy, the scene
+        itself; the result is the energy then.
+      hold: the conditions of the family, as for `continue_family`.
+    Returns:
+      The parameter of `point`, whatever the numbers are, with its first derivatives.
+    Raises:
+      ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
+        does not change with the parameter; or it is a branch point and the scene has symmetries or
+        integrals besides the flow and those that it names.
+    Limits: host only except for the numbers that make the scene; not for chains. A branch point
+      has a derivative with respect to numbers that do not break it, because of a symmetry; this is
+      not verified, except by `orbits.targets.design`, which finds it again.
+    Example:
+      >>> import jax, orbits
+      >>> import jax.numpy as jnp
+      >>> import jaxdyn
+      >>> def rate(t, y, c):  # cycles of r^2 = (b +- sqrt(b^2 + 4 a)) / 2
+      ...     r2 = y[0] ** 2 + y[1] ** 2
+      ...     grow = c[0] + c[1] * r2 - r2**2
+      ...     return [grow * y[0] - y[1], grow * y[1] + y[0]]
+      >>> def make(b):
+      ...     return lambda a: jaxdyn.ode(rate, [0.85, 0.0], 6.28, params=jnp.stack([a, b]))
+      >>> with_one = make(jnp.asarray(1.0))
+      >>> cycle = orbits.find(with_one(jnp.asarray(-0.2)))
+      >>> family = orbits.continue_family(cycle, with_one, -0.2, down=True, members=8)
+      >>> fold = family.special[0]  # at a = -b^2 / 4
+      >>> by_b = jax.grad(lambda b: orbits.families.special_parameter(fold, make(b)))
+      >>> round(float(by_b(jnp.asarray(1.0))), 8)
+      -0.5
+    """
+    known = SpecialOrbit.of(point)
+    path = path_of(known.orbit, make, hold)
+    value = jnp.asarray(known.parameter)
+    found = test_along(known, path, value)
+    return value - found.slope @ (found.value - jax.lax.stop_gradient(found.value)) / (
+        found.slope @ found.slope
+    )
+
+
+class DifferentiableSpecialOrbit(NamedTuple):
+    """A special orbit as a differentiable function of the numbers of its scenes.
+
+    Attributes:
+      parameter: () value of the family's parameter, or its energy in a family in energy.
+      known: the orbit on which it is based.
+      path: see `path_of`.
+    """
+
+    parameter: Array
+    known: SpecialOrbit
+    path: Callable[[Array], Place]
+
+    @property
+    def orbit(self) -> DifferentiableOrbit:
+        """The orbit, with its period, start and multipliers.
+
+        Raises:
+          ValueError: it is a fold, where orbits have no derivative with respect to the parameter.
+        """
+        if self.known.kind == Kind.FOLD:
+            raise fail(
+                "orbit", "one that is not at a fold", "a fold", "Only its parameter has one."
+            )
+        scene, held = self.path(self.parameter)
+        return differentiable(scene, self.known.orbit, hold=held)
+
+
+def differentiable_special(
+    point: Member | SpecialOrbit, make: Make | Scene, *, hold: Hold = ()
+) -> DifferentiableSpecialOrbit:
+    """A special orbit with the derivatives of its parameter and its orbit; see `special_parameter`.
+
+    Raises:
+      ValueError: see `special_parameter`.
+    """
+    known = SpecialOrbit.of(point)
+    value = special_parameter(known, make, hold=hold)
+    return DifferentiableSpecialOrbit(value, known, path_of(known.orbit, make, hold))
+
+
+class Tested(NamedTuple):
+    """The test of a special orbit.
+
+    Attributes:
+      value: (r,) the test.
+      slope: (r,) its derivative with respect to the parameter, without derivatives of its own:
+        second ones are not wanted.
+    """
+
+    value: Array
+    slope: Array
+
+
+def test_along(known: SpecialOrbit, path: Callable[[Array], Place], value: Array) -> Tested:
+    """The test of a special orbit at a value of the parameter."""
+    test = _TESTS[known.kind](known, path)
+    here, ahead = eqx.filter_jvp(path, (value,), (jnp.ones(()),))
+    found = test(here)
+    fixed = jax.lax.stop_gradient((here, ahead))
+    _, slope = eqx.filter_jvp(test, fixed[:1], fixed[1:])
+    return Tested(found, slope)
+
+
+def _fold(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
+    orbit, held = known.orbit, path(jnp.asarray(known.parameter)).held
+    posed = pose(orbit, jax.lax.stop_gradient(held))
+    rows = jnp.asarray(_beyond(posed.equations, posed.x, orbit.rtol))
+
+    def test(place: Place) -> Array:
+        equations = dataclasses.replace(posed.of(place.scene), conditions=place.held)
+        return rows @ residual(equations, posed.x, orbit.rtol)
+
+    return test
+
+
+def _doubling(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
+    del path
+
+    def test(place: Place) -> Array:
+        m = differentiable(place.scene, known.orbit, hold=place.held).return_map()
+        return jnp.linalg.det(m + jnp.eye(len(m)))[None]
+
+    return test
+
+
+def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
+    del path
+    orbit, each = known.orbit, sizes(known.orbit.scene)
+    names = _conserved(known)
+    moves = not driven(orbit.scene)
+
+    def test(place: Place) -> Array:
+        here = differentiable(place.scene, orbit, hold=place.held)
+        scene, y0 = here.scene, here.y0
+        rows = [scene.rate(jnp.zeros(()), y0) / each] if moves else []
+        if names:
+            slopes = jax.jacfwd(lambda y: integrals(scene, jnp.zeros(()), y))(y0)
+            rows += [slopes[name] * each for name in names]
+        m = here.return_map() * each[None] / each[:, None]
+        along = jnp.zeros_like(m)
+        if rows:
+            a = jnp.stack(rows) / jnp.linalg.norm(jnp.stack(rows), axis=1, keepdims=True)
+            along = a.T @ jnp.linalg.solve(a @ a.T, a)
+        across = jnp.eye(len(m)) - along
+        value = jnp.linalg.det(across @ (m - jnp.eye(len(m))) @ across + along)
+        return value[None]
+
+    return test
+
+
+def _conserved(known: SpecialOrbit) -> list[str]:
+    """The names of the integrals, which must be those that the scene names.
+
+    Raises:
+      ValueError: there are other integrals, or symmetries besides the flow.
+    """
+    reasons = [reason for reason in known.stability.reasons if reason != "flow"]
+    scene = known.orbit.scene
+    values = integrals(scene, jnp.zeros(()), scene.y0)
+    other = [reason for reason in reasons if reason not in values or values[reason].ndim]
+    if other:
+        expected = "a branch point without symmetries, whose integrals the scene names"
+        raise fail("point", expected, ", ".join(other), "See energy= and integrals= of the scene.")
+    return reasons
+
+
+def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
+    del path
+    values = known.stability.nontrivial
+    # The one on the unit circle, with its conjugate.
+    which = int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
+
+    def test(place: Place) -> Array:
+        multipliers = differentiable(place.scene, known.orbit, hold=place.held).multipliers()
+        return (jnp.abs(multipliers[which]) ** 2 - 1.0)[None]
+
+    return test
+
+
+#: Test functions: (known orbit, path) -> a function of a place that returns (r,) numbers, which are
+#: 0 at a special orbit.
+_TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
+
+
+def _beyond(equations, x: np.ndarray, rtol: float) -> np.ndarray:
+    """(r, m) rows of the closing equations that no change of the unknowns moves."""
+    closed = InUnits(jax.lax.stop_gradient(equations), x, rtol)
+    left, values, _ = np.linalg.svd(closed(x)[1])
+    rank = int((values > ZERO * values[0]).sum())
+    return left[:, rank:].T / closed.units.rows

@@ -1,0 +1,220 @@
+"""What is followed as parameters of a scene change: an orbit, a special point, or several of them.
+
+Each has derivatives by the implicit function theorem, and is found again from their prediction.
+"""
+
+import abc
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxdyn import Scene
+from jaxdyn._checks import fail
+from jaxdyn.continuation import Equilibrium
+from jaxdyn.continuation import sensitivity as points
+from jaxdyn.continuation.kinds import Kind
+from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable
+from orbits.closing.closings import Hold
+from orbits.families.again import find_again
+from orbits.families.family import Member
+from orbits.families.special_orbits import (
+    DifferentiableSpecialOrbit,
+    SpecialOrbit,
+    differentiable_special,
+)
+from orbits.orbit import Orbit, SearchError
+from orbits.shooting.finding import find
+
+#: What can be followed.
+Near = Orbit | Equilibrium | Member | SpecialOrbit
+Make = Callable[[Array], Any]
+
+
+class Followed(abc.ABC):
+    """What is followed, as a function of the parameters (n,) of its scene."""
+
+    @abc.abstractmethod
+    def differentiable(self, numbers: Array, known: Any) -> Any:
+        """The known one with its derivatives."""
+
+    @abc.abstractmethod
+    def place(self, found: Any) -> Any:
+        """The numbers of the differentiable one that predict the next one."""
+
+    @abc.abstractmethod
+    def again(self, numbers: np.ndarray, known: Any, guess: Any) -> Any:
+        """The one for other parameters, from a guess of its `place`.
+
+        Raises:
+          SearchError, ValueError: there is none near the guess.
+        """
+
+    def moved(self, here: "At", numbers: np.ndarray, wanted: Callable[[Any], Any]) -> "At | None":
+        """The state at other parameters; None if nothing is found there, or has no derivatives."""
+        step = numbers - here.numbers
+        guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
+        try:
+            return self.at(numbers, self.again(numbers, here.found, guess), wanted)
+        except (SearchError, ValueError):
+            return None
+
+    def at(self, numbers: np.ndarray, found: Any, wanted: Callable[[Any], Any]) -> "At":
+        """The state at parameters, with a function of what is found, and all derivatives."""
+
+        def all_of(x: Array) -> tuple[Any, Any]:
+            thing = self.differentiable(x, found)
+            both = jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
+            return both, both
+
+        slopes, (value, place) = jax.jacfwd(all_of, has_aux=True)(jnp.asarray(numbers))
+        slopes, place_slopes = slopes
+        if value.ndim != 1:
+            raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
+        value, slopes = np.asarray(value), np.asarray(slopes)
+        if not (np.isfinite(value).all() and np.isfinite(slopes).all()):
+            remedy = "A multiplier that meets another one has no derivative; see orbits.stability."
+            raise fail("wanted", "finite numbers with derivatives", "NaN or infinite ones", remedy)
+        return At(numbers, found, value, slopes, (place, place_slopes))
+
+
+@dataclasses.dataclass(frozen=True)
+class At:
+    """What is followed, at some parameters.
+
+    Attributes:
+      numbers: (n,) the parameters.
+      found: what is followed.
+      value: (m,) a function of it.
+      slopes: (m, n) the derivatives of that.
+      places: what predicts it for other parameters, and the derivatives of that.
+    """
+
+    numbers: np.ndarray
+    found: Any
+    value: np.ndarray
+    slopes: np.ndarray
+    places: tuple[Any, Any]
+
+
+def follow(make: Make, near: Near | Sequence[Near], hold: Hold) -> tuple[Followed, Any]:
+    """What is followed, and where it begins.
+
+    Raises:
+      ValueError: it can not be followed.
+    """
+    if isinstance(near, list | tuple):
+        if not near:
+            raise fail("near", "at least one orbit or special point", "none")
+        each, known = zip(*(follow(make, one, hold) for one in near), strict=True)
+        return _Several(each), known
+    if isinstance(near, Orbit):
+        if not near.ok:
+            raise fail("near", "an orbit that closes", near.message, "find() one first.")
+        return _OfOrbits(make, hold), near
+    if isinstance(near, Equilibrium):
+        return _OfEquilibria(make), near
+    if isinstance(near, Member | SpecialOrbit):
+        return _OfSpecialOrbits(make, hold), SpecialOrbit.of(near)
+    expected = "an orbit, or a special point of a family"
+    raise fail("near", expected, type(near).__name__, "See family.special.")
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfOrbits(Followed):
+    """An orbit; `make` returns its scene."""
+
+    make: Callable[[Array], Scene]
+    hold: Hold
+
+    def differentiable(self, numbers, known: Orbit):
+        return differentiable(self.make(numbers), known, hold=self.hold)
+
+    def place(self, found: DifferentiableOrbit):
+        return found.y0, found.period
+
+    def again(self, numbers, known: Orbit, guess):
+        y0, period = guess
+        scene = self.make(jnp.asarray(numbers))
+        return find(
+            scene, y0, period, closing=known.closing, hold=self.hold, rtol=known.rtol, throw=True
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfEquilibria(Followed):
+    """A special point of equilibria; `make` returns a function from the parameter to a scene."""
+
+    make: Make
+
+    def differentiable(self, numbers, known: Equilibrium):
+        return points.differentiable(self.make(numbers), known)
+
+    def place(self, found: points.DifferentiablePoint):
+        return found.state, found.parameter
+
+    def again(self, numbers, known: Equilibrium, guess):
+        state, parameter = guess
+        return points.find_again(self.make(jnp.asarray(numbers)), known, state, float(parameter))
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfSpecialOrbits(Followed):
+    """A special orbit; `make` returns a function from the parameter to a scene, or a scene."""
+
+    make: Make
+    hold: Hold
+
+    def differentiable(self, numbers, known: SpecialOrbit):
+        return differentiable_special(known, self.make(numbers), hold=self.hold)
+
+    def place(self, found: DifferentiableSpecialOrbit):
+        if found.known.kind == Kind.FOLD:  # its orbit has no derivative
+            orbit = found.known.orbit
+            return found.parameter, jnp.asarray(orbit.y0), jnp.asarray(orbit.period)
+        orbit = found.orbit
+        return found.parameter, orbit.y0, orbit.period
+
+    def again(self, numbers, known: SpecialOrbit, guess):
+        parameter, y0, period = guess
+        made = self.make(jnp.asarray(numbers))
+        return find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Several(Followed):
+    """Several of them, which need not be of the same kind."""
+
+    each: tuple[Followed, ...]
+
+    def differentiable(self, numbers, known):
+        pairs = zip(self.each, known, strict=True)
+        return tuple(one.differentiable(numbers, thing) for one, thing in pairs)
+
+    def place(self, found):
+        return tuple(one.place(thing) for one, thing in zip(self.each, found, strict=True))
+
+    def again(self, numbers, known, guess):
+        every = zip(self.each, known, guess, strict=True)
+        return tuple(one.again(numbers, thing, place) for one, thing, place in every)
+
+
+def bounds(lower, upper, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) lower and upper bounds of parameters; infinite where none are given.
+
+    Raises:
+      ValueError: the parameters are not within them.
+    """
+    low, high = (
+        np.full(len(numbers), end)
+        if given is None
+        else np.broadcast_to(np.asarray(given, float), numbers.shape)
+        for given, end in ((lower, -np.inf), (upper, np.inf))
+    )
+    if not ((low <= numbers) & (numbers <= high)).all():
+        raise fail("guess", "within its bounds", numbers.tolist(), "See lower and upper.")
+    return low, high
