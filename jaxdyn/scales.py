@@ -107,6 +107,13 @@ class Groups(NamedTuple):
             return x
         return jnp.minimum(x, np.array(self.most).reshape(-1, *[1] * (x.ndim - 1)))
 
+    def sizes_on_host(self, x: np.ndarray) -> np.ndarray:
+        """(k,) `sizes`, in NumPy."""
+        of, found = np.array(self.group_of), np.array(x, float)
+        for group in range(max(self.group_of) + 1):
+            found[of == group] = found[of == group].max()
+        return np.minimum(found, self.most)
+
     def largest(self, x: Array, *, in_loop: bool = False) -> Array:
         """(k, ...) the largest of each group of numbers x (k, ...) that are not negative.
 
@@ -293,11 +300,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
       y: (k,) the equilibrium.
       t: () time at which the field is frozen.
     """
-    y = np.asarray(y, float)
-
-    def alike(x: np.ndarray) -> np.ndarray:
-        return np.asarray(groups.sizes(jnp.asarray(x)))
-
+    y, alike = np.asarray(y, float), groups.sizes_on_host
     most, slope = np.asarray(groups.most), np.abs(slopes(field, y, t))
     made = slope / (_radius(slope) or 1.0)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))

@@ -111,11 +111,7 @@ def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:
     """(k,) the largest of each group's numbers, from one non-negative number for each entry."""
-    known = groups(scene.system)
-    of, found = np.array(known.group_of), np.array(each, float)
-    for group in range(max(known.group_of) + 1):
-        found[of == group] = found[of == group].max()
-    return np.minimum(found, known.most)
+    return groups(scene.system).sizes_on_host(each)
 
 
 def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:

@@ -183,11 +183,12 @@ def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, wo
 def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
     path = tmp_path / "family.json"
     words = ("pendulum", "--set", "angle=2", "--period", "2.7", "--members", "2", "--json")
+    words += ("--parameter", "length")
     code, out, err = orbits("family", *words, "--save", path)
     assert code == 0, err
     assert len(json.loads(out)["members"]) == 2
     lines = [
-        f"  period {member.orbit.period:.12g}   {member.verdict}"
+        f"  length {member.parameter:.10g}   period {member.orbit.period:.12g}   {member.verdict}"
         for member in family_files.load(path).members
     ]
     assert "\n".join(lines) in err
