@@ -24,7 +24,7 @@ from orbits.closing.sizes import largest_entry
 from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
-_SAMPLES_PER_TIME = 2048  # samples of a long run
+_SAMPLES = 2048  # of the run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +106,7 @@ def returns(
       ValueError: not 0 <= `shortest` < `longest` <= `span`.
     """
     _times(span, shortest, longest)
-    count = _SAMPLES_PER_TIME
+    count = _SAMPLES
     ts = np.linspace(0.0, span, count)
     flow = quick_solve(scene, span, ts=ts, rtol=1e-10)
     low = max(1, int(np.ceil(shortest / closing.parts / ts[1])))

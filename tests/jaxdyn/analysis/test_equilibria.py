@@ -220,7 +220,7 @@ class Flat(Effect):
 
 
 @pytest.mark.slow
-def test_a_equilibrium_that_exists_but_was_not_reached_is_told():
+def test_an_equilibrium_that_exists_but_was_not_reached_is_told():
     field, box = spring_mass().field, Box(np.array([-3.0, -3, 0, 0]), np.array([3.0, 3, 0, 0]))
     proof = bisect(field, jnp.zeros(()), box)
     found = equilibria(spring_mass(), [-3, -3], [3, 3], starts=64)
@@ -230,7 +230,7 @@ def test_a_equilibrium_that_exists_but_was_not_reached_is_told():
     assert "did not reach the equilibrium that exists near" in certainty
 
 
-def test_a_equilibrium_without_stiffness_is_degenerate():
+def test_an_equilibrium_without_stiffness_is_degenerate():
     scene = Scene(FreePoints([1.0], 1), (Flat(),), y0=[1.0, 0.0])
     found = equilibria(scene, [-1.0], [2.0], starts=16)
     assert found.kinds == ("degenerate",)
@@ -240,7 +240,7 @@ def test_a_equilibrium_without_stiffness_is_degenerate():
 
 
 @pytest.mark.slow
-def test_a_equilibrium_moves_with_the_numbers_of_the_scene():
+def test_an_equilibrium_moves_with_the_numbers_of_the_scene():
     def height(k):
         return equilibrium(spring_mass(k=k, length=0.5, g=9.0), [0.1, -1.0, 0.0, 0.0])[1]
 

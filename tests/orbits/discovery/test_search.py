@@ -153,7 +153,7 @@ def test_progress_is_shown(capsys, both):
     assert f"{SAMPLES} samples" in capsys.readouterr().out
 
 
-def test_a_equilibrium_is_no_orbit():
+def test_an_equilibrium_is_no_orbit():
     near = orbits.discovery.Starts(1e-3 * np.eye(2))
     assert len(orbits.search(two_cycles(), near, 2, longest=0.5, close=1e-2)) == 0
 
