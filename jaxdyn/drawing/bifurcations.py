@@ -139,7 +139,7 @@ def stretches(
     for one, two in itertools.pairwise(points):
         first, last = verdict(one), verdict(two)
         ends = place(one), place(two)
-        cuts = [x for x in special if first != last and _between(*ends, place(x))]
+        cuts = [x for x in special if first != last and _is_beside(*ends, place(x))]
         if first == last:
             pieces.append((first, [one, two]))
         elif cuts and "undecided" not in (first, last):
@@ -158,7 +158,7 @@ def stretches(
     ]
 
 
-def _between(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
+def _is_beside(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
     """Whether x is beside the line from a to b, nearer to it than half its length."""
     along = b - a
     share = (x - a) @ along / (along @ along)

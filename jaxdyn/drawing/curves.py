@@ -61,10 +61,10 @@ def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.n
     parts = -(-CURVE_SAMPLES // (pieces * max(count - 1, 1)))
     if parts < 2 or count < 2:
         return ts, ys
-    return _between(ts, (ys, *map(np.asarray, _rates(piece.scene, ts, ys))), parts)
+    return _refine(ts, (ys, *map(np.asarray, _rates(piece.scene, ts, ys))), parts)
 
 
-def _between(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
+def _refine(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
     """Times and states (s, k) on the curve, with `parts` parts from sample to sample."""
     y, v, a = known
     x = np.arange(parts) / parts

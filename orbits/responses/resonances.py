@@ -96,7 +96,7 @@ def resonances(
     places = list(zip(family.members, family.members[1:], known, known[1:], strict=False))
     for a, b, before, after in places:
         for i, mode in enumerate(others):
-            for ratio in _between(before[i], after[i], order):
+            for ratio in _fractions(before[i], after[i], order):
                 member = _at(family, a, b, ratio, sign)
                 if member is not None:
                     found.append(Resonance(member, mode, ratio))
@@ -153,7 +153,7 @@ def _nearest(known: np.ndarray, turns: np.ndarray) -> np.ndarray:
     return found
 
 
-def _between(a: float, b: float, order: int) -> list[Fraction]:
+def _fractions(a: float, b: float, order: int) -> list[Fraction]:
     """The fractions p / q between two numbers, with p or q up to an order, from the first on."""
     low, high, most = min(a, b), max(a, b), _MOST * order
     found = {

@@ -172,13 +172,13 @@ def in_order(curve: Family) -> list[Member]:
     """The members of a family with its special points where they are between them."""
     found, waiting = [curve.members[0]], list(curve.special)
     for before, after in zip(curve.members, curve.members[1:], strict=False):
-        while waiting and _between(before, after, waiting[0]):
+        while waiting and _is_on_step(before, after, waiting[0]):
             found.append(waiting.pop(0))
         found.append(after)
     return [*found, *waiting]
 
 
-def _between(before: Member, after: Member, point: Member) -> bool:
+def _is_on_step(before: Member, after: Member, point: Member) -> bool:
     """Whether a special point lies on the step from one member to the next."""
     here, there = before.point.place, after.point.place
     way = (there - here) / _scale(here, there)
