@@ -14,6 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+#: Entries of a state up to which loops over steps write out what is summed or compared over them: a
+#: reduction would keep XLA from fusing the loop.
+UNROLLED_ENTRIES = 32
+
 #: Prefix of the names that functions decorated by `smooth` have in programs.
 SMOOTH = "smooth_"
 
@@ -199,7 +203,7 @@ def rough_power(x: Array, n: float) -> Array:
 
 
 #: Rows of a matrix up to which elimination is unrolled.
-_WRITTEN_OUT = 3
+_UNROLLED_ROWS = 3
 
 
 def solve_spd(a: Array, b: Array) -> Array:
@@ -300,7 +304,7 @@ def _each(n: int, body: Callable, start: Any) -> Any:
 
     Unrolled, the program for the hinges of nine bars takes four times as long to compile.
     """
-    if n > _WRITTEN_OUT:
+    if n > _UNROLLED_ROWS:
         return jax.lax.fori_loop(0, n, body, start)
     return functools.reduce(lambda carry, k: body(k, carry), range(n), start)
 

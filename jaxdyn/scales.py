@@ -31,6 +31,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array
 
+from jaxdyn._numerics import UNROLLED_ENTRIES
+
 if TYPE_CHECKING:
     from jaxdyn.system import System
 
@@ -123,16 +125,13 @@ class Groups(NamedTuple):
         if self.alone:
             return x
         n = max(self.group_of) + 1
-        if in_loop and len(x) <= _WRITTEN_OUT:
+        if in_loop and len(x) <= UNROLLED_ENTRIES:
             rows = [[i for i, group in enumerate(self.group_of) if group == g] for g in range(n)]
             tops = [_maximum([x[i] for i in row]) for row in rows]
             return jnp.stack([tops[group] for group in self.group_of])
         member = np.equal.outer(np.arange(n), self.group_of).reshape(n, -1, *[1] * (x.ndim - 1))
         tops = jnp.max(jnp.where(member, x[None], 0.0), axis=1, keepdims=True)
         return jnp.max(jnp.where(member, tops, 0.0), axis=0)
-
-
-_WRITTEN_OUT = 32  # entries of a state
 
 
 def _maximum(parts: list[Array]) -> Array:

@@ -8,7 +8,7 @@ eigenvalues cond is infinite; Elsner's bound
 
 holds there too, and is taken where it is smaller. (All norms of matrices are 2-norms.)
 
-A bar is that bound for an error of `SAFETY` times the one stated, which includes rounding. A
+A bar is that bound for an error of `ERROR_SAFETY` times the one stated, which includes rounding. A
 verdict is "undecided" wherever a bar does not settle it.
 
 An error that is known better than by its norm moves eigenvalues less, by orders of magnitude where
@@ -35,7 +35,7 @@ import numpy as np
 from jaxdyn._checks import check_first
 
 #: Safety factor on the estimated error, which is only an order of magnitude.
-SAFETY = 3.0
+ERROR_SAFETY = 3.0
 #: Likewise for each entry of an error, since one may vanish by chance. Of the multipliers of 17
 #: orbits of three bodies at four tolerances, 272 numbers, no bar was below the error (against 80
 #: and 113 bits); with a factor of 3 two were.
@@ -80,7 +80,7 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
         return Eigenvalues(np.zeros(matrix.shape[:-1], complex), np.zeros(matrix.shape[:-1]))
     values, right = np.linalg.eig(matrix)
     size = norm(matrix)
-    wrong = np.asarray(SAFETY * (ROUNDING * size + error))[..., None]
+    wrong = np.asarray(ERROR_SAFETY * (ROUNDING * size + error))[..., None]
     elsner = (2 * size[..., None]) ** (1 - 1 / k) * wrong ** (1 / k)
     u, s, vh = np.linalg.svd(right)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -90,7 +90,7 @@ def eigenvalues(matrix, error=0.0, changes=None, unseen=0.0) -> Eigenvalues:
         bars = np.fmin(condition * wrong, elsner)
         if changes is not None:
             moved = np.abs(left @ np.asarray(changes) @ right).max(axis=0)
-            least = (SAFETY * (ROUNDING * size + unseen))[..., None, None]
+            least = (ERROR_SAFETY * (ROUNDING * size + unseen))[..., None, None]
             lengths = [np.linalg.norm(x, axis=axis) for x, axis in ((left, -1), (right, -2))]
             unsure = least * lengths[0][..., :, None] * lengths[1][..., None, :]
             bars = np.fmin(bars, _radii(values, _SAFETY_ENTRIES * moved + unsure))

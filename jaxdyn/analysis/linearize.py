@@ -17,8 +17,8 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn.analysis.eigenvalues import (
+    ERROR_SAFETY,
     ROUNDING,
-    SAFETY,
     Eigenvalues,
     rate_eigenvalues,
     rate_verdict,
@@ -223,7 +223,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
     half = jax.scipy.linalg.solve_triangular(lower, 0.5 * (stiffness + stiffness.T), lower=True)
     reduced = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
     squares, vectors = jnp.linalg.eigh(0.5 * (reduced + reduced.T))
-    rounding = SAFETY * ROUNDING * len(squares) * jnp.max(jnp.abs(squares))
+    rounding = ERROR_SAFETY * ROUNDING * len(squares) * jnp.max(jnp.abs(squares))
     squares = jnp.where(jnp.abs(squares) <= rounding, 0.0, squares)
     shapes = jax.scipy.linalg.solve_triangular(lower.T, vectors, lower=False)
     return Modes(squares=squares, shapes=shapes, mass=mass, stiffness=stiffness)

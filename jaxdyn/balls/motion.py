@@ -18,7 +18,7 @@ _ORDERS_PER_DIGIT = 1.15
 _LEAST_ORDER = 12
 _BITS_PER_DIGIT = math.log2(10)
 _GUARD_BITS = 24
-_SAFETY = 0.9  # safety factor of a step
+_STEP_SAFETY = 0.9  # safety factor of a step
 _MOST_STEPS = 100_000
 
 
@@ -101,7 +101,7 @@ def _step(coefficients: list[list], digits: float) -> float:
         if last > -math.inf:
             steps.append((size - digits * math.log(10) - last) / n)
     # For a polynomial, whose series ends, any step is right.
-    return _SAFETY * math.exp(min(steps)) if steps else math.inf
+    return _STEP_SAFETY * math.exp(min(steps)) if steps else math.inf
 
 
 def _log(x: arb) -> float:

@@ -126,7 +126,7 @@ class HingeDamper(Effect):
 # whose reverse mode is a scatter, or a sum over all points would keep a stepping loop with tangents
 # from being folded and vectorised (20 links then take 2.5 times as long, 63 twice). With tangents,
 # each link takes 0.1 s to compile in this form, and a larger network is too large to be folded.
-_MAX_WRITTEN_OUT = 64
+_UNROLLED_LINKS = 64
 
 
 class SpringNetwork(Effect):
@@ -149,7 +149,7 @@ class SpringNetwork(Effect):
 
     def _springs(self, r: Array) -> tuple[Array, Array, Array]:
         e = len(self.first)
-        if e > _MAX_WRITTEN_OUT:
+        if e > _UNROLLED_LINKS:
             d = r[np.array(self.first)] - r[np.array(self.second)]
         else:
             d = jnp.stack([r[i] - r[j] for i, j in zip(self.first, self.second, strict=True)])
@@ -162,7 +162,7 @@ class SpringNetwork(Effect):
     def force(self, t, r, v, m):
         del t, v, m
         pulls = _pulls(*self._springs(r))
-        if len(self.first) > _MAX_WRITTEN_OUT:
+        if len(self.first) > _UNROLLED_LINKS:
             return sums_at(jnp.concatenate([-pulls, pulls]), self.first + self.second, len(r))
         total = [jnp.zeros_like(r[0])] * r.shape[0]
         for i, j, pull in zip(self.first, self.second, pulls, strict=True):

@@ -16,7 +16,7 @@ from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.geometry.indices import levi_civita
 
 # A product of differences of points is called zero below this many roundings of the points.
-_ROUNDINGS = 8 * np.finfo(float).eps
+_ZERO_PRODUCT = 8 * np.finfo(float).eps
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -128,7 +128,7 @@ def closest_points(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector) -> Closes
     n = cross(u, v)
     size = jnp.max(jnp.abs(jnp.stack([r_a, r_b, r_c, r_d])))
     lengths = safe_norm(u), safe_norm(v)
-    rounding = _ROUNDINGS * (lengths[0] * lengths[1] + size * (lengths[0] + lengths[1]))
+    rounding = _ZERO_PRODUCT * (lengths[0] * lengths[1] + size * (lengths[0] + lengths[1]))
     parallel = safe_norm(n) <= rounding
 
     n = jnp.where(parallel, jnp.array([1.0, 0.0, 0.0]), n)  # any vector that can be divided by
@@ -189,7 +189,7 @@ def rod_tensions(r_a: Vector, r_b: Vector, r_c: Vector, r_d: Vector, force: Vect
     size = jnp.max(jnp.abs(jnp.stack([r_a, r_b, r_c, r_d])))
     box = dot(a, cross(b, c))
     areas = jnp.stack([lengths[1] * lengths[2], lengths[2] * lengths[0], lengths[0] * lengths[1]])
-    rounding = _ROUNDINGS * (jnp.prod(lengths) + size * jnp.sum(areas))
+    rounding = _ZERO_PRODUCT * (jnp.prod(lengths) + size * jnp.sum(areas))
     coplanar = jnp.abs(box) <= rounding
 
     normals = jnp.stack([cross(b, c), cross(c, a), cross(a, b)])

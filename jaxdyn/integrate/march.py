@@ -18,13 +18,13 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._numerics import rough_power, square_norm
+from jaxdyn._numerics import UNROLLED_ENTRIES, rough_power, square_norm
 from jaxdyn._records import Record
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.plan import InBranch, Wrapper, without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
 from jaxdyn.solvers.formulas.formulas import simplify
-from jaxdyn.solvers.method import SAFETY, Method, operations
+from jaxdyn.solvers.method import STEP_SAFETY, Method, operations
 from jaxdyn.solvers.stepper import (
     PART,
     AtStart,
@@ -391,7 +391,6 @@ _MIN_STEP = 1e-100  # [time] likewise at t = 0, where the spacing says nothing
 #: Error of the first step, in tolerances, if errors were proportional to the power of the length
 #: (as in Hairer, Norsett, Wanner, II.4).
 _FIRST_ERROR = 0.01
-_WRITTEN_OUT = 32  # entries of a state: at most this many products are unrolled in a norm
 
 
 class Limits(NamedTuple):
@@ -421,7 +420,7 @@ class Limits(NamedTuple):
 
 def _mean_square(y: Array) -> Array:
     """The mean square over the first axis; few entries are unrolled, to vectorise a batch."""
-    if len(y) > _WRITTEN_OUT:
+    if len(y) > UNROLLED_ENTRIES:
         return jnp.mean(y * y, axis=0)
     return square_norm(jnp.moveaxis(y, 0, -1)) / len(y)
 
@@ -483,8 +482,8 @@ class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
         h = end - t0
         if reach is None:
             error = jnp.where(jnp.isfinite(error), error, jnp.inf)
-            factor = SAFETY * rough_power(jnp.maximum(error, 1e-30), -1.0 / error_order)
-            h_next = h * jnp.clip(factor, _SHRINK, jnp.where(tried.fine, _GROW, SAFETY))
+            factor = STEP_SAFETY * rough_power(jnp.maximum(error, 1e-30), -1.0 / error_order)
+            h_next = h * jnp.clip(factor, _SHRINK, jnp.where(tried.fine, _GROW, STEP_SAFETY))
         else:
             longer = (t1 - t0) * jnp.minimum(_PROPOSED * reach, _GROW)
             h_next = jnp.where(tried.fine, longer, _TOO_LONG * h)

@@ -31,7 +31,7 @@ from jaxdyn.status import Status
 #: The name of the phase that ends a motion.
 END = "end"
 
-_ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
+_ZERO_ROUNDINGS = 64  # units in the last place of all inputs within which a value counts as zero
 #: Part of a state's largest entry: projection moves a state on the surface by no more.
 _MAX_PROJECTION = 1e-10
 
@@ -153,7 +153,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     noise = rows @ size + others
     slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
     slope_noise = slope_noise + rows @ jnp.append(jnp.abs(rate), 1.0)  # rounding of its terms
-    rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps
+    rounding = _ZERO_ROUNDINGS * jnp.finfo(y.dtype).eps
     at, way = near * values(bounds, t, y), near * slopes(t, y)
     return at < -rounding * noise, (
         (jnp.abs(at) <= rounding * noise) & (way < -rounding * slope_noise)

@@ -81,17 +81,17 @@ def simulate_phases(
     names, pieces, path, idle, status = [], [], [], 0, Status.OK
     while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
         report_progress(f"phase {name} from t = {float(t):.4g}")
-        here, leg = name, _leg(phases[name], t, y, t1, samples, options)
-        if leg.piece is not None:
+        here, stay = name, _stay(phases[name], t, y, t1, samples, options)
+        if stay.piece is not None:
             names.append(name)
-            pieces.append(leg.piece)
-        idle = 0 if leg.t - t > shortest else idle + 1
-        t, y, status = leg.t, leg.y, Status.STUCK if leg.exits and idle > most else leg.status
-        for number in leg.exits:
+            pieces.append(stay.piece)
+        idle = 0 if stay.t - t > shortest else idle + 1
+        t, y, status = stay.t, stay.y, Status.STUCK if stay.exits and idle > most else stay.status
+        for number in stay.exits:
             if name == here:  # else the other event was an exit of a phase already left
                 path.append((name, number))
                 t, y, name = _leave(phases, here, number, t, y)
-        if not leg.exits:
+        if not stay.exits:
             break
     if name != END and len(pieces) >= max_phases and t < t1 and status == Status.OK:
         status = Status.PHASE_LIMIT
@@ -119,7 +119,7 @@ def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
     return list(alike)[number]
 
 
-class _Leg(NamedTuple):
+class _Stay(NamedTuple):
     """The evolution of a state in a phase."""
 
     piece: Trajectory | None  # None where it leaves at once
@@ -129,14 +129,14 @@ class _Leg(NamedTuple):
     status: Status
 
 
-def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _Leg:
+def _stay(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _Stay:
     """How a state leaves a phase, and the motion until then."""
     scene = phase.scene.starting(y, t1)
     if not phase.exits:
         piece = simulate(scene, t1, t0=t, samples=samples, throw=False, **options._asdict())
         end = jnp.where(piece.status == Status.OK, t1, jnp.nan)
         status = Status(int(piece.status))
-        return _Leg(piece=piece, t=end, y=piece.ys[-1], exits=(), status=status)
+        return _Stay(piece=piece, t=end, y=piece.ys[-1], exits=(), status=status)
     beyond = np.asarray(phase.fit(t, y).beyond)
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
@@ -151,7 +151,7 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends first
         end, exits = jnp.asarray(t1, dtype=float), ()
     elif taken and end <= t:
-        return _Leg(piece=None, t=t, y=at, exits=exits, status=status)
+        return _Stay(piece=None, t=t, y=at, exits=exits, status=status)
     until_when = end if status == Status.OK else t1
     piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **options._asdict())
     if taken and not exits:
@@ -159,14 +159,14 @@ def _leg(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) 
     passed = np.asarray(phase.fit(end, at).passed)
     if np.delete(passed, taken).any():
         lost = jnp.full_like(y, jnp.nan)
-        return _Leg(
+        return _Stay(
             piece=_cut_at_bound(phase, piece),
             t=lost[0],
             y=lost,
             exits=(),
             status=Status.BOUND_PASSED,
         )
-    return _Leg(piece=piece, t=end, y=at, exits=exits, status=status)
+    return _Stay(piece=piece, t=end, y=at, exits=exits, status=status)
 
 
 def _cut_at_bound(phase: Phase, piece: Trajectory) -> Trajectory:

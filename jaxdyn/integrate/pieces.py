@@ -23,7 +23,7 @@ from jaxdyn.solvers.stepper import state_of
 from jaxdyn.status import Status
 
 #: Roundings of state and time by which the margin of a condition at a switch may miss zero.
-_ROUNDINGS = 64
+_MARGIN_ROUNDINGS = 64
 #: Number of pieces in a row, each shorter than this part of the span, that count as chattering.
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
 #: Largest depth of conditions within conditions whose outcomes are found anew after a switch.
@@ -330,7 +330,9 @@ class _Pieces(NamedTuple):
         # Conditions that change within rounding of one time change together.
         off = jnp.sum(jnp.where(own, jnp.abs(here.margins / along), 0.0))
         off = 2 * jnp.where(jnp.isfinite(off), off, 0.0)
-        noise = noise + jnp.abs(along) * (off + _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.abs(t))
+        noise = noise + jnp.abs(along) * (
+            off + _MARGIN_ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.abs(t)
+        )
         falls = (jnp.abs(here.margins) <= noise) & (self.way * along < 0)
         together = falls & ~jnp.asarray(self.plan.of_time) & ~branch.surface
         changed = (index >= 0) & (index < e)
@@ -408,7 +410,7 @@ class _Pieces(NamedTuple):
     def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
         """(e,) the size up to which a margin may be rounding."""
         size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
-        return _ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
+        return _MARGIN_ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
     def _after_switch(self, run: _Run) -> Array:
         """The state, and tangents or adjoints as the saltation matrix changes them."""

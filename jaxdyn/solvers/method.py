@@ -27,7 +27,7 @@ _ROUNDING = 1e-13
 #: Part of the step that would just meet the tolerance. At exponents of 9 to 11 even 0.75 aims at
 #: no more than a tenth of the error; with 0.9, which is usual at order 5, 10 to 30 % of the steps
 #: are rejected and it takes 10 to 20 % more evaluations at equal true error (measured).
-SAFETY = 0.75
+STEP_SAFETY = 0.75
 _KINDS = 256  # number of kinds of systems about which something is remembered
 
 

@@ -35,7 +35,7 @@ _LANES = 4  # doubles in a vector of most processors
 #: The part of an estimate that this many roundings of the positions explain, through forces that
 #: change with them, gets this weight, since shorter steps would not make it smaller. The weight is
 #: not zero, or steps would grow until they are rejected.
-_ROUNDINGS, _ROUNDING_WEIGHT = 30.0, 0.02
+_POSITION_ROUNDINGS, _ROUNDING_WEIGHT = 30.0, 0.02
 #: Positions whose relative difference is smaller say nothing about forces.
 _NEARLY_EQUAL = 1e-13
 #: With this many columns, errors at a tolerance are about those of a pair; each further column
@@ -199,7 +199,9 @@ def _extrapolate(
     )
     ratio = fastest_rate(h * h * (forces[0] - forces[1]), there[0] - there[1], h * h * forces[0])
     off = h * h * _steepness(forces, there) * y[: len(y) // 2]
-    rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
+    rounding = (
+        _POSITION_ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.abs(jnp.concatenate([off, off / h]))
+    )
     small = jnp.clip(error, -rounding, rounding)
     error = (error - small) + _ROUNDING_WEIGHT * small
     return Advance(increment, error, speed=jnp.sqrt(ratio))

@@ -31,7 +31,7 @@ _ROUNDED = 2.0**-51
 #: Terms of an expression; six hinged bars have some hundred.
 _MOST_TERMS = 500
 #: Largest power that is multiplied out.
-_WRITTEN_OUT = 4
+_LARGEST_EXPANDED = 4
 
 ONE = Fraction(1)
 
@@ -205,7 +205,7 @@ class Expression:
             return number(1)
         if len(self.terms) == 1:
             return self._term_to(n)
-        if n.denominator == 1 and 0 < n <= _WRITTEN_OUT and not self.is_difference:
+        if n.denominator == 1 and 0 < n <= _LARGEST_EXPANDED and not self.is_difference:
             return functools.reduce(Expression.__mul__, [self] * int(n))
         if not self.terms:
             return number(0) if n > 0 else number(math.inf)
@@ -224,7 +224,7 @@ class Expression:
         ((monomial, c),) = self.terms.items()
         if n.denominator == 1:
             scale = c ** int(n) if c else c
-            if 0 < n <= _WRITTEN_OUT and any(isinstance(a, Call) for a, _ in monomial):
+            if 0 < n <= _LARGEST_EXPANDED and any(isinstance(a, Call) for a, _ in monomial):
                 return functools.reduce(Expression.__mul__, [self] * int(n))
             return Expression({tuple((a, e * n) for a, e in monomial): scale})
         found, left = number(1), Expression({(): c})

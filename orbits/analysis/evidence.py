@@ -18,7 +18,7 @@ from jaxdyn.solvers import Method
 from orbits.analysis.chain import transitions
 from orbits.closing.closings import PLAIN
 from orbits.closing.sizes import sizes
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import advance, other_solver
 from orbits.orbit import Orbit, gap
@@ -73,13 +73,13 @@ def after(orbit: Orbit, periods: float, *, rtol: float, solver=None) -> SolveRes
 
 def _closing_errors(orbit: HybridOrbit, periods: int, rtol: float, solvers) -> np.ndarray:
     """(m,) the errors of a chain's equations after some periods, integrated by given methods."""
-    chain = Chain.of(orbit)
+    chain = ChainEquations.of(orbit)
     return chain.residual(orbit.y0, orbit.spans, rtol, solvers, periods) / _in_units(orbit)[1]
 
 
 def _in_units(orbit: HybridOrbit) -> tuple[np.ndarray, np.ndarray]:
     """(m, u) the Jacobian of a chain's equations in units, and (m,) the units of the equations."""
-    chain, spans = Chain.of(orbit), orbit.spans
+    chain, spans = ChainEquations.of(orbit), orbit.spans
     found = chain.linearize(chain.pack(np.asarray(orbit.y0), spans), orbit.rtol)
     each = chain.sizes(found, spans)
     rows = chain.residual_units(found, spans, each)

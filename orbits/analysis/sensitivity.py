@@ -27,7 +27,7 @@ from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.quantities import extremes_in_time
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.closings import Hold, conditions
-from orbits.hybrid.equations import Chain, residuals
+from orbits.hybrid.equations import ChainEquations, residuals
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import legs_of
 from orbits.orbit import Orbit
@@ -214,7 +214,7 @@ def pose(orbit: Orbit, hold: Hold) -> Posed:
 
 def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     """The chain with its derivatives by the implicit function theorem."""
-    chain, start, spans = Chain.of(orbit), np.asarray(orbit.y0), orbit.spans
+    chain, start, spans = ChainEquations.of(orbit), np.asarray(orbit.y0), orbit.spans
     found = chain.linearize(chain.pack(start, spans), orbit.rtol)
     each = chain.sizes(found, spans)
     units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)

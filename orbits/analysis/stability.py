@@ -27,8 +27,8 @@ import numpy as np
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_first, check_untraced, fail
 from jaxdyn.analysis.eigenvalues import (
+    ERROR_SAFETY,
     ROUNDING,
-    SAFETY,
     Eigenvalues,
     bound_by_product,
     map_eigenvalues,
@@ -411,8 +411,8 @@ def _widen(found: Eigenvalues, split: trivial.Split, m: np.ndarray) -> Eigenvalu
     if not (off and len(values)):
         return found
     conditions, d = split.conditions(m, values), len(m)
-    most = (2 * norm(m)) ** (1 - 1 / d) * (SAFETY * off) ** (1 / d)  # Elsner's bound
-    return Eigenvalues(values, bars + np.fmin(SAFETY * off * conditions, most))
+    most = (2 * norm(m)) ** (1 - 1 / d) * (ERROR_SAFETY * off) ** (1 / d)  # Elsner's bound
+    return Eigenvalues(values, bars + np.fmin(ERROR_SAFETY * off * conditions, most))
 
 
 def _split_monodromy(orbit: Orbit, m, coarse, form: _Form, basis, each, along) -> trivial.Split:
@@ -449,7 +449,7 @@ def _form(scene: Scene, m: np.ndarray, error: float, basis: np.ndarray, each: np
         return _Form(None, None, False)
     form = form / (np.abs(form).max() or 1.0)
     defect = float(symplectic_defect(m, form))
-    most = max(SYMPLECTIC, 2 * SAFETY * error / max(1.0, float(norm(m))))
+    most = max(SYMPLECTIC, 2 * ERROR_SAFETY * error / max(1.0, float(norm(m))))
     return _Form(form, defect, kept and defect < most)
 
 

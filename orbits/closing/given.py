@@ -26,7 +26,7 @@ _NEAR = 0.25
 #: Rates below this share of the sizes per radian of the span are rounding.
 _ROUNDING = 1e-6
 #: Relative changes of a rate up to this, in units of the machine epsilon, are rounding.
-_ROUNDINGS = 64.0
+_RATE_ROUNDINGS = 64.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -224,6 +224,6 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
     varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
     # What varies only by rounding is not a drive.
-    rounding = _ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
+    rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
     return ((later - now) / varies[None]).ravel()

@@ -17,7 +17,7 @@ from jaxdyn.integrate.events import Event
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.sizes import rate
 from orbits.families.surface import Point, Surface, kept_directions
-from orbits.hybrid.equations import Chain, LinearizedChain, closing_in_sizes, pass_leg
+from orbits.hybrid.equations import ChainEquations, LinearizedChain, closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.motion import quick_solve
 from orbits.orbit import Outcome
@@ -30,7 +30,7 @@ _HOLDS = 1e-6  # a chain over several periods closes better than this if its clo
 class ChainSurface(Surface):
     """All solutions of the equations of a chain of legs."""
 
-    equations: Chain
+    equations: ChainEquations
     shrinks, parts = False, 1
 
     def orbit(self, point: Point) -> HybridOrbit:
@@ -108,7 +108,9 @@ class ChainSurface(Surface):
 class _InUnits:
     """The equations of a chain in the units of the motion at a first point; see `Closed`."""
 
-    def __init__(self, chain: Chain, x: np.ndarray, rtol: float, in_units: np.ndarray, sizes):
+    def __init__(
+        self, chain: ChainEquations, x: np.ndarray, rtol: float, in_units: np.ndarray, sizes
+    ):
         self.chain, self.rtol, self.sizes = chain, rtol, sizes
         unknowns = chain.unpack(x)
         self._last = x, chain.linearize(x, rtol)

@@ -17,7 +17,7 @@ from orbits.closing.closings import Closing, Symmetry
 from orbits.closing.given import is_driven
 from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Point, Surface
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.strategy import GOAL
 
@@ -90,13 +90,13 @@ def _in_units(point: Point, fields: dict[str, Any]) -> dict[str, np.ndarray]:
 
 def what(surface: Surface) -> str:
     """What the file of a continuation calls the families on a surface."""
-    return CHAINS if isinstance(surface.equations, Chain) else ORBITS
+    return CHAINS if isinstance(surface.equations, ChainEquations) else ORBITS
 
 
 def about(surface: Surface) -> dict[str, Any]:
     """What distinguishes the equations of a family from others, besides the scenes."""
     equations = surface.equations
-    if isinstance(equations, Chain):
+    if isinstance(equations, ChainEquations):
         closes = getattr(equations.closes, "__qualname__", type(equations.closes).__name__)
         path = [[name, number] for name, number in equations.path]
         legs = len(equations.legs)

@@ -32,7 +32,7 @@ from orbits.families.chains import ChainSurface
 from orbits.families.family import Family, Member
 from orbits.families.steps import OrbitChart, first_member, in_segments, parameter_at
 from orbits.families.surface import OrbitSurface, Point, Surface
-from orbits.hybrid.equations import Chain, MakeChain
+from orbits.hybrid.equations import ChainEquations, MakeChain
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit, Outcome, SearchError
 from orbits.shooting.equations import Equations
@@ -176,7 +176,7 @@ def continue_family(
     value = 0.0 if parameter is None else float(parameter)
     if isinstance(orbit, HybridOrbit):
         _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments)
-        chain = Chain.of(orbit, make)
+        chain = ChainEquations.of(orbit, make)
         x = chain.pack(np.asarray(orbit.y0), orbit.spans, value)
         surface = ChainSurface(chain, orbit.rtol, goal)
     else:
@@ -233,13 +233,13 @@ def switch_branch(
     times = times or (2 if special.kind == Kind.DOUBLING else 1)
     point, rtol = special.point, special.orbit.rtol
     old = point.equations
-    kind = ChainSurface if isinstance(old, Chain) else OrbitSurface
+    kind = ChainSurface if isinstance(old, ChainEquations) else OrbitSurface
     surface = kind(old.over_periods(times), rtol, GOAL)
     if times > 1 and kind(old, rtol, GOAL).parts > 1:
         remedy = "Continue the family with plain closing."
         raise fail("times", "1 where orbits close by a symmetry", times, remedy)
     x = old.repeat(point.x, times, rtol)
-    if isinstance(old, Chain) and not surface.holds(x):
+    if isinstance(old, ChainEquations) and not surface.holds(x):
         remedy = "Give none: then the difference of the states closes, angles up to whole turns."
         raise fail("closes", f"one that holds after {times} periods", "another one", remedy)
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)

@@ -14,7 +14,7 @@ from jaxdyn.continuation.branch import CLOSED
 from jaxdyn.continuation.kinds import Kind as Kind
 from orbits.analysis.stability import Stability
 from orbits.families.surface import Point
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 from orbits.shooting.equations import Equations
@@ -79,7 +79,7 @@ class Family:
     members: tuple[Member, ...]
     special: tuple[Member, ...]
     end: str
-    equations: Equations | Chain
+    equations: Equations | ChainEquations
 
     @_text.never_raising
     def __repr__(self) -> str:

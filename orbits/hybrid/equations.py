@@ -64,7 +64,7 @@ class LinearizedChain(NamedTuple):
     ends: list[np.ndarray]
 
 
-class Chain(NamedTuple):
+class ChainEquations(NamedTuple):
     """The equations of a chain of legs.
 
     Attributes:
@@ -80,7 +80,7 @@ class Chain(NamedTuple):
     path: Path = ()
 
     @classmethod
-    def of(cls, orbit: HybridOrbit, make: MakeChain | None = None) -> "Chain":
+    def of(cls, orbit: HybridOrbit, make: MakeChain | None = None) -> "ChainEquations":
         """The equations of a known chain."""
         return cls(orbit.legs, orbit.closes, make, orbit.path)
 
@@ -202,7 +202,7 @@ class Chain(NamedTuple):
             return dataclasses.replace(found, outcome=Outcome.BOUND_PASSED)
         return found
 
-    def over_periods(self, times: int) -> "Chain":
+    def over_periods(self, times: int) -> "ChainEquations":
         """The equations of the same chains, with `times` periods counted as one."""
         return self._replace(legs=self.legs * times, path=self.path * times)
 
@@ -232,7 +232,7 @@ class Chain(NamedTuple):
 
 @eqx.filter_jit
 def _change(leg: Leg, end: Array, span, each: Array) -> Array:
-    """(e,) the part of `Chain.residual_units` that belongs to the ends of a leg."""
+    """(e,) the part of `ChainEquations.residual_units` that belongs to the ends of a leg."""
 
     def left(end):
         return _ends(leg, span, end)

@@ -19,7 +19,7 @@ from jaxdyn.integrate.events import Event
 from jaxdyn.plan import plan_of
 from jaxdyn.scene import Scene, check_scene
 from orbits.closing.given import is_driven
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 from orbits.hybrid.legs import HybridOrbit, Leg, Path
 from orbits.hybrid.phases import Phases, follow, legs_of
 from orbits.orbit import Outcome, SearchError
@@ -38,7 +38,7 @@ _TIMES = (1, 2)  # numbers of periods of a known chain
 class Squares:
     """x (u,) -> the square of its distance from each known chain, and that square's gradient."""
 
-    def __init__(self, chain: Chain, known: Sequence[HybridOrbit], sizes: np.ndarray):
+    def __init__(self, chain: ChainEquations, known: Sequence[HybridOrbit], sizes: np.ndarray):
         """Measure in sizes (k,) of the first state, and in known periods.
 
         Raises:
@@ -179,7 +179,11 @@ def find_hybrid(
     effort.check()
     closes = ReturnToStart(legs[0].scene) if closes is None else closes
     found = _solve(
-        Chain(legs, closes, path=path), start, times, effort, _deflated_chains(strategy, unlike)
+        ChainEquations(legs, closes, path=path),
+        start,
+        times,
+        effort,
+        _deflated_chains(strategy, unlike),
     )
     if effort.over and not found.ok:
         found = dataclasses.replace(found, outcome=Outcome.TIME_LIMIT)
@@ -205,7 +209,7 @@ def _deflated_chains(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit
 
 
 def _solve(
-    chain: Chain,
+    chain: ChainEquations,
     start: np.ndarray,
     times: np.ndarray,
     effort: Effort,

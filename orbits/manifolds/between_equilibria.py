@@ -34,7 +34,7 @@ from orbits.motion import quick_solve
 _SIGN_STEPS = 40
 
 
-class Split(NamedTuple):
+class SpectralSplit(NamedTuple):
     """An equilibrium (k,), the Jacobian (k, k), and the projector (k, k) on the upper subspace."""
 
     y: Array
@@ -42,7 +42,7 @@ class Split(NamedTuple):
     projector: Array
 
 
-def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
+def split(scene: Scene, near: Array, cut: Array, each: Array) -> SpectralSplit:
     """The equilibrium near a state, with the subspace of eigenvalues of real part above `cut`.
 
     The iteration is in units of the sizes `each` (k,) of the entries.
@@ -55,7 +55,7 @@ def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
     sign = jax.lax.fori_loop(
         0, _SIGN_STEPS, lambda _, s: 0.5 * (s + jnp.linalg.inv(s)), shifted / jnp.max(abs(shifted))
     )
-    return Split(y, jacobian, 0.5 * (one + sign / units))
+    return SpectralSplit(y, jacobian, 0.5 * (one + sign / units))
 
 
 # ---- The closing equations: multiple shooting with projection boundary conditions
@@ -73,7 +73,7 @@ def split(scene: Scene, near: Array, cut: Array, each: Array) -> Split:
 Make = Callable[[Array], Scene]
 
 
-class Chain(Links):
+class ConnectionEquations(Links):
     """The chain of segments that is to connect two equilibria.
 
     Attributes:
@@ -114,7 +114,7 @@ class Chain(Links):
         extra = [] if self.make is None else [parameter]
         return np.concatenate([[time], extra, np.ravel(states)])
 
-    def ends(self, scene: Scene) -> tuple[Split, Array, Split]:
+    def ends(self, scene: Scene) -> tuple[SpectralSplit, Array, SpectralSplit]:
         """The first equilibrium, its unstable direction of length 1, and the second equilibrium."""
         first = split(scene, self.near[0], self.cuts[0], self.each)
         v = first.projector @ self.along
@@ -146,7 +146,7 @@ class Chain(Links):
 
 
 @eqx.filter_jit
-def state_at(chain: Chain, x, steps, t) -> tuple[Array, Array]:
+def state_at(chain: ConnectionEquations, x, steps, t) -> tuple[Array, Array]:
     """(k,) state of the chain at a time, and the rate there."""
     scene, starts, time = chain.open(x, steps)
     each = time / chain.segments
@@ -156,8 +156,8 @@ def state_at(chain: Chain, x, steps, t) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def ends_at(chain: Chain, x) -> tuple[Split, Array, Split]:
-    """`Chain.ends` at the unknowns."""
+def ends_at(chain: ConnectionEquations, x) -> tuple[SpectralSplit, Array, SpectralSplit]:
+    """`ConnectionEquations.ends` at the unknowns."""
     return chain.ends(chain.scene_at(chain.unpack(x)[1]))
 
 
@@ -201,7 +201,7 @@ def connect_equilibria(
 
 def _pose(
     a: Scene, b, make: Make | None, p: float, branch: str, segments: int, rtol: float
-) -> tuple[Chain, np.ndarray]:
+) -> tuple[ConnectionEquations, np.ndarray]:
     """The chain that is to connect the equilibria, and the rates of leaving and slowest arrival."""
     if type(a.system).project is not System.project:
         remedy = "Use a minimal set of coordinates."
@@ -240,11 +240,13 @@ def _pose(
     projector = np.asarray(split(scene, near[1], cuts[1], jnp.asarray(each)).projector)
     u, _, _ = np.linalg.svd(map_in_units(projector, each))
     across = u[:, : int((~down).sum())]
-    posed = Chain(scene, make, near, along, across, jnp.asarray(each), cuts, segments, rtol)
+    posed = ConnectionEquations(
+        scene, make, near, along, across, jnp.asarray(each), cuts, segments, rtol
+    )
     return posed, np.array([fast, -slow])
 
 
-def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutcome:
+def _approach(posed: ConnectionEquations, p: float, longest: float) -> tuple | ConnectionOutcome:
     """Unknowns and distances of the ends where the strand passes the second equilibrium.
 
     An outcome if the strand does not pass it.
@@ -272,7 +274,7 @@ def _approach(posed: Chain, p: float, longest: float) -> tuple | ConnectionOutco
     return posed.pack(ts[end], p, _interpolate(nodes, ts[:m], ys[:m])), np.array([_FIRST, d])
 
 
-def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
+def _shorten(posed: ConnectionEquations, guess: tuple, wanted: float, rates) -> Connection:
     """The connection with its ends brought closer to the equilibria until their error is small."""
     x, steps = guess
     total, last, residual = 0, None, np.inf
@@ -295,7 +297,7 @@ def _shorten(posed: Chain, guess: tuple, wanted: float, rates) -> Connection:
     return no_connection(posed, posed.near, ConnectionOutcome.ERROR_LIMIT, residual, total)
 
 
-def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
+def _longer(posed: ConnectionEquations, found: Solution, old, new, rates: np.ndarray) -> np.ndarray:
     """Unknowns of the chain extended by the linear flows, so that its ends are closer."""
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, old, _SAMPLES))
     first, v, second = ends_at(posed, found.x)
@@ -315,7 +317,7 @@ def _longer(posed: Chain, found: Solution, old, new, rates: np.ndarray) -> np.nd
     return posed.pack(float(time) + before + after, parameter, states)
 
 
-def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> float:
+def _ends_error(posed: ConnectionEquations, last: tuple, now: tuple, rates: np.ndarray) -> float:
     """Distance, across the motion, of a chain's ends from the chain whose ends are closer."""
     (coarse, old), (fine, new) = last, now
     ts, ys = (np.asarray(z) for z in sample(posed, coarse.x, old, _SAMPLES))
@@ -328,7 +330,7 @@ def _ends_error(posed: Chain, last: tuple, now: tuple, rates: np.ndarray) -> flo
     return float(max(apart))
 
 
-def _result(posed: Chain, found, steps, last, error, iterations: int) -> Connection:
+def _result(posed: ConnectionEquations, found, steps, last, error, iterations: int) -> Connection:
     """The connection that was found."""
     time, p, _ = posed.unpack(found.x)
     ts, ys = (np.asarray(z) for z in sample(posed, found.x, steps, _SAMPLES))

@@ -23,7 +23,7 @@ from orbits.sections.completion import Completed, outcome_text
 from orbits.sections.coordinates import names_of, pair
 
 #: Most crossings of a start in one call of the compiled program.
-_AT_ONCE = 16
+_CROSSINGS_A_CALL = 16
 _CHUNK = 512  # starts in a queue
 
 
@@ -195,8 +195,8 @@ class _Table:
         rows = np.flatnonzero(self.running)
         # All starts that are still running have the same number of crossings.
         done = int(self.counts[rows[0]])
-        most = min(_AT_ONCE, self.wanted - done)
-        watch = EachCrossing(self.scene.field, self.event, jnp.asarray(most), _AT_ONCE)
+        most = min(_CROSSINGS_A_CALL, self.wanted - done)
+        watch = EachCrossing(self.scene.field, self.event, jnp.asarray(most), _CROSSINGS_A_CALL)
         out = ensemble.run(
             self.scene,
             self._y[rows],

@@ -281,7 +281,7 @@ def _scales(states: np.ndarray) -> np.ndarray:
 # (1992) 742.
 
 
-class Chain(NamedTuple):
+class MeshEquations(NamedTuple):
     """Equations left @ dy[i] + right @ dy[i + 1] + shared @ dg + rest = 0 for i < n.
 
     Attributes:
@@ -301,15 +301,15 @@ class _Elimination(NamedTuple):
     """The equations upper @ dy + left @ before + right @ after + shared @ dg + rest = 0 for dy."""
 
     upper: np.ndarray
-    chain: Chain
+    chain: MeshEquations
 
 
-def condense(chain: Chain) -> tuple[Chain, list[_Elimination]]:
+def condense(chain: MeshEquations) -> tuple[MeshEquations, list[_Elimination]]:
     """One equation for the two ends of a chain, and how the states between follow from them."""
     rounds = []
     while len(chain.rest) > 1:
         pairs = len(chain.rest) // 2
-        first, second = (Chain(*(a[i : 2 * pairs : 2] for a in chain)) for i in (0, 1))
+        first, second = (MeshEquations(*(a[i : 2 * pairs : 2] for a in chain)) for i in (0, 1))
         k = first.left.shape[-1]
         q, r = np.linalg.qr(np.concatenate([first.right, second.left], axis=1), mode="complete")
         nothing = np.zeros_like(first.left)
@@ -322,13 +322,13 @@ def condense(chain: Chain) -> tuple[Chain, list[_Elimination]]:
         turned = [np.swapaxes(q, 1, 2) @ row for row in rows]
         upper, lower = ([a[:, part] for a in turned] for part in (slice(k), slice(k, None)))
         by_before, by_after, by_shared, known = upper
-        between = Chain(by_before, by_after, by_shared, known[..., 0])
+        between = MeshEquations(by_before, by_after, by_shared, known[..., 0])
         rounds.append(_Elimination(r[:, :k], between))
         joined = (*lower[:3], lower[3][..., 0])
         left, right, shared, rest = (
             np.concatenate([new, old[2 * pairs :]]) for new, old in zip(joined, chain, strict=True)
         )
-        chain = Chain(left, right, shared, rest)
+        chain = MeshEquations(left, right, shared, rest)
     return chain, rounds
 
 
@@ -405,7 +405,7 @@ class _Point(NamedTuple):
 
     x: np.ndarray
     end: np.ndarray  # (k,) end of the last interval
-    chain: Chain  # in scaled unknowns
+    chain: MeshEquations  # in scaled unknowns
     closing: np.ndarray  # (m,) residual of the closing equations, in units
 
     @property
@@ -467,7 +467,7 @@ def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     # The end of the last interval is an unknown too, equal to its present value.
     rest = end - np.vstack([here.start[1:], end[-1:]])
     rows = 1 / scales.state[:, None]
-    chain = Chain(
+    chain = MeshEquations(
         left=rows * left * scales.state,
         right=np.broadcast_to(-np.eye(k), left.shape),
         shared=rows * shared * scales.x[_shared_places(equations)],
@@ -506,7 +506,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
         states = expand(rounds, first @ dg, last, dg, homogeneous=i > 0)
         step = np.zeros(len(point.x))
         step[places] = dg
-        step[_between(equations)] = states[1:-1].ravel()
+        step[_inner_states(equations)] = states[1:-1].ravel()
         steps.append(step)
     # The shortest in all unknowns: one that is short at the ends may shift every jump between.
     found, kernel = steps[0], np.stack([*steps[1:], 0 * steps[0]], axis=1)
@@ -532,7 +532,7 @@ def _size(point: _Point) -> float:
     return float(np.abs(point.residual).max())
 
 
-def _between(equations: Equations) -> slice:
+def _inner_states(equations: Equations) -> slice:
     """Places in x of the states inside the mesh."""
     k = len(equations.scene.y0)
     p = len(equations.closing.free(k))
@@ -541,7 +541,7 @@ def _between(equations: Equations) -> slice:
 
 def _shared_places(equations: Equations) -> np.ndarray:
     """Places in x of the other unknowns: the start, which both ends share, and the last ones."""
-    inside = _between(equations)
+    inside = _inner_states(equations)
     n = inside.stop + equations.closing.turns + (equations.make is not None) + 1
     return np.append(np.arange(inside.start), np.arange(inside.stop, n))
 

@@ -32,7 +32,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn.analysis.eigenvalues import SAFETY
+from jaxdyn.analysis.eigenvalues import ERROR_SAFETY
 from jaxdyn.analysis.energy import integrals
 from jaxdyn.analysis.monodromy import form_change
 
@@ -255,7 +255,7 @@ class Monodromy:
 
     def _keeps(self, change: np.ndarray, direction: np.ndarray) -> bool:
         size = np.linalg.norm(direction)
-        most = max(CONFIRMED * float(np.linalg.norm(self.m)), SAFETY * self.doubt)
+        most = max(CONFIRMED * float(np.linalg.norm(self.m)), ERROR_SAFETY * self.doubt)
         return bool(size > 0 and np.linalg.norm(change) < most * size)
 
     def _together(

@@ -32,7 +32,7 @@ from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
 
 #: Crossings found by one call of the program where all are requested.
-_AT_ONCE = 64
+_CROSSINGS_A_CALL = 64
 
 
 class Crossings(NamedTuple):
@@ -150,11 +150,11 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
     """All crossings, by calls of one program, each from where the last one ended."""
     parts = []
     while True:
-        found, left = rest(y, t, side, limits, _AT_ONCE)
+        found, left = rest(y, t, side, limits, _CROSSINGS_A_CALL)
         limits = limits.with_steps(left)
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
-        if n < _AT_ONCE:
+        if n < _CROSSINGS_A_CALL:
             break
         y, t, side = found.ys[-1], found.ts[-1], np.asarray(found.directions[-1], float)
     ts, ys, directions = (jnp.concatenate(rows) for rows in zip(*parts, strict=True))

@@ -34,7 +34,7 @@ from jaxdyn.status import Status
 # ---- Which side of an event a motion is on just after its start
 
 #: Roundings of state and time by which a value at a start on an event may miss zero.
-_ROUNDINGS = 16
+_START_ROUNDINGS = 16
 #: Part of the first step within which the first terms of its series show how the motion continues.
 _CLOSE = 2.0**-10
 
@@ -96,10 +96,10 @@ class Beginning(NamedTuple):
           wanted: (E,) signs after the crossings that count, 0 for both.
         """
         ahead = jnp.sign(h)
-        moved = _ROUNDINGS * (
+        moved = _START_ROUNDINGS * (
             self.noise + jnp.abs(h) * self.speeds + h * h * self.curvature_rounding
         )
-        moving = jnp.abs(self.slope) > _ROUNDINGS * self.speeds
+        moving = jnp.abs(self.slope) > _START_ROUNDINGS * self.speeds
         before, after = (self._near(events, s * _CLOSE * h, moved) for s in (-1.0, 1.0))
         still = jnp.where(before * after < 0, after, -wanted)
         leaving = jnp.where(moving, ahead * jnp.sign(self.slope), still)
@@ -121,7 +121,7 @@ class Beginning(NamedTuple):
 # ends decide. Other stretches have to be sampled more closely.
 
 #: Factor by which fourth derivatives may exceed the estimate from neighbouring cubics.
-_SAFETY = 4.0
+_BEND_SAFETY = 4.0
 #: Error of a cubic with values and slopes at both ends: f'''' w^4 / 384 at most.
 _CUBIC_ERROR_DIVISOR = 384.0
 
@@ -176,7 +176,7 @@ class HermiteCubic(NamedTuple):
           after: signs at the second sample.
           noise: values up to this are rounding.
         """
-        doubt = _SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
+        doubt = _BEND_SAFETY / _CUBIC_ERROR_DIVISOR * fourth * self.width**4
         d0, d1 = self.width * self.slope0, self.width * self.slope1
         b1, b2 = self.g0 + d0 / 3, self.g1 - d1 / 3
         middle = b2 - b1
@@ -354,7 +354,9 @@ _MIN_PANEL = (
 #: Largest error of the step to an event, in tolerances. That step is a part of one whose error was
 #: at most 1.
 _TRUSTED_ERROR = 1e3
-_AT_ONCE = 1e-13  # relative difference of times after a node up to which events are simultaneous
+_SIMULTANEOUS = (
+    1e-13  # relative difference of times after a node up to which events are simultaneous
+)
 _MAX_PANELS = 4096  # most panels in a step, for a value that oscillates near zero
 _MAX_CLOCKED = 2**20  # likewise for a value with parts in time alone; beyond that it is unseen
 _PANEL_GROWTH = 4.0  # factor of the panel length after a settled panel
@@ -417,7 +419,7 @@ def first_crossing(
     )
     hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
-    near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _AT_ONCE)
+    near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
     h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards)

@@ -100,7 +100,7 @@ def broken_power(m: Node) -> tuple[Node, float] | None:
 #: Number of terms up to which sums are merged to find equal ones; longer sums stay as they are.
 _LONGEST_SUM = 8
 _MULTIPLIED_OUT = 3  # number of terms up to which products of sums are expanded
-_WRITTEN_OUT = 32  # largest power that is written as a product, which is smooth at 0
+_MOST_FACTORS = 32  # largest power that is written as a product, which is smooth at 0
 
 
 class Graph:
@@ -251,7 +251,7 @@ class Graph:
         if not isinstance(a, Node) and not self.exact:
             with np.errstate(all="ignore"):
                 return float(np.float64(a) ** n)
-        if float(n).is_integer() and abs(n) <= _WRITTEN_OUT:
+        if float(n).is_integer() and abs(n) <= _MOST_FACTORS:
             product = functools.reduce(self.mul, [a] * abs(int(n)), 1.0)
             return product if n >= 0 else self.div(1.0, product)
         return self.function("sqrt", a) if n == 0.5 else self.node("pow", a, float(n))

@@ -22,7 +22,7 @@ from jaxdyn.solvers.formulas.graph import (
     weighted_sum,
 )
 from jaxdyn.solvers.formulas.graph import Value as Coefficient
-from jaxdyn.solvers.method import SAFETY
+from jaxdyn.solvers.method import STEP_SAFETY
 
 # ---- Terms of the Taylor series of a solution, one order after the other
 #
@@ -218,7 +218,7 @@ _CAUTION = 3.0
 _DEFECT_WEIGHT = 2.0
 #: The part of it below this many roundings of the slope may be rounding, and gets this weight. The
 #: weight is not zero, or steps would grow until they are rejected.
-_ROUNDINGS, _ROUNDING_WEIGHT = 8.0, 0.25
+_SLOPE_ROUNDINGS, _ROUNDING_WEIGHT = 8.0, 0.25
 #: Weight of the last term but one, in case the last one vanishes by symmetry. Successive terms
 #: decrease by about this factor at the steps that tolerances lead to.
 _LAST_BUT_ONE_WEIGHT = 0.1
@@ -292,7 +292,7 @@ def reach(squares: dict[int, Coefficient]) -> Array:
     It is found as if the error were proportional to the power of the part in the last term.
     """
     total = _or_zero(functools.reduce(plus, squares.values(), None))
-    return SAFETY * rough_power(total, -0.5 / max(squares))
+    return STEP_SAFETY * rough_power(total, -0.5 / max(squares))
 
 
 def _weights(order: int) -> Iterator[tuple[int, np.float64]]:
@@ -313,7 +313,10 @@ def _or_zero(x: Coefficient) -> Array:
 
 def error_of_slopes(found: Array, expected: Array) -> Array:
     """The error from the difference of slopes, both times the step, with its signs."""
-    apart, rounding = found - expected, _ROUNDINGS * jnp.finfo(found.dtype).eps * jnp.abs(found)
+    apart, rounding = (
+        found - expected,
+        _SLOPE_ROUNDINGS * jnp.finfo(found.dtype).eps * jnp.abs(found),
+    )
     small = jnp.clip(apart, -rounding, rounding)
     return _DEFECT_WEIGHT * (apart - small) + _ROUNDING_WEIGHT * small
 

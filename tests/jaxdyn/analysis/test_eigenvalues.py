@@ -5,7 +5,7 @@ import pytest
 from helpers import gap
 
 from jaxdyn.analysis.eigenvalues import (
-    SAFETY,
+    ERROR_SAFETY,
     Eigenvalues,
     bound_by_product,
     eigenvalues,
@@ -118,7 +118,7 @@ def test_eigenvalues_that_meet_have_wide_bars():
     error = 1e-12
     apart, bars = map_eigenvalues(np.diag([1.0, 2.0]), error)
     assert gap(apart, np.array([2.0 + 0j, 1.0])) == 0
-    assert (bars < 2 * SAFETY * error).all()
+    assert (bars < 2 * ERROR_SAFETY * error).all()
     block = np.array([[1.0, 1.0], [1e-14, 1.0]])
     values, bars = map_eigenvalues(block, error)
     assert gap(values, np.array([1 + 1e-7 + 0j, 1 - 1e-7])) < 1e-9
@@ -153,7 +153,7 @@ CIRCLE = np.exp(2j * np.pi * np.array([0.1, -0.1, 0.3, -0.3]))
     ],
 )
 def test_verdicts_keep_away_from_their_bars(values, bar, conservative, verdict):
-    found = Eigenvalues(values, np.full(len(values), SAFETY * bar))
+    found = Eigenvalues(values, np.full(len(values), ERROR_SAFETY * bar))
     assert str(map_verdict(found, conservative)) == verdict
 
 

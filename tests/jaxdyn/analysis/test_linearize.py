@@ -9,7 +9,7 @@ from helpers import DIFFED, EXACT, Arm, central_difference, gap, refusal
 from jaxdyn import Effect, Scene, simulate
 from jaxdyn.analysis import linearize
 from jaxdyn.analysis.constraints import conditioning
-from jaxdyn.analysis.eigenvalues import ROUNDING, SAFETY
+from jaxdyn.analysis.eigenvalues import ERROR_SAFETY, ROUNDING
 from jaxdyn.analysis.equilibria import equilibria, equilibrium
 from jaxdyn.effects import SpringNetwork, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -64,7 +64,7 @@ def test_error_bars_cover_the_split_of_a_defective_eigenvalue():
 @pytest.mark.parametrize("size", [1.0, 1e10, 1e20, 1e25])
 def test_error_bars_of_a_defective_matrix_are_finite_at_any_size(size):
     bars = linearize.classify([[0.0, size], [0.0, 0.0]]).bars
-    elsner = np.sqrt(2 * size * SAFETY * ROUNDING * size)
+    elsner = np.sqrt(2 * size * ERROR_SAFETY * ROUNDING * size)
     assert gap(bars / elsner, np.ones(2)) < EXACT
 
 

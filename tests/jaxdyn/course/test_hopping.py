@@ -21,7 +21,7 @@ from jaxdyn.effects import UniformGravity
 from jaxdyn.integrate import events, phases
 from jaxdyn.scenes.corners import phases_of
 from jaxdyn.scenes.cylinders import NormalForce
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 from orbits.hybrid.search import ReturnToStart
 
 G = 9.81
@@ -283,13 +283,14 @@ def test_the_derivatives_of_a_chain_are_those_of_differences():
     x = np.array([0.1, 3.0, 0.2, 0.4, 0.7, 0.8])
 
     def value(x):
-        return Chain(legs, ReturnToStart(BALL)).linearize(x, 1e-13)[0]
+        return ChainEquations(legs, ReturnToStart(BALL)).linearize(x, 1e-13)[0]
 
     step = 1e-3
     columns = [(value(x + step * e) - value(x - step * e)) / (2 * step) for e in np.eye(6)]
     # A ball's fall is quadratic in all of them: central differences are exact.
     assert (
-        gap(Chain(legs, ReturnToStart(BALL)).linearize(x, 1e-13)[1], np.stack(columns, -1)) < 1e-10
+        gap(ChainEquations(legs, ReturnToStart(BALL)).linearize(x, 1e-13)[1], np.stack(columns, -1))
+        < 1e-10
     )
 
 
@@ -302,7 +303,7 @@ def test_another_tolerance_compiles_nothing():
 
     legs = (orbits.Leg(BALL, (LANDS,), counted),)
     x = np.array([0.1, 3.0, 0.2, 0.4, 0.7])
-    chain = Chain(legs, ReturnToStart(BALL))
+    chain = ChainEquations(legs, ReturnToStart(BALL))
     chain.linearize(x, 1e-13)
     count = len(traced)
     chain.linearize(x + 0.1, 1e-9)

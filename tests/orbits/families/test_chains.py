@@ -13,7 +13,7 @@ from jaxdyn.integrate import events
 from orbits.families import graph
 from orbits.families.chains import margins
 from orbits.files import family_files
-from orbits.hybrid.equations import Chain
+from orbits.hybrid.equations import ChainEquations
 
 E, G, TURN = 0.8, 9.81, 10.0
 PERIOD = 2 * math.pi / TURN
@@ -142,7 +142,7 @@ def _thrown(t, y):
 
 
 def test_derivatives_by_the_parameter_are_those_of_differences(bounce):
-    chain = Chain.of(bounce, _ball)
+    chain = ChainEquations.of(bounce, _ball)
     x = chain.pack(np.asarray(bounce.y0), bounce.spans, 0.1)
     exact = chain.linearize(x, 1e-13).jacobian
     h = 1e-5

@@ -13,7 +13,7 @@ import orbits
 from jaxdyn import scenes
 from orbits import Outcome
 from orbits.shooting import gauss_steps
-from orbits.shooting.collocation import Chain, condense, expand, quality
+from orbits.shooting.collocation import MeshEquations, condense, expand, quality
 from orbits.shooting.finding import AUTOMATIC
 from orbits.shooting.strategy import GOAL
 
@@ -33,7 +33,7 @@ def test_elimination_solves_the_equations_of_all_intervals(n):
     random = np.random.default_rng(n)
     k, g = 3, 2
     sizes = [(n, k, k), (n, k, k), (n, k, g), (n, k)]
-    chain = Chain(*(random.standard_normal(size) for size in sizes))
+    chain = MeshEquations(*(random.standard_normal(size) for size in sizes))
     top, rounds = condense(chain)
     first, shared = random.standard_normal(k), random.standard_normal(g)
     last = -np.linalg.solve(
