@@ -32,7 +32,7 @@ from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable, pose, residual
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.closings import Condition, Energy, Hold, conditions
-from orbits.closing.given import driven
+from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
@@ -247,7 +247,7 @@ def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pl
     del path
     orbit, each = known.orbit, sizes(known.orbit.scene)
     names = _conserved(known)
-    moves = not driven(orbit.scene)
+    moves = not is_driven(orbit.scene)
 
     def test(place: Place) -> Array:
         here = differentiable(place.scene, orbit, hold=place.held)
