@@ -5,6 +5,12 @@ limit) are one of these codes on the result, and numbers that could not be compu
 """
 
 import enum
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from jaxdyn._text import number_of
 
 
 class Code(enum.IntEnum):
@@ -106,6 +112,25 @@ class Status(Code):
         "finite time, as for a ball that comes to rest by bouncing, add an exit to a phase of "
         "rest.",
     )
+
+
+def tally(
+    codes: Any, noun: str, explain: Callable[[Status], str] = lambda status: status.message
+) -> str:
+    """How many things ended with each status, and what that means, a line each; host only.
+
+    Args:
+      codes: (n,) `Status` codes.
+      noun: what they are, such as "motion".
+      explain: what is said of a status.
+
+    Example:
+      >>> print(tally([0, 0], "motion"))
+      2 motions: The integration reached its end.
+    """
+    found, counts = np.unique(np.asarray(codes), return_counts=True)
+    pairs = zip(counts.tolist(), found.tolist(), strict=True)
+    return "\n".join(f"{number_of(n, noun)}: {explain(Status(code))}" for n, code in pairs)
 
 
 class IntegrationError(RuntimeError):

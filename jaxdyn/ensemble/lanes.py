@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _labelled, _text
 from jaxdyn._labelled import Labelled, Values, entries
-from jaxdyn._text import number_of, second
+from jaxdyn._text import second
 from jaxdyn.integrate.march import (
     UNROLLED_BELOW,
     Limits,
@@ -42,7 +42,7 @@ from jaxdyn.solvers import Method
 from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import StepError, allowed_error, groups_of, grow, sizes_after_rejection
-from jaxdyn.status import Status
+from jaxdyn.status import Status, tally
 
 #: Number of lanes in a group. The compiler unrolls a loop over 16 or fewer before vectorisation,
 #: which makes it slower by half; from 48 on the stages of a step exceed the first-level cache.
@@ -126,9 +126,7 @@ class Ends(NamedTuple):
     @property
     def message(self) -> str:
         """Number of motions with each status, and the remedies; host only."""
-        codes, counts = np.unique(np.asarray(self.status), return_counts=True)
-        lines = zip(counts.tolist(), codes.tolist(), strict=True)
-        return "\n".join(f"{number_of(n, 'motion')}: {Status(code).message}" for n, code in lines)
+        return tally(self.status, "motion")
 
 
 class _Lane(NamedTuple):

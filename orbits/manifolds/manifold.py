@@ -14,6 +14,7 @@ from jaxdyn.ensemble.crossings import EachCrossing
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.trajectory import explanation
 from jaxdyn.scene import check_scene
+from jaxdyn.status import tally
 from orbits.manifolds.directions import SENSES, Directions, of_equilibrium, of_orbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, SearchError
@@ -97,11 +98,8 @@ class Manifold:
     @property
     def message(self) -> str:
         """Number of strands that failed, by status, and the remedies."""
-        codes, counts = np.unique(self.status[~self.ok], return_counts=True)
-        return "\n".join(
-            f"{_text.number_of(int(n), 'strand')}: {explanation(Status(int(code)), self.scene)}"
-            for n, code in zip(counts, codes, strict=True)
-        )
+        failed = self.status[~self.ok]
+        return tally(failed, "strand", lambda status: explanation(status, self.scene))
 
 
 # ---- How far from an orbit the linear start of a manifold may be, for a wanted error

@@ -15,11 +15,11 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_first, fail, finite, is_traced, numbers
-from jaxdyn._text import number_of
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import evaluate
 from jaxdyn.integrate.events import Event, Reaches, as_events
 from jaxdyn.scene import check_scene
+from jaxdyn.status import tally
 from orbits.closing.sizes import sizes
 from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of, unknown_of
 
@@ -51,16 +51,12 @@ class Completed(NamedTuple):
     @property
     def message(self) -> str:
         """The number of starts with each status, and the remedies; host only."""
-        return outcome_text(self.status, "start")
+        return outcome_text(self.status)
 
 
-def outcome_text(status, noun: str) -> str:
-    """The number of things with each status, and the remedies."""
-    codes, counts = np.unique(np.asarray(status), return_counts=True)
-    lines = zip(counts.tolist(), codes.tolist(), strict=True)
-    return "\n".join(
-        f"{number_of(n, noun)}: {Status(code).message if code else 'OK.'}" for n, code in lines
-    )
+def outcome_text(status) -> str:
+    """The number of starts with each status, and the remedies."""
+    return tally(status, "start", lambda code: code.message if code else "OK.")
 
 
 @check_first

@@ -89,7 +89,7 @@ class SectionPoints(NamedTuple):
     @property
     def message(self) -> str:
         """The number of starts with each status, and the remedies."""
-        return outcome_text(self.status, "start")
+        return outcome_text(self.status)
 
 
 @check_first
