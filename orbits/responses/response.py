@@ -25,6 +25,7 @@ from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import check_scene
+from jaxdyn.vibration import forcing
 from jaxdyn.vibration.inputs import Input, Output, check_input
 from jaxdyn.vibration.signals import Harmonic
 from jaxdyn.vibration.transfer import transfer_function
@@ -409,7 +410,7 @@ def _by_input(drive, scene: Scene) -> _Forced:
     linear = transfer_function(scene, found, _whole)
 
     def forced(omega: float, level: float) -> Scene:
-        return drive(scene, found, Harmonic(level, omega), 2 * np.pi / omega)
+        return forcing.drive(scene, found, Harmonic(level, omega), 2 * np.pi / omega)
 
     along, over = OwnNumber(_omega), OwnNumber(_level)
     return _Forced(
