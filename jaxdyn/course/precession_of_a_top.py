@@ -55,6 +55,14 @@ def effective(theta, along, up):
     return turning**2 / (2 * PIVOT) + WEIGHT * jnp.cos(theta)
 
 
+def nodding(lean, turning, spin):
+    """Frequency [rad/s] of small nods about a steady precession."""
+    # In these Euler angles the symmetries are shifts, which are known to rounding.
+    angles = {"representation": "euler", "sequence": "ZXZ"}
+    top = scenes.top(lean, precession=turning, spin=spin, **angles, **TOP)
+    return steady.linearize_steady(top).frequencies[-1]
+
+
 def solve(page: Page) -> None:
     """Find both precessions and see that they last; then release the top at rest."""
     lean, spin = 0.5, 250.0
@@ -86,10 +94,7 @@ def solve(page: Page) -> None:
     deepest = np.arccos((a - np.sqrt(a**2 - 4 * a * np.cos(lean) + 4)) / 2)
     page.number("c: largest lean of a top let go with its axis at rest at 0.5 rad", deepest, "rad")
 
-    # In these Euler angles the symmetries are shifts, which are known to rounding.
-    angles = {"representation": "euler", "sequence": "ZXZ"}
-    slow = scenes.top(lean, precession=roots.precession[0], spin=spin, **angles, **TOP)
-    nods = steady.linearize_steady(slow).frequencies[-1]
+    nods = nodding(lean, roots.precession[0], spin)
     page.number("c: frequency of small nods about the slow precession", nods, "rad/s")
 
     ax = blank(6.4, 4.2).add_subplot(xlabel="spin [rad/s]", ylabel="precession [rad/s]")
