@@ -49,7 +49,11 @@ def solve(page: Page) -> None:
 
     near = vectors.closest_points(*points)
     page.number("a: distance of the lines AB and CD", near.distance, "m")
-    page.number("b: ends of the shortest connection", [*near.on_ab, *near.on_cd], "m")
+    page.number(
+        "b: ends of the shortest connection, x, y, z on AB and on CD",
+        [*near.on_ab, *near.on_cd],
+        "m",
+    )
     along, miss, *_ = np.linalg.lstsq(np.stack([b - a, c - d], axis=1), c - a)
     least = {"route": "least squares", "within": 1e-13}
     page.equal("a: No points of the lines are closer", near.distance, np.sqrt(miss[0]), **least)
