@@ -1,5 +1,6 @@
 """A headless Chromium for tests of pages; they are skipped where there is none."""
 
+import contextlib
 import json
 import shutil
 from pathlib import Path
@@ -99,3 +100,29 @@ def drag(browser, element, across: int, down: int) -> None:
     """Drag from the middle of an element by some pixels."""
     chains = pytest.importorskip("selenium.webdriver.common.action_chains")
     chains.ActionChains(browser).drag_and_drop_by_offset(element, across, down).perform()
+
+
+@contextlib.contextmanager
+def as_phone(browser):
+    """The browser as that of a phone with a touchscreen, whose processor has a quarter of ours."""
+    screen = {"width": 390, "height": 844, "deviceScaleFactor": 3, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    browser.execute_cdp_cmd("Emulation.setCPUThrottlingRate", {"rate": 4})
+    yield
+    browser.execute_cdp_cmd("Emulation.setCPUThrottlingRate", {"rate": 1})
+    browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def swipe(browser, element, start, end, steps: int = 10) -> None:
+    """Move a finger between two places (x, y) [px] from the corner of an element in sight."""
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+    corner = browser.execute_script(
+        "const box = arguments[0].getBoundingClientRect(); return [box.left, box.top]", element
+    )
+    for i in range(steps + 1):
+        x, y = (c + a + (b - a) * i / steps for c, a, b in zip(corner, start, end, strict=True))
+        touch = {"type": "touchMove" if i else "touchStart", "touchPoints": [{"x": x, "y": y}]}
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", touch)
+    browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})

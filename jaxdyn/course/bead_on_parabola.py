@@ -5,13 +5,17 @@ of motion with x as the only coordinate, by Newton's laws.
 
 Answer: Along the wire m a has no force but gravity, which gives
 (1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 c g x = 0. It oscillates, with the period
-4 E(-4 c^2 a^2) / sqrt(2 c g) for the amplitude a: longer for wider swings.
+4 E(-4 c^2 a^2) / sqrt(2 c g) for the amplitude a, where E(m) is the complete elliptic integral of
+the second kind: longer for wider swings.
 
 The direction along the wire is (1, 2 c x), and the wire pushes across it. The velocity is (x', 2 c
 x x'), the acceleration (x'', 2 c x x'' + 2 c x'^2). Newton's law m a = N + (0, -m g), multiplied by
 the direction, has no N:
 
     x'' + 2 c x (2 c x x'' + 2 c x'^2) = -2 c x g.
+
+The period follows from the energy, (1 + 4 c^2 x^2) x'^2 = 2 c g (a^2 - x^2): it is four times the
+integral of dx / |x'| from 0 to a, with x = a sin(u).
 
 The numbers belong to c = 1 per metre and g = 9.81 m/s^2.
 """

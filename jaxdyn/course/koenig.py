@@ -60,7 +60,7 @@ def solve(page: Page) -> None:
     style(ax)
     ax.plot(motion.ts, c.left, label="power of the spring")
     ax.plot(motion.ts, c.right, label="rate of the energy relative to G")
-    ax.set(xlabel="t [s]", ylabel="[W]")
+    ax.set(xlabel="t [s]", ylabel="power [W]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     page.draw(figure, "The spring alone does not account for the energy relative to G.")
     page.play(motion, "The right mass is pushed; both swing about a centre that speeds up.")

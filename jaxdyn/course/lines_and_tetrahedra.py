@@ -14,7 +14,8 @@ The letters a to d are the positions of the points from the origin. The numbers 
 0), b = (2, 0, 1), c = (0, 2, 0), d = (1, 1, 3) m and F = (3, -1, -10) N.
 
 (a) n = (b - a) x (d - c) is at right angles to both lines, so the planes through them with normal n
-are parallel, and their distance is that of the lines: the component of c - a along n.
+are parallel, and their distance is that of the lines: the component of c - a along n. Parallel
+lines have n = 0; their distance is |(c - a) x (b - a)| / |b - a|.
 
 (b) The ends are a + s (b - a) and c + t (d - c). What joins them is a multiple of n, so the product
 with (d - c) x n leaves only s, and that with (b - a) x n only t:
@@ -48,7 +49,11 @@ def solve(page: Page) -> None:
 
     near = vectors.closest_points(*points)
     page.number("a: distance of the lines AB and CD", near.distance, "m")
-    page.number("b: ends of the shortest connection", [*near.on_ab, *near.on_cd], "m")
+    page.number(
+        "b: ends of the shortest connection, x, y, z on AB and on CD",
+        [*near.on_ab, *near.on_cd],
+        "m",
+    )
     along, miss, *_ = np.linalg.lstsq(np.stack([b - a, c - d], axis=1), c - a)
     least = {"route": "least squares", "within": 1e-13}
     page.equal("a: No points of the lines are closer", near.distance, np.sqrt(miss[0]), **least)

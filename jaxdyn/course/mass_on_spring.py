@@ -85,7 +85,7 @@ def solve(page: Page) -> None:
 
     motions = {"rest length 0.5 m": motion, "rest length 0": ellipse}
     figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
-    page.draw(figure, "A rest length turns the ellipse into a tangle that never repeats.")
+    page.draw(figure, "A rest length turns the ellipse into a tangle.")
     page.play(motions, "Both start alike; the spring with a rest length soon goes its own way.")
 
 

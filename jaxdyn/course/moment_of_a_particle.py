@@ -63,7 +63,7 @@ def solve(page: Page) -> None:
     ax.plot(ts, balance["fixed"].left, "k", lw=5, alpha=0.2, label="moment about C")
     for letter, name in zip("abc", momenta.DEFINITIONS, strict=True):
         ax.plot(ts, balance[name].right, label=f"dH/dt by {letter}")
-    ax.set(xlabel="t [s]", ylabel="[N m]")
+    ax.set(xlabel="t [s]", ylabel="moment and rates of H [N m]")
     ax.legend(frameon=False)
     page.draw(figure, "About a point that accelerates, only the definition a has dH/dt = M.")
     page.play(motion, "The particle is a ball, thrown without drag.")

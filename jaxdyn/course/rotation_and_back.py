@@ -7,6 +7,21 @@ turn. Try them on turns that you can see: by 90 degrees about x, about z, and by
 Answer: r' = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r, and R is its matrix. In the other
 direction axis and angle are found to rounding at every angle, also at 0, where any axis is right,
 and near half a turn, where the usual formula loses all digits, since sin(theta) = 0.
+
+(a) The part of r along the axis, n n.r, stays; the part across it, r - n n.r, turns towards n x r.
+
+(b) The columns of R are the turned unit vectors: R_ij = n_i n_j + cos(theta) (delta_ij - n_i n_j) -
+sin(theta) eps_ijk n_k.
+
+(c) A quarter turn about x takes y to z and z to -y, one about z takes x to y and y to -x, and a
+third of a turn about (1, 1, 1) takes x to y, y to z and z to x.
+
+(d) The trace of R is 1 + 2 cos(theta), and the differences a = (R_32 - R_23, R_13 - R_31, R_21 -
+R_12) are 2 sin(theta) n. Near half a turn both say nothing of theta: a is small, and the cosine is
+flat. But R + R^T = 2 cos(theta) 1 + 2 (1 - cos(theta)) n n^T, so the largest column of R + R^T + (1
+- trace R) 1 is along n there. The function uses the quaternion q = (w, s n) with w = cos(theta / 2)
+and s = sin(theta / 2): its products 4 q q^T are sums of the entries of R, and with the row of the
+largest nothing cancels; theta = 2 atan2(s, w).
 """
 
 import math

@@ -6,7 +6,8 @@ eliminated, by momentum along e_theta, by momentum crossed with the arm, by angu
 conservation of energy, by the balance of power, and by Lagrange. The course lets x point down.
 
 Answer: All seven give theta'' = -(g / l) sin(theta), without the mass. The period grows with the
-amplitude, from 2 pi sqrt(l / g) for small ones: 4 sqrt(l / g) K(sin^2(A / 2)) for the amplitude A.
+amplitude, from 2 pi sqrt(l / g) for small ones: 4 sqrt(l / g) K(sin^2(A / 2)) for the amplitude A,
+where K(m) is the complete elliptic integral of the first kind.
 
 e_r points from the hinge to the mass, e_theta across, towards larger theta. The mass is at r = l
 e_r, its velocity is l theta' e_theta and its acceleration a = l theta'' e_theta - l theta'^2 e_r.

@@ -4,13 +4,13 @@ A mass hangs in space on a linear spring whose rest length is zero. Write and so
 draw its path from several sides, and look for the wildest motion that it can make. Make sure that
 what you see is a property of the system and not of the integration, and explain it.
 
-Answer: There is no wild motion. The force -k r - m g k is linear, so about the point m g / k below
-the pin all directions oscillate with the same frequency: each motion is an ellipse in a plane, with
-the period 2 pi sqrt(m / k) = 1.987 s. With a rest length of 0.5 m the motion from the same start is
-wild.
+Answer: There is no wild motion. The force -k r - m g e_z is linear, so about the point m g / k
+below the pin all directions oscillate with the same frequency: each motion is an ellipse in a
+plane, with the period 2 pi sqrt(m / k) = 1.987 s. With a rest length of 0.5 m the motion from the
+same start is wild.
 
-(a) m r'' = -k r - m g k, in space, with k upwards on the right. Here m = 1 kg, k = 10 N/m and g =
-9.81 m/s^2.
+(a) m r'' = -k r - m g e_z, in space, with e_z upwards. Here m = 1 kg, k = 10 N/m and g = 9.81
+m/s^2.
 
 (b) Every start gives an ellipse. The wildest is a circle or a line.
 

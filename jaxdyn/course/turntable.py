@@ -12,7 +12,7 @@ angular momentum fixed theta' falls like 1 / s^2. With s' = 0 it stays at s = 0,
 t grows without bound.
 
 (a) i' points along the slot, j' across it towards the centre, and the mass is at r = s i' - d j'.
-Differentiated twice with i'' s rate theta' j' and j'' s rate -theta' i':
+The axes turn, so di'/dt = theta' j' and dj'/dt = -theta' i', and two derivatives give
 
     a = (s'' + d theta'' - s theta'^2) i' + (s theta'' + 2 s' theta' + d theta'^2) j'
 

@@ -9,9 +9,16 @@ Answer: R_ij = e_i . e'_j; r*_i = R_ij r_j, and in the turned basis r* has the c
 whatever R is; r_i = R_ji r*_j, and in the turned basis r_i' = R_ji R_kj r*_k. The matrix of R is
 the same in both bases, so the tensor R_ij e'_i e'_j is R itself and A_ij = R_ij.
 
-(a) to (h): a) r_i = r . e_i. b) R_ij = e_i . R . e_j. c) R_ij = e_i . e'_j. d) r*_i = R_ij r_j. e)
-r*_Bi = r_i, as r* lies in the turned basis as r in the fixed one. f) r_i = R_ji r*_j. g) r_Bi =
-R_ji r_j = R_ji R_kj r*_k. h) R_Bij = e'_i . R . e'_j = R_ij.
+(a) to (h), where the index B marks components in the turned basis:
+
+    a)  r_i = r . e_i
+    b)  R_ij = e_i . R . e_j
+    c)  R_ij = e_i . e'_j
+    d)  r*_i = R_ij r_j
+    e)  r*_Bi = r_i, as r* lies in the turned basis as r does in the fixed one
+    f)  r_i = R_ji r*_j
+    g)  r_Bi = R_ji r_j = R_ji R_kj r*_k
+    h)  R_Bij = e'_i . R . e'_j = R_ij
 
 (i) The column of r* in the fixed basis, in seven ways; n is the axis of R and theta its angle:
 

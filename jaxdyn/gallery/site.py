@@ -80,7 +80,12 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
     found = {name: r for name, r in records.items() if r is not None and name not in failed}
     # Use the problem as recorded when its page ran: a page that was not run again may be older
     # than its file.
-    shown = [(Problem(**r["problem"]), r) for r in found.values() if "problem" in r]
+    fields = Problem._fields
+    shown = [
+        (Problem(**{key: r["problem"][key] for key in fields}), r)
+        for r in found.values()
+        if "problem" in r
+    ]
     parts = {
         page: [found[name] for name in names if name in found]
         for page, names in exhibits.EXHIBITS.items()

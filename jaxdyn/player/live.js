@@ -705,13 +705,20 @@
       this.draw();
     }
 
-    // The marked point of the first motion at a position on the canvas, with its own position.
+    // A position on the canvas.
+    pixels(event) {
+      const box = this.canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    }
+
+    // The marked point of the first motion at a position on the canvas, with its own position, and
+    // how far beside it on the canvas it is held.
     caught(event) {
-      const box = this.canvas.getBoundingClientRect(), view = this.view, px = [event.clientX - box.left, event.clientY - box.top];
+      const view = this.view, px = this.pixels(event);
       const { marks } = this.places(this.t, this.runs[0].now);
       const far = marks.map((m) => distance(view.map(m).slice(0, 2), px));
       const nearest = far.indexOf(Math.min(...far));
-      return far[nearest] <= (REACH[event.pointerType] ?? REACH.touch) ? { mark: nearest, place: marks[nearest], from: px } : null;
+      return far[nearest] <= (REACH[event.pointerType] ?? REACH.touch) ? { mark: nearest, place: marks[nearest], aside: view.map(marks[nearest]).slice(0, 2).map((x, i) => px[i] - x) } : null;
     }
 
     pointers() {
@@ -729,7 +736,8 @@
       canvas.addEventListener("pointermove", (e) => {
         const last = held.get(e.pointerId);
         if (!last) { canvas.style.cursor = this.caught(e) ? "grab" : ""; return; }
-        if (body) this.drag(body.mark, this.view.moved(body.place, e.clientX - canvas.getBoundingClientRect().left - body.from[0], e.clientY - canvas.getBoundingClientRect().top - body.from[1]));
+        // The picture may grow on the way: where the body was is looked up each time.
+        if (body) this.drag(body.mark, this.view.moved(body.place, ...this.pixels(e).map((x, i) => x - body.aside[i] - this.view.map(body.place)[i])));
         else if (held.size === 1) this.turned((last.clientX - e.clientX) / 120, (e.clientY - last.clientY) / 120);
         else {
           const [other] = [...held.values()].filter((p) => p.pointerId !== e.pointerId), apart = (p) => Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY);

@@ -23,7 +23,7 @@ _STYLE = """
 .folded { margin: 1rem 0; }
 .folded > summary { cursor: pointer; font-weight: 600; }
 .formulas { overflow: auto hidden; padding: 4px 0; }
-pre { overflow-x: auto; }
+pre { white-space: pre-wrap; }
 """
 _INDENTED = re.compile(r"^ {4}", re.MULTILINE)
 

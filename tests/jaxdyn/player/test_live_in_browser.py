@@ -109,6 +109,33 @@ def test_a_body_is_dragged_to_the_start(window, tmp_path):
     )
 
 
+def test_a_finger_drags_a_body_moves_a_slider_and_scrolls_the_page(window, tmp_path):
+    scene = scenes.pendulum(angle=1.0)
+    with chromium.as_phone(window):
+        opened(window, scene, tmp_path)
+        assert window.execute_script("return document.documentElement.scrollWidth") == 390
+        stage = window.find_element("css selector", ".live .stage")
+        at, to = live(window, "view.map([Math.sin(1), -Math.cos(1)])")[:2], [110.0, 180.0]
+        chromium.swipe(window, stage, at, to)
+        # The place under the finger, in the picture as it is now.
+        (left, top, _), (right, _, _) = (live(window, f"view.map([{x}, 0])") for x in (0, 1))
+        x, y = (to[0] - left) / (right - left), (top - to[1]) / (right - left)
+        start = live(window, "state()")["start"]
+        assert start == pytest.approx([np.arctan2(x, -y), 0.0], abs=1e-5)
+        assert start[0] < 0.5
+        assert window.execute_script("return scrollY") == 0
+        # Beside the body the same gesture scrolls.
+        chromium.swipe(window, stage, (at[0], at[1] + 80), (at[0], at[1] - 60))
+        chromium.wait(window, "scrollY > 40")
+        assert live(window, "state()")["start"] == start
+        slider = window.find_element("css selector", "[aria-label='g [m/s^2], slider']")
+        middle = slider.size["width"] / 2, slider.size["height"] / 2
+        chromium.swipe(window, slider, middle, (0.0, middle[1]))
+        assert live(window, "state()")["parameters"][-1] == 0.0
+        window.find_element("css selector", ".live .controls button").click()
+        chromium.wait(window, "document.querySelector('.live').live.t > 0.5")
+
+
 @pytest.mark.parametrize("mark", [0, 1])
 def test_dragging_is_the_inverse_of_the_points(window, tmp_path, mark):
     scene = scenes.double_pendulum(rates=(0.3, -0.2))
