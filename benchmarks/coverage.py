@@ -135,7 +135,7 @@ def coverage(case: Case, count: int, seed: int = 0) -> Coverage:
         return jax.lax.map(one, keys)
 
     exact = jaxdyn.fitting.segments.cut(
-        jaxdyn.fitting.measurements.measured({"t": motion.ts} | clean), first.t0, None
+        jaxdyn.fitting.measurements.read_measurements({"t": motion.ts} | clean), first.t0, None
     ).values
     keys = jax.random.split(jax.random.key(seed), count)
     parts = [fits(keys[i : i + _BATCH]) for i in range(0, count, _BATCH)]

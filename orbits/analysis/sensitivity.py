@@ -10,6 +10,7 @@ Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v).
 1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, overload
 
@@ -205,11 +206,12 @@ class Posed(NamedTuple):
 
 def pose(orbit: Orbit, hold: Hold) -> Posed:
     """The closing equations of an orbit, in as many segments as its growth of errors requires."""
-    guess = np.append(np.asarray(orbit.y0), orbit.period)
-    equations = cut_into_segments(
-        Equations.of(orbit, conditions(orbit.scene, hold)), guess, orbit.rtol, None, orbit.angle
-    )
-    return Posed(equations, equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle))
+    guess, held = np.append(np.asarray(orbit.y0), orbit.period), conditions(orbit.scene, hold)
+    # Conditions may be traced; the segments do not depend on them.
+    fixed = Equations.of(orbit, jax.lax.stop_gradient(held))
+    equations = cut_into_segments(fixed, guess, orbit.rtol, None, orbit.angle)
+    x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
+    return Posed(dataclasses.replace(equations, conditions=held), x)
 
 
 def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:

@@ -105,7 +105,7 @@ def find_command(
             report=printer(out),
         )
         if not orbit.ok:
-            raise not_found(orbit, _remedy(orbit), {}, as_object, out)
+            raise not_found(orbit, _remedy(orbit, scene, closing), {}, as_object, out)
         out.show_task(f"testing the orbit of {name}: stability, a second integrator")
         claims = orbits.report(orbit)
         if as_object:
@@ -139,8 +139,13 @@ def _strategy(
     return orbits.shooting.multiple.Automatic(first) if collocation is None else first
 
 
-def _remedy(orbit: "orbits.Orbit") -> str:
-    return _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
+def _remedy(orbit: "orbits.Orbit", scene: "jaxdyn.Scene", closing: str) -> str:
+    remedy = _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
+    way = "" if closing != "plain" else orbits.closing.closings.symmetric_closing(scene)
+    if not way:
+        return remedy
+    way = "--closing reversal" if "time_reversal" in way else f"in Python, {way}"
+    return f"{remedy} The start is symmetric: {way} needs half of the period and of the unknowns."
 
 
 def _closings(

@@ -43,10 +43,10 @@ ROESSLER = {"a": 0.2, "b": 0.2, "c": 5.7}
 PENDULUM = {"amplitude": 0.6, "damping": 0.05, "frequency": 0.7}
 
 
-def henon_heiles_scene(energy: float, y: float):
+def henon_heiles_scene(energy: float, y: float, names=None):
     """At x = 0 with velocity along x."""
     speed = np.sqrt(2 * energy - y**2 + 2 * y**3 / 3)
-    return jaxdyn.lagrangian(henon_heiles, [0.0, y], [speed, 0.0])
+    return jaxdyn.lagrangian(henon_heiles, [0.0, y], [speed, 0.0], names=names)
 
 
 @pytest.mark.parametrize("shape", [(3, 3), (5, 2), (1, 1)])
@@ -115,8 +115,10 @@ def test_new_numbers_do_not_compile_again():
 
 @pytest.mark.slow
 def test_exponents_of_a_conservative_scene_are_in_pairs():
-    found = lyapunov_exponents(henon_heiles_scene(1 / 6, -0.1), 2000.0)
-    assert found.pairing_residual < 1e-5  # tangents pair once they are aligned
+    names = [("x", "m"), ("y", "m")]  # entries of a kind have the same size
+    found = lyapunov_exponents(henon_heiles_scene(1 / 6, -0.1, names), 2000.0)
+    # Tangents pair once they are aligned, in sizes that leave the symplectic form as it is.
+    assert found.pairing_residual < 1e-5
     assert found.exponents[0] > 5 * found.bars[0]  # chaotic at this energy
     assert (np.abs(found.exponents[1:3]) < found.bars[1:3]).all()
     assert found.dimension == 4.0

@@ -113,6 +113,15 @@ def test_no_orbit_is_exit_code_1_with_the_reason(orbits):
     assert "--period" in answer["message"]
     assert "max_iterations" not in answer["message"]
     assert answer["best_iterate"]["largest_error"] > 0
+    assert "symmetric" not in err
+
+
+def test_no_orbit_from_a_symmetric_start_suggests_its_closing(orbits):
+    code, out, _ = orbits("find", "pendulum", "--period", "1e-3")
+    assert code == 1
+    said = "The start is symmetric: --closing reversal needs half of the period"
+    assert said in " ".join(out.split())
+    assert orbits("find", "pendulum", "--period", "1e-3", "--closing", "reversal")[0] == 1
 
 
 @pytest.mark.slow

@@ -136,7 +136,7 @@ def test_the_energy_of_a_branch_point_of_a_conservative_scene_is_on_mathieus_cur
         return brentq(lambda e: 0.8 + k * e - mathieu_b(1, 0.5 * k * e), 0.01, 2.0, xtol=1e-15)
 
     scene = beside(0.5)
-    family = orbits.continue_family(orbits.find(scene), energies=(0.0, 0.4), step=0.1)
+    family = orbits.continue_family(orbits.find(scene), energies=(0.0, 0.4), step=0.1, down=True)
     point = next(x for x in family.special if x.kind == Kind.BRANCH)
     assert point.energy == pytest.approx(exact(0.5), abs=1e-9)
     slope = jax.grad(lambda k: special_parameter(point, beside(k)))(0.5)
