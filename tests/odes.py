@@ -109,3 +109,30 @@ def askew(t, y, growth):
     x, v, z = jnp.asarray(ASKEW.T) @ y
     s = 1 - x * x - v * v
     return jnp.asarray(ASKEW) @ jnp.stack([x * s - v, v * s + x, growth * z])
+
+
+#: Modes of a flame front on a circle, and its length.
+FLAME_MODES, FLAME_LENGTH = 15, 22.0
+FLAME_ORDERS = np.arange(1.0, FLAME_MODES + 1)
+#: (48, 30) u at 48 places from the real and imaginary parts: products of two are not aliased.
+_PHASES = np.outer(2 * np.pi * np.arange(48) / 48, FLAME_ORDERS)
+_WAVES = 2 * np.hstack([np.cos(_PHASES), -np.sin(_PHASES)])
+_PROJECTION = _WAVES.T / (2 * 48)
+
+
+def flame_phase(y, length):
+    """The derivative of a_k exp(i k angle) by the angle."""
+    del length
+    real, imaginary = y[:FLAME_MODES], y[FLAME_MODES:]
+    return jnp.concatenate([-FLAME_ORDERS * imaginary, FLAME_ORDERS * real])
+
+
+def flame(t, y, length):
+    """Kuramoto and Sivashinsky's u_t = -u u_x - u_xx - u_xxxx with mean 0, in Fourier modes.
+
+    a_k' = (q_k^2 - q_k^4) a_k - i q_k / 2 times the k-th mode of u^2.
+    """
+    del t
+    u, q = _WAVES @ y, 2 * jnp.pi / length
+    square = jnp.tile((q * FLAME_ORDERS) ** 2, 2)
+    return (square - square**2) * y - 0.5 * q * flame_phase(_PROJECTION @ (u * u), length)

@@ -17,6 +17,7 @@ from jaxdyn.integrate.flow import flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.plan import plan_of
+from jaxdyn.scales import groups
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
@@ -274,7 +275,11 @@ def explanation(status: Status, scene: Scene) -> str:
         )
     # Rounding decides whether steps collapse at a singularity or become too many near it.
     singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE, Status.STEP_LIMIT)
-    return f"{status.message} {scene.singular}".strip() if singular else status.message
+    said = f"{status.message} {scene.singular}".strip() if singular else status.message
+    sizes = groups(scene.system)
+    if status == Status.STEP_LIMIT and sizes.alone and len(sizes.of) > 1:
+        said += " Give entries of one kind, such as modes, names with one unit: they share a size."
+    return said
 
 
 def _is_removable(scene: Scene) -> bool:

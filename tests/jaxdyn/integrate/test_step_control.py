@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cycles import Moebius, cycle
 from helpers import gap, kepler, kepler_state
+from odes import FLAME_LENGTH, FLAME_MODES, flame
 
 import jaxdyn
 from jaxdyn import scenes
@@ -152,6 +153,31 @@ def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
     _, by_G = jax.jvp(end, (0.7,), (1.0,))
     _, expected = jax.jvp(from_start, (start,), (moved,))
     np.testing.assert_allclose(by_G, expected, rtol=1e-8)
+
+
+def front(y0, *, together):
+    names = [(f"a{i}", "1/s") for i in range(len(y0))] if together else None
+    return jaxdyn.ode(flame, y0, 1.0, names=names, params=FLAME_LENGTH)
+
+
+def test_small_modes_ask_for_no_steps_that_the_rounding_of_large_ones_undoes():
+    # Their steps are compared with those of modes that are all measured by the largest.
+    y0 = np.zeros(2 * FLAME_MODES)
+    y0[[0, 1, FLAME_MODES, FLAME_MODES + 1]] = 0.1, -0.4, 0.2, 0.1
+    few = {"solver": VERNER9, "max_steps": 20_000}
+    for rtol in (1e-6, 1e-12):  # all other modes begin at zero, and what moves them is rounding
+        alone, together = (
+            solve(front(y0, together=one), 1.0, rtol=rtol, **few) for one in (False, True)
+        )
+        assert alone.steps < 10 * together.steps
+        assert gap(alone.y1, together.y1) < 10 * rtol
+    late = solve(front(y0, together=True), 60.0, rtol=1e-12, **few).y1  # modes of 0.4 to 1e-6
+    for rtol in (1e-14, 1e-15):
+        alone, together = (
+            solve(front(late, together=one), 1.0, rtol=rtol, **few) for one in (False, True)
+        )
+        assert alone.steps < 10 * together.steps
+        assert gap(alone.y1, together.y1) < 1e-14
 
 
 @pytest.mark.slow

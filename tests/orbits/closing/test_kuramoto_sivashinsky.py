@@ -9,39 +9,24 @@ and under the reflection u(x) -> -u(-x).
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from odes import FLAME_LENGTH as LENGTH
+from odes import FLAME_MODES as MODES
+from odes import FLAME_ORDERS as ORDERS
+from odes import flame, flame_phase
 from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
 
-LENGTH, MODES = 22.0, 15
-ORDERS = np.arange(1.0, MODES + 1)
-#: (48, 30) u at 48 places from the real and imaginary parts: products of two are not aliased.
-_PHASES = np.outer(2 * np.pi * np.arange(48) / 48, ORDERS)
-WAVES = 2 * np.hstack([np.cos(_PHASES), -np.sin(_PHASES)])
-PROJECTION = WAVES.T / (2 * 48)
 #: One unit makes all entries of one size: with a size for each mode, rounding of the large modes
 #: would count as an error of the small ones.
 NAMES = [(f"{part} {k}", "1/s") for part in ("real", "imaginary") for k in range(1, MODES + 1)]
 REFLECTION = orbits.Symmetry(signs=(-1,) * MODES + (1,) * MODES)
 
 
-def phase(y, length):
-    """The derivative of a_k exp(i k angle) by the angle."""
-    del length
-    real, imaginary = y[:MODES], y[MODES:]
-    return jnp.concatenate([-ORDERS * imaginary, ORDERS * real])
-
-
-def rate(t, y, length):
-    """a_k' = (q_k^2 - q_k^4) a_k - i q_k / 2 times the k-th mode of u^2."""
-    u, q = WAVES @ y, 2 * jnp.pi / length
-    square = jnp.tile((q * ORDERS) ** 2, 2)
-    return (square - square**2) * y - 0.5 * q * phase(PROJECTION @ (u * u), length)
-
-
 def scene(y0, t1):
-    return jaxdyn.ode(rate, y0, t1, names=NAMES, params=LENGTH, generators={"phase": phase})
+    generators = {"phase": flame_phase}
+    return jaxdyn.ode(flame, y0, t1, names=NAMES, params=LENGTH, generators=generators)
 
 
 def nearest(ys, step, shortest, longest, reflected):
@@ -112,9 +97,9 @@ def test_an_orbit_that_is_shifted_after_a_period():
 
 def test_without_the_symmetry_of_shifts_it_is_refused():
     def pinned(t, y, length):
-        return rate(t, y, length) + 0.1 * jnp.eye(2 * MODES)[0]
+        return flame(t, y, length) + 0.1 * jnp.eye(2 * MODES)[0]
 
     y0 = np.full(2 * MODES, 0.1)
-    one = jaxdyn.ode(pinned, y0, 1.0, params=LENGTH, generators={"phase": phase})
+    one = jaxdyn.ode(pinned, y0, 1.0, params=LENGTH, generators={"phase": flame_phase})
     with pytest.raises(ValueError, match="turn: expected a symmetry of the scene"):
         orbits.find(one, closing=orbits.relative("phase"))
