@@ -141,7 +141,7 @@ def _strategy(
 
 def _remedy(orbit: "orbits.Orbit", scene: "jaxdyn.Scene", closing: str) -> str:
     remedy = _REMEDIES.get(orbit.outcome.name, _ELSEWHERE)
-    way = "" if closing != "plain" else orbits.closing.closings.symmetric_closing(scene)
+    way = "" if closing != "plain" else orbits.closing.symmetric_closing(scene)
     if not way:
         return remedy
     way = "--closing reversal" if "time_reversal" in way else f"in Python, {way}"

@@ -4,3 +4,4 @@ from .closings import Closing as Closing
 from .closings import Condition as Condition
 from .closings import Reversal as Reversal
 from .closings import mirror as mirror
+from .closings import symmetric_closing as symmetric_closing

@@ -175,9 +175,10 @@ def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
 
 def _curve(ax, curve: Family, places: dict, colour, name: str, kinds: dict) -> None:
     """Draw a curve with its stability, and its special points."""
+    members = (*curve.members, curve.members[0]) if curve.closed else curve.members
     for number, (verdict, points, _) in enumerate(
         stretches(
-            curve.members,
+            members,
             curve.special,
             lambda m: m.stability.verdict,
             lambda m: m.point.place,

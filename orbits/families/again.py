@@ -69,7 +69,7 @@ def find_again(
     return _zero(known, path, parameter, guess)
 
 
-def _lost() -> SearchError:
+def _not_found() -> SearchError:
     return SearchError("The special orbit was not found again. Take a shorter step.")
 
 
@@ -100,7 +100,7 @@ def _zero(known: SpecialOrbit, path: Path, p: float, guess) -> SpecialOrbit:
             abs(step) >= before  # it is rounding: Newton's steps become shorter
         )
         guess, p, before = _ahead(here, path, step), p + step, abs(step)
-    raise _lost()
+    raise _not_found()
 
 
 def _ahead(here: SpecialOrbit, path: Path, step: float) -> tuple[np.ndarray, float]:
@@ -155,7 +155,7 @@ def _fold(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
             )
             return SpecialOrbit(Kind.FOLD, found, b.parameter)
         s, t, a = t, t - b.turning * (t - s) / (b.turning - a.turning), b
-    raise _lost()
+    raise _not_found()
 
 
 class _Along(NamedTuple):
@@ -226,4 +226,4 @@ def _at(posed: Posed, path: Path, along: _Along, s: float, x, p: float, rtol: fl
         if np.abs(step).max() <= _LEVEL:
             ahead = np.linalg.lstsq(system, np.eye(len(off))[-1], rcond=_RANK)[0]
             return _Here(x, p, float(ahead[-1]), float(np.abs(off[:-1]).max()))
-    raise _lost()
+    raise _not_found()

@@ -198,7 +198,7 @@ def differentiable_special(
     return DifferentiableSpecialOrbit(value, known, path_of(known.orbit, make, hold))
 
 
-class Tested(NamedTuple):
+class TestValue(NamedTuple):
     """The test of a special orbit.
 
     Attributes:
@@ -211,14 +211,14 @@ class Tested(NamedTuple):
     slope: Array
 
 
-def test_along(known: SpecialOrbit, path: Callable[[Array], Place], value: Array) -> Tested:
+def test_along(known: SpecialOrbit, path: Callable[[Array], Place], value: Array) -> TestValue:
     """The test of a special orbit at a value of the parameter."""
     test = _TESTS[known.kind](known, path)
     here, ahead = eqx.filter_jvp(path, (value,), (jnp.ones(()),))
     found = test(here)
     fixed = jax.lax.stop_gradient((here, ahead))
     _, slope = eqx.filter_jvp(test, fixed[:1], fixed[1:])
-    return Tested(found, slope)
+    return TestValue(found, slope)
 
 
 def _fold(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:

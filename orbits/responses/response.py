@@ -273,7 +273,9 @@ def frequency_response(
     for level in many.tolist():
         curves = _curves(forced, level, (low, high), follow)
         if isolas:
-            curves += _isolas(forced, level, _tried(curves, (low, high), isolas), curves, follow)
+            curves += _isolas(
+                forced, level, _frequencies(curves, (low, high), isolas), curves, follow
+            )
         found += [(level, curve) for curve in curves]
     of_levels, curves = zip(*found, strict=True)
     return FrequencyResponse(of_levels, curves, (low, high))
@@ -326,7 +328,7 @@ def _crossings(curve: Family, value: float) -> list[Member]:
 # comes back to the level that is asked for on the isola.
 
 
-def _tried(curves: list[Family], ends: tuple[float, float], count: int) -> list[float]:
+def _frequencies(curves: list[Family], ends: tuple[float, float], count: int) -> list[float]:
     """The frequencies at which responses are followed over the level."""
     output = curves[0].members[0].orbit.scene.labels()[0][0]
     peaks = [_peak(curve, output).parameter for curve in curves]

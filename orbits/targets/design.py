@@ -206,7 +206,7 @@ class _Search:
     def _closer(self, here: At, step: np.ndarray) -> At | None:
         """The state after the step, or after a part of it that comes closer."""
         for _ in range(_HALVINGS):
-            new = self.followed.moved(here, here.numbers + step, self.wanted)
+            new = self.followed.move(here, here.numbers + step, self.wanted)
             if new is not None:
                 before, after = (float(at.value @ at.value) for at in (here, new))
                 if after < (1 - _LESS) * before or np.abs(new.value).max() <= self.goal:

@@ -54,7 +54,7 @@ class Followed(abc.ABC):
           SearchError, ValueError: there is none near the guess.
         """
 
-    def moved(self, here: "At", numbers: np.ndarray, wanted: Callable[[Any], Any]) -> "At | None":
+    def move(self, here: "At", numbers: np.ndarray, wanted: Callable[[Any], Any]) -> "At | None":
         """The state at other parameters; None if nothing is found there, or has no derivatives."""
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)

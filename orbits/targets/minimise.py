@@ -172,7 +172,7 @@ class _Search:
             if new is None:
                 return self._optimum(here, n, OptimumOutcome.LOST)
             moved = (new.numbers - here.numbers) / units
-            curvature = _updated(curvature, moved, new.slopes[0] * units - gradient)
+            curvature = _update(curvature, moved, new.slopes[0] * units - gradient)
             here = new
         return self._optimum(here, steps, OptimumOutcome.STEP_LIMIT)
 
@@ -185,7 +185,7 @@ class _Search:
         """The state after the step, or after a part of it, where the quantity is smaller."""
         for _ in range(_HALVINGS):
             numbers = np.clip(here.numbers + step, self.low, self.high)
-            new = self.followed.moved(here, numbers, self.quantity)
+            new = self.followed.move(here, numbers, self.quantity)
             if new is not None:
                 expected = here.slopes[0] @ (numbers - here.numbers)
                 least = _DECREASE * expected + _ROUNDING * abs(here.value[0])
@@ -200,7 +200,7 @@ class _Search:
         return Optimum(here.numbers, here.found, value, here.slopes[0], steps, outcome)
 
 
-def _updated(curvature: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
+def _update(curvature: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
     """(n, n) the curvature that explains a change of the gradient, where it is convex."""
     along, ahead = float(change @ moved), curvature @ moved
     if not along > 1e-8 * np.linalg.norm(change) * np.linalg.norm(moved) > 0:

@@ -153,3 +153,21 @@ def test_points_without_such_derivatives_are_refused():
     family = orbits.continue_family(orbits.find(make(jnp.asarray(0.3))), make, 0.3, members=1)
     with pytest.raises(ValueError, match="point: expected a fold, branch point, period"):
         special_parameter(family.members[0], make)
+    orbit = family.members[0].orbit
+    guess = np.asarray(orbit.y0), orbit.period
+    fold = SpecialOrbit(Kind.FOLD, orbit, 0.3)
+    with pytest.raises(ValueError, match="at which one direction leads along the family, got 0"):
+        find_again(fold, make, 0.3, guess)
+    with pytest.raises(ValueError, match="point: expected an orbit that closes"):
+        find_again(fold, make, 0.3, guess, hold=orbits.Period(2 * orbit.period))
+
+
+@pytest.mark.slow
+def test_a_branch_point_with_an_integral_that_the_scene_does_not_name_is_refused():
+    def make(k):
+        numbers = jnp.stack([jnp.asarray(0.8), jnp.asarray(k, float)])
+        return jaxdyn.ode(coupled, [0.5, 0.0, 0.0, 0.0], 6.2, params=numbers)
+
+    orbit = orbits.find(make(0.5))
+    with pytest.raises(ValueError, match="point: expected a branch point without symmetries"):
+        special_parameter(SpecialOrbit(Kind.BRANCH, orbit, 0.5), make)
