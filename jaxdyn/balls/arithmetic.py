@@ -10,6 +10,8 @@ import contextlib
 import dataclasses
 from collections.abc import Iterator
 
+import numpy as np
+
 from jaxdyn._checks import fail
 
 try:
@@ -42,6 +44,16 @@ def column(vector: list) -> arb_mat:
 def unit_matrix(n: int) -> arb_mat:
     """(n, n) the unit matrix."""
     return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+
+
+def midpoints(matrix: arb_mat) -> arb_mat:
+    """A matrix of the midpoints, which are exact."""
+    return arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
+
+
+def float_matrix(matrix: arb_mat) -> np.ndarray:
+    """A matrix in floats."""
+    return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
 
 
 class Undecided(ArithmeticError):

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, midpoints, precision
 from jaxdyn.balls.field import BallField
 
 #: Terms per digit. A step is then a seventh of the radius of convergence, at which a motion costs
@@ -86,7 +86,7 @@ def follow(
                 )
             if slopes:
                 now = _transition(field, t + done, coefficients, step, order)
-                product = now if product is None else _middle(now * product)
+                product = now if product is None else midpoints(now * product)
             done = (done + step).mid()
         return End(y, product, steps)
 
@@ -113,8 +113,4 @@ def _log(x: arb) -> float:
 def _transition(field, t, coefficients, h: arb, order: int) -> arb_mat:
     slopes = series.slope_series(field, t, coefficients, order)
     found = series.at(series.transition_series(slopes, order), h)
-    return _middle(found)
-
-
-def _middle(matrix: arb_mat) -> arb_mat:
-    return arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
+    return midpoints(found)

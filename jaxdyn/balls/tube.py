@@ -23,7 +23,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, column, precision, unit_matrix
+from jaxdyn.balls.arithmetic import (
+    Undecided,
+    arb,
+    arb_mat,
+    column,
+    float_matrix,
+    precision,
+    unit_matrix,
+)
 from jaxdyn.balls.enclosure import About, Disc, disc
 from jaxdyn.balls.field import BallField
 
@@ -218,7 +226,7 @@ def _ending(about: About, h: arb, bounds: Disc) -> list:
 
 def _orthogonal(matrix: arb_mat, sizes: np.ndarray) -> arb_mat:
     """(k, k) exact floats near the orthogonal factor of a matrix in sizes (k)."""
-    table = np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
+    table = float_matrix(matrix)
     if not np.isfinite(table).all():
         raise NotEnclosed("The derivatives become too large. Try a shorter part of the period.")
     return arb_mat((sizes[:, None] * np.linalg.qr(table / sizes[:, None])[0]).tolist())

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, float_matrix, precision
 from jaxdyn.balls.directions import excludes_zero, lengths
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.krawczyk import Krawczyk, is_inside
@@ -197,9 +197,8 @@ def _krawczyk(equations: _Equations, box: list) -> tuple[list, bool] | None:
     n = len(box)
     if slopes is None or rates is None or len(rates) != n or not n:
         return None
-    table = np.array([[float(x.mid()) for x in row] for row in slopes.tolist()])
     try:
-        inverse = arb_mat(np.linalg.inv(table).tolist())
+        inverse = arb_mat(np.linalg.inv(float_matrix(slopes)).tolist())
     except np.linalg.LinAlgError:
         return None
     offset = [x - c for x, c in zip(box, centre, strict=True)]

@@ -25,7 +25,7 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat, column
+from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat, column, midpoints
 from jaxdyn.balls.derivative import gradients
 from jaxdyn.balls.field import BallField
 from jaxdyn.balls.motion import End, follow
@@ -269,14 +269,8 @@ def product(matrix: np.ndarray, vector: list) -> list:
 
 def inverse(matrix: arb_mat) -> arb_mat:
     """The inverse of a matrix, preconditioned: elimination far from the identity widens balls."""
-    near = arb_mat([[x.mid() for x in row] for row in matrix.tolist()]).inv()
-    near = arb_mat([[x.mid() for x in row] for row in near.tolist()])
+    near = midpoints(midpoints(matrix).inv())
     return near * (matrix * near).inv()
-
-
-def float_matrix(matrix: arb_mat) -> np.ndarray:
-    """A matrix in floats."""
-    return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()])
 
 
 def _matrix(table: np.ndarray) -> arb_mat:

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, float_matrix, precision
 from jaxdyn.balls.krawczyk import Krawczyk, is_inside
 from jaxdyn.balls.tube import Tube, tube
-from orbits.proof.closing_equations import ClosingEquations, float_matrix
+from orbits.proof.closing_equations import ClosingEquations
 
 #: Most steps X -> K with the D of the first X; each narrows K, by the contraction at first.
 _NARROWING = 100

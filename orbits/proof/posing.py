@@ -13,7 +13,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy as energies
-from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.balls.arithmetic import arb, float_matrix, precision
 from jaxdyn.balls.field import ball_field, scene_formulas
 from jaxdyn.solvers.formulas.formulas import Formulas, topological_order
 from jaxdyn.solvers.formulas.graph import Node, Number
@@ -23,7 +23,7 @@ from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes, sizes_along
 from orbits.motion import sample
 from orbits.orbit import Orbit, SearchError
-from orbits.proof.closing_equations import ClosingEquations, float_matrix, power_of_2
+from orbits.proof.closing_equations import ClosingEquations, power_of_2
 
 # ---- Integrals of the two central laws whose bounded motions all close (Bertrand's theorem)
 #

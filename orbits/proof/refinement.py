@@ -8,11 +8,11 @@ from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.balls.arithmetic import arb, arb_mat, column, precision
+from jaxdyn.balls.arithmetic import arb, arb_mat, column, float_matrix, midpoints, precision
 from jaxdyn.balls.motion import End, bits_of
 from jaxdyn.balls.program import Program
 from orbits.orbit import Orbit, SearchError
-from orbits.proof.closing_equations import ClosingEquations, float_matrix
+from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import ROUGH_DIGITS, equations_of
 from orbits.proof.refined import Refined
 from orbits.proof.stability import multipliers
@@ -96,7 +96,7 @@ def _energy(system: ClosingEquations, energy, start: list, digits: int) -> str:
 def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
     unit = multipliers.multiplicity(matrix, 10.0 ** -(ROUGH_DIGITS if digits > 30 else digits / 2))
-    exact = arb_mat([[x.mid() for x in row] for row in matrix.tolist()])
+    exact = midpoints(matrix)
     coefficients = [c.mid() for c in multipliers.deflate(exact, unit)]
     error = arb(10) ** -(digits + _SPARE)
     found = multipliers.sorted_roots(multipliers.roots(coefficients, error))
@@ -171,7 +171,7 @@ def _inverse(system: ClosingEquations, numbers: list[arb], digits: float) -> tup
             float_matrix(inverse) * rows / own[:, None],
         )
         growth = max(1.0, *(np.abs(table).max() for table in tables))
-        return arb_mat([[x.mid() for x in row] for row in inverse.tolist()]), math.log10(growth)
+        return midpoints(inverse), math.log10(growth)
 
 
 def _motion(system: ClosingEquations, numbers: list[arb], digits: float, *, slopes: bool) -> End:

@@ -21,7 +21,7 @@ from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
 from jaxdyn.files.codec import decode, decode_fields, encode
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
-from orbits.tori.torus import GOAL, MOST_MODES, Torus, refine
+from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
 
 _ASTRAY = 0.5  # a larger correction, as a share of the step, leads to a torus of another family
 #: What the file of a continuation calls a family of tori.
@@ -163,7 +163,7 @@ class _Chart(Chart[_Place]):
         torus, begin = last.torus, self.metric.unknowns(start)
         w = circle.harmonic(torus.points)
         w = w / np.linalg.norm(w)
-        target = ("along", last.tangent, begin, self.metric)
+        target = AcrossTangent(last.tangent, self.metric)
         goal, max_modes = self.problem.goal, self.problem.max_modes
         found = refine(torus, begin, w, target, goal=goal, max_modes=max_modes)
         if not found.ok:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -121,6 +122,50 @@ class Torus:
         return circle.at(self.points, _checks.host_array("theta", theta, (None,)))
 
 
+# ---- What singles a torus out in its family: one condition, as a row of `Conditions`
+#
+# `near` is the start of the search, with as many points as the circle; `wave` (N, k) the component
+# of the first harmonic along w as a sum over the points, in units, of which its amplitude has
+# `share` a unit.
+
+Row = tuple[np.ndarray, float]
+
+
+class HasAmplitude(NamedTuple):
+    """The torus with an amplitude along w."""
+
+    amplitude: float
+
+    def row(self, near: Unknowns, wave: np.ndarray, share: float) -> Row:
+        """The row (N k + 2,) and its value."""
+        del near
+        return np.append(wave.real.ravel(), [0.0, 0.0]), self.amplitude * share
+
+
+class HasRotation(NamedTuple):
+    """The torus with a rotation [rad]."""
+
+    rotation: float
+
+    def row(self, near: Unknowns, wave: np.ndarray, share: float) -> Row:
+        """The row (N k + 2,) and its value."""
+        del near, share
+        return np.append(np.zeros(wave.size), [1.0, 0.0]), self.rotation
+
+
+class AcrossTangent(NamedTuple):
+    """The torus in the plane through the start, across a unit tangent in a metric."""
+
+    tangent: Unknowns
+    metric: Metric
+
+    def row(self, near: Unknowns, wave: np.ndarray, share: float) -> Row:
+        """The row (N k + 2,) and its value."""
+        del share
+        along = self.metric.row(self.tangent.resample(len(wave)))
+        return along, float(along @ near.pack())
+
+
 # ---- The torus near a circle: the conditions that single it out, and the modes that it needs
 
 _MORE = 1.5  # factor on the number of modes from attempt to attempt
@@ -131,7 +176,7 @@ def refine(
     like: Torus,
     start: Unknowns,
     w: np.ndarray,
-    target: tuple,
+    target: HasAmplitude | HasRotation | AcrossTangent,
     *,
     goal: float,
     max_modes: int,
@@ -142,9 +187,7 @@ def refine(
       like: a torus of the same family, for what both share.
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
-      target: ("amplitude", a), ("rotation", rho), or ("along", tangent, start, metric) for a step
-        of continuation, whose tangent is an `Unknowns` with as many points as the start, and a unit
-        vector in a `Metric`.
+      target: what singles it out in the family.
       goal: largest error of invariance, in the sizes of the entries.
       max_modes: largest number of modes.
     """
@@ -184,7 +227,12 @@ def _torus(like: Torus, found: Unknowns) -> Torus:
 
 
 def _conditions(
-    like: Torus, now: Unknowns, start: Unknowns, w: np.ndarray, target: tuple, metric: Metric
+    like: Torus,
+    now: Unknowns,
+    start: Unknowns,
+    w: np.ndarray,
+    target: HasAmplitude | HasRotation | AcrossTangent,
+    metric: Metric,
 ) -> Conditions:
     """The rows for a circle of as many points as `now`."""
     n, k = now.points.shape
@@ -192,22 +240,15 @@ def _conditions(
     # The first harmonic along w fixes theta = 0 by its imaginary, the amplitude by its real part.
     share = metric.norm(w)  # norm in the metric of a unit of the amplitude
     wave = 2 / n * np.exp(-1j * circle.angles(n))[:, None] * w.conj()[None] / metric.each**2 / share
-    phase, size = wave.imag.ravel(), wave.real.ravel()
     duration = np.append(nothing, [0.0, 1 / metric.time])
-    rows, values = [np.append(phase, [0.0, 0.0])], [0.0]
-    if target[0] == "amplitude":
-        rows, values = [*rows, np.append(size, [0.0, 0.0])], [*values, target[1] * share]
-    elif target[0] == "rotation":
-        rows, values = [*rows, np.append(nothing, [1.0, 0.0])], [*values, target[1]]
-    else:
-        _, tangent, _, lengths = target
-        along = lengths.row(tangent.resample(n))
-        rows, values = [*rows, along], [*values, along @ start.resample(n).pack()]
+    near = start.resample(n)
+    wanted, value = target.row(near, wave, share)
+    rows, values = [np.append(wave.imag.ravel(), [0.0, 0.0]), wanted], [0.0, value]
     if like.held == "drive":
         rows, values = [*rows, duration], [*values, now.time / metric.time]
     else:
         # The circle is not moved along the flow.
-        reference = start.resample(n).points
+        reference = near.points
         flow = np.asarray(_rates(like.scene, reference)) / metric.each
         flow = flow / (n * max(np.abs(flow).max(), np.finfo(float).tiny)) / metric.each
         rows = [*rows, np.append(flow.ravel(), [0.0, 0.0])]
@@ -296,7 +337,7 @@ def torus(
     start = Unknowns(y0 + amplitude * (turns * w).real, nu, orbit.period)
     held = _held_quantity(orbit.scene)
     level = mean_energy(orbit.scene, y0[None])[0] if held == "energy" else math.nan
-    target = ("amplitude", amplitude) if rotation is None else ("rotation", float(rotation))
+    target = HasAmplitude(amplitude) if rotation is None else HasRotation(float(rotation))
     blank = Torus(
         scene=orbit.scene,
         points=start.points,
