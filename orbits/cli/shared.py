@@ -66,9 +66,10 @@ def grid(option: str, texts: list[str] | None) -> dict[str, list[float]]:
             if not equals or len(parts) not in (1, 3):
                 raise ValueError
             ends = [arithmetic.value(part) for part in parts[:2]]
-            n = whole(option, int(parts[2])) if len(parts) == 3 else 1
+            count = int(parts[2]) if len(parts) == 3 else 1
         except ValueError:
             raise fail(option, "NAME=VALUE or NAME=A:B:N", repr(text)) from None
+        n = whole(option, count)
         step = (ends[-1] - ends[0]) / max(n - 1, 1)
         found[name.strip()] = [ends[0] + i * step for i in range(n)]
     return found
