@@ -20,8 +20,8 @@ from jaxdyn.continuation import sensitivity as points
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable
 from orbits.closing.closings import Hold
-from orbits.families.again import find_again
 from orbits.families.family import Member
+from orbits.families.relocation import find_again
 from orbits.families.special_orbits import (
     DifferentiableSpecialOrbit,
     SpecialOrbit,

@@ -12,7 +12,7 @@ import jaxdyn
 import orbits
 from jaxdyn.continuation import Kind
 from orbits.families import SpecialOrbit, special_parameter
-from orbits.families.again import find_again
+from orbits.families.relocation import find_again
 
 #: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
 SPECIAL = {
