@@ -66,16 +66,16 @@ _PERTURBED = 4.0
 #: says nothing about the motion.
 _FASTER = 16.0
 #: Least part of a rate that is rounding where the rate is little else.
-_ALL_ROUNDING = 2.0**-16
+ALL_ROUNDING = 2.0**-16
 #: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
 _USUAL = 2.0**12
 #: Likewise for an entry with a size of its own, which may be small beside what its rate is made of,
 #: as a high mode that is computed from all others: their rounding is no part of its motion.
-_USUAL_ALONE = 2.0**3
+USUAL_ALONE = 2.0**3
 #: Number of rounds that measure the effect of rounding on a rate. It is random: one that sees
 #: little of it may be followed by others that see a thousand times as much. Where so many have seen
 #: it, this part of the usual margin is enough.
-_NOISE_LOOKS, _MARGIN = 8, 1 / 8
+_NOISE_LOOKS, MARGIN = 8, 1 / 8
 #: Multiple of that noise above which a rate is more than rounding.
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
@@ -266,7 +266,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     none = jnp.zeros((), int)
     begin = none, none, here, zero, 0 * span, span, span, zero, zero, zero, jnp.ones((), bool)
     _, _, sizes, _, _, tau, _, rate, _, noise, _ = lax.while_loop(again, round_, begin)
-    return Scales(sizes, tau, _MARGIN * noise), rate
+    return Scales(sizes, tau, MARGIN * noise), rate
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -571,8 +571,8 @@ def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)
     alone = np.bincount(groups.of)[list(groups.of)] == 1
-    roundings = np.where(alone & (not groups.known), _USUAL_ALONE, _USUAL)
-    return notable(gap, rate, roundings) * (~aside | (gap > _ALL_ROUNDING * rate)).astype(float)
+    roundings = np.where(alone & (not groups.known), USUAL_ALONE, _USUAL)
+    return notable(gap, rate, roundings) * (~aside | (gap > ALL_ROUNDING * rate)).astype(float)
 
 
 def _weights(k: int) -> np.ndarray:
@@ -595,7 +595,7 @@ def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
     """
     moved = tau * lax.abs(rate)
     return (
-        _most(lax.select(gap < _ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
+        _most(lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
         < _FASTER
     )
 

@@ -180,6 +180,22 @@ def test_small_modes_ask_for_no_steps_that_the_rounding_of_large_ones_undoes():
         assert gap(alone.y1, together.y1) < 1e-14
 
 
+def test_rounding_that_grows_with_the_motion_asks_for_no_steps():
+    # u'' + 3 u - u^3 between ends at rest, in sine modes: the even ones stay zero by symmetry, and
+    # what rounding makes of them grows with the cube of the odd ones, by 1e9.
+    x = np.pi * np.arange(1, 24) / 24
+    waves = np.sin(np.outer(x, np.arange(1, 9)))
+
+    def heat(t, y):
+        del t
+        return (3.0 - np.arange(1, 9) ** 2) * y - waves.T @ (waves @ y) ** 3 / 12
+
+    end = solve(jaxdyn.ode(heat, 1e-3 * np.eye(8)[0], 1.0), 20.0, solver=VERNER9, max_steps=20_000)
+    assert end.status == 0
+    assert gap(jnp.asarray(heat(0.0, end.y1)), jnp.zeros(8)) < 1e-10  # at rest
+    assert gap(end.y1[1::2], jnp.zeros(4)) < 1e-12
+
+
 @pytest.mark.slow
 def test_tangents_of_tangents_that_rounding_alone_moves_ask_for_no_steps():
     # Two entries are zero, and the number changes nothing in the others: of the derivatives by it

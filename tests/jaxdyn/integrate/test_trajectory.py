@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from jaxdyn import IntegrationError, Status, scenes, simulate
+from jaxdyn import IntegrationError, Status, ode, scenes, simulate
 
 ENDS = [
     (lambda: scenes.sideways_pendulum(rate=6.0), r"level of the hinge .* scenes\.sideways_edge"),
@@ -40,3 +40,14 @@ def test_a_motion_that_ends_in_a_singularity_says_which_ones_its_scene_has(make,
     assert not any(re.search(other, motion.message) for other in others)
     with pytest.raises(IntegrationError, match=says):
         simulate(scene, 5.0, **few)
+
+
+def test_a_motion_of_entries_without_units_that_runs_out_of_steps_says_that_units_help():
+    def turn(t, y):
+        return [y[1], -y[0]]
+
+    plain = simulate(ode(turn, [1.0, 0.0], 9.0), max_steps=2, throw=False)
+    assert plain.status_code == Status.STEP_LIMIT
+    assert plain.message.endswith("names with one unit: they share a size.")
+    named = ode(turn, [1.0, 0.0], 9.0, names=[("x", "m"), ("y", "m")])
+    assert simulate(named, max_steps=2, throw=False).message == Status.STEP_LIMIT.message
