@@ -97,9 +97,9 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
     """Whether bodies attract each other at the start, or at states ys (n, k) at times ts (n,)."""
     if not (scene.system.second_order and scene.has_points):
         return False
-    if ts is None or ys is None:
-        ts, ys = np.zeros(1), np.asarray(scene.y0)[None]
-    depth = np.asarray(_depth(scene, ts, ys))
+    known = ts is not None and ys is not None
+    at = (ts, ys) if known else (np.zeros(1), np.asarray(scene.y0)[None])
+    depth = np.asarray(_depth(scene, *at))
     return bool(np.isfinite(depth).all() and depth.min() > _LEAST_DEPTH * np.median(depth))
 
 
