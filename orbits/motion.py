@@ -97,9 +97,9 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
     """Whether bodies attract each other at the start, or at states ys (n, k) at times ts (n,)."""
     if not (scene.system.second_order and scene.has_points):
         return False
-    if ts is None or ys is None:
-        ts, ys = np.zeros(1), scene.y0[None]
-    depth = np.asarray(_depth(scene, ts, ys))
+    known = ts is not None and ys is not None
+    at = (ts, ys) if known else (np.zeros(1), np.asarray(scene.y0)[None])
+    depth = np.asarray(_depth(scene, *at))
     return bool(np.isfinite(depth).all() and depth.min() > _LEAST_DEPTH * np.median(depth))
 
 
@@ -128,7 +128,7 @@ def logarithmic_places(scene: Scene, n: int, rtol: float) -> np.ndarray | None:
     if not attracts(scene):
         return None
     end, shares = float(scene.t1), np.arange(n) / n
-    s = end * float(_depth(scene, np.zeros(1), scene.y0[None])[0])
+    s = end * float(np.asarray(_depth(scene, np.zeros(1), np.asarray(scene.y0)[None]))[0])
     for _ in range(_TRIALS):
         ts = np.asarray(at_s(scene, shares * s, rtol)[0])
         reached = np.isfinite(ts)

@@ -16,10 +16,9 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn._checks import check_first
+from jaxdyn._checks import as_float, check_first
 from jaxdyn.integrate.errors import FINEST, RATIO, gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
@@ -172,7 +171,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
     known = groups(scene.system)
     angles = np.isfinite(known.most)
-    sizes = np.asarray(known.largest(jnp.asarray(np.where(angles, np.maximum(sizes, 1.0), sizes))))
+    sizes = np.asarray(known.largest(as_float(np.where(angles, np.maximum(sizes, 1.0), sizes))))
     # The scale of a rate is at least what would change a quantity by its size over the span.
     first, last = np.asarray(pieces[0].ts)[0], np.asarray(pieces[-1].ts)[-1]
     span = abs(float(last - first)) or math.inf
@@ -189,14 +188,14 @@ def perturb(scene: Scene, change: float, rng: np.random.Generator) -> Scene:
 
     def nudge(x):
         factor = 1.0 + change * rng.choice([-1.0, 1.0], np.shape(x))
-        return jnp.asarray(np.asarray(x) * factor)
+        return as_float(np.asarray(x) * factor)
 
     numbers, rest = eqx.partition(scene.field, eqx.is_inexact_array)
     field = eqx.combine(jax.tree.map(nudge, numbers), rest)
     other = dataclasses.replace(
         scene, system=field.system, effects=field.effects, y0=nudge(scene.y0)
     )
-    return other.starting(other.field.project(jnp.zeros(()), other.y0))
+    return other.starting(other.field.project(as_float(0.0), other.y0))
 
 
 def _end(motion: Motion) -> tuple[Scene, np.ndarray]:

@@ -133,8 +133,9 @@ def _by_itself(piece: Trajectory, driven: np.ndarray) -> str:
 
 
 def _has_potential(scene: Scene, effect: Effect) -> bool:
-    r, _, m = jax.eval_shape(scene.system.points, jnp.zeros(()), scene.y0)
-    return jax.eval_shape(effect.potential, jnp.zeros(()), r, m) is not None
+    t = np.zeros(())
+    r, _, m = jax.eval_shape(scene.system.points, t, scene.y0)
+    return jax.eval_shape(effect.potential, t, r, m) is not None
 
 
 def _integral(ts: np.ndarray, f: np.ndarray, slope: np.ndarray) -> float:

@@ -95,9 +95,10 @@ def symplectic_form(scene: Scene, y0: Array) -> Array | None:
 
     None where there are no canonical coordinates.
     """
-    if jax.eval_shape(_canonical, scene, jnp.zeros(()), y0) is None or len(y0) % 2:
+    t = np.zeros(())
+    if jax.eval_shape(_canonical, scene, t, y0) is None or len(y0) % 2:
         return None
-    return _form(scene, jnp.zeros(()), y0)
+    return _form(scene, t, y0)
 
 
 def form_change(scene: Scene, t, y: Array, each: np.ndarray) -> float:

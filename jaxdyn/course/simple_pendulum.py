@@ -69,6 +69,11 @@ def potential(t, q):
     return m * g * l * (1 - jnp.cos(q[0]))
 
 
+def moment(arm, force):
+    """Arm x force in the plane, a number."""
+    return arm[0] * force[1] - arm[1] * force[0]
+
+
 @jax.jit
 def derivations(theta, rate):
     """theta'' by each of the ways."""
@@ -82,9 +87,8 @@ def derivations(theta, rate):
     return {
         "momentum, the force eliminated": both[0],
         "momentum along e_theta": weight @ e_theta / (m * l),
-        "momentum crossed with the arm": jnp.cross(l * e_r, weight)
-        / jnp.cross(l * e_r, m * l * e_theta),
-        "angular momentum": jnp.cross(l * e_r, weight) / (m * l**2),
+        "momentum crossed with the arm": moment(l * e_r, weight) / moment(l * e_r, m * l * e_theta),
+        "angular momentum": moment(l * e_r, weight) / (m * l**2),
         "conservation of energy": -lifted * rate / faster,
         "balance of power": weight @ (l * rate * e_theta) / faster,
         "Lagrange": lagrangian((kinetic, potential), q, v).rate(0.0, jnp.array([theta, rate]))[1],

@@ -19,7 +19,8 @@ from jaxdyn.gallery.texts import duration, first, prose
 from jaxdyn.player.live import SCRIPTS
 
 _HERE = Path(__file__).parent
-_GUIDE = re.compile(r"\((\.\./guides/)?\d+_(\w+\.md)\)")  # a link to a guide, as a file
+#: A link to a guide or a tutorial, as a file.
+_LINK = re.compile(r"\((?:\.\./(guides|tutorials)/)?\d+_(\w+)\.md\)")
 #: Folders of texts that are pages without further processing.
 _TEXTS = "guides", "entrances"
 
@@ -89,15 +90,26 @@ class Sources:
         self.fill("exhibits.md", "exhibits.md", exhibits=records)
 
     def texts(self) -> None:
-        """Write the guides and the entrances, which are Markdown already, without their numbers."""
+        """Write the guides and the entrances, which are Markdown already, without their numbers.
+
+        They link the tutorials that were written before, and the table of these for others.
+        """
         for folder in _TEXTS:
             pages = []
             for path in sorted((_HERE / folder).glob("*.md")):
                 name, text = path.stem.partition("_")[2], path.read_text()
-                self.write(f"{folder}/{name}.md", _GUIDE.sub(r"(\1\2)", text))
+                self.write(f"{folder}/{name}.md", _LINK.sub(self._linked, text))
                 title, _, rest = text.removeprefix("# ").partition("\n")
                 pages.append((name, title, first(rest)))
             self.fill(f"{folder}/index.md", f"{folder}.md", pages=pages)
+
+    def _linked(self, link: re.Match) -> str:
+        """A link to a guide or a tutorial, as a page."""
+        folder, name = link.groups()
+        if folder == "tutorials":
+            page = f"{name}.ipynb" if f"tutorials/{name}" in self.pages else "index.md"
+            return f"(../tutorials/{page})"
+        return f"(../guides/{name}.md)"
 
     def tutorials(self, notebooks: Mapping[str, dict]) -> None:
         """Write the tutorials that have run, as notebooks, and their table of contents."""
@@ -106,7 +118,7 @@ class Sources:
             link = f"{{download}}`Download this notebook <{name}.ipynb>`"
             last = v4.new_markdown_cell(link, id="download")
             text = json.dumps(notebook | {"cells": [*notebook["cells"], last]})
-            self.write(f"tutorials/{name}.ipynb", _GUIDE.sub(r"(\1\2)", text))
+            self.write(f"tutorials/{name}.ipynb", _LINK.sub(self._linked, text))
         self.fill("tutorials/index.md", "tutorials.md", names=names)
 
     def reference(self, formulas: Mapping[str, str]) -> None:

@@ -20,8 +20,9 @@ def _fence(found: re.Match) -> str:
 
 
 def first(text: str) -> str:
-    """The first sentence, cut at a word if it is long."""
-    sentence = _END.split(" ".join(text.split()), maxsplit=1)[0].removesuffix(".")
+    """The first sentence of the first paragraph, cut at a word if it is long."""
+    paragraph = text.strip().partition("\n\n")[0]
+    sentence = _END.split(" ".join(paragraph.split()), maxsplit=1)[0].removesuffix(".")
     return sentence if len(sentence) <= _LINE else f"{sentence[:_LINE].rpartition(' ')[0]} ..."
 
 

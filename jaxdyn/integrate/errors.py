@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _text
+from jaxdyn.integrate.spans import padding
 from jaxdyn.plan import plan_of
 from jaxdyn.scales import at_start
 from jaxdyn.scene import Field, Scene
@@ -144,8 +145,9 @@ def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
 
 def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(s, k) differences of states in the system's sense, angles modulo a turn."""
-    plain = ys - others
-    wrapped = np.asarray(_differences(scene.system, ys, others))
+    plain, rows = ys - others, ((0, padding(*ys.shape)), (0, 0))  # few lengths, few programs
+    longer = (np.pad(x, rows, mode="edge") for x in (ys, others))
+    wrapped = np.asarray(_differences(scene.system, *longer))[: len(ys)]
     # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain difference is exact.
     return np.where(np.abs(plain) <= 1.0, plain, wrapped)
 

@@ -52,7 +52,7 @@ class _OnHinge(Mechanism):
 
     def masses(self):
         # The mass is a point at the end, or Simpson's three points of a uniform stick; see `bars`.
-        return self.m * jnp.array([1 / 6, 4 / 6, 1 / 6]) if self.uniform else self.m[None]
+        return self.m * np.array([1 / 6, 4 / 6, 1 / 6]) if self.uniform else self.m[None]
 
     def positions(self, t, q):
         # The points stay on a straight line, so the far end determines all of them.

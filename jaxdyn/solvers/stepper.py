@@ -79,9 +79,11 @@ class StepLoop(diffrax.AbstractAdjoint):
                 (y1, solver_state),
                 (run.y, solver.after_rejection(run.solver_state, solver_state)),
             )
-            # The failure of a rejected step does not end the run: the next step is shorter.
-            solved = diffrax.RESULTS.where(keep, solved, diffrax.RESULTS.successful)
-            result = diffrax.RESULTS.where(diffrax.is_okay(solved), controlled, solved)
+            result, success = controlled, diffrax.RESULTS.successful
+            if solved is not success:  # an explicit method solves nothing that could fail
+                # The failure of a rejected step does not end the run: the next step is shorter.
+                solved = diffrax.RESULTS.where(keep, solved, success)
+                result = diffrax.RESULTS.where(diffrax.is_okay(solved), controlled, solved)
             return _Run(
                 t,
                 tnext,
@@ -212,9 +214,10 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
             # A motion that was stiff once counts as stiff from then on.
             least = jnp.where(is_stiff(count), _STIFF_COUNT, 0)
             count = jnp.maximum(count + jnp.where(near, 1, -1), least)
-        result = diffrax.RESULTS.where(
-            step.converged, diffrax.RESULTS.successful, diffrax.RESULTS.nonlinear_divergence
-        )
+        result = diffrax.RESULTS.successful
+        if step.converged is not True:  # which is the default
+            failed = diffrax.RESULTS.nonlinear_divergence
+            result = diffrax.RESULTS.where(step.converged, result, failed)
         may = None
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)

@@ -62,18 +62,16 @@ def has_word(orbit: Orbit) -> bool:
 def _positions(orbit: Orbit) -> np.ndarray:
     """(s, 3, 2) positions over a period, close enough to see each passage.
 
-    Where bodies attract each other, samples are at places in logarithmic time: in plain time an
-    encounter may move from one run to the next by more than its duration.
+    Where bodies attract each other, a motion with encounters is sampled at places in logarithmic
+    time: in plain time an encounter may move from one run to the next by more than its duration.
+    Others are sampled in plain time, whose program a report has anyway.
 
     Raises:
       IntegrationError: the motion runs into a collision, where its triangle turns ever faster.
     """
-    places = logarithmic_places(orbit.scene, _SAMPLES, _RTOL)
-    logarithmic = places is not None
-    if places is None:
-        places = np.arange(_SAMPLES) * orbit.period / _SAMPLES
-    for _ in range(_REFINEMENTS):
-        ts, ys = _states(orbit, places, logarithmic=logarithmic)
+    places, logarithmic = np.arange(_SAMPLES) * orbit.period / _SAMPLES, False
+    for tried in range(_REFINEMENTS):
+        ts, ys, status = _states(orbit, places, logarithmic=logarithmic)
         r, v = (ys[:, i : i + 6].reshape(-1, 3, 2) for i in (0, 6))
         sides, changes = (np.roll(x, -1, axis=1) - x for x in (r, v))
         # The angle between samples would not do: near a collision a side turns by 2 pi unnoticed.
@@ -81,6 +79,11 @@ def _positions(orbit: Orbit) -> np.ndarray:
         swings = np.diff(ts) * np.maximum(rates[1:], rates[:-1])
         if (swings <= _SWING).all():
             return r
+        of_encounters = None if tried else logarithmic_places(orbit.scene, _SAMPLES, _RTOL)
+        if of_encounters is not None:
+            places, logarithmic = of_encounters, True
+            continue
+        raise_unless_ok(status, orbit.scene)
         # Add a power of two of new times, where it turns most: few lengths, few compilations.
         count = 2 ** int(np.ceil(np.log2(max(_FEWEST, (swings > _SWING).sum()))))
         most = np.sort(np.argsort(-swings)[:count])
@@ -91,20 +94,16 @@ def _positions(orbit: Orbit) -> np.ndarray:
 
 def _states(
     orbit: Orbit, places: np.ndarray, *, logarithmic: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """(s,) times and (s, k) states at places (s,) in plain or logarithmic time.
+) -> tuple[np.ndarray, np.ndarray, Status]:
+    """(s,) times and (s, k) states at places (s,) in plain or logarithmic time, NaN if not reached.
 
-    Raises:
-      IntegrationError: the motion runs into a collision.
+    The status says whether all were reached.
     """
     if logarithmic:
         ts, ys = map(np.asarray, at_s(orbit.scene, places, _RTOL))
-        status = Status.OK if np.isfinite(ys).all() else Status.STEP_COLLAPSED
-    else:
-        flow = quick_solve(orbit.scene, orbit.period, ts=places, rtol=_RTOL, solver=orbit.solver)
-        ts, ys, status = places, np.asarray(flow.ys), flow.status
-    raise_unless_ok(status, orbit.scene)
-    return ts, ys
+        return ts, ys, Status.OK if np.isfinite(ys).all() else Status.STEP_COLLAPSED
+    flow = quick_solve(orbit.scene, orbit.period, ts=places, rtol=_RTOL, solver=orbit.solver)
+    return places, np.asarray(flow.ys), Status(int(flow.status))
 
 
 def _middle(before, after, area_before, area_after) -> int:

@@ -312,13 +312,13 @@ def _nearby(scene: Scene, each: np.ndarray) -> list[_Local]:
     return [_at(scene, t, y) for t, y in _places(scene, each)]
 
 
-def _places(scene: Scene, each: np.ndarray) -> list[tuple[Array, Array]]:
+def _places(scene: Scene, each: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     random, y0 = np.random.default_rng(0), np.asarray(scene.y0)
     size = np.maximum(np.abs(y0), _LEAST_ENTRY * each)
     count = len(_DISTANCES_OFF)
     noise = np.outer(_DISTANCES_OFF, size) * random.standard_normal((count, len(y0)))
     ts = random.uniform(0.0, float(scene.t1), count)
-    return [(jnp.asarray(t), jnp.asarray(y)) for t, y in zip(ts, y0 + noise, strict=True)]
+    return list(zip(ts, y0 + noise, strict=True))
 
 
 def _candidates(scene: Scene, t, y: Array) -> dict[str, Array]:

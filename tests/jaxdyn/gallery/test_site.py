@@ -341,6 +341,7 @@ def test_the_first_sentence_ends_at_a_full_stop_and_not_within_a_formula():
         "With n it is |n . (c - a)| / |n|"
     )
     assert first("One sentence.") == "One sentence"
+    assert first("\nOne sentence.\n\n| a table |\n") == "One sentence"
     assert first("word " * 40).endswith("word ...")
     assert len(first("word " * 40)) <= 114
 
@@ -373,6 +374,18 @@ def test_an_exhibit_shows_what_its_record_has(tmp_path):
     assert [hard_page.count(word) for word in ("holds</span>", "fails</span>", "1e-8")] == [1, 1, 2]
     assert "{download}`As a PDF file </pictures/a.pdf>`" in other
     assert written.pages == {*shown, "exhibits"}
+
+
+def test_texts_link_pages_and_for_a_tutorial_that_has_not_run_the_table_of_all(tmp_path):
+    written, page = sources.Sources(tmp_path), tmp_path / "entrances" / "periodic_orbits.md"
+    written.texts()
+    assert "](../guides/orbits.md)" in page.read_text()
+    assert "](../tutorials/index.md)" in page.read_text()
+    written.tutorials({"tutorials/halo_family": tutorials.notebook("[x](../guides/11_orbits.md)")})
+    written.texts()
+    assert "](../tutorials/halo_family.ipynb)" in page.read_text()
+    notebook = (tmp_path / "tutorials" / "halo_family.ipynb").read_text()
+    assert "](../guides/orbits.md)" in notebook
 
 
 @pytest.mark.sample("no-preference")
