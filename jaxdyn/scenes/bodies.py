@@ -13,7 +13,6 @@ The course is ambiguous or misprinted in these places:
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -48,7 +47,7 @@ def jack(m, moments, centre=(0.0, 0.0, 0.0)) -> MaterialPoints:
       ValueError: `moments` are not those of a body.
     """
     moments = jnp.asarray(moments, dtype=float)
-    Body(m, centre, np.diag(moments)).check()
+    Body(m, centre, jnp.diag(moments)).check()
     return _jack(m, moments, jnp.asarray(centre, dtype=float))
 
 
