@@ -214,9 +214,10 @@ def test_an_isola_of_nonlinear_damping_is_found(own):
     # Both folds by harmonic balance, and members in between.
     known = rubbed(level)
     for m in (x for x in isola.special if x.kind == orbits.Kind.FOLD):
-        size, lag = (of(m.orbit, "x") for of in (quantities.amplitude, quantities.phase))
-        inside = 1 + 0.999 * (m.parameter - 1)
-        guess = known.start([[size * np.cos(lag)], [size * np.sin(lag)]])
+        xs = np.asarray(jaxdyn.simulate(m.orbit.scene, m.orbit.period, samples=257).ys)[:-1, 0]
+        c = np.fft.rfft(xs)[1:18:2] * 2 / 256  # odd harmonics
+        guess = np.stack([c.real, -c.imag], axis=1)[..., None]
+        inside = 1 + 0.995 * (m.parameter - 1)
         assert_allclose(m.parameter, known.fold(inside, guess), rtol=1e-8)
     without = orbits.frequency_response(scene, given, (0.7, 1.4), levels=level, step=0.2)
     assert len(without.curves) == 1
