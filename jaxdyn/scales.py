@@ -570,7 +570,7 @@ def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)
-    alone = np.bincount(groups.of)[list(groups.of)] == 1
+    alone = np.bincount(groups.group_of)[list(groups.group_of)] == 1
     roundings = np.where(alone & (not groups.known), USUAL_ALONE, _USUAL)
     return notable(gap, rate, roundings) * (~aside | (gap > ALL_ROUNDING * rate)).astype(float)
 

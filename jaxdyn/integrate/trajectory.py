@@ -277,7 +277,7 @@ def explanation(status: Status, scene: Scene) -> str:
     singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE, Status.STEP_LIMIT)
     said = f"{status.message} {scene.singular}".strip() if singular else status.message
     sizes = groups(scene.system)
-    if status == Status.STEP_LIMIT and sizes.alone and len(sizes.of) > 1:
+    if status == Status.STEP_LIMIT and sizes.alone and len(sizes.group_of) > 1:
         said += " Give entries of one kind, such as modes, names with one unit: they share a size."
     return said
 
