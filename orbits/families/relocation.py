@@ -188,7 +188,7 @@ def _along(posed: Posed, rtol: float) -> _Along:
     if rank != len(posed.x) - 1:
         expected = "a fold at which one direction leads along the family"
         raise fail("point", expected, f"{len(posed.x) - rank} directions", "See hold=.")
-    return _Along(units.x, units.rows, point.x, vt[-1])
+    return _Along(units.x, units.residual, point.x, vt[-1])
 
 
 def _equations(posed: Posed, path: Path, p: Array) -> Equations:

@@ -307,4 +307,4 @@ def _beyond(equations, x: np.ndarray, rtol: float) -> np.ndarray:
     closed = InUnits(jax.lax.stop_gradient(equations), x, rtol)
     left, values, _ = np.linalg.svd(closed(x)[1])
     rank = int((values > ZERO * values[0]).sum())
-    return left[:, rank:].T / closed.units.rows
+    return left[:, rank:].T / closed.units.residual
