@@ -180,7 +180,7 @@ def _along(posed: Posed, rtol: float) -> _Along:
     point = surface.nearest(posed.x)
     if point is None:
         raise fail("point", "an orbit that closes", "another one", "See hold=.")
-    units = units_at(posed.equations, point.x, point.jacobian, surface.lengths(point))
+    units = units_at(posed.equations, point.x, point.jacobian, surface.unknown_sizes(point))
     jacobian, same = units.jacobian(point.jacobian), surface.neutral(point)
     fixed = np.vstack([jacobian, np.linalg.norm(jacobian) * same.T])
     _, values, vt = np.linalg.svd(fixed)
