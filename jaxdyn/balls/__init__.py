@@ -6,9 +6,8 @@ its motions, `motion` follows a motion to a number of digits. `enclosure` has th
 a step's motions and the remainder of its Taylor series, `tube` encloses motions with it;
 `identities` proves that formulas are equal; `krawczyk` has the theorem by which a box holds exactly
 one zero; `zeros` encloses all zeros in a box, with `directions` of unit vectors where a length may
-be 0; `decimals` writes balls as decimal strings, and `enclosed`
-is such a number as plain data. The formulas are those that `solvers.formulas` takes from the rate's
-program, with no constant rounded.
+be 0; `decimals` writes balls as decimal strings, and `enclosed` is such a number as plain data. The
+formulas are those that `solvers.formulas` takes from the rate's program, with no constant rounded.
 
 May import: `solvers`. It needs python-flint: ``pip install 'jaxdyn[proof]'``.
 

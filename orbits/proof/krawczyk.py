@@ -1,4 +1,4 @@
-"""Krawczyk's test (`jaxdyn.balls.krawczyk`) of the closing equations, in the units of the orbit."""
+"""Krawczyk's test of the closing equations (see `krawczyk` of `jaxdyn.balls`) in the orbit's units."""
 
 import dataclasses
 

@@ -318,7 +318,7 @@ def test_a_search_that_fails_says_what_it_tried():
 def test_a_descent_that_leads_astray_loses_no_orbit(monkeypatch):
     def astray(equations, x, **options):
         del equations, options
-        return descent.End(x=100 * x, residual=1.0, near=False, arrived=False)
+        return descent.DescentResult(x=100 * x, residual=1.0, near=False, arrived=False)
 
     monkeypatch.setattr(descent, "descend", astray)
     assert orbits.find(van_der_pol(), strategy=orbits.Descent()).iterations > 0
@@ -333,7 +333,7 @@ def test_a_descent_that_takes_its_time_loses_no_orbit(monkeypatch):
         del equations, bounds
         while not effort.over:
             time.sleep(0.01)
-        return descent.End(x=x, residual=1.0, near=False, arrived=False)
+        return descent.DescentResult(x=x, residual=1.0, near=False, arrived=False)
 
     monkeypatch.setattr(descent, "descend", endless)
     scene = van_der_pol()
