@@ -1,4 +1,4 @@
-"""Krawczyk's test of the closing equations (see `krawczyk` of `jaxdyn.balls`) in the orbit's units."""
+"""Krawczyk's test (`krawczyk` of `jaxdyn.balls`) of the closing equations, in the orbit's units."""
 
 import dataclasses
 
