@@ -209,7 +209,7 @@ def test_the_tension_of_a_pendulum_is_that_of_its_angle():
 def test_forces_of_motions_without_rods_are_refused():
     bars = simulate(scenes.four_bar(), 0.1, samples=2)
     with pytest.raises(
-        ValueError, match=r"^motion: expected constraints that are .* got Bodies\. `react"
+        ValueError, match=r"^motion: expected constraints that are .* got FreeBars\. `react"
     ):
         constraints.tensions(bars)
     with pytest.raises(ValueError, match=r"^scene: expected one with constraints, got NewtonEuler"):
