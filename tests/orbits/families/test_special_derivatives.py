@@ -13,6 +13,7 @@ import orbits
 from jaxdyn.continuation import Kind
 from orbits.families import SpecialOrbit, special_parameter
 from orbits.families.relocation import find_again
+from orbits.families.surface import OrbitSurface
 
 #: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
 SPECIAL = {

@@ -175,13 +175,13 @@ def rubbing(t, y):
 
 
 def rubbed(level):
-    return Balance(lambda p, x, v: level * jnp.cos(p) - 0.2 * v + v**3 - v**5 - x, 1, 9)
+    return Balance(lambda p, x, v: level * jnp.cos(p) - 0.25 * v + v**3 - v**5 - x, 1, 9)
 
 
 def damped(t, y, p):
     omega, level = p
     x, v = y
-    return [v, level * jnp.cos(omega * t) - 0.2 * v + v**3 - v**5 - x]
+    return [v, level * jnp.cos(omega * t) - 0.25 * v + v**3 - v**5 - x]
 
 
 @pytest.mark.slow
