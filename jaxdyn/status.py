@@ -29,6 +29,26 @@ class Code(enum.IntEnum):
         return member
 
 
+class Ended:
+    """A result that says how its search ended.
+
+    Attributes:
+      outcome: 0 if what was sought is found.
+    """
+
+    outcome: Code
+
+    @property
+    def ok(self) -> bool:
+        """Whether what was sought is found."""
+        return self.outcome == 0
+
+    @property
+    def message(self) -> str:
+        """How the search ended, in words."""
+        return self.outcome.message
+
+
 class Status(Code):
     """Outcome of an integration; `Status.OK` is zero."""
 

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._checks import array, positive, whole
-from jaxdyn.status import Code
+from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.targets.followed import At, Followed, Near, bounds, follow
@@ -47,7 +47,7 @@ class DesignOutcome(Code):
 
 
 @dataclasses.dataclass(frozen=True)
-class Design:
+class Design(Ended):
     """Parameters of a scene, with the orbit or the special point that belongs to them.
 
     Attributes:
@@ -65,16 +65,6 @@ class Design:
     slopes: np.ndarray
     steps: int
     outcome: DesignOutcome
-
-    @property
-    def ok(self) -> bool:
-        """Whether the requirement is met."""
-        return self.outcome == DesignOutcome.FOUND
-
-    @property
-    def message(self) -> str:
-        """How the search ended, in words."""
-        return self.outcome.message
 
     @_text.never_raising
     def __repr__(self) -> str:

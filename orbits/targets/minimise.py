@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._checks import array, fail, positive, whole
-from jaxdyn.status import Code
+from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.targets.followed import At, Followed, Near, bounds, follow
@@ -39,7 +39,7 @@ class OptimumOutcome(Code):
 
 
 @dataclasses.dataclass(frozen=True)
-class Optimum:
+class Optimum(Ended):
     """Parameters of a scene for which a quantity is least.
 
     Attributes:
@@ -57,16 +57,6 @@ class Optimum:
     slopes: np.ndarray
     steps: int
     outcome: OptimumOutcome
-
-    @property
-    def ok(self) -> bool:
-        """Whether the quantity is least."""
-        return self.outcome == OptimumOutcome.FOUND
-
-    @property
-    def message(self) -> str:
-        """How the search ended, in words."""
-        return self.outcome.message
 
     @_text.never_raising
     def __repr__(self) -> str:
