@@ -106,11 +106,13 @@ def build(folder, *, only: Collection[int | str] = (), workers: int | None = Non
 
 def sphinx(sources: Path, folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Run Sphinx on the sources of a site; returns its pages, relative to it, and its warnings."""
-    told = io.StringIO()
-    app = Sphinx(sources, _CONF, folder, folder / ".doctrees", "html", status=None, warning=told)
+    captured = io.StringIO()
+    app = Sphinx(
+        sources, _CONF, folder, folder / ".doctrees", "html", status=None, warning=captured
+    )
     app.build()
     made = {*app.env.found_docs, "genindex", "py-modindex", "search"}
-    warnings = _COLOURS.sub("", told.getvalue()).strip().splitlines()
+    warnings = _COLOURS.sub("", captured.getvalue()).strip().splitlines()
     return tuple(f"{name}.html" for name in sorted(made)), tuple(warnings)
 
 

@@ -56,6 +56,6 @@ def with_present_names(
     """
     new = {old: now for old, now in renamed.items() if old in given and now not in given}
     for old, now in new.items():
-        told = f"{old} of {scene} is now {now}; the old name is removed in the next version."
-        warnings.warn(told, DeprecationWarning, stacklevel=3)
+        message = f"{old} of {scene} is now {now}; the old name is removed in the next version."
+        warnings.warn(message, DeprecationWarning, stacklevel=3)
     return {new.get(name, name): x for name, x in given.items()}

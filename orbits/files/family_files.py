@@ -64,21 +64,7 @@ class Listing:
     special: tuple[Entry, ...]
     end: str
 
-    def live(self, path=None):
-        """A page on which its orbits run, one of them chosen by a slider or in a picture.
-
-        Each shows its path, period and stability, and a motion that starts a thousandth aside; of
-        more than 150 orbits, 150 are chosen evenly.
-
-        Args:
-          path: a file to write the page to, .html; it needs no other file.
-        Raises:
-          ValueError: its orbits are chains of legs, they cannot run on a page, or `path` cannot be
-            written.
-        """
-        from orbits.drawing import pages
-
-        return pages.family_page(self, path)
+    live = Family.live
 
 
 @check_first

@@ -195,11 +195,11 @@ def find_hybrid(
 def _deflated_chains(strategy: Shooting | Deflated, unlike: Sequence[HybridOrbit]) -> Sequence[Any]:
     """The chains that are deflated."""
     if unlike:
-        told = (
+        message = (
             "unlike of orbits.find_hybrid is now strategy=orbits.Deflated(known); the old argument "
             "will be removed in the next version."
         )
-        warnings.warn(told, DeprecationWarning, stacklevel=3)
+        warnings.warn(message, DeprecationWarning, stacklevel=3)
         strategy = Deflated(unlike)
     if isinstance(strategy, Deflated):
         return strategy.known

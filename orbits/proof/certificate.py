@@ -94,9 +94,9 @@ class Certificate:
         where = {"outside": outside, "inside": inside, "on": len(sizes) - outside - inside}
         if self.verdict == "unstable":
             where["not separated from"] = where.pop("on")
-        told = ", ".join(f"{n} {place}" for place, n in where.items() if n)
+        places = ", ".join(f"{n} {place}" for place, n in where.items() if n)
         return f"linearly {self.verdict}" + (
-            f": multipliers {told} the unit circle" if told else ""
+            f": multipliers {places} the unit circle" if places else ""
         )
 
     def as_json(self) -> dict[str, Any]:

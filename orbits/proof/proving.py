@@ -163,8 +163,10 @@ def _prove(orbit: Orbit, system: ClosingEquations, digits: float, throw: bool) -
         return _no_proof(orbit, f"no centre is found: {error}", throw)
     moved = _distance(system, numbers)
     if moved > _NEAR * 10**lost * max(orbit.rtol, orbit.residual):
-        told = f"the nearest solution is {moved:.1e} away, in the sizes of entries, from that given"
-        return _no_proof(orbit, f"{told}, whose digits are wrong. {_ANOTHER}", throw)
+        message = (
+            f"the nearest solution is {moved:.1e} away, in the sizes of entries, from that given"
+        )
+        return _no_proof(orbit, f"{message}, whose digits are wrong. {_ANOTHER}", throw)
     radius = max(10.0 ** (_BOX - digits), _LEAST_RADIUS)
     return certify(orbit, system, numbers, radius, digits + lost, throw=throw)
 

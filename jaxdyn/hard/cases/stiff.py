@@ -79,7 +79,7 @@ def _spring() -> tuple[Figure, ...]:
     rod = _ran(joined_by_rod(), rtol=1e-10)
     springs = [_ran(joined_by_spring(k), rtol=_RTOL, solver=RADAU9) for k in _STIFFNESSES]
     followed = [_ran(joined_by_spring(k), rtol=1e-10) for k in _FOLLOWED]
-    told = [advice(joined_by_spring(k), _T1) for k in _STIFFNESSES]
+    warned = [advice(joined_by_spring(k), _T1) for k in _STIFFNESSES]
     steps = [spring[1] for spring in springs]
     return (
         Figure("mass centre of the rod [m]", rod[0], _BOUND),
@@ -92,7 +92,7 @@ def _spring() -> tuple[Figure, ...]:
             for k, spring in zip(_FOLLOWED, followed, strict=True)
         ),
         Figure("steps of the rod", rod[1]),
-        Figure("users not told, k = 1e6 on", sum(not words for words in told[1:]), 0),
+        Figure("users not told, k = 1e6 on", sum(not words for words in warned[1:]), 0),
     )
 
 

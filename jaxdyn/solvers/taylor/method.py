@@ -126,7 +126,7 @@ class Taylor(Method):
             # The divisions are here for the reason given at `rough_power`.
             rtol, atol = tolerance
             given = *given, 1.0 / h, jnp.unstack(1.0 / (atol + rtol * jnp.abs(y)))
-        told = terms.error if tolerance is None else terms.last
+        estimate = terms.error if tolerance is None else terms.last
 
         def step(t, h, y, *limits):
             series = solution(*_formulas(field, t, y), self.order, h)
@@ -137,7 +137,7 @@ class Taylor(Method):
                 reach = terms.reach(squares)
                 part = terms.snap_to_number(reach, t, h, inverse)
                 about = [(part, terms.square_error(squares, part)), (reach, reach)]
-            second = [(terms.slope if guarded else told)(c, part) for c in series]
+            second = [(terms.slope if guarded else estimate)(c, part) for c in series]
             sums = [terms.increment(c, part) for c in series]
             slopes = [terms.slope(c, part) for c in series] if checked else []
             pairs = [*zip(sums, second, strict=True), *about, *((x, x) for x in slopes)]

@@ -258,8 +258,8 @@ def last(c: list[Coefficient], part: Array) -> Array:
 
 def error(c: list[Coefficient], part: Array) -> Array:
     """The error at a part of the step: the sizes of terms that show it, with the last's sign."""
-    told = ((weight, times(c[k], lax.integer_pow(part, k))) for k, weight in _weights(len(c) - 1))
-    sizes = (times(weight, jnp.abs(term)) for weight, term in told if term is not None)
+    shown = ((weight, times(c[k], lax.integer_pow(part, k))) for k, weight in _weights(len(c) - 1))
+    sizes = (times(weight, jnp.abs(term)) for weight, term in shown if term is not None)
     found = _or_zero(functools.reduce(plus, sizes, None))
     return jnp.where(_or_zero(c[-1]) < 0, -found, found)
 
