@@ -53,10 +53,6 @@ class Polynomials:
         self.generators = self.context.gens()
         self._used = len(self.inputs)
 
-    def variable(self, i: int):
-        """The polynomial of input i."""
-        return self.generators[i]
-
     def constant(self, x: float | Fraction):
         """The polynomial of a known number."""
         if not math.isfinite(x):

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, fail
+from jaxdyn._checks import check_first, fail, is_traced
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.monodromy import return_map, tangents
@@ -39,6 +39,10 @@ from orbits.shooting.segmentation import cut_into_segments
 
 #: Multipliers closer to each other than this many of their error bars may coincide.
 _APART = 3.0
+#: An orbit belongs to a scene if it closes with the scene's numbers up to this many units of the
+#: equations, or if Newton's method would move it by at most this many units of the unknowns: very
+#: unstable orbits satisfy only the second condition, those next to a fold only the first.
+_CLOSES = 1e-8
 
 
 class DifferentiableOrbit(eqx.Module):
@@ -149,11 +153,12 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       The orbit's numbers, equal to those found, with their first derivatives with respect to every
       number of the scene (and of the conditions).
     Raises:
-      ValueError: `orbit` does not close; legs are given with an orbit, or a scene or conditions
-        with a chain.
-    Limits: first derivatives only; the values are those of `orbit`, whatever the numbers of the
-      scene. Derivatives are accurate to rounding times the growth of errors over the orbit: that of
-      the figure-eight's period by a mass to 1e-11, compared with differences of order 6.
+      ValueError: `orbit` does not close, or not with the numbers of the scene or the conditions;
+        legs are given with an orbit, or a scene or conditions with a chain.
+    Limits: first derivatives only. Where numbers are traced, and are not those with which the orbit
+      was found, all results are NaN: find it again, outside of the transformation. Derivatives are
+      accurate to rounding times the growth of errors over the orbit: that of the figure-eight's
+      period by a mass to 1e-11, compared with differences of order 6.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
@@ -171,13 +176,50 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     if isinstance(orbit, HybridOrbit):
         if hold:
             raise fail("hold", "none for a chain of legs", "conditions", "Leave it out.")
-        return _chain(legs_of(scene, orbit.path), orbit)
+        return _of_these_numbers(_chain(legs_of(scene, orbit.path), orbit))
     if orbit.mesh is not None:
         raise fail("orbit", "an orbit found by shooting", "one by collocation")
     posed = pose(orbit, hold)
-    inverse = _inverse(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
-    y0, period, angle = _implicit(posed.of(scene), posed.x, inverse, orbit.rtol)
-    return DifferentiableOrbit(scene.starting(y0, period), angle, orbit)
+    linear = _linearize(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
+    y0, period, angle = _implicit(posed.of(scene), posed.x, linear, orbit.rtol)
+    return _of_these_numbers(DifferentiableOrbit(scene.starting(y0, period), angle, orbit))
+
+
+def _of_these_numbers(found):
+    """The result, if it is not known to be NaN."""
+    if not is_traced(found.y0) and np.isnan(found.y0).any():
+        raise fail(
+            "scene",
+            "the numbers with which the orbit was found",
+            "others, with which it does not close",
+            "find() it again with these, from the known one.",
+        )
+    return found
+
+
+class _Linear(NamedTuple):
+    """The equations of an orbit, linearised.
+
+    Attributes:
+      inverse: (n, m) the pseudo-inverse of their Jacobian.
+      units: (n,) units of the unknowns.
+      rows: (m,) units of the equations.
+    """
+
+    inverse: np.ndarray
+    units: np.ndarray
+    rows: np.ndarray
+
+    def solution(self, x, miss: Array) -> Array:
+        """(n,) x, with derivatives by the implicit function theorem from the residual (m,) there.
+
+        It is NaN if the residual says that x is not a solution.
+        """
+        value = jax.lax.stop_gradient(miss)
+        step = jnp.abs(self.inverse @ value) / self.units
+        closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= _CLOSES
+        # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+        return x - jnp.where(closes, 1.0, jnp.nan) * (self.inverse @ (miss - value))
 
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
@@ -220,11 +262,10 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     found = chain.linearize(chain.pack(start, spans), orbit.rtol)
     each = chain.sizes(found, spans)
     units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
-    inverse = _pseudo_inverse(found.jacobian * units / rows[:, None], units, rows)
+    linear = _linear(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
-    change = inverse @ (miss - jax.lax.stop_gradient(miss))
-    k = len(start)
-    return DifferentiableChain(start - change[:k], spans - change[k:])
+    x, k = linear.solution(np.concatenate([start, spans]), miss), len(start)
+    return DifferentiableChain(x[:k], x[k:])
 
 
 def residual(equations: Equations, x: Array, rtol) -> Array:
@@ -236,25 +277,23 @@ def residual(equations: Equations, x: Array, rtol) -> Array:
 
 
 @jax.jit
-def _implicit(equations: Equations, x, inverse, rtol) -> tuple[Array, Array, Array]:
+def _implicit(equations: Equations, x, linear: _Linear, rtol) -> tuple[Array, Array, Array]:
     """Start, period and angle at x, with their derivatives by the implicit function theorem."""
-    miss = residual(equations, x, rtol)
-    x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
+    x = linear.solution(x, residual(equations, x, rtol))
     unknowns = equations.unpack(x)
     return equations.start(x), unknowns.period, unknowns.angle
 
 
-def _inverse(equations: Equations, x: np.ndarray, rtol: float) -> np.ndarray:
-    """(n, m) the pseudo-inverse of the Jacobian, which selects the nearest orbit in its units."""
+def _linearize(equations: Equations, x: np.ndarray, rtol: float) -> _Linear:
+    """The equations, linearised at x; the pseudo-inverse selects the nearest orbit in its units."""
     closed = InUnits(equations, x, rtol)
-    _, jacobian = closed(x)
-    return _pseudo_inverse(jacobian, closed.units.x, closed.units.residual)
+    return _linear(closed(x)[1], closed.units.x, closed.units.residual)
 
 
-def _pseudo_inverse(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """(n, m) the pseudo-inverse of a Jacobian in units of the unknowns (n,) and equations (m,)."""
+def _linear(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> _Linear:
+    """From a Jacobian in units of the unknowns (n,) and equations (m,)."""
     inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
-    return units[:, None] * inverse / rows
+    return _Linear(units[:, None] * inverse / rows, units, rows)
 
 
 def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

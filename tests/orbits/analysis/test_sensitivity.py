@@ -127,6 +127,34 @@ def test_an_orbit_that_does_not_close_has_no_derivative(swing):
         orbits.differentiable(bad.scene, bad)
 
 
+def _driven(t, y, k):
+    return [y[1], jnp.cos(t) - 0.2 * y[1] - k * y[0]]
+
+
+def _response(k):
+    return jaxdyn.ode(_driven, [0.0, 0.0], 2 * jnp.pi, params=k)
+
+
+def test_the_numbers_of_another_orbit_are_refused_or_nan():
+    """x = Re(exp(i t) / (k - 1 + 0.2 i)), so that x(0) depends on k."""
+    known = orbits.find(_response(3.0))
+
+    def start(k):
+        return orbits.differentiable(_response(k), known).y0[0]
+
+    values, slopes = jax.vmap(jax.value_and_grad(start))(jnp.array([2.9, 3.0, 3.0 + 1e-12]))
+    x = 1 / (2 + 0.2j)
+    assert np.isnan([values[0], slopes[0]]).all()
+    np.testing.assert_allclose(values[1:], x.real, atol=1e-12)
+    np.testing.assert_allclose(slopes[1:], -(x**2).real, atol=1e-10)
+    with pytest.raises(ValueError, match="scene: expected the numbers with which the orbit was f"):
+        start(2.9)
+    level = orbits.Energy(0.0)
+    still = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+    with pytest.raises(ValueError, match="scene: expected the numbers with which the orbit was f"):
+        orbits.differentiable(still.scene, still, hold=level)
+
+
 def test_multipliers_that_coincide_are_nan():
     # On a circle the two that no integral forces to be 1 are 1 too, in a defective block.
     circle = orbits.Orbit(

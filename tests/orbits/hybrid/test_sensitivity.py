@@ -67,6 +67,9 @@ def test_legs_are_differentiated_as_well():
 
     # T = 2 sqrt(2 h / g)
     np.testing.assert_allclose(jax.grad(period, (0, 1))(10.0, 5.0), [-0.1, 0.2], atol=1e-10)
+    assert jnp.isnan(jnp.stack(jax.grad(period, (0, 1))(10.0, 5.1))).all()
+    with pytest.raises(ValueError, match="scene: expected the numbers with which the orbit was f"):
+        period(10.0, 5.1)
 
 
 def test_what_does_not_fit_is_refused():
