@@ -105,7 +105,6 @@ UPWARDS = {
     ("orbits/hybrid/legs.py", "orbits.drawing.periodic"),
     ("orbits/families/family.py", "orbits.drawing.families"),
     ("orbits/families/family.py", "orbits.drawing.pages"),
-    ("orbits/files/family_files.py", "orbits.drawing.pages"),
     ("orbits/families/family.py", "orbits.drawing.periodic"),
     ("orbits/discovery/settling.py", "orbits.drawing.basin_maps"),
     ("orbits/discovery/tipping.py", "orbits.drawing.basin_maps"),
