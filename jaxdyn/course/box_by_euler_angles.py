@@ -55,7 +55,9 @@ def solve(page: Page) -> None:
     placed = whole.r[0] @ jnp.swapaxes(R, 1, 2)
     page.equal("It places every corner", whole.r, placed, within=1e-11)
 
-    page.draw(drawing.trajectory(whole), "The path of a corner when all three angles swing.")
+    page.draw(
+        lambda: drawing.trajectory(whole), "The path of a corner when all three angles swing."
+    )
     page.play(motions, "One angle at a time, then all of them.", choose="angles")
 
 

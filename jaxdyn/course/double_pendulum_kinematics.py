@@ -31,9 +31,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import ode, scenes, simulate
+from jaxdyn import drawing, ode, scenes, simulate
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.geometry import kinematics
 
 PROBLEM = 36
@@ -85,15 +84,23 @@ def solve(page: Page) -> None:
     hand = jnp.array([0.6 - 0.16 - 1.21 * 0.6 - 2.2 * 0.6, -1.0 + 0.12 - 1.21 * 0.8 - 2.2 * 0.8])
     page.equal("The five terms in an example", five, hand, within=1e-14, route="by hand")
 
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(motion.ts, absolute, glued),
+        "The five-term formula (dashed) coincides with the sum of the two links.",
+    )
+    page.play(motion, "The end of the second link is the point whose acceleration is found.")
+
+
+def picture(ts, absolute, glued):
+    """The acceleration of the end over time, by both formulas."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.subplots()
-    style(ax)
-    ax.plot(motion.ts, absolute, lw=4, alpha=0.4, label=["x", "y"])
-    ax.plot(motion.ts, glued, "k--", lw=1, label=["five-term formula", ""])
+    drawing.figures.style(ax)
+    ax.plot(ts, absolute, lw=4, alpha=0.4, label=["x", "y"])
+    ax.plot(ts, glued, "k--", lw=1, label=["five-term formula", ""])
     ax.set(xlabel="t [s]", ylabel="acceleration of the end [m/s^2]")
     ax.legend(frameon=False)
-    page.draw(figure, "The five-term formula (dashed) coincides with the sum of the two links.")
-    page.play(motion, "The end of the second link is the point whose acceleration is found.")
+    return figure
 
 
 def check(page: Page) -> None:

@@ -64,8 +64,10 @@ def solve(page: Page) -> None:
     same = "They give the same angular velocity"
     page.equal(same, pose.omega_w, fixed[:, 9:], within=1e-7, route="second formulation")
 
-    figure = drawing.time_series(motion, names=["omega1", "omega2", "omega3"])
-    page.draw(figure, "It flips over whenever omega2 changes its sign.")
+    page.draw(
+        lambda: drawing.time_series(motion, names=["omega1", "omega2", "omega3"]),
+        "It flips over whenever omega2 changes its sign.",
+    )
     page.play(motion, "The plate turns, wobbles, and flips over.")
 
 

@@ -28,7 +28,6 @@ import numpy as np
 from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import PALETTE, blank, style
 
 PROBLEM = 17
 TOPIC = "many particles"
@@ -64,17 +63,22 @@ def solve(page: Page) -> None:
         "A start 0.22 aside throws a body out", farthest["0.22 aside, 45 units"] > 5.0, route=route
     )
 
-    figure = blank(9.0, 6.6)
-    for ax, (name, motion) in zip(figure.subplots(2, 2).flat, motions.items(), strict=True):
-        style(ax)
-        x, y = drawing.paths(motion).xyz.T
-        ax.set_prop_cycle(color=PALETTE)
-        ax.plot(x.T, y.T, lw=1.2)
-        ax.set(title=name, aspect="equal", xlabel="x", ylabel="y")
     look = "In 2.1 units each body runs a third of the one curve. The eight of a start aside turns."
-    page.draw(figure, look)
+    page.draw(lambda: picture(motions), look)
     page.play(motions["10 units"], "Three bodies chase each other on one curve.")
     page.play(motions["0.22 aside, 45 units"], "Two bodies form a pair, and eject the third.")
+
+
+def picture(motions):
+    """The paths of all motions."""
+    figure = drawing.figures.blank(9.0, 6.6)
+    for ax, (name, motion) in zip(figure.subplots(2, 2).flat, motions.items(), strict=True):
+        drawing.figures.style(ax)
+        x, y = drawing.paths(motion).xyz.T
+        ax.set_prop_cycle(color=drawing.figures.PALETTE)
+        ax.plot(x.T, y.T, lw=1.2)
+        ax.set(title=name, aspect="equal", xlabel="x", ylabel="y")
+    return figure
 
 
 if __name__ == "__main__":

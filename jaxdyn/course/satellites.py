@@ -15,10 +15,9 @@ and only A tumbles irregularly.
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
 from jaxdyn.geometry import inertia
 
@@ -72,15 +71,23 @@ def solve(page: Page) -> None:
         "A's centre stays at rest", tumbles["A"].ys[:, :3], jnp.zeros((400, 3)), within=1e-14
     )
 
-    figure = blank(9.0, 3.4)
+    page.draw(
+        lambda: picture(paths),
+        "The tip of A's antenna tumbles about; those of B and C run round circles.",
+    )
+    page.play(tumbles, "Look at the tips of the antennas.", choose="satellite")
+
+
+def picture(paths):
+    """The paths of the tips of the long antennas."""
+    figure = drawing.figures.blank(9.0, 3.4)
     for i, (name, path) in enumerate(paths.items()):
         ax = figure.add_subplot(1, 3, i + 1, projection="3d")
         ax.plot(*path.T, lw=1.0)
         ax.set(xlim=(-4.5, 4.5), ylim=(-4.5, 4.5), zlim=(-4.5, 4.5), aspect="equal")
         ax.set_title(f"tip of the long antenna of {name}")
-        style(ax)
-    page.draw(figure, "The tip of A's antenna tumbles about; those of B and C run round circles.")
-    page.play(tumbles, "Look at the tips of the antennas.", choose="satellite")
+        drawing.figures.style(ax)
+    return figure
 
 
 if __name__ == "__main__":

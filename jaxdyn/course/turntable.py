@@ -97,9 +97,10 @@ def solve(page: Page) -> None:
     statement = "d: With v0 = 0 nothing moves the mass or slows the table, at any angle"
     page.equal(statement, change, [1.0, 0.0, 0.0, 0.0], within=1e-15, route="equations")
 
-    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
-    page.draw(free, "The slot pushes the mass sideways, and the mass the slot.")
-    page.draw(drawing.trajectory(by_lagrange), "The mass leaves on a path that becomes straight.")
+    look = "The slot pushes the mass sideways, and the mass the slot."
+    page.draw(lambda: drawing.free_body(by_lagrange, float(by_lagrange.ts[40])), look)
+    look = "The mass leaves on a path that becomes straight."
+    page.draw(lambda: drawing.trajectory(by_lagrange), look)
     speeds = {
         u: simulate(scenes.turntable(speed=u, formulation="lagrange"), 6.0, samples=401)
         for u in (0.01, 0.1, 0.3, 1.0, 3.0)
