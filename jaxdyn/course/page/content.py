@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import jaxdyn
-from jaxdyn import _text
+from jaxdyn import _text, player
 from jaxdyn.integrate.events import Event
 from jaxdyn.scene import Scene
 
@@ -94,7 +93,7 @@ class Page:
         self.checks: list[Check] = []
         self.drawings: list[Drawing] = []
         self.played: list[PlayedMotions] = []
-        self.asks: list[jaxdyn.player.Ask] = []
+        self.asks: list[player.Ask] = []
 
     @property
     def holds(self) -> bool:
@@ -176,7 +175,7 @@ class Page:
           scenes: the scene of the motion with the initial state and parameters that show it, or
             several by name, perhaps without some effects; None if the motion shows it as it is.
         """
-        self.asks.append(jaxdyn.player.Ask(question, answer, scenes))
+        self.asks.append(player.Ask(question, answer, scenes))
 
 
 def _host(value: Any) -> np.ndarray:
