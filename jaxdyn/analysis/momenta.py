@@ -99,6 +99,8 @@ def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition
 
 @check_first
 @each_motion
+@of_samples
+@eqx.filter_jit
 def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
     """Whether M = dH/dt about c, for each definition, at the samples of a motion.
 
@@ -110,23 +112,18 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
       >>> {name: bool(b.holds) for name, b in balance.items()}
       {'fixed': True, 'absolute': True, 'relative': True}
     """
-    return {name: _moment_balance(motion, c, name) for name in DEFINITIONS}
-
-
-@of_samples
-@eqx.filter_jit
-def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Balance:
     scene = motion.scene
 
     def sides(t, y):
         points, a, c_now, c_rate = _motion_about(scene, t, y, c)
-        m, arm = points.m[:, None], jnp.abs(points.r - c_now[None])
+        m, arm = points.m[:, None], points.r - c_now[None]
         v = jnp.abs(points.v) + jnp.abs(c_rate[None])
-        moment = jnp.sum(m * arm) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
-        rate = angular_momentum_rate(scene, t, y, c, definition)
-        return moment_about(scene, t, y, c), rate, moment
+        size = jnp.sum(m * jnp.abs(arm)) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
+        rates = [angular_momentum_rate(scene, t, y, c, name) for name in DEFINITIONS]
+        return _moment(arm, m * a), jnp.stack(rates), size
 
-    return _balance(*jax.vmap(sides)(motion.ts, motion.ys))
+    moments, rates, sizes = jax.vmap(sides)(motion.ts, motion.ys)
+    return {name: _balance(moments, rates[:, i], sizes) for i, name in enumerate(DEFINITIONS)}
 
 
 @check_first
