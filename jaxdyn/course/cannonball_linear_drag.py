@@ -84,7 +84,7 @@ def solve(page: Page) -> None:
     law = special.lambertw(u**2 / np.e).real / u
     page.number("e: W(u^2 / e) / u for these", np.degrees(law), "degrees")
     page.equal("e: They agree for 10000 m/s", best[2] / law[2], 1.0, within=1e-5)
-    slopes = jax.vmap(jax.grad(reach))(best, u) / u
+    slopes = jax.jit(jax.vmap(jax.grad(reach)))(best, u) / u
     page.equal(
         "No angle takes it farther", slopes, 0 * u, within=1e-11, route="derivative of the range"
     )

@@ -78,7 +78,8 @@ def solve(page: Page) -> None:
         page.number(f"{name}: change on the way", change, "J")
         printed = formula(end) - formula(start)
         page.equal(f"{name}: formula", change, printed, within=1e-13, route="printed answer")
-        force = jax.vmap(effect.force, (None, 0, None, None))(0.0, path, 0 * start, np.ones(2))
+        along = jax.jit(jax.vmap(effect.force, (None, 0, None, None)))
+        force = along(0.0, path, 0 * start, np.ones(2))
         work = 0.5 * np.sum(weights[:, None, None] * force * slope)
         page.equal(f"{name}: work", -work, change, within=1e-12, route="along a curve")
 

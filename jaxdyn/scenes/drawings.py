@@ -256,7 +256,12 @@ def _check_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
 
 def _scene_on_path(path: Path, t1) -> Scene:
     system = Prescribed(path)
-    return Scene(system, y0=system.state(jnp.zeros(())), t1=t1)
+    return Scene(system, y0=_begin(system), t1=t1)
+
+
+@eqx.filter_jit  # one program, not one for each operation
+def _begin(system: Prescribed) -> Array:
+    return system.state(jnp.zeros(()))
 
 
 def _equal(outline: Array) -> Array:

@@ -127,8 +127,10 @@ def crossings(
         remedy = "Pass most=, a number of rows that does not depend on the motion."
         _checks.check_untraced("scene and times", given, remedy)
 
+    traced = _checks.is_traced(given)
+
     def run(held_to, method: Method) -> Crossings:
-        held_to = jax.tree.map(jnp.asarray, held_to)
+        held_to = jax.tree.map(jnp.asarray if traced else np.asarray, held_to)
 
         def rest(y, t, side, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
             args = (scene.field, event, y, t, side, t1, held_to)
@@ -139,8 +141,7 @@ def crossings(
             return _every(rest, scene.y0, t0, none, held_to)
         return rest(scene.y0, t0, none, held_to, rows)[0]
 
-    default = solver is None and not _checks.is_traced(given)
-    found, _ = run_or_switch(run, held_to, method, default=default)
+    found, _ = run_or_switch(run, held_to, method, default=solver is None and not traced)
     if throw:
         raise_unless_ok(found.status, scene)
     return found
