@@ -178,7 +178,7 @@ class MechanismSystem(System):
         self.mechanism.check()
         m = _masses(self.mechanism)
         if self.mechanism.massless and not _checks.is_traced(m):
-            m = np.sum(m)
+            m = np.asarray(m).sum()
         _checks.positive("mass", m, "Masses are in kg.")
 
 

@@ -210,7 +210,7 @@ class RigidBody(System):
         check_matter(self.matter)
         if _checks.is_traced((self, y)):
             return
-        a = self._parts(y)[1]
+        a = y[:-3] if self.pivoted else y[3:-6]
         nearest = np.asarray(_nearest(self.attitude, a))
         off = np.abs(nearest - a).max()
         if not off <= CONSISTENT:
@@ -276,8 +276,8 @@ def check_matter(matter: MaterialPoints) -> None:
     if _checks.is_traced(matter):
         return
     # A single point may have no mass, or a negative one: a hole.
-    _checks.positive("mass", np.sum(matter.m), "Masses are in kg.")
-    moments = _moments(matter)
+    _checks.positive("mass", np.asarray(matter.m).sum(), "Masses are in kg.")
+    moments = np.asarray(_moments(matter))
     if not moments[0] > 1e-12 * moments[2]:
         raise _checks.fail(
             "matter",
