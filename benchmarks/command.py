@@ -42,6 +42,12 @@ import jaxdyn
 jaxdyn.configure()
 jaxdyn.simulate(jaxdyn.scenes.pendulum(), 2.0)
 """
+#: A page of the course.
+_PAGE = """
+import jaxdyn
+jaxdyn.configure()
+jaxdyn.course.page.run("cart_and_pendulum", check=False, ask=False)
+"""
 #: Imports modules, runs the program that follows, and prints how the time was spent [s].
 _SPLIT = """
 import contextlib, importlib, io, json, time
@@ -65,6 +71,12 @@ with contextlib.redirect_stdout(io.StringIO()):
 run = time.perf_counter() - imported - sum(spent.values())
 print(json.dumps({{"import": imported - begin, **spent, "run": run}}))
 """
+#: What is split, by name.
+_SPLITS = {
+    "first motion, warm": _MOTION,
+    "command, warm": _RUN,
+    "page of the course, warm": _PAGE,
+}
 _IMPORTS = "its imports alone"
 _ROUNDS, _QUICK_ROUNDS = 2, 1
 _SLOW = 60.0  # [s] timeout
@@ -90,8 +102,7 @@ def run(quick: bool = False) -> list[Row]:
         }
         times = interleave(runs, rounds, slow=_SLOW)
         splits = [
-            Row(f"{name}: split", _split(python, program))
-            for name, program in (("first motion, warm", _MOTION), ("command, warm", _RUN))
+            Row(f"{name}: split", _split(python, program)) for name, program in _SPLITS.items()
         ]
     return [
         Row("command: cold", {"jaxdyn": Times(cold, cold)}),

@@ -34,6 +34,7 @@ and b_(n+1)(q) at large amplitudes. Fast shaking of small amplitude, averaged ov
 stable from (A w)^2 = 2 g L on, where a_0 = -q^2 / 2.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy import special
@@ -57,7 +58,7 @@ def balance(t, y, p):
 def solve(page: Page) -> None:
     """Shake the stick; find where it stays up, and compare with Mathieu."""
     shaking, y = scenes.shaken_pendulum(), jnp.array([0.7, -1.3])
-    found, known = shaking.rate(0.3, y), jnp.stack(balance(0.3, y, NUMBERS))
+    found, known = jax.jit(shaking.rate)(0.3, y), jnp.stack(balance(0.3, y, NUMBERS))
     page.equal("a: The scene has the equation by hand", found, known, within=1e-12, route="by hand")
     page.number("largest acceleration of the base", 0.1 * 60.0**2, "m/s^2")
 

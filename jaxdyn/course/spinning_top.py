@@ -93,7 +93,7 @@ def solve(page: Page) -> None:
     other = precession.tilts(tops["0"])
     page.equal(same, other, angles["q1"], within=1e-8, route="second formulation")
 
-    rate = released.rate(0.0, jnp.array([0.3, 0.7, 0.1, 5.0, 2.0, 90.0]))[3:]
+    rate = jax.jit(released.rate)(0.0, np.array([0.3, 0.7, 0.1, 5.0, 2.0, 90.0]))[3:]
     by_hand = by_euler(0.7, 5.0, 2.0, 90.0)
     statement = "Lagrange's equations are Euler's, as written above"
     page.equal(statement, rate, by_hand, within=1e-10, route="second formulation")
@@ -146,7 +146,7 @@ def critical_spin_by_linearization(**top_numbers) -> float:
         # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
         # enter the rates: the motion has eigenvalues like an equilibrium.
         scene = scenes.top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
-        a = jacobian(scene, scene.y0)[_TILT_ENTRIES, :][:, _TILT_ENTRIES]
+        a = np.asarray(jacobian(scene, scene.y0))[np.ix_(_TILT_ENTRIES, _TILT_ENTRIES)]
         return classify(a).eigenvalues[0].real > _MIN_GROWTH * spin
 
     return _threshold(unstable, guess, 45)
