@@ -99,8 +99,6 @@ def angular_momentum_rate(scene: Scene | Field, t, y, c: MovingPoint, definition
 
 @check_first
 @each_motion
-@of_samples
-@eqx.filter_jit
 def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
     """Whether M = dH/dt about c, for each definition, at the samples of a motion.
 
@@ -112,6 +110,12 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
       >>> {name: bool(b.holds) for name, b in balance.items()}
       {'fixed': True, 'absolute': True, 'relative': True}
     """
+    return dict(zip(DEFINITIONS, _moment_balances(motion, c), strict=True))
+
+
+@of_samples
+@eqx.filter_jit  # one program for all definitions, most of whose work is the same
+def _moment_balances(motion: Trajectory, c: MovingPoint) -> list[Balance]:
     scene = motion.scene
 
     def sides(t, y):
@@ -123,7 +127,7 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
         return _moment(arm, m * a), jnp.stack(rates), size
 
     moments, rates, sizes = jax.vmap(sides)(motion.ts, motion.ys)
-    return {name: _balance(moments, rates[:, i], sizes) for i, name in enumerate(DEFINITIONS)}
+    return [_balance(moments, rates[:, i], sizes) for i in range(len(DEFINITIONS))]
 
 
 @check_first
