@@ -9,8 +9,11 @@ Last numbers (2 cores, 2026-11, minima): cold 13.3 s, warm 6.2 s, of which 2.8 s
 of jaxdyn 0.03 s, of diffrax 2.1 s; on a machine twice as fast warm 2.9 s, of which 1.4 s. With a
 warm cache the first motion took 1.3 s to import, 0.5 to trace, 0.2 to lower, 0.2 to load and 0.03
 to run while other work was on the cores, the command 1.5, 1.1, 0.7, 0.6 and 0.5. The processor
-takes 1.7 s for the first motion (13 programs, of which one is the solve), of which 0.9 are imports
-of JAX and diffrax, 4.4 s for the command (38 programs), and 2.5 s for `jaxdyn run pendulum`.
+takes 1.7 s for the first motion (6 programs, of which one is the solve), of which 0.9 are imports
+of JAX and diffrax, 4.4 s for the command (23 programs), 2.4 s for `jaxdyn run cannonball` (14), and
+3.8 s for `jaxdyn course 35` (32), for which it took 6.3 s (84) while pages drew pictures that they
+did not show. Since `orbits` integrates with four kinds of steps (with tangents, plainly, by another
+method, and with many samples), the command cannot take fewer of its long programs.
 """
 
 import json
@@ -42,6 +45,12 @@ import jaxdyn
 jaxdyn.configure()
 jaxdyn.simulate(jaxdyn.scenes.pendulum(), 2.0)
 """
+#: A page of the course.
+_PAGE = """
+import jaxdyn
+jaxdyn.configure()
+jaxdyn.course.page.run("cart_and_pendulum", check=False, ask=False)
+"""
 #: Imports modules, runs the program that follows, and prints how the time was spent [s].
 _SPLIT = """
 import contextlib, importlib, io, json, time
@@ -65,6 +74,12 @@ with contextlib.redirect_stdout(io.StringIO()):
 run = time.perf_counter() - imported - sum(spent.values())
 print(json.dumps({{"import": imported - begin, **spent, "run": run}}))
 """
+#: What is split, by name.
+_SPLITS = {
+    "first motion, warm": _MOTION,
+    "command, warm": _RUN,
+    "page of the course, warm": _PAGE,
+}
 _IMPORTS = "its imports alone"
 _ROUNDS, _QUICK_ROUNDS = 2, 1
 _SLOW = 60.0  # [s] timeout
@@ -90,8 +105,7 @@ def run(quick: bool = False) -> list[Row]:
         }
         times = interleave(runs, rounds, slow=_SLOW)
         splits = [
-            Row(f"{name}: split", _split(python, program))
-            for name, program in (("first motion, warm", _MOTION), ("command, warm", _RUN))
+            Row(f"{name}: split", _split(python, program)) for name, program in _SPLITS.items()
         ]
     return [
         Row("command: cold", {"jaxdyn": Times(cold, cold)}),

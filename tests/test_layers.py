@@ -272,3 +272,26 @@ def test_commands_that_draw_nothing_load_no_drawing_library():
 def test_a_search_that_does_not_descend_does_not_load_optax():
     code = "import sys, orbits.shooting.finding; print('optax._src' in sys.modules)"
     assert run_python(code) == "False"
+
+
+def test_a_page_of_the_course_loads_no_drawing_library_before_it_draws():
+    code = """
+import sys, jaxdyn
+jaxdyn.configure()
+shown = jaxdyn.course.page.run("cross_product", ask=False)
+print(shown.page.holds, len(shown.page.drawings), "matplotlib" in sys.modules)
+shown.page.drawings[0].figure
+print("matplotlib" in sys.modules)
+"""
+    assert run_python(code).split() == ["True", "1", "False", "True"]
+
+
+@pytest.mark.slow
+def test_no_page_of_the_course_imports_a_drawing_library():
+    code = """
+import importlib, sys, jaxdyn
+for page in jaxdyn.course.problems().values():
+    importlib.import_module(f"jaxdyn.course.{page.name}")
+print("matplotlib" in sys.modules, "jaxdyn.symbolic" in sys.modules)
+"""
+    assert run_python(code) == "False False"

@@ -11,12 +11,14 @@ covers all times of a smooth motion and measures rounding more carefully.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array
 
 from jaxdyn._checks import as_float, check_first
 from jaxdyn.integrate.errors import FINEST, RATIO, gaps
@@ -24,7 +26,7 @@ from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import groups, sizes_at_start
+from jaxdyn.scales import Groups, groups, sizes_at_start
 from jaxdyn.scene import Scene
 
 Motion = Trajectory | HybridTrajectory
@@ -171,7 +173,7 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
     known = groups(scene.system)
     angles = np.isfinite(known.most)
-    sizes = np.asarray(known.largest(as_float(np.where(angles, np.maximum(sizes, 1.0), sizes))))
+    sizes = np.asarray(_largest(known, np.where(angles, np.maximum(sizes, 1.0), sizes)))
     # The scale of a rate is at least what would change a quantity by its size over the span.
     first, last = np.asarray(pieces[0].ts)[0], np.asarray(pieces[-1].ts)[-1]
     span = abs(float(last - first)) or math.inf
@@ -180,6 +182,12 @@ def _scales(motion: Motion, y: np.ndarray) -> np.ndarray:
     sizes = np.where([unit.endswith("/s") for _, unit in labels], np.maximum(sizes, rates), sizes)
     # An entry that stays at 0 gets a size from the others.
     return np.where(sizes > 0, sizes, sizes_at_start(scene)) if (sizes == 0).any() else sizes
+
+
+@functools.partial(jax.jit, static_argnums=0)  # one program, not one for each operation
+def _largest(known: Groups, x: Array) -> Array:
+    """(k,) the largest of each group of numbers x (k,)."""
+    return known.largest(x)
 
 
 @check_first

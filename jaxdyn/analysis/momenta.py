@@ -110,23 +110,24 @@ def moment_balance(motion: Trajectory, c: MovingPoint) -> dict[str, Balance]:
       >>> {name: bool(b.holds) for name, b in balance.items()}
       {'fixed': True, 'absolute': True, 'relative': True}
     """
-    return {name: _moment_balance(motion, c, name) for name in DEFINITIONS}
+    return dict(zip(DEFINITIONS, _moment_balances(motion, c), strict=True))
 
 
 @of_samples
-@eqx.filter_jit
-def _moment_balance(motion: Trajectory, c: MovingPoint, definition: str) -> Balance:
+@eqx.filter_jit  # one program for all definitions, most of whose work is the same
+def _moment_balances(motion: Trajectory, c: MovingPoint) -> list[Balance]:
     scene = motion.scene
 
     def sides(t, y):
         points, a, c_now, c_rate = _motion_about(scene, t, y, c)
-        m, arm = points.m[:, None], jnp.abs(points.r - c_now[None])
+        m, arm = points.m[:, None], points.r - c_now[None]
         v = jnp.abs(points.v) + jnp.abs(c_rate[None])
-        moment = jnp.sum(m * arm) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
-        rate = angular_momentum_rate(scene, t, y, c, definition)
-        return moment_about(scene, t, y, c), rate, moment
+        size = jnp.sum(m * jnp.abs(arm)) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
+        rates = [angular_momentum_rate(scene, t, y, c, name) for name in DEFINITIONS]
+        return _moment(arm, m * a), jnp.stack(rates), size
 
-    return _balance(*jax.vmap(sides)(motion.ts, motion.ys))
+    moments, rates, sizes = jax.vmap(sides)(motion.ts, motion.ys)
+    return [_balance(moments, rates[:, i], sizes) for i in range(len(DEFINITIONS))]
 
 
 @check_first

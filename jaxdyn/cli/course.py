@@ -42,7 +42,7 @@ def course_command(
     """Run a problem of the course: its statement, the answer, numbers, checks and pictures."""
     page = _page(problem)
     with screen(f"running {page.name}", as_object) as out:
-        found = jaxdyn.course.page.run(page.name, check=check)
+        found = jaxdyn.course.page.run(page.name, check=check, ask=live is not None)
         if as_object:
             printed = [one.text() for one in jaxdyn.course.page.equations_of(found.page)]
             record = jaxdyn.course.page.record(found) | {"equations": printed}

@@ -10,10 +10,11 @@ from the files.
 May import: `hard`, `player`, `drawing`, `symbolic`; and `orbits`.
 
 To add a page, write a file here with a docstring of title, statement, "Answer: " and the solution
-of each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`. Checks that take long go
-into ``check(page)``, which runs with ``--check``; questions about a motion that runs in a browser,
-"What happens when ...?", go into ``ask(page)``. Figures in the text have to be rounded numbers of
-the page, which the test checks.
+of each part; `PROBLEM` and `TOPIC` (one of `page.TOPICS`); and `solve`, which passes functions
+that draw its pictures, so that the command does not wait for pictures that it does not show. Checks
+that take long go into ``check(page)``, which runs with ``--check``; questions about a motion that
+runs in a browser, "What happens when ...?", go into ``ask(page)``. Figures in the text have to be
+rounded numbers of the page, which the test checks.
 """
 
 import lazy_loader

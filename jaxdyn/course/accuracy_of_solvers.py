@@ -86,7 +86,8 @@ def solve(page: Page) -> None:
     }
     for name, found in judged.items():
         page.number(f"e: error at tolerance 1e-6, {name}", found.curves[0].rungs[3].error)
-    page.draw(drawing.judgement(judged), "The error falls with the tolerance, and is larger.")
+    look = "The error falls with the tolerance, and is larger."
+    page.draw(lambda: drawing.judgement(judged), look)
 
     lorenz = {
         name: simulate(scenes.lorenz(y0=(1.0, 1.0, 1.0 + change), t1=30.0), samples=500, rtol=1e-12)

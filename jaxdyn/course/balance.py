@@ -37,8 +37,8 @@ second sum is zero, so all the force is at x = 0: 100 N at 10 rad/s.
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.geometry import inertia
 from jaxdyn.geometry.balance import bearing_forces
 
@@ -83,14 +83,19 @@ def solve(page: Page) -> None:
     page.equal("f: The bearing at x = 0 carries all", loads.at_a, [0, -100.0, 0], within=1e-11)
     page.equal("f: The bearing at x = 3 carries nothing", loads.at_b, np.zeros(3), within=1e-11)
 
-    figure = blank(6.4, 4.0)
+    page.draw(picture, "The moments of both masses about the left bearing cancel: 1 x 2 = 2 x 1.")
+
+
+def picture():
+    """The shaft with its two masses and two bearings."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.add_subplot(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    style(ax)
+    drawing.figures.style(ax)
     ax.plot([0, 3], [0, 0], "k-", [1, 1], [0, 2], "k-", [2, 2], [0, -1], "k-")
     ax.plot([1, 2], [2, -1], "o", ms=14, label="1 kg each")
     ax.plot([0, 3], [0, 0], "^", ms=12, label="bearings")
     ax.legend(loc="upper right", frameon=False)
-    page.draw(figure, "The moments of both masses about the left bearing cancel: 1 x 2 = 2 x 1.")
+    return figure
 
 
 if __name__ == "__main__":

@@ -36,9 +36,8 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import lagrangian, ode, scenes, simulate
+from jaxdyn import drawing, lagrangian, ode, scenes, simulate
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.scenes import guides
 
 PROBLEM = 33
@@ -81,18 +80,23 @@ def solve(page: Page) -> None:
     wheel = np.stack([angle + np.sin(angle), 1 - np.cos(angle)], axis=1) / (8 * c)
     page.equal("A rolling wheel of radius 1 / (8 c) traces it", wheel, curve, within=1e-12)
 
-    figure = blank(6.4, 3.4)
+    page.draw(lambda: picture(c), "At the bottom the cycloid is a parabola; its ends are vertical.")
+    page.play(
+        slides, "From any height the bead reaches the bottom at the same time.", choose="s [m]"
+    )
+
+
+def picture(c):
+    """The cycloid and the parabola."""
+    figure = drawing.figures.blank(6.4, 3.4)
     ax = figure.subplots()
-    style(ax)
+    drawing.figures.style(ax)
     whole = guides.cycloid(c, np.linspace(-4.0, 4.0, 801))
     ax.plot(*whole.T, label="y = c s^2")
     ax.plot(whole[:, 0], c * whole[:, 0] ** 2, "--", label="y = c x^2")
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.legend(frameon=False)
-    page.draw(figure, "At the bottom the cycloid is a parabola; its ends are vertical.")
-    page.play(
-        slides, "From any height the bead reaches the bottom at the same time.", choose="s [m]"
-    )
+    return figure
 
 
 def ask(page: Page) -> None:

@@ -56,9 +56,13 @@ def solve(page: Page) -> None:
         back = simulate(scene, period, **precisely).ys[-1]
         page.equal(f"Then the bead is back at {a} m", back, scene.y0, within=1e-11)
         slides[a] = simulate(scene, 5.0, samples=401)
-    free = drawing.free_body(by_x, float(by_x.ts[40]))
-    page.draw(free, "The weight and the force of the wire, which is normal to it.")
-    page.draw(drawing.trajectory(by_x), "The bead swings between equal heights on the wire.")
+    page.draw(
+        lambda: drawing.free_body(by_x, float(by_x.ts[40])),
+        "The weight and the force of the wire, which is normal to it.",
+    )
+    page.draw(
+        lambda: drawing.trajectory(by_x), "The bead swings between equal heights on the wire."
+    )
     page.play(slides, "Wider swings take longer on a parabola.", choose="amplitude [m]")
 
 

@@ -47,15 +47,17 @@ def solve(page: Page) -> None:
     page.number("largest roll, pitch and yaw when all swing", swings["all"], "rad")
     page.equal("The angles are those given", angles, given, within=1e-11)
 
-    about = jax.vmap(matrix_from_axis_angle, (None, 0))
+    about = jax.jit(jax.vmap(matrix_from_axis_angle, (None, 0)))
     Rx, Ry, Rz = (about(axis, angle) for axis, angle in zip(np.eye(3), given.T, strict=True))
     R = Rz @ Ry @ Rx
-    by_angles = jax.vmap(lambda a: matrix_from_euler(a, "xyz"))(given)
+    by_angles = jax.jit(jax.vmap(lambda a: matrix_from_euler(a, "xyz")))(given)
     page.equal("Three turns in a row are the matrix", by_angles, R, within=1e-14)
     placed = whole.r[0] @ jnp.swapaxes(R, 1, 2)
     page.equal("It places every corner", whole.r, placed, within=1e-11)
 
-    page.draw(drawing.trajectory(whole), "The path of a corner when all three angles swing.")
+    page.draw(
+        lambda: drawing.trajectory(whole), "The path of a corner when all three angles swing."
+    )
     page.play(motions, "One angle at a time, then all of them.", choose="angles")
 
 

@@ -117,8 +117,10 @@ def solve(page: Page) -> None:
         page.equal(f"Its rate of growth, {locked}", growth, rate, within=1e-12)
     page.equal("It is 0 at that speed", scenes.turning_rate(scenes.car(), edge), 0.0, within=1e-14)
 
-    figure = drawing.trajectory(list(stops.values()), names=list(stops))
-    page.draw(figure, "Both cars start with the same small rotation; one goes straight, one spins.")
+    page.draw(
+        lambda: drawing.trajectory(list(stops.values()), names=list(stops)),
+        "Both cars start with the same small rotation; one goes straight, one spins.",
+    )
     page.play(stops, "The same car with the same disturbance, and two ways to brake.")
 
 

@@ -31,10 +31,9 @@ import jax
 import numpy as np
 from scipy import special
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.accuracy import convergence
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.integrate.events import Reaches
 from jaxdyn.scenes import ballistics
 
@@ -61,20 +60,17 @@ def solve(page: Page) -> None:
     page.number("c: error at 2 s, Euler's method with 1024, 2048, 4096 and 8192 steps", errors, "m")
     page.equal("Its order is 1", halved.orders[-1], 1.0, within=1e-3, route="halved steps")
 
-    figure = figures.blank(6.4, 5.4)
-    ax = figure.subplots(subplot_kw={"aspect": "equal"})
-    figures.style(ax)
     shots = {}
-    for speed, colour in zip((1.0, 4.0, 16.0, 64.0, 256.0, 4096.0), figures.PALETTE, strict=False):
+    for speed in (1.0, 4.0, 16.0, 64.0, 256.0, 4096.0):
         flight = ballistics.flight_time(speed=speed, g=1.0)
         shot = simulate(scenes.cannonball(speed=speed, g=1.0, linear=1.0), flight, samples=400)
         closed = ballistics.cannonball_linear_exact(shot.ts, speed=speed, g=1.0)
         page.equal(f"Shot at {speed:g} m/s", shot.ys / speed, closed / speed, within=1e-12)
-        ax.plot(*np.asarray(shot.ys[:, :2]).T / speed, color=colour, label=f"v0 = {speed:g} m/s")
         shots[f"{speed:g}"] = shot
-    ax.set(xlabel="x / (tau v0)", ylabel="y / (tau v0)")
-    ax.legend(frameon=False)
-    page.draw(figure, "In units of tau v0 the paths tend to a triangle with a vertical side.")
+    page.draw(
+        lambda: picture(shots),
+        "In units of tau v0 the paths tend to a triangle with a vertical side.",
+    )
     page.play(
         shots,
         "Slow shots fly on a parabola; fast ones stop, and fall.",
@@ -88,10 +84,23 @@ def solve(page: Page) -> None:
     law = special.lambertw(u**2 / np.e).real / u
     page.number("e: W(u^2 / e) / u for these", np.degrees(law), "degrees")
     page.equal("e: They agree for 10000 m/s", best[2] / law[2], 1.0, within=1e-5)
-    slopes = jax.vmap(jax.grad(reach))(best, u) / u
+    slopes = jax.jit(jax.vmap(jax.grad(reach)))(best, u) / u
     page.equal(
         "No angle takes it farther", slopes, 0 * u, within=1e-11, route="derivative of the range"
     )
+
+
+def picture(shots):
+    """All paths, in units of tau v0."""
+    figure = drawing.figures.blank(6.4, 5.4)
+    ax = figure.subplots(subplot_kw={"aspect": "equal"})
+    drawing.figures.style(ax)
+    for (speed, shot), colour in zip(shots.items(), drawing.figures.PALETTE, strict=False):
+        path = np.asarray(shot.ys[:, :2]).T / float(speed)
+        ax.plot(*path, color=colour, label=f"v0 = {speed} m/s")
+    ax.set(xlabel="x / (tau v0)", ylabel="y / (tau v0)")
+    ax.legend(frameon=False)
+    return figure
 
 
 def ask(page: Page) -> None:

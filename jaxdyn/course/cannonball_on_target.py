@@ -50,8 +50,10 @@ def solve(page: Page) -> None:
         "and its angle is the best", longest.angle, best.angle, within=1e-7, route="longest range"
     )
 
-    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
-    page.draw(figure, "Two angles hit at 10 m/s, and one at the lowest speed, between them.")
+    page.draw(
+        lambda: drawing.trajectory(list(motions.values()), names=list(motions), title=""),
+        "Two angles hit at 10 m/s, and one at the lowest speed, between them.",
+    )
     page.play(motions, "All three land 2 m away, the steep shot last.", ends=Reaches(1, 0.0, -1))
 
 

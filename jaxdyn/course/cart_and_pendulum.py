@@ -70,9 +70,13 @@ def solve(page: Page) -> None:
     )
     drift = energy.drift(by_lagrange)
     page.equal("The energy is conserved", drift, 0.0, within=1e-12, route="conservation")
-    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[40]))
-    page.draw(free, "The stick pulls cart and mass towards each other; the track holds the cart.")
-    page.draw(drawing.trajectory(by_lagrange), "The cart moves against the swing of the point.")
+    page.draw(
+        lambda: drawing.free_body(by_lagrange, float(by_lagrange.ts[40])),
+        "The stick pulls cart and mass towards each other; the track holds the cart.",
+    )
+    page.draw(
+        lambda: drawing.trajectory(by_lagrange), "The cart moves against the swing of the point."
+    )
     page.play(by_lagrange, "The centre of both moves along the track at a constant speed.")
 
 

@@ -76,8 +76,10 @@ def solve(page: Page) -> None:
     page.equal("Gravity needs one loop, a spring two", bertrand, [1, 2], within=0, route="Bertrand")
 
     motions = {"rosette": rosette, "2 turns, 3 loops": closed}
-    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
-    page.draw(figure, "A motion that does not close fills its ring with equal loops.")
+    page.draw(
+        lambda: drawing.trajectory(list(motions.values()), names=list(motions), title=""),
+        "A motion that does not close fills its ring with equal loops.",
+    )
     page.play(
         motions, "The closed orbit repeats itself; each loop of the other is rotated a little."
     )

@@ -46,7 +46,7 @@ def solve(page: Page) -> None:
     page.number("growth of a small error in one turn of three bodies", growth)
     page.true("The circle of three is unstable", growth > 1.1, route="Floquet multipliers")
 
-    page.draw(drawing.trajectory(motion), "The lighter body runs on the wider circle.")
+    page.draw(lambda: drawing.trajectory(motion), "The lighter body runs on the wider circle.")
     page.play(motion, "The bodies are always on opposite sides of their centre of mass.")
     page.play(simulate(three, orbit.period), "Three bodies keep their triangle, for a while.")
 

@@ -13,8 +13,8 @@ products of base vectors, e_1 x e_2 = e_3 and so on, a x b = epsilon_ijk a_i b_j
 
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import vectors
 
 PROBLEM = 4
@@ -55,16 +55,21 @@ def solve(page: Page) -> None:
         "e1 x e2 = e3 and so on", table, np.cross(e[:, None], e), within=1e-14, route="NumPy"
     )
 
-    a, b = 2 * e[2], 1.5 * e[0] + e[2]
-    ax = figures.in_space(5.5, 5.0)
+    page.draw(picture, "b is projected along a, stretched by |a| = 2, and turned by 90 degrees.")
+
+
+def picture():
+    """b projected along a, stretched and turned."""
+    a, b = np.array([0.0, 0.0, 2.0]), np.array([1.5, 0.0, 1.0])
+    ax = drawing.figures.in_space(5.5, 5.0)
     b_across = b - a * vectors.dot(a, b) / vectors.dot(a, a)
     arrows = {"a": a, "b": b, "stretched": 2 * b_across, "projected": b_across}
     arrows["a x b"] = vectors.cross(a, b)
-    for (name, arrow), colour in zip(arrows.items(), figures.PALETTE, strict=False):
+    for (name, arrow), colour in zip(arrows.items(), drawing.figures.PALETTE, strict=False):
         ax.quiver(0, 0, 0, *arrow, color=colour, arrow_length_ratio=0.1, lw=2)
         ax.text(*arrow, f" {name}", color=colour)
     ax.set(xlim=(0, 3), ylim=(0, 3), zlim=(0, 2), aspect="equal")
-    page.draw(ax.figure, "b is projected along a, stretched by |a| = 2, and turned by 90 degrees.")
+    return ax.figure
 
 
 if __name__ == "__main__":

@@ -72,9 +72,11 @@ def solve(page: Page) -> None:
         ratio = np.sin(slips) / (7 * np.cos(slips) - 4)
         page.equal("The friction needed there is the coefficient", ratio, mu, within=1e-14)
 
-    free = drawing.free_body(motion, float(motion.ts[1670]))
-    page.draw(free, "The free-body diagram: weight, normal force and friction.")
-    page.draw(drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
+    page.draw(
+        lambda: drawing.free_body(motion, float(motion.ts[1670])),
+        "The free-body diagram: weight, normal force and friction.",
+    )
+    page.draw(lambda: drawing.trajectory(motion), "The ring is where the cylinder loses contact.")
     look = (
         "The motion ends where contact would end if friction had no limit; with a coefficient of "
         "friction, `jaxdyn run cylinder_on_cylinder` continues with slip and flight."

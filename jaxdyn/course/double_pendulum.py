@@ -151,9 +151,11 @@ def solve(page: Page) -> None:
     page.number("growth until t = 30 of a small error of theta1 at the start", grown)
 
     look = "The end of the forearm draws a tangle that never repeats."
-    free = drawing.free_body(by_lagrange, float(by_lagrange.ts[200]))
-    page.draw(free, "The forces on each bar: hinge 2 acts on both, in opposite directions.")
-    page.draw(drawing.trajectory(by_lagrange), look)
+    page.draw(
+        lambda: drawing.free_body(by_lagrange, float(by_lagrange.ts[200])),
+        "The forces on each bar: hinge 2 acts on both, in opposite directions.",
+    )
+    page.draw(lambda: drawing.trajectory(by_lagrange), look)
     motions = {"released": by_lagrange, "1e-5 rad aside": aside}
     page.play(motions, "Two motions with almost equal starts stay together for a while, then part.")
 

@@ -31,9 +31,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import ode, scenes, simulate
+from jaxdyn import drawing, ode, scenes, simulate
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.geometry import kinematics
 
 PROBLEM = 36
@@ -58,42 +57,56 @@ def square(t, y):
     return jnp.sum(kinematics.end_acceleration(l, q, v, a) ** 2)
 
 
+def at_all(function):
+    """A function of one sample as one of all samples, on the host."""
+    several = jax.jit(jax.vmap(function))
+    return lambda *given: np.asarray(several(*given))
+
+
 def solve(page: Page) -> None:
     """Follow a double pendulum, and compute the acceleration of its end in three ways."""
     motion = simulate(scenes.double_pendulum(formulation="lagrange"), 5.0, samples=401, rtol=1e-13)
-    q, v = motion.ys[:, :2], motion.ys[:, 2:]
-    a = jax.vmap(motion.scene.rate)(motion.ts, motion.ys)[:, 2:]
+    ts, ys = np.asarray(motion.ts), np.asarray(motion.ys)
+    (q, v), a = np.split(ys, 2, axis=1), at_all(motion.scene.rate)(ts, ys)[:, 2:]
 
-    absolute = jax.vmap(lambda q, v, a: kinematics.end_acceleration(l, q, v, a))(q, v, a)
-    relative = jnp.array([[1.0, 0.0], [-1.0, 1.0]])  # theta1 and phi from theta1 and theta2
+    absolute = at_all(lambda q, v, a: kinematics.end_acceleration(l, q, v, a))(q, v, a)
+    relative = np.array([[1.0, 0.0], [-1.0, 1.0]])  # theta1 and phi from theta1 and theta2
     turned = (q @ relative.T, v @ relative.T, a @ relative.T)
-    glued = jax.vmap(lambda q, v, a: kinematics.end_acceleration_relative(l, q, v, a))(*turned)
-    twice = jax.vmap(
+    glued = at_all(lambda q, v, a: kinematics.end_acceleration_relative(l, q, v, a))(*turned)
+    twice = at_all(
         lambda q, v, a: kinematics.by_derivatives(lambda q: kinematics.end_position(l, q), q, v, a)
     )(q, v, a)
     same = "The sum over both links is that of the equations by hand"
-    squares = jax.vmap(square)(motion.ts, motion.ys)
-    page.equal(same, jnp.sqrt(squares), jnp.linalg.norm(absolute, axis=1), within=1e-12)
+    lengths = np.linalg.norm(absolute, axis=1)
+    page.equal(same, np.sqrt(at_all(square)(ts, ys)), lengths, within=1e-12)
     page.number("acceleration of the end after 5 s", absolute[-1], "m/s^2")
     statement = "Absolute and relative angles agree"
     page.equal(statement, absolute, glued, within=1e-12, route="five-term formula")
     statement = "Both are the second derivative of the position"
     page.equal(statement, absolute, twice, within=1e-12, route="autodiff")
 
-    e = jnp.array([0.3, -0.5])
-    five = kinematics.five_terms(e, 1.1, 0.2, jnp.array([0.6, 0.8]), jnp.array([-0.8, 0.6]), e)
-    hand = jnp.array([0.6 - 0.16 - 1.21 * 0.6 - 2.2 * 0.6, -1.0 + 0.12 - 1.21 * 0.8 - 2.2 * 0.8])
+    e, x, y = np.array([0.3, -0.5]), np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+    five = jax.jit(kinematics.five_terms)(e, 1.1, 0.2, x, y, e)
+    hand = np.array([0.6 - 0.16 - 1.21 * 0.6 - 2.2 * 0.6, -1.0 + 0.12 - 1.21 * 0.8 - 2.2 * 0.8])
     page.equal("The five terms in an example", five, hand, within=1e-14, route="by hand")
 
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(ts, absolute, glued),
+        "The five-term formula (dashed) coincides with the sum of the two links.",
+    )
+    page.play(motion, "The end of the second link is the point whose acceleration is found.")
+
+
+def picture(ts, absolute, glued):
+    """The acceleration of the end over time, by both formulas."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.subplots()
-    style(ax)
-    ax.plot(motion.ts, absolute, lw=4, alpha=0.4, label=["x", "y"])
-    ax.plot(motion.ts, glued, "k--", lw=1, label=["five-term formula", ""])
+    drawing.figures.style(ax)
+    ax.plot(ts, absolute, lw=4, alpha=0.4, label=["x", "y"])
+    ax.plot(ts, glued, "k--", lw=1, label=["five-term formula", ""])
     ax.set(xlabel="t [s]", ylabel="acceleration of the end [m/s^2]")
     ax.legend(frameon=False)
-    page.draw(figure, "The five-term formula (dashed) coincides with the sum of the two links.")
-    page.play(motion, "The end of the second link is the point whose acceleration is found.")
+    return figure
 
 
 def check(page: Page) -> None:

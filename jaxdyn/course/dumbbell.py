@@ -26,10 +26,9 @@ on a circle of 1/2 m at the angle 2 t. The table has them for a deliberately loo
 
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import constraints, energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 
 PROBLEM = 25
 TOPIC = "constraints"
@@ -47,9 +46,6 @@ def solve(page: Page) -> None:
     pull = constraints.tensions(tight)["rod 1-2"]
     page.equal("The rod pulls with m v^2 / r", pull, np.full(401, 2.0), within=1e-11)
 
-    figure = blank(6.4, 4.4)
-    ax = figure.subplots()
-    style(ax)
     loose = {
         "raw": simulate(bare, samples=401, rtol=1e-2),
         "projection": simulate(kept, samples=401, rtol=1e-2),
@@ -63,18 +59,27 @@ def solve(page: Page) -> None:
         )
         for of in ("momentum", "angular momentum", "energy"):
             page.number(f"change of the {of}, rtol 1e-2, {name}", energy.drift(motion, of))
-        ax.plot(motion.ts, np.linalg.norm(motion.r[:, 0] - places[:, 0], axis=1), label=name)
         rest = motion.r.sum(axis=1)
         page.equal(f"The centre rests even so, {name}", rest, 0 * rest, within=1e-12)
     length = np.linalg.norm(loose["projection"].r[:, 1] - loose["projection"].r[:, 0], axis=1)
     page.equal("Projection keeps the length", length, np.ones(401), within=1e-13)
-    ax.set(xlabel="t [s]", ylabel="position error of a mass [m]")
-    ax.legend(frameon=False)
     page.draw(
-        figure,
+        lambda: picture(loose, places),
         "Projection preserves the length, not the angular velocity: positions are worse here.",
     )
     page.play(loose, "Loosely integrated, the two turn at slightly different rates.", inexact=True)
+
+
+def picture(loose, places):
+    """The distance of a mass from its place over time."""
+    figure = drawing.figures.blank(6.4, 4.4)
+    ax = figure.subplots()
+    drawing.figures.style(ax)
+    for name, motion in loose.items():
+        ax.plot(motion.ts, np.linalg.norm(motion.r[:, 0] - places[:, 0], axis=1), label=name)
+    ax.set(xlabel="t [s]", ylabel="position error of a mass [m]")
+    ax.legend(frameon=False)
+    return figure
 
 
 if __name__ == "__main__":

@@ -152,7 +152,7 @@ def solve(page: Page) -> None:
     motion = simulate(scene, rolling_time(rolled), samples=2001, rtol=1e-12)
     turned = motion["phi"][-1] - NUMBERS["slope"]
     page.equal("The motion takes as long as energy predicts", turned, rolled, within=1e-9)
-    page.draw(drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
+    page.draw(lambda: drawing.trajectory(motion), "The paths of G and of a mark on the rim.")
     look = (
         "It rolls until the ramp would have to pull, as if friction had no limit; with a "
         "coefficient of friction, `jaxdyn run cylinder_on_ramp` continues with slip and flight."

@@ -13,9 +13,8 @@ right, so both sequences give the same product.
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import euler, rotations
 
 PROBLEM = 48
@@ -66,22 +65,27 @@ def solve(page: Page) -> None:
     back = euler.euler_from_matrix(R, "xyz")
     page.equal("The angles come back", back.angles, ANGLES, within=1e-14, route="there and back")
 
-    figure = figures.blank(9.0, 5.0)
     orders = {"fixed": (np.eye(3), Rx, Ry @ Rx, R), "body's": (np.eye(3), Rz, Rz @ Ry, R)}
+    look = "The axes x, y, z (blue, orange, green), turned about fixed axes and (below) its own."
+    page.draw(lambda: picture(orders), look)
+    scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
+    boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
+    page.play(boxes, "The boxes separate at once, and coincide again at the end.")
+
+
+def picture(orders):
+    """The axes at the start and after each turn, for both orders."""
+    figure = drawing.figures.blank(9.0, 5.0)
     for i, (kind, poses) in enumerate(orders.items()):
         for j, (pose, axis) in enumerate(zip(poses, (" ", *("xyz", "zyx")[i]), strict=True)):
             ax = figure.add_subplot(
                 2, 4, 4 * i + j + 1, projection="3d", title=f"{kind} {axis}" if j else "start"
             )
             ax.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=[], yticks=[], zticks=[])
-            figures.style(ax)
-            for arrow, colour in zip(pose.T, figures.PALETTE, strict=False):
+            drawing.figures.style(ax)
+            for arrow, colour in zip(pose.T, drawing.figures.PALETTE, strict=False):
                 ax.plot(*np.stack([0 * arrow, arrow]).T, color=colour, lw=3)
-    look = "The axes x, y, z (blue, orange, green), turned about fixed axes and (below) its own."
-    page.draw(figure, look)
-    scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
-    boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
-    page.play(boxes, "The boxes separate at once, and coincide again at the end.")
+    return figure
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ angles.
 
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import rotations, vectors
 
 PROBLEM = 44
@@ -48,14 +48,21 @@ def solve(page: Page) -> None:
 
     R = rotations.matrix_from_axis_angle([1.0, 1.0, 2.0], 1.2)
     N = axis_of(R, P)
+    page.draw(lambda: picture(R, N, P), "P, Q and S are on one circle, about the axis N.")
+
+
+def picture(R, N, P):
+    """The circle through P, Q and S about the axis N."""
     path = np.array([rotations.rotate(N, t, P) for t in np.linspace(0, 2 * np.pi, 61)])
-    ax = figures.in_space(5.5, 5.0)
-    ax.plot(*path.T, color=figures.PALETTE[5])
+    ax = drawing.figures.in_space(5.5, 5.0)
+    ax.plot(*path.T, color=drawing.figures.PALETTE[5])
     for name, point in {"P": P, "Q": R @ P, "S": R @ R @ P, "N": N}.items():
-        ax.plot(*np.stack([0 * P, point]).T, "-o", color=figures.PALETTE[name == "N"], lw=1.2)
+        ax.plot(
+            *np.stack([0 * P, point]).T, "-o", color=drawing.figures.PALETTE[name == "N"], lw=1.2
+        )
         ax.text(*point, f"  {name}", fontsize=13)
     ax.set_aspect("equal")
-    page.draw(ax.figure, "P, Q and S are on one circle, about the axis N.")
+    return ax.figure
 
 
 if __name__ == "__main__":

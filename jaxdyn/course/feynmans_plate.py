@@ -10,10 +10,9 @@ plate. In steady precession the ratio is 2 / (2 - cos(theta)), with theta the ti
 
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy, precession
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
 
 PROBLEM = 56
@@ -36,18 +35,25 @@ def solve(page: Page) -> None:
 
         page.equal(f"Ratio at {tilt:g}", wobble / turn, 2 / (2 - np.cos(tilt)), within=1e-12)
 
-    R, t = energy.along(rigid.pose, throws["0.1"]).R_wb, throws["0.1"].ts
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(throws["0.1"]), "The normal goes round twice while the plate turns once."
+    )
+    page.play(
+        throws, "Follow the marked corner, and the highest point of the rim.", choose="tilt [rad]"
+    )
+
+
+def picture(motion):
+    """Turns of the normal and of the plate over time."""
+    R, t = energy.along(rigid.pose, motion).R_wb, motion.ts
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.add_subplot(xlabel="t [s]", ylabel="turns")
-    style(ax)
+    drawing.figures.style(ax)
     normal, mark = np.arctan2(R[:, 1, 2], R[:, 0, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
     ax.plot(t, (np.unwrap(normal) - normal[0]) / (2 * np.pi), label="normal")
     ax.plot(t, (np.unwrap(mark) - mark[0]) / (2 * np.pi), label="drawing on the plate")
     ax.legend(frameon=False)
-    page.draw(figure, "The normal goes round twice while the plate turns once.")
-    page.play(
-        throws, "Follow the marked corner, and the highest point of the rim.", choose="tilt [rad]"
-    )
+    return figure
 
 
 if __name__ == "__main__":

@@ -58,7 +58,9 @@ def solve(page: Page) -> None:
     page.number("growth of a small error in one period of the neighbour", growth)
 
     look = "The neighbour closes as well, on three curves; the eight has only one."
-    page.draw(orbits.drawing.orbits(list(found.values()), titles=list(found), title=""), look)
+    page.draw(
+        lambda: orbits.drawing.orbits(list(found.values()), titles=list(found), title=""), look
+    )
     look = "Only in the eight do the bodies follow each other on one curve."
     page.play({name: motions[name] for name in ("the neighbour", "the eight")}, look)
     slower = simulate(moth.scene, 2 * moth.period, samples=600, rtol=1e-14)

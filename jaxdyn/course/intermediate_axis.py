@@ -34,10 +34,9 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import ellipj
 
-from jaxdyn import linearize, ode, scenes, simulate
+from jaxdyn import drawing, linearize, ode, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, legend_below, style
 from jaxdyn.formulations import rigid
 
 PROBLEM = 52
@@ -52,15 +51,12 @@ def euler(t, omega):
 
 def solve(page: Page) -> None:
     """Disturb spins about each axis; compare with Jacobi's functions and the full equations."""
-    spins = {}
-    figure = blank(9.0, 3.0)
+    spins, motions = {}, []
     for i, name in enumerate("xyz"):
         omega0 = np.eye(3)[i] + 1e-3
         about = ode(euler, omega0, 30.0, names=["omega1", "omega2", "omega3"])
         motion = simulate(about, samples=400, rtol=1e-12)
-        ax = figure.add_subplot(1, 3, i + 1, xlabel="t [s]", title=f"spin about {name}'")
-        style(ax)
-        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
+        motions.append(motion)
         found = linearize(about, np.eye(3)[i]).eigenvalues
         fastest = found[np.argmax(np.abs(found))]
         what = "growth" if fastest.real > abs(fastest.imag) else "frequency"
@@ -70,9 +66,9 @@ def solve(page: Page) -> None:
         statement = f"e: about {name}' its square is (I_j - I_i) (I_i - I_k) / (I_j I_k)"
         page.equal(statement, complex(fastest) ** 2, complex(square), within=1e-12)
         spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
-    legend_below(figure, figure.axes[0].get_lines())
     page.draw(
-        figure, "Small deviations stay small about x' and z'; about y' they grow and it flips."
+        lambda: picture(motions),
+        "Small deviations stay small about x' and z'; about y' they grow and it flips.",
     )
 
     start = jnp.array([1.0, 0.0, 1.0])
@@ -91,6 +87,17 @@ def solve(page: Page) -> None:
     page.equal(same, turned, short.ys, within=1e-11, route="second formulation")
 
     page.play(spins, "Only the spin about y' flips over.", choose="spin")
+
+
+def picture(motions):
+    """The deviations of omega over time, for each spin."""
+    figure = drawing.figures.blank(9.0, 3.0)
+    for i, (name, motion) in enumerate(zip("xyz", motions, strict=True)):
+        ax = figure.add_subplot(1, 3, i + 1, xlabel="t [s]", title=f"spin about {name}'")
+        drawing.figures.style(ax)
+        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
+    drawing.figures.legend_below(figure, figure.axes[0].get_lines())
+    return figure
 
 
 def ask(page: Page) -> None:

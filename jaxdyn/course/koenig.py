@@ -26,10 +26,9 @@ for 2 s.
 
 import numpy as np
 
-from jaxdyn import effects, scenes, simulate
+from jaxdyn import drawing, effects, scenes, simulate
 from jaxdyn.analysis import energy, momenta
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 
 PROBLEM = 18
 TOPIC = "many particles"
@@ -55,15 +54,23 @@ def solve(page: Page) -> None:
     page.true(statement, not c.holds, route="derivative of the energy")
     page.equal("It lacks F (v_2 - v_G)", c.right - c.left, v[:, 1] - v_G, within=1e-13)
 
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(motion.ts, c),
+        "The spring alone does not account for the energy relative to G.",
+    )
+    page.play(motion, "The right mass is pushed; both swing about a centre that speeds up.")
+
+
+def picture(ts, balance):
+    """The power of the spring and the rate of the energy relative to G over time."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.subplots()
-    style(ax)
-    ax.plot(motion.ts, c.left, label="power of the spring")
-    ax.plot(motion.ts, c.right, label="rate of the energy relative to G")
+    drawing.figures.style(ax)
+    ax.plot(ts, balance.left, label="power of the spring")
+    ax.plot(ts, balance.right, label="rate of the energy relative to G")
     ax.set(xlabel="t [s]", ylabel="power [W]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-    page.draw(figure, "The spring alone does not account for the energy relative to G.")
-    page.play(motion, "The right mass is pushed; both swing about a centre that speeds up.")
+    return figure
 
 
 if __name__ == "__main__":

@@ -34,8 +34,8 @@ N = 0.
 
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import vectors
 
 PROBLEM = 2
@@ -78,14 +78,22 @@ def solve(page: Page) -> None:
     rods = (points[:3] - d) / np.linalg.norm(points[:3] - d, axis=1, keepdims=True)
     page.equal("d: D is at rest", tensions @ rods, -force, within=1e-13, route="sum of forces")
 
-    ax = figures.in_space(5.5, 5.0)
+    page.draw(
+        lambda: picture(points, near),
+        "The shortest connection of AB and CD is at right angles to both.",
+    )
+
+
+def picture(points, near):
+    """The tetrahedron and the shortest connection."""
+    ax = drawing.figures.in_space(5.5, 5.0)
     for i, j in np.argwhere(np.triu(np.ones((4, 4)), 1)):
-        ax.plot(*points[[i, j]].T, color=figures.INK, lw=1.0)
-    ax.plot(*np.stack([near.on_ab, near.on_cd]).T, "o-", color=figures.PALETTE[1], lw=2.5)
+        ax.plot(*points[[i, j]].T, color=drawing.figures.INK, lw=1.0)
+    ax.plot(*np.stack([near.on_ab, near.on_cd]).T, "o-", color=drawing.figures.PALETTE[1], lw=2.5)
     for name, point in zip("ABCD", points, strict=True):
         ax.text(*point, f" {name}", fontsize=13)
     ax.set_aspect("equal")
-    page.draw(ax.figure, "The shortest connection of AB and CD is at right angles to both.")
+    return ax.figure
 
 
 if __name__ == "__main__":

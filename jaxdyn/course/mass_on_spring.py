@@ -84,8 +84,10 @@ def solve(page: Page) -> None:
     page.equal("Without rest length the path is an ellipse", ellipse.ys, exact, within=1e-12)
 
     motions = {"rest length 0.5 m": motion, "rest length 0": ellipse}
-    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
-    page.draw(figure, "A rest length turns the ellipse into a tangle.")
+    page.draw(
+        lambda: drawing.trajectory(list(motions.values()), names=list(motions), title=""),
+        "A rest length turns the ellipse into a tangle.",
+    )
     page.play(motions, "Both start alike; the spring with a rest length soon goes its own way.")
 
 

@@ -47,8 +47,10 @@ def solve(page: Page) -> None:
     statement = "It is the moment of the drag: springs and weight have none about G"
     page.equal(statement, about_G.left, moment, within=1e-11)
 
-    figure = drawing.trajectory(motion, title="three masses on springs")
-    page.draw(figure, "The masses turn about a centre that weight and drag accelerate.")
+    page.draw(
+        lambda: drawing.trajectory(motion, title="three masses on springs"),
+        "The masses turn about a centre that weight and drag accelerate.",
+    )
     page.play(motion, "Three masses on springs, thrown through air.")
 
 

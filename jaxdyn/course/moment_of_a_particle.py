@@ -21,10 +21,9 @@ The moment is M = r_P/C x m a_P, with r_P/C = r_P - r_C. Each definition is diff
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import momenta
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 
 PROBLEM = 14
 TOPIC = "many particles"
@@ -57,16 +56,24 @@ def solve(page: Page) -> None:
     page.equal("For b M - dH/dt is v_C x m v_P", b, 2 * ts * vy, within=1e-12)
     page.equal("For c it is r_P/C x m a_C", c, -2 * (y - 1.0), within=1e-12)
 
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(ts, balance),
+        "About a point that accelerates, only the definition a has dH/dt = M.",
+    )
+    page.play(motion, "The particle is a ball, thrown without drag.")
+
+
+def picture(ts, balance):
+    """The moment about C and the rates of all three definitions of H over time."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.subplots()
-    style(ax)
+    drawing.figures.style(ax)
     ax.plot(ts, balance["fixed"].left, "k", lw=5, alpha=0.2, label="moment about C")
     for letter, name in zip("abc", momenta.DEFINITIONS, strict=True):
         ax.plot(ts, balance[name].right, label=f"dH/dt by {letter}")
     ax.set(xlabel="t [s]", ylabel="moment and rates of H [N m]")
     ax.legend(frameon=False)
-    page.draw(figure, "About a point that accelerates, only the definition a has dH/dt = M.")
-    page.play(motion, "The particle is a ball, thrown without drag.")
+    return figure
 
 
 if __name__ == "__main__":

@@ -63,10 +63,18 @@ def solve(page: Page) -> None:
     expected = -6.0 * place[:, 0] / 4
     page.equal("For c it is r_G/C x m a_C", c.left - c.right, expected, within=1e-12)
 
+    page.draw(
+        lambda: picture(motion, place),
+        "The bodies swing about G, which runs on a parabola (dashed).",
+    )
+    page.play(motion, "Three bodies attract each other and fall.")
+
+
+def picture(motion, place):
+    """The paths of the bodies and that of G."""
     figure = drawing.trajectory(motion)
     figure.axes[0].plot(*place.T, "k--")
-    page.draw(figure, "The bodies swing about G, which runs on a parabola (dashed).")
-    page.play(motion, "Three bodies attract each other and fall.")
+    return figure
 
 
 if __name__ == "__main__":

@@ -28,28 +28,32 @@ import numpy as np
 from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import PALETTE, blank, style
 
 PROBLEM = 17
 TOPIC = "many particles"
 
 
+def squared_distances(t, y):
+    """(3,) the squares of the distances of the bodies from the origin."""
+    return jnp.sum(y[:6].reshape(3, 2) ** 2, axis=1)
+
+
 def solve(page: Page) -> None:
     """Follow the printed start, and starts near it; find out which motions stay close."""
     eight = scenes.three_body(scenes.EIGHT)
-    r = simulate(eight, scenes.EIGHT_PERIOD, samples=601, rtol=1e-13).r
+    r = np.asarray(simulate(eight, scenes.EIGHT_PERIOD, samples=601, rtol=1e-13).r)
     page.number("period, and a third of it", [scenes.EIGHT_PERIOD, scenes.EIGHT_PERIOD / 3])
     statement = "After T / 3 each body is where the next one was"
     page.equal(statement, r[200], r[0][np.array([2, 0, 1])], within=1e-7, route="closure")
     page.equal("After T all are back", r[600], r[0], within=1e-7, route="closure")
 
-    near, off = (eight.starting(eight.y0.at[0].add(by)) for by in (0.01, 0.22))
+    near, off = (eight.starting(eight.y0 + by * np.eye(12)[0]) for by in (0.01, 0.22))
     spans = {"2.1 units": (eight, 2.1), "10 units": (eight, 10.0)}
     spans |= {"0.01 aside, 100 units": (near, 100.0), "0.22 aside, 45 units": (off, 45.0)}
     motions = {name: simulate(*one, samples=601, rtol=1e-13) for name, one in spans.items()}
     farthest = {}
     for name, (scene, end) in spans.items():
-        most = largest(scene, lambda t, y: jnp.sum(y[:6].reshape(3, 2) ** 2, axis=1), end)
+        most = largest(scene, squared_distances, end)
         farthest[name] = np.sqrt(most.value)
         page.number(f"largest distance of a body from the origin, {name}", farthest[name])
     drifts = np.array([energy.drift(motion) for motion in motions.values()])
@@ -64,17 +68,22 @@ def solve(page: Page) -> None:
         "A start 0.22 aside throws a body out", farthest["0.22 aside, 45 units"] > 5.0, route=route
     )
 
-    figure = blank(9.0, 6.6)
-    for ax, (name, motion) in zip(figure.subplots(2, 2).flat, motions.items(), strict=True):
-        style(ax)
-        x, y = drawing.paths(motion).xyz.T
-        ax.set_prop_cycle(color=PALETTE)
-        ax.plot(x.T, y.T, lw=1.2)
-        ax.set(title=name, aspect="equal", xlabel="x", ylabel="y")
     look = "In 2.1 units each body runs a third of the one curve. The eight of a start aside turns."
-    page.draw(figure, look)
+    page.draw(lambda: picture(motions), look)
     page.play(motions["10 units"], "Three bodies chase each other on one curve.")
     page.play(motions["0.22 aside, 45 units"], "Two bodies form a pair, and eject the third.")
+
+
+def picture(motions):
+    """The paths of all motions."""
+    figure = drawing.figures.blank(9.0, 6.6)
+    for ax, (name, motion) in zip(figure.subplots(2, 2).flat, motions.items(), strict=True):
+        drawing.figures.style(ax)
+        x, y = drawing.paths(motion).xyz.T
+        ax.set_prop_cycle(color=drawing.figures.PALETTE)
+        ax.plot(x.T, y.T, lw=1.2)
+        ax.set(title=name, aspect="equal", xlabel="x", ylabel="y")
+    return figure
 
 
 if __name__ == "__main__":

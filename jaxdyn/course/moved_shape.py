@@ -39,7 +39,9 @@ def solve(page: Page) -> None:
     placed = middle[:, None] + np.einsum("pj,jis->spi", np.array(BOAT), turn)
     page.equal("Each corner is shifted and turned", corners, placed, within=1e-13)
 
-    page.draw(drawing.trajectory(motion), "The boat turns once while its middle runs round the 8.")
+    page.draw(
+        lambda: drawing.trajectory(motion), "The boat turns once while its middle runs round the 8."
+    )
     page.play(motion, "The shape moves and turns; nothing about it changes.")
 
 

@@ -49,10 +49,14 @@ def solve(page: Page) -> None:
     }
     motions = {name: simulate(ball, samples=200) for name, ball in balls.items()}
     page.number("height of the thrown ball when the other lands", motions["thrown"]["y"][-1], "m")
-    figure = drawing.trajectory(list(motions.values()), names=list(motions), title="")
-    free = drawing.free_body(motions["thrown"], 0.5, motion=True)
-    page.draw(free, "The free-body diagram of the thrown ball after 0.5 s.")
-    page.draw(figure, "When the dropped ball lands, the thrown one is still in the air.")
+    page.draw(
+        lambda: drawing.free_body(motions["thrown"], 0.5, motion=True),
+        "The free-body diagram of the thrown ball after 0.5 s.",
+    )
+    page.draw(
+        lambda: drawing.trajectory(list(motions.values()), names=list(motions), title=""),
+        "When the dropped ball lands, the thrown one is still in the air.",
+    )
     page.play(motions, "The dropped ball is on the ground before the thrown one.")
 
 

@@ -72,7 +72,7 @@ def solve(page: Page) -> None:
     statement = "There the pendulum by its angle is at the same place"
     page.equal(statement, edge.y[0], jnp.sin(there[0]), within=1e-12, route="second formulation")
     page.draw(
-        drawing.time_series(sideways),
+        lambda: drawing.time_series(sideways),
         "x lingers at its ends, where the mass climbs rather than moves sideways.",
     )
     page.play({"by x": sideways, "by the angle": angle}, "Both coordinates describe one motion.")

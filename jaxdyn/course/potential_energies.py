@@ -25,9 +25,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Effect, effects
+from jaxdyn import Effect, drawing, effects
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 
 PROBLEM = 15
 TOPIC = "one particle"
@@ -79,19 +78,25 @@ def solve(page: Page) -> None:
         page.number(f"{name}: change on the way", change, "J")
         printed = formula(end) - formula(start)
         page.equal(f"{name}: formula", change, printed, within=1e-13, route="printed answer")
-        force = jax.vmap(effect.force, (None, 0, None, None))(0.0, path, 0 * start, np.ones(2))
+        along = jax.jit(jax.vmap(effect.force, (None, 0, None, None)))
+        force = along(0.0, path, 0 * start, np.ones(2))
         work = 0.5 * np.sum(weights[:, None, None] * force * slope)
         page.equal(f"{name}: work", -work, change, within=1e-12, route="along a curve")
 
+    page.draw(picture, "The slope of each potential energy is the attraction f at that distance.")
+
+
+def picture():
+    """The potential energy over the distance, for three laws."""
     r = np.linspace(0.3, 3.0, 100)
-    ax = figures.blank(6.0, 4.2).subplots()
-    figures.style(ax)
+    ax = drawing.figures.blank(6.0, 4.2).subplots()
+    drawing.figures.style(ax)
     laws = {"r": effects.PowerLaw(1.0, 1.0), "1 / r^2": effects.PowerLaw(), "r e^-r": Bump()}
-    for (name, law), colour in zip(laws.items(), figures.PALETTE, strict=False):
+    for (name, law), colour in zip(laws.items(), drawing.figures.PALETTE, strict=False):
         ax.plot(r, jax.vmap(law.energy)(r), color=colour, label=f"f = {name}")
     ax.set(xlabel="r [m]", ylabel="potential energy [J]")
     ax.legend(frameon=False)
-    page.draw(ax.figure, "The slope of each potential energy is the attraction f at that distance.")
+    return ax.figure
 
 
 if __name__ == "__main__":

@@ -61,8 +61,10 @@ def solve(page: Page) -> None:
         page.equal(statement, about, spin * attitude[:, :, 2], within=1e-11)
         motions[name] = motion
 
-    figure = drawing.trajectory(motions["wobble"])
-    page.draw(figure, "One antenna, on the axis, draws a circle, the other a curve of two turns.")
+    page.draw(
+        lambda: drawing.trajectory(motions["wobble"]),
+        "One antenna, on the axis, draws a circle, the other a curve of two turns.",
+    )
     page.play(motions, "The axis goes round evenly, whatever the start.", choose="start")
 
 

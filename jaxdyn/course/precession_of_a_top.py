@@ -36,10 +36,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import effects, scenes, simulate
+from jaxdyn import drawing, effects, scenes, simulate
 from jaxdyn.analysis import precession, steady
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import PALETTE, blank, style
 from jaxdyn.formulations import rigid
 
 PROBLEM = 59
@@ -97,16 +96,23 @@ def solve(page: Page) -> None:
     nods = nodding(lean, roots.precession[0], spin)
     page.number("c: frequency of small nods about the slow precession", nods, "rad/s")
 
-    ax = blank(6.4, 4.2).add_subplot(xlabel="spin [rad/s]", ylabel="precession [rad/s]")
-    style(ax)
+    page.draw(picture, "Slow and fast precession meet where the spin is the slowest.")
+    page.play(tops, "Slow and fast precession, and a top that nods.", choose="start")
+
+
+def picture():
+    """Both precessions over the spin, for three leans."""
+    ax = drawing.figures.blank(6.4, 4.2).add_subplot(
+        xlabel="spin [rad/s]", ylabel="precession [rad/s]"
+    )
+    drawing.figures.style(ax)
     ax.set_ylim(0, 60)
     spins = np.linspace(50.0, 400.0, 40_000)  # the branches meet like a root
     for k, theta in enumerate((0.1, 0.8, 1.4)):
         both = precession.top_roots(theta, spins, **TOP).precession
-        ax.plot(spins, both.T, color=PALETTE[k], label=[f"lean {theta} rad", None])
+        ax.plot(spins, both.T, color=drawing.figures.PALETTE[k], label=[f"lean {theta} rad", None])
     ax.legend(frameon=False)
-    page.draw(ax.figure, "Slow and fast precession meet where the spin is the slowest.")
-    page.play(tops, "Slow and fast precession, and a top that nods.", choose="start")
+    return ax.figure
 
 
 def check(page: Page) -> None:

@@ -90,8 +90,8 @@ def solve(page: Page) -> None:
     edge = np.sqrt(9.81 * 0.5 / 3)
     page.number("c: speed above which straight rolling is stable", edge, "m/s")
 
-    page.draw(drawing.free_body(rolling, rolling.ts[40]), "Friction holds it on its circle.")
-    page.draw(drawing.trajectory(rolling), "The contact runs round a wider circle than the centre.")
+    page.draw(lambda: drawing.free_body(rolling, rolling.ts[40]), "Friction holds it on a circle.")
+    page.draw(lambda: drawing.trajectory(rolling), "The contact runs round a wider circle.")
     page.play(rolling, "A coin that rolls round a circle leans inwards.")
     page.play(coins, "The flatter, the faster it rattles.", choose="lean of the axis [rad]")
 

@@ -28,8 +28,8 @@ import math
 
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import rotations
 
 PROBLEM = 46
@@ -70,15 +70,20 @@ def solve(page: Page) -> None:
     usual = [math.acos((np.trace(R) - 1) / 2) for R in matrices[:-1]]
     page.number("errors of arccos((trace R - 1) / 2)", usual - angles[:-1], "rad")
 
-    ax = figures.in_space(5.5, 5.0)
-    for name, r, colour in zip("xyz", e, figures.PALETTE, strict=False):
-        arc = [rotations.rotate(np.ones(3), t, r) for t in np.linspace(0, 4 * quarter / 3, 31)]
+    page.draw(picture, "120 degrees about (1, 1, 1) take x to y, y to z and z to x.")
+
+
+def picture():
+    """The paths of x, y and z in a turn of 120 degrees about (1, 1, 1)."""
+    ax = drawing.figures.in_space(5.5, 5.0)
+    for name, r, colour in zip("xyz", np.eye(3), drawing.figures.PALETTE, strict=False):
+        arc = [rotations.rotate(np.ones(3), t, r) for t in np.linspace(0, 2 * math.pi / 3, 31)]
         ax.plot(*np.array(arc).T, color=colour)
         ax.plot(*np.stack([0 * r, r]).T, "-o", color=colour, label=name)
-    ax.plot(*np.stack([0 * x, np.ones(3)]).T, color=figures.INK, label="axis")
+    ax.plot([0, 1], [0, 1], [0, 1], color=drawing.figures.INK, label="axis")
     ax.legend(loc="upper left", frameon=False)
     ax.set_aspect("equal")
-    page.draw(ax.figure, "120 degrees about (1, 1, 1) take x to y, y to z and z to x.")
+    return ax.figure
 
 
 if __name__ == "__main__":

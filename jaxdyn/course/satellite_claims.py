@@ -40,11 +40,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, scenes, simulate
+from jaxdyn import Scene, drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.analysis.precession import free_attitude
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
 from jaxdyn.geometry import inertia
 from jaxdyn.integrate.trajectory import Trajectory
@@ -94,17 +93,25 @@ def solve(page: Page) -> None:
     single = np.stack([a / np.cosh(t), np.tanh(t), c / np.cosh(t)], axis=1)
     page.equal("The single flip is (a sech, tanh, c sech)", once, single, within=1e-11)
 
-    figure = blank(6.0, 5.2)
+    page.draw(
+        lambda: picture(polhodes, moments),
+        "Angular momentum in the body's axes: loops, and half of the separatrix.",
+    )
+    page.play(motions, "Wobbles, repeated flips, and a single flip.", choose="start")
+
+
+def picture(polhodes, moments):
+    """The angular momentum in the axes of the body, for each start."""
+    figure = drawing.figures.blank(6.0, 5.2)
     ax = figure.add_subplot(projection="3d", xlabel="axis 1", ylabel="axis 2", zlabel="axis 3")
-    style(ax)
+    drawing.figures.style(ax)
     for name, omega in polhodes.items():
         momentum = omega * moments
         ax.plot(*(momentum / np.linalg.norm(momentum[0])).T, label=name)
     ax.set_aspect("equal")
     ax.view_init(25, 20)
     ax.legend(frameon=False)
-    page.draw(figure, "Angular momentum in the body's axes: loops, and half of the separatrix.")
-    page.play(motions, "Wobbles, repeated flips, and a single flip.", choose="start")
+    return figure
 
 
 class Claim(NamedTuple):

@@ -12,13 +12,15 @@ circle, the long antenna of B, which lies on its axis, circles about the constan
 and only A tumbles irregularly.
 """
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
 from jaxdyn.geometry import inertia
 
@@ -40,6 +42,14 @@ def by_hand(name):
     }[name]
 
 
+def tumble(name):
+    """A motion of a satellite, computed without its drawing: one program serves all three."""
+    scene = scenes.satellite(name, (0.3, 1.0, 0.2))
+    bare = dataclasses.replace(scene, system=dataclasses.replace(scene.system, drawn=None))
+    motion = simulate(bare, 30.0, samples=400, rtol=1e-12)
+    return dataclasses.replace(motion, scene=scene)
+
+
 def solve(page: Page) -> None:
     """Weigh the satellites, spin them about their axes, and let them tumble."""
     axes = {}
@@ -48,19 +58,17 @@ def solve(page: Page) -> None:
         moments, axes[name] = inertia.principal(body)
         page.number(f"centre of mass of {name}", body.centre, "m")
         page.number(
-            f"inertia of {name}, by rows", jnp.round(body.inertia, 12).ravel() + 0.0, "kg m^2"
+            f"inertia of {name}, by rows", np.round(body.inertia, 12).ravel() + 0.0, "kg m^2"
         )
         page.number(f"principal moments of {name}", moments, "kg m^2")
         page.equal(f"So they are by hand for {name}", moments, by_hand(name), within=1e-13)
 
     spins = [scenes.satellite("A", axis) for axis in axes["A"].T]
-    rates = jnp.stack([scene.rate(0.0, scene.y0)[-3:] for scene in spins])
+    change = jax.jit(lambda scene: scene.rate(0.0, scene.y0)[-3:])
+    rates = np.stack([change(scene) for scene in spins])
     page.equal("A turns steadily about each principal axis", rates, 0 * rates, within=1e-14)
 
-    tumbles = {
-        name: simulate(scenes.satellite(name, (0.3, 1.0, 0.2)), 30.0, samples=400, rtol=1e-12)
-        for name in axes
-    }
+    tumbles = {name: tumble(name) for name in axes}
     paths = {name: scenes.satellites.antenna_trace(tumbles[name], name) for name in axes}
     momentum = energy.along(energy.angular_momentum, tumbles["B"])
     height = paths["B"] @ momentum[0] / jnp.linalg.norm(momentum[0])
@@ -72,15 +80,23 @@ def solve(page: Page) -> None:
         "A's centre stays at rest", tumbles["A"].ys[:, :3], jnp.zeros((400, 3)), within=1e-14
     )
 
-    figure = blank(9.0, 3.4)
+    page.draw(
+        lambda: picture(paths),
+        "The tip of A's antenna tumbles about; those of B and C run round circles.",
+    )
+    page.play(tumbles, "Look at the tips of the antennas.", choose="satellite")
+
+
+def picture(paths):
+    """The paths of the tips of the long antennas."""
+    figure = drawing.figures.blank(9.0, 3.4)
     for i, (name, path) in enumerate(paths.items()):
         ax = figure.add_subplot(1, 3, i + 1, projection="3d")
         ax.plot(*path.T, lw=1.0)
         ax.set(xlim=(-4.5, 4.5), ylim=(-4.5, 4.5), zlim=(-4.5, 4.5), aspect="equal")
         ax.set_title(f"tip of the long antenna of {name}")
-        style(ax)
-    page.draw(figure, "The tip of A's antenna tumbles about; those of B and C run round circles.")
-    page.play(tumbles, "Look at the tips of the antennas.", choose="satellite")
+        drawing.figures.style(ax)
+    return figure
 
 
 if __name__ == "__main__":

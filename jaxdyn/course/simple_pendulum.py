@@ -42,9 +42,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import special
 
-from jaxdyn import effects, lagrangian, scenes, simulate
+from jaxdyn import drawing, effects, lagrangian, scenes, simulate
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing.figures import blank, style
 
 PROBLEM = 22
 TOPIC = "pendulums and linkages"
@@ -106,9 +105,6 @@ def solve(page: Page) -> None:
     amplitudes = np.array([0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
     periods = 4 * np.sqrt(l / g) * special.ellipk(np.sin(amplitudes / 2) ** 2)
     swings = {}
-    figure = blank(6.4, 4.0)
-    ax = figure.subplots()
-    style(ax)
     for angle, period in zip(amplitudes, periods, strict=True):
         scene = scenes.pendulum(angle=angle, m=m, length=l, g=g)
         back = simulate(scene, period, samples=401, rtol=1e-13).ys[-1]
@@ -116,11 +112,23 @@ def solve(page: Page) -> None:
             f"A swing of {angle} rad is back after 4 sqrt(l / g) K", back, scene.y0, within=1e-11
         )
         swings[angle] = simulate(scene, 5.0, samples=401)
-        ax.plot(swings[angle].ts, swings[angle]["theta"])
     page.number("periods of swings of 0.1, 0.5, 1, 1.5, 2, 2.5, 3 rad", periods, "s")
-    ax.set(xlabel="t [s]", ylabel="angle [rad]")
-    page.draw(figure, "Wide swings take longer, and stay near the top for most of the time.")
+    page.draw(
+        lambda: picture(swings),
+        "Wide swings take longer, and stay near the top for most of the time.",
+    )
     page.play(swings, "The wider the swing, the longer its period.", choose="amplitude [rad]")
+
+
+def picture(swings):
+    """The angle over time, for each amplitude."""
+    figure = drawing.figures.blank(6.4, 4.0)
+    ax = figure.subplots()
+    drawing.figures.style(ax)
+    for motion in swings.values():
+        ax.plot(motion.ts, motion["theta"])
+    ax.set(xlabel="t [s]", ylabel="angle [rad]")
+    return figure
 
 
 def ask(page: Page) -> None:

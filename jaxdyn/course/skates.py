@@ -84,8 +84,10 @@ def solve(page: Page) -> None:
     conditions = np.linalg.matrix_rank(np.asarray(alike.system.mechanism.twists()))
     page.true("Skates on one normal are one condition", conditions == 1, route="rank")
 
-    figure = drawing.trajectory([glide, two], names=["one skate, behind", "two skates"])
-    page.draw(figure, "One skate ends in a straight glide; two skates run round one point.")
+    page.draw(
+        lambda: drawing.trajectory([glide, two], names=["one skate, behind", "two skates"]),
+        "One skate ends in a straight glide; two skates run round one point.",
+    )
     begins = simulate(behind, 5.0, **PRECISELY)  # all fit into one view
     motions = {"below the mass centre": circle, "behind it": begins}
     page.play(motions, "A circle, and a turn that ends in a glide.", choose="one skate")

@@ -35,11 +35,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import lagrangian, scenes, simulate
+from jaxdyn import drawing, lagrangian, scenes, simulate
 from jaxdyn.analysis import energy, precession
 from jaxdyn.analysis.linearize import classify, jacobian
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.formulations import rigid
 from jaxdyn.integrate.simulation import solve as integrate
 
@@ -94,7 +93,7 @@ def solve(page: Page) -> None:
     other = precession.tilts(tops["0"])
     page.equal(same, other, angles["q1"], within=1e-8, route="second formulation")
 
-    rate = released.rate(0.0, jnp.array([0.3, 0.7, 0.1, 5.0, 2.0, 90.0]))[3:]
+    rate = jax.jit(released.rate)(0.0, np.array([0.3, 0.7, 0.1, 5.0, 2.0, 90.0]))[3:]
     by_hand = by_euler(0.7, 5.0, 2.0, 90.0)
     statement = "Lagrange's equations are Euler's, as written above"
     page.equal(statement, rate, by_hand, within=1e-10, route="second formulation")
@@ -103,19 +102,25 @@ def solve(page: Page) -> None:
     by_eigenvalues = critical_spin_by_linearization(**TOP)
     page.equal("By eigenvalues", by_eigenvalues / limit, 1.0, within=1e-9, route="linearisation")
 
-    figure = blank(9.0, 3.4)
+    page.draw(
+        lambda: picture(tops),
+        "The axis from above: cusps from rest, a circle if steady, loops if pushed back.",
+    )
+    look = "The tip draws cusps from 0, a circle from 1, waves in between, and loops below 0."
+    page.play(tops, look, choose="first precession [of the steady one]")
+
+
+def picture(tops):
+    """The axis of three tops from above."""
+    figure = drawing.figures.blank(9.0, 3.4)
     for i, share in enumerate(("0", "1", "-2")):
         ax = figure.add_subplot(
             1, 3, i + 1, aspect="equal", title=f"starts at {share} of the slow one"
         )
-        style(ax)
+        drawing.figures.style(ax)
         ax.plot(*energy.along(rigid.pose, tops[share]).R_wb[:, :2, 2].T, lw=1.0)
         ax.set(xlim=(-0.8, 0.8), ylim=(-0.8, 0.8), xlabel="x", ylabel="y")
-    page.draw(
-        figure, "The axis from above: cusps from rest, a circle if steady, loops if pushed back."
-    )
-    look = "The tip draws cusps from 0, a circle from 1, waves in between, and loops below 0."
-    page.play(tops, look, choose="first precession [of the steady one]")
+    return figure
 
 
 def check(page: Page) -> None:
@@ -141,7 +146,7 @@ def critical_spin_by_linearization(**top_numbers) -> float:
         # Upright, XYZ Euler angles are regular, and the third, which grows steadily, does not
         # enter the rates: the motion has eigenvalues like an equilibrium.
         scene = scenes.top(0.0, spin=spin, representation="euler", sequence="XYZ", **top_numbers)
-        a = jacobian(scene, scene.y0)[_TILT_ENTRIES, :][:, _TILT_ENTRIES]
+        a = np.asarray(jacobian(scene, scene.y0))[np.ix_(_TILT_ENTRIES, _TILT_ENTRIES)]
         return classify(a).eigenvalues[0].real > _MIN_GROWTH * spin
 
     return _threshold(unstable, guess, 45)

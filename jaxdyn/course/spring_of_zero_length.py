@@ -63,8 +63,13 @@ def solve(page: Page) -> None:
         route="looser tolerance",
     )
 
-    page.draw(drawing.projections(motion, title=""), "From each side the path is an ellipse.")
-    page.draw(drawing.projections(wild, title=""), "With a rest length it fills a region of space.")
+    page.draw(
+        lambda: drawing.projections(motion, title=""), "From each side the path is an ellipse."
+    )
+    page.draw(
+        lambda: drawing.projections(wild, title=""),
+        "With a rest length it fills a region of space.",
+    )
     page.play(
         {"rest length 0": motion, "rest length 0.5 m": wild}, "One of the two repeats itself."
     )

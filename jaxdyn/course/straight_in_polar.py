@@ -25,7 +25,6 @@ import numpy as np
 
 from jaxdyn import drawing, ode, scenes, simulate
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 
 PROBLEM = 8
 TOPIC = "one particle"
@@ -41,31 +40,43 @@ def solve(page: Page) -> None:
     """Pass the origin at three distances, and measure how straight the path is."""
     starts = {"0.5 m": 0.5, "1 mm": 1e-3, "1 um": 1e-6}
     tolerances = np.logspace(-3, -13, 11)
-    figure = figures.blank(6.0, 4.4)
-    ax = figure.subplots()
-    figures.style(ax)
-    motions = {}
-    for (name, b), colour in zip(starts.items(), figures.PALETTE, strict=False):
+    motions, bends = {}, {}
+    for name, b in starts.items():
         scene = scenes.polar_particle(position=(1.0, b), velocity=(-1.0, 0.0), t1=2.0)
         runs = [simulate(scene, samples=200, rtol=rtol) for rtol in tolerances]
-        bends = np.array([scenes.straightness(run) for run in runs])
-        ax.loglog(tolerances, bends, "o-", color=colour, label=f"passes at {name}")
-        page.number(f"straightness at 1e-3, 1e-8 and 1e-13, passing at {name}", bends[[0, 5, 10]])
+        bends[name] = np.array([scenes.straightness(run) for run in runs])
+        few = bends[name][[0, 5, 10]]
+        page.number(f"straightness at 1e-3, 1e-8 and 1e-13, passing at {name}", few)
         motions[f"passes at {name}"] = runs[-1]
         t = np.asarray(runs[-1].ts)
         line = np.stack([1.0 - t, b + 0 * t], axis=1)
         page.equal(f"Straight and uniform, passing at {name}", runs[-1].r[:, 0], line, within=1e-11)
-    ax.set(xlabel="tolerance", ylabel="deviation from a straight line / length")
-    ax.legend(frameon=False)
 
     wide = motions["passes at 0.5 m"]
     written = simulate(ode(free, wide.scene.y0, 2.0), samples=200, rtol=1e-13)
     page.equal("The equations as written", wide.ys, written.ys, within=1e-12, route="own rate")
 
-    turn = drawing.time_series(motions["passes at 1 mm"], names=["r", "theta"], title="")
-    page.draw(turn, "The closer it passes, the more suddenly theta turns by pi.")
-    page.draw(figure, "Tighter tolerances make the path straighter, down to rounding.")
+    page.draw(
+        lambda: drawing.time_series(motions["passes at 1 mm"], names=["r", "theta"], title=""),
+        "The closer it passes, the more suddenly theta turns by pi.",
+    )
+    page.draw(
+        lambda: picture(tolerances, bends),
+        "Tighter tolerances make the path straighter, down to rounding.",
+    )
     page.play(motions, "All three move uniformly, each along its own straight line.")
+
+
+def picture(tolerances, bends):
+    """The deviation from a straight line over the tolerance, for each distance."""
+    figure = drawing.figures.blank(6.0, 4.4)
+    ax = figure.subplots()
+    drawing.figures.style(ax)
+    for (name, bend), colour in zip(bends.items(), drawing.figures.PALETTE, strict=False):
+        ax.loglog(tolerances, bend, "o-", color=colour, label=f"passes at {name}")
+    ax.set(xlabel="tolerance", ylabel="deviation from a straight line / length")
+    ax.legend(frameon=False)
+    return figure
 
 
 if __name__ == "__main__":

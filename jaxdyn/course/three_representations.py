@@ -97,8 +97,8 @@ def solve(page: Page) -> None:
     by_angles = jax.jit(euler.omega_b_from_euler, static_argnums=1)(angles, "YXZ")
     page.equal("e: omega by the rates of the angles", by_angles, formulas, within=1e-14)
 
-    figure = drawing.trajectory(list(shown.values()), names=list(shown))
-    page.draw(figure, "Path of a corner of each.")
+    names, boxes = list(shown), list(shown.values())
+    page.draw(lambda: drawing.trajectory(boxes, names=names), "Path of a corner of each.")
     page.play(shown, "A box, a box that flips, and a plate that wobbles.", choose="object")
 
 

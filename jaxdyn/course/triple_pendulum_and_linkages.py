@@ -110,8 +110,10 @@ def solve(page: Page) -> None:
         refused = str(error)
     page.true("5 m of bars over 6 m are refused", "span" in refused, route="the message")
 
-    page.draw(drawing.trajectory(triple), "The third bar turns over again and again.")
-    page.draw(drawing.trajectory(crank), "The crank swings, and drives the rocker by the coupler.")
+    page.draw(lambda: drawing.trajectory(triple), "The third bar turns over again and again.")
+    page.draw(
+        lambda: drawing.trajectory(crank), "The crank swings, and drives the rocker by the coupler."
+    )
     for name, motion in {"triple pendulum": triple, "linkage": crank}.items():
         drift = energy.drift(motion)
         page.equal(

@@ -37,7 +37,9 @@ def solve(page: Page) -> None:
     same = "A cube that spins freely about its diagonal does the same"
     page.equal(same, free.r[:, :8], given, within=1e-12, route="Euler's equations")
 
-    page.draw(drawing.trajectory(turning), "The box at the start, its axis, and a corner's path.")
+    page.draw(
+        lambda: drawing.trajectory(turning), "The box at the start, its axis, and a corner's path."
+    )
     again = simulate(scenes.turned_box(sides=(3.0, 2.0, 1.0)), 3 * third, samples=200)
     page.play(again, "Each third of the round puts the box onto other axes.")
 

@@ -38,9 +38,8 @@ So the pair is one mass in position and velocity after many vibrations, w t much
 in its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
 """
 
-from jaxdyn import effects, scenes, simulate
+from jaxdyn import drawing, effects, scenes, simulate
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.scenes import springs
 
 PROBLEM = 20
@@ -61,9 +60,6 @@ def solve(page: Page) -> None:
 
     ts = motions[1.0].ts
     rigid = F * ts**2 / (2 * total)
-    figure = blank(6.4, 4.4)
-    ax = figure.subplots()
-    style(ax)
     for k, motion in motions.items():
         x1, x2 = motion["x1"], motion["x2"]
         exact = springs.two_masses_exact(ts, m1=m1, m2=m2, k=k, force=F)
@@ -76,13 +72,23 @@ def solve(page: Page) -> None:
         page.number(f"largest lag of the first mass behind a rigid pair, k = {k:g} N/m", most, "m")
         bound = 2 * F * m1 * m2 / (k * total**2)
         page.equal(f"It is 2 F m1 m2 / (k M^2), k = {k:g}", most, bound, within=1e-12)
-        ax.plot(ts, x1 - rigid, label=f"k = {k:g} N/m")
-    ax.set(xlabel="t [s]", ylabel="position of the first mass minus that of a rigid pair [m]")
-    ax.legend(frameon=False)
     page.draw(
-        figure, "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair."
+        lambda: picture(motions, rigid),
+        "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair.",
     )
     page.play(motions, "The stiffer the spring, the more the pair is one mass.", choose="k [N/m]")
+
+
+def picture(motions, rigid):
+    """The lead over a rigid pair over time, for each stiffness."""
+    figure = drawing.figures.blank(6.4, 4.4)
+    ax = figure.subplots()
+    drawing.figures.style(ax)
+    for k, motion in motions.items():
+        ax.plot(motion.ts, motion["x1"] - rigid, label=f"k = {k:g} N/m")
+    ax.set(xlabel="t [s]", ylabel="position of the first mass minus that of a rigid pair [m]")
+    ax.legend(frameon=False)
+    return figure
 
 
 def ask(page: Page) -> None:

@@ -40,12 +40,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, scenes, simulate
+from jaxdyn import Scene, drawing, scenes, simulate
 from jaxdyn.accuracy.quantities import Quantity
 from jaxdyn.accuracy.work_precision import work_precision
 from jaxdyn.analysis.momenta import centre_of_mass
 from jaxdyn.course.page import Page, largest, show
-from jaxdyn.drawing.figures import blank, style
 from jaxdyn.hard.cases.stiff import LENGTH, joined_by_rod, joined_by_spring, mass_centre
 from jaxdyn.integrate.simulation import solve as integrate
 from jaxdyn.solvers import default_solver
@@ -95,17 +94,25 @@ def solve(page: Page) -> None:
     statement = "By the bare equations they part at the constant rate of the start"
     page.equal(statement, apart, 1.0 + 0.5 * parting.ts, within=1e-10)
 
-    figure = blank(6.4, 4.0)
+    page.draw(
+        lambda: picture(motions),
+        "The rod keeps its length; the spring stretches with the push, and vibrates.",
+    )
+    page.play(
+        {"rod": rod, "unequal velocities": parting}, "With unequal velocities no rod is left."
+    )
+
+
+def picture(motions):
+    """The distance of the masses over time."""
+    figure = drawing.figures.blank(6.4, 4.0)
     ax = figure.subplots()
-    style(ax)
+    drawing.figures.style(ax)
     for name in ("rod", "spring of 100 N/m"):
         ax.plot(motions[name].ts, motions[name]["x2"] - motions[name]["x1"], label=name)
     ax.set(xlabel="t [s]", ylabel="distance of the masses [m]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
-    page.draw(figure, "The rod keeps its length; the spring stretches with the push, and vibrates.")
-    page.play(
-        {"rod": rod, "unequal velocities": parting}, "With unequal velocities no rod is left."
-    )
+    return figure
 
 
 class Row(NamedTuple):

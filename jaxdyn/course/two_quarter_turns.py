@@ -13,9 +13,8 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import scenes, simulate
+from jaxdyn import drawing, scenes, simulate
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import rotations
 
 PROBLEM = 45
@@ -54,16 +53,24 @@ def solve(page: Page) -> None:
     ends = two.r[-1, :8], one.r[-1, :8]
     page.equal("A box ends in the same place", *ends, within=1e-11, route="both simulated")
 
+    page.draw(picture, "The tip of x goes down and up again to y, or straight there.")
+    page.play({"two quarter turns": two, "one turn": one}, "Both boxes end in the same place.")
+
+
+def picture():
+    """The paths of the tip of x."""
+    x, y = np.eye(3)[:2]
     arcs = [rotations.rotate(y, QUARTER * s, x) for s in np.linspace(0, 1, 31)]
     arcs += [rotations.rotate(x, QUARTER * s, arcs[-1]) for s in np.linspace(0, 1, 31)]
     direct = [rotations.rotate(np.ones(3), 4 * QUARTER / 3 * s, x) for s in np.linspace(0, 1, 31)]
-    ax = figures.in_space(5.5, 5.0)
-    ax.plot(*np.array(arcs).T, color=figures.PALETTE[0], label="two quarter turns")
-    ax.plot(*np.array(direct).T, color=figures.PALETTE[1], label="120 degrees about (1, 1, 1)")
+    ax = drawing.figures.in_space(5.5, 5.0)
+    ax.plot(*np.array(arcs).T, color=drawing.figures.PALETTE[0], label="two quarter turns")
+    ax.plot(
+        *np.array(direct).T, color=drawing.figures.PALETTE[1], label="120 degrees about (1, 1, 1)"
+    )
     ax.figure.legend(loc="outside lower center", frameon=False)
     ax.set_aspect("equal")
-    page.draw(ax.figure, "The tip of x goes down and up again to y, or straight there.")
-    page.play({"two quarter turns": two, "one turn": one}, "Both boxes end in the same place.")
+    return ax.figure
 
 
 if __name__ == "__main__":

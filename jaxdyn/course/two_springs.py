@@ -27,10 +27,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import equilibria, scenes, simulate
+from jaxdyn import drawing, equilibria, scenes, simulate
 from jaxdyn.analysis import energy
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 
 PROBLEM = 13
 TOPIC = "one particle"
@@ -45,24 +44,16 @@ def hung(g):
 
 def solve(page: Page) -> None:
     """Find all equilibria, push the mass off each, and compare with the eigenvalues."""
-    scene, span = hung(g=1.0), np.linspace(-1.0, 2.2, 120)
+    scene = hung(g=1.0)
     found = equilibria(scene, [-5, -5], [5, 5])
     all_of_them = len(found) == 5 and found.complete
     page.true("There are five equilibria", all_of_them, route="proof by intervals")
     heavy = equilibria(hung(g=100.0), [-200, -200], [200, 200])
     page.true("A hundred times the weight leaves one", len(heavy) == 1, route="proof by intervals")
 
-    figure = figures.blank(6.0, 5.6)
-    ax = figure.subplots(subplot_kw={"aspect": "equal", "xlabel": "x [m]", "ylabel": "y [m]"})
-    places = np.stack([*np.meshgrid(span, span - 0.4), *np.zeros((2, 120, 120))], axis=-1)
-    at = jax.vmap(lambda y: energy.potential(scene, 0.0, y))
-    heights = np.reshape(at(jnp.asarray(places.reshape(-1, 4))), (120, 120))
-    figures.style(ax)
-    ax.grid(visible=False)
-    ax.contour(span, span - 0.4, heights, np.linspace(0, 4, 28), colors="0.8", linewidths=0.7)
     motions = {}
-    pairs = zip(found.states, found.linearizations, figures.PALETTE, strict=False)
-    for i, (rest, near, colour) in enumerate(pairs, start=1):
+    pairs = zip(found.states, found.linearizations, strict=True)
+    for i, (rest, near) in enumerate(pairs, start=1):
         page.number(f"equilibrium {i}, {near.verdict}", rest[:2], "m")
         page.number(f"fastest growth at {i}", near.eigenvalues[0].real, "1/s")
         values, shapes = np.linalg.eig(near.jacobian)
@@ -74,12 +65,32 @@ def solve(page: Page) -> None:
         page.equal(name, pushed.ys[-1] - rest, expected, within=1e-10, route="simulated")
         off = rest - 5e4 * push.real
         motions[f"beside {i}"] = simulate(scene.starting(off), 30.0, samples=400)
-        ax.plot(motions[f"beside {i}"]["x"], motions[f"beside {i}"]["y"], color=colour, lw=1.0)
-        ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i}: {near.verdict}")
-    ax.legend(loc="lower left")
-    page.draw(figure, "Lines of equal potential energy: motions end in one of its two wells.")
+    page.draw(
+        lambda: picture(scene, found, motions),
+        "Lines of equal potential energy: motions end in one of its two wells.",
+    )
     look = "Each motion begins beside an equilibrium and ends at a stable one."
     page.play(motions, look, choose="start")
+
+
+def picture(scene, found, motions):
+    """Lines of equal potential energy, the equilibria and the motions beside them."""
+    span = np.linspace(-1.0, 2.2, 120)
+    places = np.stack([*np.meshgrid(span, span - 0.4), *np.zeros((2, 120, 120))], axis=-1)
+    at = jax.vmap(lambda y: energy.potential(scene, 0.0, y))
+    heights = np.reshape(at(jnp.asarray(places.reshape(-1, 4))), (120, 120))
+    figure = drawing.figures.blank(6.0, 5.6)
+    ax = figure.subplots(subplot_kw={"aspect": "equal", "xlabel": "x [m]", "ylabel": "y [m]"})
+    drawing.figures.style(ax)
+    ax.grid(visible=False)
+    ax.contour(span, span - 0.4, heights, np.linspace(0, 4, 28), colors="0.8", linewidths=0.7)
+    drawn = zip(found.states, found.linearizations, motions.values(), strict=True)
+    for i, (rest, near, motion) in enumerate(drawn):
+        colour = drawing.figures.PALETTE[i]
+        ax.plot(motion["x"], motion["y"], color=colour, lw=1.0)
+        ax.plot(*rest[:2], "o", color=colour, ms=9, label=f"{i + 1}: {near.verdict}")
+    ax.legend(loc="lower left")
+    return figure
 
 
 def ask(page: Page) -> None:

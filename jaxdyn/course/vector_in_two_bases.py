@@ -47,8 +47,8 @@ Is omega in the turned basis R^T [omega] or R [omega]? R^T [omega], like any vec
 
 import numpy as np
 
+from jaxdyn import drawing
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.geometry import frames, indices, rotations
 
 PROBLEM = 42
@@ -91,14 +91,19 @@ def solve(page: Page) -> None:
     A = frames.tensor_in_world(R, R)
     page.equal("j: A_ij = R_ij", A, R, within=1e-14, route="change of basis")
 
-    ax = figures.in_space(5.5, 5.0)
     arrows = {"e": e, "e'": turned, "r": [r], "r*": [r_star]}
-    for (name, group), colour in zip(arrows.items(), figures.PALETTE, strict=False):
+    page.draw(lambda: picture(arrows), "r* lies in the basis e' as r lies in the basis e.")
+
+
+def picture(arrows):
+    """Both bases and both vectors."""
+    ax = drawing.figures.in_space(5.5, 5.0)
+    for (name, group), colour in zip(arrows.items(), drawing.figures.PALETTE, strict=False):
         for i, arrow in enumerate(np.asarray(group)):
             ax.plot(*np.stack([0 * arrow, arrow]).T, color=colour, lw=2)
             ax.text(*arrow, f" {name}{i + 1 if len(group) == 3 else ''}", color=colour)
     ax.set_aspect("equal")
-    page.draw(ax.figure, "r* lies in the basis e' as r lies in the basis e.")
+    return ax.figure
 
 
 if __name__ == "__main__":

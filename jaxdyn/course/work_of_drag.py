@@ -24,7 +24,6 @@ from jaxdyn import drawing, effects, scenes, simulate, solvers, until
 from jaxdyn.accuracy import convergence
 from jaxdyn.analysis import energy, work_by_effect
 from jaxdyn.course.page import Page, show
-from jaxdyn.drawing import figures
 from jaxdyn.integrate import events
 
 PROBLEM = 12
@@ -64,30 +63,41 @@ def solve(page: Page) -> None:
     works = best["work of QuadraticDrag"]
     page.equal("It is the change of energy", works, along, within=1e-14, route="energy")
 
-    figure = figures.blank(6.0, 4.4)
-    ax = figure.subplots()
-    figures.style(ax)
     counts = 4 * 2 ** np.arange(9)
-    ax.set_prop_cycle(color=figures.PALETTE)
+    errors = {}
     for method, order in ((solvers.EULER, 1), (solvers.RK4, 4)):
         gaps = [gap(convergence.fixed_steps(scene, 1.2, steps=n, method=method)) for n in counts]
-        ax.loglog(counts, gaps, "o-", label=f"{method.name}, equal steps")
+        errors[f"{method.name}, equal steps"] = (counts, gaps)
         observed = np.log2(gaps[3] / gaps[4])
         page.equal(f"{method.name}: order", observed, order, within=0.1, route="halved steps")
     steps, gaps = zip(*((run.steps, gap(run.ys[-1])) for run in runs), strict=True)
-    ax.loglog(steps, gaps, "s-", label="tolerances 1e-4 to 1e-13")
-    ax.set(xlabel="steps", ylabel="difference of work and energy [J]")
-    ax.legend(frameon=False)
-    page.draw(figure, "Any difference is an integration error, and vanishes with it.")
+    errors["tolerances 1e-4 to 1e-13"] = (steps, gaps)
+    look = "Any difference is an integration error, and vanishes with it."
+    page.draw(lambda: picture(errors), look)
 
     shots = throws()
     spent = [motion["work of QuadraticDrag"][-1] for motion in shots.values()]
     page.number("b: work in 1.2 s with c = 0.03, 0.1, 0.3, 1, 3 and 10 kg/m", spent, "J")
     names = [f"c = {c} kg/m" for c in shots]
-    figure = drawing.trajectory(list(shots.values()), names=names, title="")
-    page.draw(figure, "All throws are drawn for 1.2 s: the more drag, the shorter.")
+    page.draw(
+        lambda: drawing.trajectory(list(shots.values()), names=names, title=""),
+        "All throws are drawn for 1.2 s: the more drag, the shorter.",
+    )
     ends = events.Reaches(*LANDS)
     page.play(shots, "With much drag it stops and falls.", choose="drag [kg/m]", ends=ends)
+
+
+def picture(errors):
+    """The errors over the numbers of steps, for each way to choose these."""
+    figure = drawing.figures.blank(6.0, 4.4)
+    ax = figure.subplots()
+    drawing.figures.style(ax)
+    ax.set_prop_cycle(color=drawing.figures.PALETTE)
+    for name, (steps, gaps) in errors.items():
+        ax.loglog(steps, gaps, "o-", label=name)
+    ax.set(xlabel="steps", ylabel="difference of work and energy [J]")
+    ax.legend(frameon=False)
+    return figure
 
 
 if __name__ == "__main__":

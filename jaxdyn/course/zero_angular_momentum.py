@@ -55,7 +55,7 @@ def solve(page: Page) -> None:
     page.equal("It is the integral over the path", path, turned, within=1e-12, route="quadrature")
 
     look = "The driven masses end on the circles where they began, but the plate has turned."
-    page.draw(drawing.trajectory(motion), look)
+    page.draw(lambda: drawing.trajectory(motion), look)
     page.play(motion, "The plate turns against the masses that are driven round on it.")
 
 

@@ -78,7 +78,7 @@ class CentralForce(Effect):
         return -jnp.where(centre & infinite, jnp.nan, weight)[:, None] * r
 
     def check(self, points: Points) -> None:
-        force = np.asarray(self.force(jnp.zeros(()), *points))
+        force = np.asarray(_force(self, points))
         for i in np.flatnonzero(~np.isfinite(force).all(axis=1)):
             raise _checks.fail(
                 "y0",
@@ -86,6 +86,11 @@ class CentralForce(Effect):
                 f"{force[i].tolist()} on point {i} at {np.asarray(points.r)[i].tolist()}",
                 "Start away from the centre.",
             )
+
+
+@eqx.filter_jit  # one program, not one for each operation
+def _force(effect: CentralForce, points: Points) -> Array:
+    return effect.force(jnp.zeros(()), *points)
 
 
 class PowerLaw(CentralForce):

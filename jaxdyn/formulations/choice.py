@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -50,7 +51,7 @@ def route(
     if formulation in _FREE:
         return _FREE[formulation](free), jnp.concatenate([q, v])
     mechanism, place = embeddings[formulation]
-    t = jnp.zeros(())
+    t = np.zeros(())
     return Constrained(mechanism, drift), _place(place, t, q, v)
 
 

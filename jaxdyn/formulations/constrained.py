@@ -28,6 +28,7 @@ that a motion ends before it, with the status `SINGULAR`.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -166,7 +167,7 @@ class Constrained(MechanismSystem):
                 "Some coordinates lock there, as Euler angles of a disk that lies flat or of a "
                 "body upright do; start beside it, or take other coordinates.",
             )
-        if self.drift != "raw" and max(place, speed) > CONSISTENT * (1.0 + float(jnp.abs(y).max())):
+        if self.drift != "raw" and max(place, speed) > CONSISTENT * (1.0 + float(np.abs(y).max())):
             raise _checks.fail(
                 "y0",
                 "a start that satisfies the constraints",

@@ -13,6 +13,7 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -175,8 +176,15 @@ class MechanismSystem(System):
     def check(self, t, y):
         del t, y
         self.mechanism.check()
-        m = self.mechanism.masses()
-        _checks.positive("mass", jnp.sum(m) if self.mechanism.massless else m, "Masses are in kg.")
+        m = _masses(self.mechanism)
+        if self.mechanism.massless and not _checks.is_traced(m):
+            m = np.asarray(m).sum()
+        _checks.positive("mass", m, "Masses are in kg.")
+
+
+@jax.jit  # one program, not one for each operation
+def _masses(mechanism: Mechanism) -> Array:
+    return mechanism.masses()
 
 
 def with_rates(coordinates: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:

@@ -1,6 +1,7 @@
 """Newton's equations of one particle in polar coordinates: course problem 8."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -56,6 +57,7 @@ class PolarParticle(System):
             )
 
 
+@jax.jit  # one program, not one for each operation
 def polar_state(position: Array, velocity: Array) -> Array:
     """(4,) the state of a `PolarParticle` at a position (2,), not the origin, and velocity (2,)."""
     (x, y), (vx, vy) = position, velocity

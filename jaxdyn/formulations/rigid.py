@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import check_first
+from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import solve_spd
 from jaxdyn.formulations.attitude import Attitude, Quaternion
 from jaxdyn.formulations.mechanism import MechanismSystem
@@ -72,10 +72,9 @@ class FirstPoint(Looks):
 
 def resting(R_wb=None, omega_b=(0.0, 0.0, 0.0)) -> Pose:
     """A pose at the origin without velocity of the origin: the usual start of a body or a top."""
-    R_wb = jnp.eye(3) if R_wb is None else jnp.asarray(R_wb, dtype=float)
-    return Pose(
-        r=jnp.zeros(3), R_wb=R_wb, v=jnp.zeros(3), omega_b=jnp.asarray(omega_b, dtype=float)
-    )
+    R_wb = as_float(np.eye(3) if R_wb is None else R_wb)
+    still = as_float(np.zeros(3))
+    return Pose(r=still, R_wb=R_wb, v=still, omega_b=as_float(omega_b))
 
 
 @check_first
@@ -211,7 +210,7 @@ class RigidBody(System):
         check_matter(self.matter)
         if _checks.is_traced((self, y)):
             return
-        a = self._parts(y)[1]
+        a = y[:-3] if self.pivoted else y[3:-6]
         nearest = np.asarray(_nearest(self.attitude, a))
         off = np.abs(nearest - a).max()
         if not off <= CONSISTENT:
@@ -274,11 +273,11 @@ def gyroscopic_torque(inertia: Array, omega: Array) -> Array:
 @check_first
 def check_matter(matter: MaterialPoints) -> None:
     """Raise ValueError for points that are not a rigid body: without mass, or all on one line."""
-    # A single point may have no mass, or a negative one: a hole.
-    _checks.positive("mass", jnp.sum(matter.m), "Masses are in kg.")
     if _checks.is_traced(matter):
         return
-    moments = _moments(matter)
+    # A single point may have no mass, or a negative one: a hole.
+    _checks.positive("mass", np.asarray(matter.m).sum(), "Masses are in kg.")
+    moments = np.asarray(_moments(matter))
     if not moments[0] > 1e-12 * moments[2]:
         raise _checks.fail(
             "matter",

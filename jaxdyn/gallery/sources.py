@@ -16,7 +16,7 @@ from jaxdyn.course.page import TOPICS, Problem
 from jaxdyn.files.output_files import replace
 from jaxdyn.gallery import reference
 from jaxdyn.gallery.texts import duration, first, prose
-from jaxdyn.player.live import SCRIPTS
+from jaxdyn.player.live_pages import SCRIPTS
 
 _HERE = Path(__file__).parent
 #: A link to a guide or a tutorial, as a file.

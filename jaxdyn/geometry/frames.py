@@ -82,11 +82,12 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
     off = _off_rotation(R)
     if _checks.is_traced(R):
         return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
+    off = float(off)
     if off > _MAX_ORTHOGONALITY_DEFECT:
         raise _checks.fail(
             name,
             "a rotation: orthogonal columns of length 1, determinant 1",
-            f"{np.asarray(R).tolist()}, off by {float(off):.2g}",
+            f"{np.asarray(R).tolist()}, off by {off:.2g}",
             "frames.orthonormalize finds the nearest rotation to a matrix that is nearly one.",
         )
     return R

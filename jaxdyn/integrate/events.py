@@ -257,8 +257,8 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
     traced = _checks.is_traced((scene, events, sides, t0, t1, held_to))
 
     def run(held_to, method: Method) -> Stop:
-        held_to = jax.tree.map(jnp.asarray, held_to)
-        locate = _locate if traced else _compiled
+        locate, convert = (_locate, jnp.asarray) if traced else (_compiled, np.asarray)
+        held_to = jax.tree.map(convert, held_to)
         return locate(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
 
     return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]

@@ -17,6 +17,7 @@ import math
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -178,14 +179,16 @@ class Cylinder(System):
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
         _checks.positive("r", self.r, "Radii are in m.")
         _checks.positive("fixed", self.fixed, "Radii are in m.")
-        if not 0 <= self.d < self.r:
-            raise _checks.fail("d", "from 0 to below the radius", float(self.d))
-        if not abs(self.slope) < math.pi / 2:
-            raise _checks.fail("slope", "below 90 degrees", float(self.slope), "It is in rad.")
-        if not self.mu >= 0:
-            raise _checks.fail("mu", ">= 0", float(self.mu))
-        gap = float(self.height(y))
-        if gap < -_MAX_OVERLAP * max(float(self.r), float(jnp.max(jnp.abs(y[:2])))):
+        # As numbers of Python, since an operation of JAX by itself is a program.
+        d, r, slope, mu = map(float, (self.d, self.r, self.slope, self.mu))
+        if not 0 <= d < r:
+            raise _checks.fail("d", "from 0 to below the radius", d)
+        if not abs(slope) < math.pi / 2:
+            raise _checks.fail("slope", "below 90 degrees", slope, "It is in rad.")
+        if not mu >= 0:
+            raise _checks.fail("mu", ">= 0", mu)
+        gap = float(_height(self, y))
+        if gap < -_MAX_OVERLAP * max(r, float(np.max(np.abs(y[:2])))):
             surface = "the ramp" if self.flat else "the fixed cylinder"
             raise _checks.fail("y0", f"a cylinder outside {surface}", f"one {-gap:.6g} m inside")
         del t
@@ -249,6 +252,11 @@ class Cylinder(System):
         ratio = -SLIPS[self.contact] * self.mu
         normal = needed[0] / (a[0, 0] + ratio * a[0, 1])
         return jnp.stack([normal, ratio * normal])
+
+
+@jax.jit
+def _height(cylinder: Cylinder, y: Array) -> Array:
+    return cylinder.height(y)
 
 
 def _dot(rows: Array, v: Array) -> Array:

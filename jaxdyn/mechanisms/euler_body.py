@@ -4,10 +4,13 @@ It does not use Euler's equations, so it is a second route to the motions of `ri
 angles lock in some poses.
 """
 
+import functools
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -28,6 +31,7 @@ from jaxdyn.geometry.euler import (
     matrix_from_euler,
     omega_b_from_euler,
 )
+from jaxdyn.geometry.frames import check_rotation
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.joints import body
 from jaxdyn.sketch import Looks
@@ -107,10 +111,10 @@ class EulerBody(Mechanism):
         Raises:
           ValueError: the angles lock in this pose; if it is traced, the rates are NaN.
         """
-        angles = euler_from_matrix(pose.R_wb, self.sequence).angles
-        rates = euler_rates_from_body(angles, pose.omega_b, self.sequence).rates
-        locked = not _checks.is_traced((rates, pose)) and bool(jnp.isnan(rates).any())
-        if locked and bool(jnp.isfinite(pose.omega_b).all()):
+        R_wb = check_rotation("R_wb", pose.R_wb)
+        angles, rates = _angles_and_rates(R_wb, pose.omega_b, self.sequence)
+        locked = not _checks.is_traced((rates, pose)) and bool(np.isnan(rates).any())
+        if locked and bool(np.isfinite(pose.omega_b).all()):
             raise _checks.fail(
                 "sequence",
                 "Euler angles that do not lock in the pose at the start",
@@ -128,3 +132,10 @@ class EulerBody(Mechanism):
 
     def _parts(self, q: Array) -> tuple[Array, Array]:
         return (jnp.zeros(3), q) if self.pivoted else (q[:3], q[3:])
+
+
+@functools.partial(jax.jit, static_argnames="sequence")  # one program, not one for each operation
+def _angles_and_rates(R_wb: Array, omega_b: Array, sequence: str) -> tuple[Array, Array]:
+    """(3,) the angles, and (3,) their rates."""
+    angles = euler_from_matrix(R_wb, sequence).angles
+    return angles, euler_rates_from_body(angles, omega_b, sequence).rates

@@ -1,5 +1,6 @@
 """A planar body on skates, and its equations of motion derived by hand: course problem 39."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -79,7 +80,7 @@ class Skated(Mechanism):
         _checks.positive("mass", self.m, "Masses are in kg.")
         _checks.positive("inertia", self.inertia, "Inertias are in kg m^2.")
         scale = np.array([1.0, 1.0, np.sqrt(self.m / self.inertia)])
-        condition = np.linalg.cond(np.asarray(self.twists()) * scale)
+        condition = np.linalg.cond(np.asarray(_twists(self)) * scale)
         if not condition < _WORST_CONDITION:
             raise _checks.fail(
                 "skates",
@@ -92,6 +93,11 @@ class Skated(Mechanism):
     def _arms(self) -> Array:
         x, y = self.at[:, 0], self.at[:, 1]
         return x * jnp.cos(self.headings) + y * jnp.sin(self.headings)
+
+
+@jax.jit  # one program, not one for each operation
+def _twists(body: Skated) -> Array:
+    return body.twists()
 
 
 class LagrangeSkates(MechanismSystem):

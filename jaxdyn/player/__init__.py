@@ -1,11 +1,11 @@
 """Motions in a browser: pages that play them, and pages on which a scene itself runs.
 
-`export` writes the paths from `drawing.paths`, and the energy along the motion, as compact JSON;
-`pages` puts it into a page with the script `player.js` and the style sheet `player.css`, which
-needs no other files and no network. `model` writes a scene as a program in JavaScript, with its
-rate, its drawing, and the initial states and questions of `choices`; `live` puts that into a page
-with the scripts `live.js` and `motion.js`, which uses the integrator `dop853.js`. Both kinds of
-pages draw with `canvas.js`.
+`motion_data` writes the paths from `drawing.paths`, and the energy along the motion, as compact
+JSON; `pages` puts it into a page with the script `player.js` and the style sheet `player.css`,
+which needs no other files and no network. `model` writes a scene as a program in JavaScript, with
+its rate, its drawing, and the initial states and questions of `choices`; `live_pages` puts that
+into a page with the scripts `live.js` and `motion.js`, which uses the integrator `dop853.js`. Both
+kinds of pages draw with `canvas.js`.
 
 May import: `drawing`, `symbolic`.
 
@@ -13,14 +13,12 @@ To add a kind of shape, add a case to ``stroke`` in `canvas.js`. Pages, notebook
 use the same files.
 """
 
-import jaxdyn._doors
-from jaxdyn.player.choices import Ask
-from jaxdyn.player.export import export
-from jaxdyn.player.live import live
-from jaxdyn.player.pages import PlayerPage, embed, fragment, look, play, script
+import lazy_loader
 
-__all__ = ["Ask", "PlayerPage", "embed", "export", "fragment", "live", "look", "play", "script"]
+import jaxdyn._doors
+
+_listed, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 #: Renamed in version 0.3.
 _RENAMED = {"Playing": "PlayerPage"}
-__getattr__ = jaxdyn._doors.attribute_getter(__name__, renamed=_RENAMED)
+__getattr__ = jaxdyn._doors.attribute_getter(__name__, _listed, renamed=_RENAMED)

@@ -9,7 +9,7 @@ from typing import Any
 
 from jaxdyn.drawing.titles import caption
 from jaxdyn.files.output_files import page_path, replace
-from jaxdyn.player.export import export
+from jaxdyn.player.motion_data import export
 
 _HERE = Path(__file__).parent
 _FRAME = 720  # [px] height of a player in a notebook

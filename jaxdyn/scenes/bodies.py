@@ -178,8 +178,7 @@ def feynman_plate(
     # The vertical is (0, sin, cos) of the tilt in the body's axes, and I omega, with I_3 = 2 I_1,
     # is along it.
     tilt, spin, side = floats(tilt, spin, side)
-    R_wb = matrix_from_euler(_vector(0.0, tilt, 0.0), "ZXZ")
-    start = resting(R_wb, _vector(0.0, 2 * spin * jnp.tan(tilt), spin))
+    start = resting(*_thrown(tilt, spin))
     matter = box_points(m, _vector(side, side, 0.0))
     return _scene(matter, BoxSketch(), start, representation, "ZXZ", t1=t1)
 
@@ -254,14 +253,29 @@ def top(
     """
     I1 = _checks.positive("I1", I1, "The moment across the axis, in kg m^2.")
     I3 = _checks.positive("I3", I3, "The moment about the axis, in kg m^2.")
-    angles = _vector(0.0, theta, 0.0)
-    rates = _vector(precession, nutation, spin)
-    start = resting(matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates)
+    start = resting(*_leaning(*floats(theta, precession, nutation, spin)))
     matter = jack(m, _vector(I1, I1, I3), _vector(0.0, 0.0, d))
     gravity = (UniformGravity(g),)
     return _scene(
         matter, TopSketch(), start, representation, sequence, gravity, pivoted=True, t1=t1
     )
+
+
+@jax.jit  # one program, not one for each operation
+def _thrown(tilt: Array, spin: Array) -> tuple[Array, Array]:
+    """The attitude, and the angular velocity in the body's axes, of `feynman_plate`."""
+    none = jnp.zeros(())
+    R_wb = matrix_from_euler(jnp.stack([none, tilt, none]), "ZXZ")
+    return R_wb, jnp.stack([none, 2 * spin * jnp.tan(tilt), spin])
+
+
+@jax.jit
+def _leaning(theta: Array, precession: Array, nutation: Array, spin: Array) -> tuple[Array, Array]:
+    """The attitude, and the angular velocity in the body's axes, of `top`."""
+    none = jnp.zeros(())
+    angles = jnp.stack([none, theta, none])
+    rates = jnp.stack([precession, nutation, spin])
+    return matrix_from_euler(angles, "ZXZ"), omega_b_from_euler(angles, "ZXZ") @ rates
 
 
 def _scene(

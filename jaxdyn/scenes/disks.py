@@ -7,9 +7,12 @@ the vertical, the spin omega_s (the course's "pitch rate") about e_3', so omega 
 Its steady motions are given by `precession.rolling_disk_circle` and the functions beside it.
 """
 
+import functools
 import math
 
+import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import floats
@@ -56,12 +59,17 @@ def rolling_disk(
         raise _checks.fail("theta", wanted, theta, "A disk that lies flat has no lowest point.")
     I1 = m * radius**2 / 4 if I1 is None else I1
     disk = Disk(m, radius, I1, rough=rough)
-    theta, precession, lean_rate, spin, radius = floats(theta, precession, lean_rate, spin, radius)
+    y0 = _start(*floats(theta, precession, lean_rate, spin, radius), rough=rough)
+    return Scene(Constrained(disk), (UniformGravity(g),), y0=y0, t1=t1)
+
+
+@functools.partial(jax.jit, static_argnames="rough")  # one program, not one for each operation
+def _start(theta, precession, lean_rate, spin, radius, *, rough: bool) -> Array:
+    """(12,) the state of `rolling_disk`."""
     zero = jnp.zeros(())
     angles, rates = [zero, theta, zero], [precession, lean_rate, spin]
     # Rolling along x at phi = 0, by `Disk.rolling` and `Disk.constraints`.
     v = [-radius * (precession * jnp.cos(theta) + spin), -radius * jnp.sin(theta) * lean_rate]
     v = v if rough else [zero, zero]
     up = radius * jnp.sin(theta), radius * jnp.cos(theta) * lean_rate
-    y0 = jnp.stack([zero, zero, up[0], *angles, *v, up[1], *rates])
-    return Scene(Constrained(disk), (UniformGravity(g),), y0=y0, t1=t1)
+    return jnp.stack([zero, zero, up[0], *angles, *v, up[1], *rates])

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn._numerics import square_norm
 from jaxdyn.formulations.prescribed import Path, Prescribed
 from jaxdyn.geometry.euler import SEQUENCES, matrix_from_euler
@@ -88,7 +88,7 @@ class TurnedBox(Path):
         return *BoxSketch()(r), line(*r[8:])
 
     def check(self):
-        if not _checks.is_traced(self.axis) and not self.axis.any():
+        if not _checks.is_traced(self.axis) and not np.any(np.asarray(self.axis)):
             raise _checks.fail("axis", "a direction", "0, 0, 0")
 
 
@@ -191,11 +191,17 @@ def turned_box(
       t1: span [s].
     """
     axis = _checks.array("axis", axis, (3,), "A direction.")
-    corners = box_points(1.0, sides).r[:8]
+    outline = _with_axis(box_points(1.0, sides).r, axis)
+    return _scene_on_path(TurnedBox(outline, axis, as_float(rate)), t1)
+
+
+@jax.jit  # one program, not one for each operation
+def _with_axis(points: Array, axis: Array) -> Array:
+    """(10, 3) the corners of a box, and the ends of an axis through its middle."""
+    corners = points[:8]
     half = jnp.sqrt(square_norm(corners[0]))
     end = _OVERSHOOT * half * axis / jnp.sqrt(square_norm(axis))
-    outline = jnp.concatenate([corners, jnp.stack([-end, end])])
-    return _scene_on_path(TurnedBox(outline, axis, jnp.asarray(rate, dtype=float)), t1)
+    return jnp.concatenate([corners, jnp.stack([-end, end])])
 
 
 @ready_made()
@@ -256,7 +262,12 @@ def _check_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:
 
 def _scene_on_path(path: Path, t1) -> Scene:
     system = Prescribed(path)
-    return Scene(system, y0=system.state(jnp.zeros(())), t1=t1)
+    return Scene(system, y0=_begin(system), t1=t1)
+
+
+@eqx.filter_jit  # one program, not one for each operation
+def _begin(system: Prescribed) -> Array:
+    return system.state(jnp.zeros(()))
 
 
 def _equal(outline: Array) -> Array:

@@ -4,11 +4,12 @@ x points right and y up. Constraints lead to differential-algebraic equations; w
 coordinates exist they are offered as well, for comparison.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import floats
+from jaxdyn._checks import as_float, floats
 from jaxdyn.effects import SinusoidalForce, UniformGravity, unless_zero
 from jaxdyn.formulations.choice import route
 from jaxdyn.formulations.constrained import Constrained
@@ -217,11 +218,16 @@ def _as_given(t: Array, q: Array) -> Array:
     return q
 
 
+@jax.jit  # one program, not one for each operation
+def _reach(bars: FourBar, angle: Array) -> Array:
+    return bars.reach(angle)
+
+
 def _check_crank(bars: FourBar, angle) -> None:
     """Raise ValueError unless coupler and rocker reach the far hinge without being in line."""
     if _checks.is_traced((bars, angle)):
         return
-    reach = float(bars.reach(jnp.asarray(angle, dtype=float)))
+    reach = float(_reach(bars, as_float(angle)))
     if reach < -IN_LINE:
         raise _checks.fail(
             "angle",

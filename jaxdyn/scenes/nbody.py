@@ -1,10 +1,11 @@
 """Bodies under mutual Newtonian gravity: course problems 16, 17, 28."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float
+from jaxdyn._checks import as_float, floats
 from jaxdyn.effects import PairGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scene import Scene
@@ -87,13 +88,19 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
       t1: span [s]; one `two_body_period` by default.
     """
     period = two_body_period(m1=m1, m2=m2, d=d, G=G)
-    total = m1 + m2
-    speed = 2 * jnp.pi * d / period
-    x = (-m2 / total * d, 0.0, m1 / total * d, 0.0)
-    v = (0.0, -m2 / total * speed, 0.0, m1 / total * speed)
-    y0 = as_float([*x, *v])
-    t1 = period if t1 is None else jnp.asarray(t1)
+    y0 = _on_circles(*floats(m1, m2, d, period))
+    t1 = period if t1 is None else as_float(t1)
     return Scene(FreePoints([m1, m2]), (PairGravity(G),), y0=y0, t1=t1)
+
+
+@jax.jit  # one program, not one for each operation
+def _on_circles(m1: Array, m2: Array, d: Array, period: Array) -> Array:
+    """(8,) the state of `two_body`."""
+    speed, none = 2 * jnp.pi * d / period, jnp.zeros(())
+    first, second = m2 / (m1 + m2), m1 / (m1 + m2)
+    return jnp.stack(
+        [-first * d, none, second * d, none, none, -first * speed, none, second * speed]
+    )
 
 
 def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
@@ -106,7 +113,12 @@ def two_body_period(*, m1=1.0, m2=2.0, d=1.0, G=1.0) -> Array:
         _checks.positive(name, x, "On circles that attraction holds it is positive.")
         for name, x in (("m1 + m2", m1 + m2), ("d", d), ("G", G))
     )
-    return 2 * jnp.pi * jnp.sqrt(d**3 / (G * total))
+    return _kepler(d, G, total)
+
+
+@jax.jit
+def _kepler(d: Array, G: Array, m: Array) -> Array:
+    return 2 * jnp.pi * jnp.sqrt(d**3 / (G * m))
 
 
 @ready_made()
@@ -125,12 +137,18 @@ def three_body_circular(*, m=1.0, G=10.0, diameter=3.0, t1=None) -> Scene:
       t1: span [s]; three turns by default.
     """
     w = three_body_rate(m=m, G=G, diameter=diameter)
-    angle = jnp.arange(3.0) * (2 * jnp.pi / 3)
-    r = 0.5 * jnp.asarray(diameter, dtype=float) * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-    v = w * jnp.stack([-r[1], r[0]])
-    y0 = jnp.concatenate([r.T.ravel(), v.T.ravel()])
-    t1 = 6 * jnp.pi / w if t1 is None else jnp.asarray(t1)
+    y0 = _on_circle(w, as_float(diameter))
+    t1 = 6 * jnp.pi / w if t1 is None else as_float(t1)
     return Scene(FreePoints(jnp.full(3, m)), (PairGravity(G),), y0=y0, t1=t1)
+
+
+@jax.jit
+def _on_circle(w: Array, diameter: Array) -> Array:
+    """(12,) the state of `three_body_circular`."""
+    angle = jnp.arange(3.0) * (2 * jnp.pi / 3)
+    r = 0.5 * diameter * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    v = w * jnp.stack([-r[1], r[0]])
+    return jnp.concatenate([r.T.ravel(), v.T.ravel()])
 
 
 def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
@@ -143,5 +161,9 @@ def three_body_rate(*, m=1.0, G=10.0, diameter=3.0) -> Array:
         _checks.positive(name, x, "On a circle that attraction holds all three are positive.")
         for name, x in (("m", m), ("G", G), ("diameter", diameter))
     )
-    radius = 0.5 * diameter
-    return jnp.sqrt(G * m / (jnp.sqrt(3.0) * radius**3))
+    return _rate_on_circle(m, G, diameter)
+
+
+@jax.jit
+def _rate_on_circle(m: Array, G: Array, diameter: Array) -> Array:
+    return jnp.sqrt(G * m / (jnp.sqrt(3.0) * (0.5 * diameter) ** 3))

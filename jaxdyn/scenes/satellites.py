@@ -13,6 +13,8 @@ claims of the course:
 - 57 C.i holds: every direction is principal for C, since by symmetry its three moments are equal.
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -83,6 +85,11 @@ def antenna_trace(motion, name: str = "A", tip=ANTENNAS[0]) -> Array:
 
 
 def _satellite(density, faces: tuple[tuple[int, int, int], ...]) -> Body:
+    return _of_density(_checks.numbers("density", density), faces)
+
+
+@functools.partial(jax.jit, static_argnames="faces")  # one program, not one for each operation
+def _of_density(density: Array, faces: tuple[tuple[int, int, int], ...]) -> Body:
     body = box_of_density(density, jnp.ones(3))
     for face in faces:
         body = body + sphere_of_density(density, 0.5).shifted(face)

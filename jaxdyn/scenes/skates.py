@@ -45,10 +45,18 @@ def one_skate(
       spin: angular velocity [rad/s].
       t1: span [s].
     """
-    at, heading = floats(at, heading)
-    (x, y), c, s = at, jnp.cos(heading), jnp.sin(heading)
-    v = jnp.stack([speed * c + spin * y, speed * s - spin * x, jnp.asarray(spin)])
+    at, heading, speed, spin = floats(at, heading, speed, spin)
+    v = _gliding(at, heading, speed, spin)
     return _on_skates(m, inertia, at[None], heading[None], v, t1)
+
+
+@jax.jit  # one program, not one for each operation
+def _gliding(at: Array, heading: Array, speed: Array, spin: Array) -> Array:
+    """(3,) the velocities of `one_skate`."""
+    x, y = at
+    return jnp.stack(
+        [speed * jnp.cos(heading) + spin * y, speed * jnp.sin(heading) - spin * x, spin]
+    )
 
 
 @ready_made()
@@ -80,6 +88,7 @@ def two_skates(
     return scene.starting(jnp.concatenate([jnp.zeros(3), speed * twist]))
 
 
+@jax.jit
 def allowed_twist(body: Skated) -> Array:
     """(3,) the twist (vx, vy, omega) in body axes that two skates allow, of mean square speed 1.
 

@@ -30,15 +30,17 @@ w |u| over z are the remaining time and distances. Friction is reversed where u 
 last part of a stop is not integrated: `braking` takes it from these integrals.
 """
 
+import functools
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._checks import as_float, check_first, floats
+from jaxdyn._checks import check_first, floats
 from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects import unless_zero
 from jaxdyn.formulations.constrained import Constrained
@@ -181,18 +183,25 @@ def car(
     """
     between = "The centre of mass is between the axles."
     front = _checks.positive("to_front", to_front, between)
-    rear = -_checks.positive("to_rear", to_rear, between)
+    rear = _checks.positive("to_rear", to_rear, between)
     _checks.choice("locked", locked, AXLES)
-    slides, rolls = (front, rear) if locked == "front" else (rear, front)
-    m, inertia = floats(m, inertia)
+    body, friction, y0 = _braked(
+        *floats(front, rear, m, inertia, mu, g, speed, spin), front_locked=locked == "front"
+    )
+    return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
+
+
+@functools.partial(jax.jit, static_argnames="front_locked")  # one program for all of it
+def _braked(to_front, to_rear, m, inertia, mu, g, speed, spin, *, front_locked: bool):
+    """The body, the friction and the state of `car`."""
+    front, rear = to_front, -to_rear
+    slides, rolls = (front, rear) if front_locked else (rear, front)
     at, axles = jnp.stack([rolls, 0 * rolls])[None], jnp.stack([front, rear])
     body = Car(m=m, inertia=inertia, at=at, headings=jnp.zeros(1), axles=axles)
     # The load follows from the balance of moments about the other axle.
     load = m * g * jnp.abs(rolls) / (front - rear)
-    friction = LockedAxle(jnp.asarray(mu, dtype=float), load, slides)
-    v = as_float([speed, -rolls * spin, spin])
-    y0 = jnp.concatenate([jnp.zeros(3), v])
-    return Scene(Constrained(body), unless_zero(mu, friction), y0=y0, t1=t1)
+    v = jnp.stack([speed, -rolls * spin, spin])
+    return body, LockedAxle(mu, load, slides), jnp.concatenate([jnp.zeros(3), v])
 
 
 @check_first

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -466,7 +467,8 @@ class _Matter:
 
     def __init__(self, matter: MaterialPoints):
         r, m = (np.asarray(x) for x in matter)
-        centre, inertia = m @ r / m.sum(), np.asarray(inertia_matrix(matter))
+        # One program, where each operation by itself would be one.
+        centre, inertia = m @ r / m.sum(), np.asarray(jax.jit(inertia_matrix)(matter))
         self.values: dict[Symbol, float] = {}
         self.mass = self._symbol("m", "", m.sum(), 2, 0.0)
         least = _ROUNDED * np.abs(r).max()

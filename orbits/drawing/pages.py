@@ -12,7 +12,7 @@ from jaxdyn._checks import check_first, fail
 from jaxdyn.files.output_files import page_path
 from jaxdyn.player import PlayerPage
 from jaxdyn.player.choices import Choices, Curve
-from jaxdyn.player.live import write_page
+from jaxdyn.player.live_pages import write_page
 from jaxdyn.scenes.corners import has_corners
 from orbits.families.family import Family
 from orbits.files.family_files import Entry, Listing, listing

@@ -1,14 +1,13 @@
 """The content of a page: numbers, checks, pictures and motions, in the order of their creation."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxdyn import _text
+from jaxdyn import _text, player
 from jaxdyn.integrate.events import Event
-from jaxdyn.player import Ask
 from jaxdyn.scene import Scene
 
 
@@ -44,10 +43,20 @@ class Check(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """A Matplotlib figure with its caption, one sentence."""
+    """A picture with its caption.
 
-    figure: Any
+    Attributes:
+      make: makes the Matplotlib figure.
+      look: the caption, one sentence.
+    """
+
+    make: Callable[[], Any]
     look: str
+
+    @property
+    def figure(self) -> Any:
+        """The Matplotlib figure, which is made now."""
+        return self.make()
 
 
 class PlayedMotions(NamedTuple):
@@ -84,7 +93,7 @@ class Page:
         self.checks: list[Check] = []
         self.drawings: list[Drawing] = []
         self.played: list[PlayedMotions] = []
-        self.asks: list[Ask] = []
+        self.asks: list[player.Ask] = []
 
     @property
     def holds(self) -> bool:
@@ -117,9 +126,15 @@ class Page:
         """Check a statement that is not an equation, such as a verdict or a count."""
         self.checks.append(Check(statement, route, bool(holds)))
 
-    def draw(self, figure: Any, look: str) -> None:
-        """Add a picture (the result of a function of `drawing`), and its caption."""
-        self.drawings.append(Drawing(figure, look))
+    def draw(self, make: Callable[[], Any], look: str) -> None:
+        """Add a picture, which is made only where it is shown.
+
+        Args:
+          make: a function without arguments that returns a Matplotlib figure, such as the result of
+            a function of `drawing`.
+          look: the caption.
+        """
+        self.drawings.append(Drawing(make, look))
 
     def play(
         self,
@@ -160,7 +175,7 @@ class Page:
           scenes: the scene of the motion with the initial state and parameters that show it, or
             several by name, perhaps without some effects; None if the motion shows it as it is.
         """
-        self.asks.append(Ask(question, answer, scenes))
+        self.asks.append(player.Ask(question, answer, scenes))
 
 
 def _host(value: Any) -> np.ndarray:

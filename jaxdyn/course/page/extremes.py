@@ -12,7 +12,7 @@ from jaxtyping import Array
 from jaxdyn._checks import as_float
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event
-from jaxdyn.integrate.simulation import solve
+from jaxdyn.integrate.simulation import simulate
 from jaxdyn.scene import Scene
 
 _RTOL = 1e-13
@@ -66,15 +66,17 @@ def largest(
       (1.0, 3.14159265359)
     """
     end = scene.t1 if t1 is None else t1
-    last = solve(scene, end, rtol=rtol).y1
-    shape = jax.eval_shape(quantity, jnp.zeros(()), scene.y0).shape
+    # Not `solve`: motions with the usual number of samples have one program, that of a page's own.
+    last = np.asarray(simulate(scene, end, rtol=rtol).ys)[-1]
+    value = jax.jit(lambda t, y: jnp.ravel(quantity(t, y)))
+    n = jax.eval_shape(value, jnp.zeros(()), scene.y0).size
     best = []
-    for weights in np.eye(int(np.prod(shape, dtype=int))):
+    for weights in np.eye(n):
         turns = crossings(scene, _Turns(scene, weights, quantity), end, rtol=rtol)
         ts = np.concatenate([[0.0], turns.ts, [end]])
-        ys = np.concatenate([scene.y0[None], turns.ys, last[None]])
-        values = jax.vmap(quantity)(jnp.asarray(ts), jnp.asarray(ys)).reshape(len(ts), -1)
-        values = np.asarray(values @ weights)
+        ys = np.concatenate([np.asarray(scene.y0)[None], turns.ys, last[None]])
+        # One by one, since each number of them would be another program.
+        values = np.array([value(t, y) for t, y in zip(ts, ys, strict=True)]) @ weights
         k = int(values.argmax())
         best.append(Largest(values[k], ts[k], ys[k]))
     return max(best, key=lambda one: one.value)

@@ -33,22 +33,23 @@ class Run(NamedTuple):
     left: bool = False
 
 
-def run(name: str, *, check: bool = True) -> Run:
+def run(name: str, *, check: bool = True, ask: bool = True) -> Run:
     """Run the page of a name, such as "figure_eight".
 
     Args:
       name: the name of the page.
       check: whether to run its long checks as well.
+      ask: whether to add its questions, which are shown in a browser only.
     """
-    return _time(importlib.import_module(f"jaxdyn.course.{name}"), check)
+    return _time(importlib.import_module(f"jaxdyn.course.{name}"), check, ask)
 
 
-def _time(module: ModuleType, check: bool) -> Run:
+def _time(module: ModuleType, check: bool, ask: bool) -> Run:
     page, begin = Page(), time.perf_counter()
     module.solve(page)
-    ask = getattr(module, "ask", None)
-    if ask:
-        ask(page)
+    questions = getattr(module, "ask", None)
+    if questions and ask:
+        questions(page)
     longer = getattr(module, "check", None)
     if longer and check:
         longer(page)
@@ -108,7 +109,7 @@ def show(solve: Callable[[Page], None]) -> None:
     """
     configure()
     console = Console(highlight=False, soft_wrap=True)
-    page = _time(sys.modules[solve.__module__], check=True).page
+    page = _time(sys.modules[solve.__module__], check=True, ask=False).page
     for line in report(page):
         console.print(line)
     for path in pictures(page, Path(f"{Path(solve.__code__.co_filename).stem}.png")):

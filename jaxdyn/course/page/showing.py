@@ -16,7 +16,7 @@ from jaxdyn.course.page.motions import equations_of
 from jaxdyn.course.page.register import Problem
 from jaxdyn.files.output_files import replace
 from jaxdyn.player.choices import of_motions
-from jaxdyn.player.live import SCRIPTS, fragment
+from jaxdyn.player.live_pages import SCRIPTS, fragment
 from jaxdyn.player.pages import look, page, script
 
 _STYLE = """

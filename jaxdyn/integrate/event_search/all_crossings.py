@@ -127,8 +127,10 @@ def crossings(
         remedy = "Pass most=, a number of rows that does not depend on the motion."
         _checks.check_untraced("scene and times", given, remedy)
 
+    traced = _checks.is_traced(given)
+
     def run(held_to, method: Method) -> Crossings:
-        held_to = jax.tree.map(jnp.asarray, held_to)
+        held_to = jax.tree.map(jnp.asarray if traced else np.asarray, held_to)
 
         def rest(y, t, side, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
             args = (scene.field, event, y, t, side, t1, held_to)
@@ -139,8 +141,7 @@ def crossings(
             return _every(rest, scene.y0, t0, none, held_to)
         return rest(scene.y0, t0, none, held_to, rows)[0]
 
-    default = solver is None and not _checks.is_traced(given)
-    found, _ = run_or_switch(run, held_to, method, default=default)
+    found, _ = run_or_switch(run, held_to, method, default=solver is None and not traced)
     if throw:
         raise_unless_ok(found.status, scene)
     return found
@@ -148,17 +149,20 @@ def crossings(
 
 def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Limits) -> Crossings:
     """All crossings, by calls of one program, each from where the last one ended."""
-    parts = []
+    # On the host, where other numbers of crossings are no other programs.
+    parts, stiff = [], np.asarray(limits.max_steps)[1]
     while True:
         found, left = rest(y, t, side, limits, _CROSSINGS_A_CALL)
-        limits = limits.with_steps(left)
+        limits = limits._replace(max_steps=np.array([left, stiff]))
         n = int(found.count)
         parts.append([np.asarray(x)[:n] for x in found[:3]])
         if n < _CROSSINGS_A_CALL:
             break
-        y, t, side = found.ys[-1], found.ts[-1], np.asarray(found.directions[-1], float)
-    ts, ys, directions = (jnp.concatenate(rows) for rows in zip(*parts, strict=True))
-    return Crossings(ts, ys, directions, count=jnp.asarray(len(ts)), status=found.status)
+        t, y, side = (x[-1] for x in parts[-1])
+        side = np.asarray(side, float)
+    ts, ys, directions = map(np.concatenate, zip(*parts, strict=True))
+    found_all = jnp.asarray(ts, float), jnp.asarray(ys, float), jnp.asarray(directions, int)
+    return Crossings(*found_all, count=jnp.asarray(len(ts)), status=found.status)
 
 
 @eqx.filter_custom_jvp

@@ -1,5 +1,6 @@
 """`page.largest`: the largest value along a motion, between samples and at its ends."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -41,6 +42,15 @@ def test_it_may_be_at_an_end():
     assert found.value == pytest.approx(5.0 + 0.1 * np.cos(10.0), abs=1e-12)
     first = largest(SWING.starting(jnp.array([-1.0, 0.0])), several, 2.0)
     assert (first.t, first.value) == (0.0, 1.0)
+
+
+def test_another_number_of_turns_compiles_nothing(caplog):
+    largest(SWING, speed)
+    with jax.log_compiles(), caplog.at_level("WARNING"):
+        found = largest(SWING, speed, 4.0)
+    assert found.t == pytest.approx(np.pi / 4, abs=1e-12)
+    compiled = [one.message for one in caplog.records if "Compiling" in one.message]
+    assert len(compiled) == 1, compiled  # the quantity by itself, which is new at each call
 
 
 def test_of_several_entries_the_largest_counts():

@@ -3,6 +3,8 @@
 import importlib
 import inspect
 import re
+import sys
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -119,6 +121,28 @@ def test_checks_that_take_long_run_only_if_asked_for():
     assert not whole.left
     assert len(short.page.checks) < len(whole.page.checks)
     assert [n.name for n in short.page.numbers] == [n.name for n in whole.page.numbers]
+
+
+def test_pictures_questions_and_long_checks_are_made_only_if_asked_for(monkeypatch):
+    made = []
+
+    def solve(page):
+        page.draw(lambda: made.append("picture"), "A curve.")
+
+    def ask(page):
+        page.ask("What happens to it?", "Nothing.")
+
+    def check(page):
+        page.true("It takes long", True, route="patience")
+
+    module = SimpleNamespace(solve=solve, ask=ask, check=check)
+    monkeypatch.setitem(sys.modules, "jaxdyn.course.made_here", module)
+    bare = run("made_here", check=False, ask=False).page
+    assert (bare.asks, bare.checks, made) == ([], [], [])
+    whole = run("made_here").page
+    assert (len(whole.asks), len(whole.checks), made) == (1, 1, [])
+    _ = whole.drawings[0].figure
+    assert made == ["picture"]
 
 
 @pytest.mark.parametrize("name", NAMES)
