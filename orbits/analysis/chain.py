@@ -155,12 +155,12 @@ def differentiable_return_map(
         y, step, *_ = _pass(leg, legs[(i + 1) % len(legs)].scene, y, spans[i], rtol)
         m = step @ m
     each = np.asarray(sizes(known.legs[0].scene))
-    by_end, by_first = (x * each for x in closing_error(known.closes, y, start)[1])
+    by_end, by_first = (x * each[None] for x in closing_error(known.closes, y, start)[1])
     # What the closing leaves out may change with the numbers. The map on the quotient does not
     # depend on the basis that represents it.
     q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, each)[1])
     back = jnp.linalg.pinv(by_first @ q)
-    return -back @ by_end @ (m * each / each[:, None]) @ q
+    return -back @ by_end @ (m * each[None] / each[:, None]) @ q
 
 
 def _compared(by_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

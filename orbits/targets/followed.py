@@ -203,7 +203,7 @@ class _OfSpecialOrbits(Followed):
         return differentiable_special(known, self.make(numbers), hold=self.hold)
 
     def place(self, found: DifferentiableSpecialOrbit):
-        if found.known.kind == Kind.FOLD:  # its orbit has no derivative
+        if found.known.kind == Kind.FOLD:  # it is found again from the known one
             orbit = found.known.orbit
             return found.parameter, jnp.asarray(orbit.y0), jnp.asarray(orbit.period)
         orbit = found.orbit

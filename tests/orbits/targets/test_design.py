@@ -7,12 +7,14 @@ import pytest
 from cycles import Bautin, cycle
 from harmonics import Balance
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, fsolve, minimize_scalar
 from scipy.special import ellipk
 
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.scenes.walkers import HeelStrikes, changes_feet
 from orbits import Kind
 from orbits.targets import DesignOutcome, OptimumOutcome, design, minimise
 
@@ -110,8 +112,6 @@ def test_a_fold_of_cycles_where_it_is_wanted():
     assert found.numbers[0] == pytest.approx(0.5, abs=1e-10)
     assert found.found.parameter == pytest.approx(-0.5, abs=1e-10)
     assert np.hypot(*found.found.orbit.y0) == pytest.approx(np.sqrt(0.5), abs=1e-7)
-    with pytest.raises(ValueError, match="orbit: expected one that is not at a fold"):
-        design(make, lambda fold: fold.orbit.period, [0.3], fold)
     held = design(make, lambda fold: fold.parameter + 0.5, [0.3], fold, upper=[0.4], throw=False)
     assert held.outcome == DesignOutcome.LEAST
     assert held.numbers[0] == 0.4
@@ -227,6 +227,93 @@ def test_the_shortest_period_of_a_swinging_rod(swing):
 
     lost = minimise(pendulum, wrong, [1.0], swing, hold="theta", throw=False)
     assert lost.outcome == OptimumOutcome.LOST
+
+
+def sprung_step(t, y, p):
+    """A step of the simplest walker with a spring between its legs."""
+    del t
+    slope, spring = p
+    stance, swing, stance_rate, swing_rate = y
+    turn = jnp.sin(stance - slope)
+    hang = stance_rate**2 - jnp.cos(stance - slope)
+    return [stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing) - spring * swing]
+
+
+def walker(numbers):
+    step = jaxdyn.ode(sprung_step, scenes.simplest_walker().y0, 4.0, params=numbers)
+    strikes = Exit(HeelStrikes(), "swing", changes_feet, one_sided=False)
+    return {"swing": Phase(step, (strikes,))}
+
+
+def one_step(start, numbers):
+    """(angle and rate after a step, duration) from those after the step before, by SciPy."""
+
+    def landed(stance, rate):
+        kept = np.cos(2 * stance)
+        return [stance, 2 * stance, rate, (1 - kept) * rate]
+
+    def strike(t, y):
+        return y[1] - 2 * y[0]
+
+    strike.direction = 1
+    path = solve_ivp(
+        lambda t, y: np.array(sprung_step(t, y, numbers), float),
+        (0.0, 6.0),
+        landed(*start),
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+        events=strike,
+    )
+    ends = zip(path.t_events[0], path.y_events[0], strict=True)
+    t, y = next((t, y) for t, y in ends if t > 0.1 and y[0] < 0)
+    return np.array([-y[0], np.cos(2 * y[0]) * y[2]]), t
+
+
+@pytest.mark.slow
+def test_the_least_slope_of_a_gait_that_is_stable_enough():
+    start = jnp.array([0.003, 1.0])
+    gait = orbits.find_hybrid(walker(start), [0.1277, 0.2554, -0.1484, -0.0048])
+
+    def wanted(gait):
+        speed = 2 * jnp.sin(gait.y0[0]) / gait.period
+        return jnp.stack([speed - 0.1, jnp.abs(gait.multipliers()[0]) - 0.8])
+
+    found = design(walker, wanted, start, gait)
+
+    # The gait, its slope and its spring by SciPy, with multipliers from differences.
+    def left(z):
+        after, t = one_step(z[:2], z[2:])
+        h = 5e-5  # errors 1e-8
+        columns = []
+        for e in np.eye(2):
+            ends = {i: one_step(z[:2] + i * h * e, z[2:])[0] for i in (-2, -1, 1, 2)}
+            columns.append((8 * (ends[1] - ends[-1]) - ends[2] + ends[-2]) / (12 * h))
+        largest = np.abs(np.linalg.eigvals(np.transpose(columns))).max()
+        return [*(after - z[:2]), 2 * np.sin(z[0]) / t - 0.1, largest - 0.8]
+
+    other = fsolve(left, [0.1, -0.13, 0.0017, 1.9], xtol=1e-9)
+    assert found.numbers == pytest.approx(other[2:], rel=1e-7)
+    assert found.found.y0[0] == pytest.approx(other[0], rel=1e-7)
+    assert orbits.stability(found.found).verdict == "stable"
+    # At this speed less slope takes a stiffer spring, with which disturbances decay more slowly.
+    assert np.linalg.solve(found.slopes, [0.0, 1.0])[0] < 0
+    assert len(found.found.path) == 1
+
+
+@pytest.mark.slow
+def test_a_chain_takes_no_conditions():
+    roll = scenes.rimless_wheel()
+    found = orbits.find_hybrid(scenes.phases_of(roll), roll.y0)
+
+    def make(numbers):
+        return scenes.phases_of(scenes.rimless_wheel(slope=numbers[0]))
+
+    with pytest.raises(ValueError, match="hold: expected none for a chain of legs"):
+        design(make, period_of, [0.08], found, hold="theta")
+    # omega after a step, 2 cot 2a sqrt(g / l sin a sin slope), for a wanted one
+    slope = design(make, lambda gait: gait.y0[1] - 0.4, [0.08], found).numbers[0]
+    assert 2 * np.sqrt(np.sin(np.pi / 8) * np.sin(slope)) == pytest.approx(0.4, rel=1e-9)
 
 
 def test_misuse(swing, hopf):
