@@ -1,5 +1,8 @@
 """Numbers for which something holds of an orbit or a special point, against closed forms."""
 
+from typing import ClassVar
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,9 +16,12 @@ from scipy.special import ellipk
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.scenes import nbody
 from jaxdyn.scenes.walkers import HeelStrikes, changes_feet
 from orbits import Kind
+from orbits.closing.closings import point_symmetry
 from orbits.targets import DesignOutcome, OptimumOutcome, design, minimise
 
 
@@ -299,6 +305,86 @@ def test_the_least_slope_of_a_gait_that_is_stable_enough():
     # At this speed less slope takes a stiffer spring, with which disturbances decay more slowly.
     assert np.linalg.solve(found.slopes, [0.0, 1.0])[0] < 0
     assert len(found.found.path) == 1
+
+
+class Attraction(jaxdyn.Effect):
+    """An attraction m_i m_j / r^(n + 1) of all pairs; n = 1 is gravity."""
+
+    n: jax.Array = eqx.field(converter=jnp.asarray)
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        i, j = np.triu_indices(len(m), 1)
+        between = r[j] - r[i]
+        return -jnp.sum(m[i] * m[j] * jnp.sum(between**2, axis=1) ** (-self.n / 2)) / self.n
+
+
+def eight(numbers):
+    """Three bodies, of which the one in the middle at the start has another mass."""
+
+    def at(mass):
+        m = jnp.stack([1.0, 1.0, jnp.asarray(mass, float)])
+        bodies = FreePoints(m, d=2)
+        return jaxdyn.Scene(
+            bodies, (Attraction(numbers[0]),), y0=nbody.EIGHT, t1=nbody.EIGHT_PERIOD
+        )
+
+    return at
+
+
+def eight_monodromy(start, period, mass, n):
+    """(12, 12) the monodromy matrix of three bodies, by SciPy."""
+    m = np.array([1.0, 1.0, mass])
+
+    def rate(t, z):
+        r, by_start = z[:6].reshape(3, 2), z[12:].reshape(12, 12)
+        a, slope = np.zeros((3, 2)), np.zeros((3, 2, 3, 2))
+        for i in range(3):
+            for j in {0, 1, 2} - {i}:
+                d = r[j] - r[i]
+                s = d @ d
+                a[i] += m[j] * d * s ** (-n / 2 - 1)
+                block = m[j] * s ** (-n / 2 - 1) * (np.eye(2) - (n + 2) * np.outer(d, d) / s)
+                slope[i, :, j] += block
+                slope[i, :, i] -= block
+        change = np.block([[np.zeros((6, 6)), np.eye(6)], [slope.reshape(6, 6), np.zeros((6, 6))]])
+        return np.concatenate([z[6:12], a.ravel(), (change @ by_start).ravel()])
+
+    start = np.concatenate([start, np.eye(12).ravel()])
+    end = solve_ivp(rate, (0, period), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return end[12:].reshape(12, 12)
+
+
+@pytest.mark.slow
+def test_the_figure_eight_is_stable_for_other_masses_with_another_force():
+    hold = orbits.Period(nbody.EIGHT_PERIOD)
+    closing = orbits.reversal(point_symmetry([1, 0, 2], (-1, -1), reversing=True))
+    newton = eight(jnp.array([1.0]))
+    known = orbits.find(newton(1.0), hold=hold, closing=closing)
+    family = orbits.continue_family(
+        known, newton, 1.0, hold=hold, within=(0.9999, 1.1), members=12, step=1e-3
+    )
+    # Galan et al. (2002), Phys. Rev. Lett. 88, 241101: stable for |m - 1| of about 1e-5.
+    (fold,) = family.special
+    assert fold.kind == Kind.FOLD
+    assert 1e-5 < fold.parameter - 1.0 < 1e-4
+    assert [member.stability.verdict for member in family.members[:4]] == ["stable"] * 4
+    assert family.members[-1].stability.verdict == "unstable"
+    found = design(
+        eight, lambda fold: fold.parameter - 1.0004, [1.0], fold, hold=hold, lower=1.0, upper=1.01
+    )
+    n, orbit = float(found.numbers[0]), found.found.orbit
+    # At the fold two more multipliers are 1 than by the 4 integrals and 4 symmetries.
+    m = eight_monodromy(np.asarray(orbit.y0), orbit.period, 1.0004, n)
+    off = np.sort(np.abs(np.linalg.eigvals(m) - 1.0))
+    assert off[9] < 0.02 < 1.0 < off[10]
+    # For a mass that is smaller by a tenth of the margin, it is stable, and no two of them are 1.
+    inside = orbits.find(
+        eight(found.numbers)(1.00036), orbit.y0, orbit.period, hold=hold, closing=closing
+    )
+    assert orbits.stability(inside).verdict == "stable"
+    m = eight_monodromy(np.asarray(inside.y0), inside.period, 1.00036, n)
+    assert np.sort(np.abs(np.linalg.eigvals(m) - 1.0))[8] > 0.05
 
 
 @pytest.mark.slow
