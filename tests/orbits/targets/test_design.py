@@ -378,12 +378,10 @@ def test_the_figure_eight_is_stable_for_other_masses_with_another_force():
     m = eight_monodromy(np.asarray(orbit.y0), orbit.period, 1.0004, n)
     off = np.sort(np.abs(np.linalg.eigvals(m) - 1.0))
     assert off[9] < 0.02 < 1.0 < off[10]
-    # For a mass that is smaller by a tenth of the margin, it is stable, and no two of them are 1.
-    inside = orbits.find(
-        eight(found.numbers)(1.00036), orbit.y0, orbit.period, hold=hold, closing=closing
-    )
-    assert orbits.stability(inside).verdict == "stable"
-    m = eight_monodromy(np.asarray(inside.y0), inside.period, 1.00036, n)
+    # For equal masses it is stable, and no two of them are 1.
+    equal = orbits.find(eight(found.numbers)(1.0), known.y0, hold=hold, closing=closing)
+    assert orbits.stability(equal).verdict == "stable"
+    m = eight_monodromy(np.asarray(equal.y0), equal.period, 1.0, n)
     assert np.sort(np.abs(np.linalg.eigvals(m) - 1.0))[8] > 0.05
 
 
