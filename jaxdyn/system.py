@@ -146,6 +146,10 @@ class System(Record):
     def labels(self) -> tuple[tuple[str, str], ...]:
         """(name, unit) of each of the k entries of the state."""
 
+    def parameter_names(self) -> dict[str, tuple[str, ...]]:
+        """For attributes that are arrays of parameters, the names of these; others have indices."""
+        return {}
+
     @abc.abstractmethod
     def rate(self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]) -> Array:
         """Time derivative (k,) of the state."""

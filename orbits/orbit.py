@@ -134,6 +134,7 @@ class Orbit(eqx.Module):
         None if it was found by shooting.
       stiff: whether its motion is integrated by a stiff method.
       shift: largest change of an entry of the start from the guess that `find` was given.
+      hint: what may suit the guess of a search that failed better, such as a symmetric closing.
 
     Example:
       >>> import orbits
@@ -156,6 +157,7 @@ class Orbit(eqx.Module):
     mesh: tuple[float, ...] | None = None
     stiff: bool = eqx.field(static=True, default=False)
     shift: float = 0.0
+    hint: str = eqx.field(static=True, default="")
 
     @_text.never_raising
     def __repr__(self) -> str:
@@ -215,7 +217,7 @@ class Orbit(eqx.Module):
     @property
     def message(self) -> str:
         """How the search ended and what to try."""
-        return f"{self.outcome.message} {self._where}".strip()
+        return " ".join(filter(None, [self.outcome.message, self._where, self.hint]))
 
     @property
     def cause(self) -> str:

@@ -172,7 +172,7 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     units = np.ones(len(y0))
     for _ in range(_BALANCED):
         forms = invariant_forms(list(slopes))
-        more = _balancing(np.linalg.norm(forms, axis=0))
+        more = balancing(np.linalg.norm(forms, axis=0))
         units, slopes = units * more, slopes * more / more[:, None]
     forms = invariant_forms(list(slopes))
     for weights in WEIGHTS:
@@ -188,7 +188,7 @@ def invariant_form(scene: Scene, each: np.ndarray | None = None) -> np.ndarray |
     return None
 
 
-def _balancing(sizes: np.ndarray) -> np.ndarray:
+def balancing(sizes: np.ndarray) -> np.ndarray:
     """(k,) units in which the rows of a form of sizes (k, k) have 1 as their largest entry.
 
     Rows that are rounding stay so.

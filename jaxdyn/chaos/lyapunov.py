@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
-from jaxdyn.analysis.monodromy import tangents
+from jaxdyn.analysis.monodromy import balancing, invariant_form, tangents
 from jaxdyn.integrate.flow import Variational, flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
@@ -225,8 +225,10 @@ class LyapunovSpectrum(Record):
         integration, not of the average; NaN for an incomplete spectrum.
       pairing_residual: () largest deviation of the sum of the i-th exponent from above and the i-th
         from below from its value 2 `divergence` / k [1/s]. It is within the bars for Hamiltonian
-        scenes, also with uniform damping (Dressler 1988), and has no meaning for others. NaN for an
-        odd or incomplete spectrum.
+        scenes, also with uniform damping (Dressler 1988), and has no meaning for others. It is an
+        error of the integration alone if positions and momenta pair one by one in a constant
+        symplectic form; if the form depends on the state, or pairs positions with each other, as in
+        a rotating frame, it only tends to 0, as 1 / `time`. NaN for an odd or incomplete spectrum.
       dimension: () Kaplan-Yorke dimension [1]: that of the set on which the motion runs, if its
         volume neither grows nor shrinks; NaN if too few exponents are known.
       dimension_bar: () its error bar [1], from those of the exponents.
@@ -416,7 +418,7 @@ def lyapunov_exponents(
     # One method, with its stages in a loop, for the motion with and without tangents: fast to
     # compile.
     method = check_method(scene, solver).for_tangents.in_loops(1)
-    sizes = sizes_at_start(scene, t0, t1)
+    sizes = _paired(scene, sizes_at_start(scene, t0, t1))
     frame = np.asarray(_frame(scene, sizes, count))
     given = 0.0 if chunk is None else float(_checks.positive("chunk", chunk, "It is a time."))
     found = _spectrum(
@@ -443,6 +445,17 @@ def _transient(transient, time: float) -> float:
         wanted = f"between 0 and the time, {abs(time):g}"
         raise _checks.fail("transient", wanted, left_out, "It is a part of the time, left out.")
     return left_out
+
+
+def _paired(scene: Scene, sizes: np.ndarray) -> np.ndarray:
+    """Sizes (k,) in which the entries of a constant symplectic form are 1.
+
+    Exponents come in pairs in the limit of long times, whatever the sizes. In these the form turns
+    an orthonormal frame into another one, so that they come in pairs from the time on at which the
+    frame has aligned; in others the sums differ by the logarithm of a ratio of sizes over the time.
+    """
+    form = invariant_form(scene, sizes)
+    return sizes if form is None else sizes * balancing(np.abs(form))
 
 
 def _frame(scene: Scene, sizes: np.ndarray, count: int | None) -> np.ndarray:

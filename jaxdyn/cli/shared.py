@@ -68,7 +68,8 @@ SceneArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENE",
-        help="A scene of `jaxdyn list`, or FILE.py:NAME, a function of yours that returns one.",
+        help="A scene of `jaxdyn list`; FILE.py:NAME, a function of yours that returns one; or "
+        "FILE.ode, equations as text.",
         autocompletion=completion.scene,
     ),
 ]

@@ -131,6 +131,9 @@ class Written(System):
     def labels(self):
         return tuple((name, "1") for name in model(self.text).rates)
 
+    def parameter_names(self):
+        return {"params": tuple(model(self.text).numbers)}
+
     def rate(self, t, y, effects):
         del effects
         found = model(self.text)

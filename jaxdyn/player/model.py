@@ -513,6 +513,8 @@ def _unit(scene: Scene, path: tuple[str, ...]) -> str:
     owner: Any = scene.field
     unit = ""
     for part in path:
+        if eqx.is_array(owner):  # one of its entries, by a name
+            break
         if part.startswith("["):
             owner = owner[int(part[1:-1])]
         elif isinstance(owner, dict):

@@ -2,7 +2,8 @@
 
 A parameter is a number of the system or of an effect; the initial state and the span are not
 parameters. Its name is the shortest end of its path that no other parameter shares, with array
-indices in brackets, from 0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` if two effects have a `k`.
+indices in brackets, from 0: `g`, `m[1]`, `r[2,0]`, `effects[0].k` if two effects have a `k`. A
+system may name the entries of its arrays (`System.parameter_names`).
 """
 
 from collections import Counter
@@ -97,10 +98,22 @@ def leaves(field: Field) -> list[Leaf]:
         if _checks.is_traced(x):
             remedy = "Call it outside jit, grad and vmap."
             raise _checks.fail("scene", "one whose numbers are known", "traced ones", remedy)
-        value = np.asarray(x, float)
-        found.append(Leaf(tuple(map(_part, path)), value, start, isinstance(x, float)))
-        start += found[-1].value.size
+        value, at = np.asarray(x, float), tuple(map(_part, path))
+        for name, part in _named_parts(field, at, value):
+            found.append(Leaf((*at, *name), part, start, isinstance(x, float)))
+            start += part.size
     return found
+
+
+def _named_parts(
+    field: Field, path: tuple[str, ...], value: np.ndarray
+) -> list[tuple[tuple[str, ...], np.ndarray]]:
+    """An array as a whole, without a name, or its entries by the names that the system has."""
+    of, *rest = path
+    names = field.system.parameter_names().get(rest[0]) if of == "system" and rest else None
+    if names is None:
+        return [((), value)]
+    return [((name,), np.asarray(entry)) for name, entry in zip(names, value, strict=True)]
 
 
 def _is_parameter(x: Any) -> bool:

@@ -12,9 +12,11 @@ S = C.
 """
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -22,8 +24,8 @@ from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
 from orbits.closing.sizes import rate, sizes
-from orbits.hybrid.equations import closing_in_sizes, pass_leg
-from orbits.hybrid.legs import HybridOrbit
+from orbits.hybrid.equations import closing_error, closing_in_sizes, pass_leg
+from orbits.hybrid.legs import HybridOrbit, Leg
 
 _SMALL = 1e-6  # relative values below this are taken for zero
 
@@ -56,6 +58,35 @@ class Transitions(NamedTuple):
     grazed: int | None
 
 
+class _Passage(NamedTuple):
+    """The passage of a leg and of the event that ends it.
+
+    Attributes:
+      y: (k,) the start of the next leg.
+      map: (k, k) the map of deviations from the start of the leg to that of the next one; not
+        finite if the event is grazed.
+      gradient: (k,) derivative of the event at the end with respect to the start; 0 without one.
+      speed: () rate of change of the event at the end; 1 without one.
+    """
+
+    y: Array
+    map: Array
+    gradient: Array
+    speed: Array
+
+
+@eqx.filter_jit
+def _pass(leg: Leg, after: Scene, y: Array, span, rtol) -> _Passage:
+    """The passage of a leg to the scene `after` of the next one, differentiable in all numbers."""
+    (y, *_), (by_start, by_span) = pass_leg(leg, y, span, rtol)
+    step, change = by_start[0], by_span[0]
+    if not leg.ends:
+        return _Passage(y, step, jnp.zeros(step.shape[1]), jnp.ones(()))
+    gradient, speed = by_start[1][0], by_span[1][0]
+    step = step + jnp.outer(rate(after, 0.0, y) - change, gradient) / speed
+    return _Passage(y, step, gradient, speed)
+
+
 def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
     """The maps of a chain's legs, integrated at a tolerance, including those of their events.
 
@@ -69,19 +100,14 @@ def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
         if tangents(leg.scene, np.asarray(leg.scene.y0)).shape[1] < len(y):
             remedy = "Write the legs in coordinates without constraints."
             raise fail(f"legs[{i}]", "free coordinates", "constrained ones", remedy)
-        (y, *_), (by_start, by_span) = pass_leg(leg, y, leg.scene.t1, traced)
-        step, change = np.asarray(by_start[0]), np.asarray(by_span[0])
         following, each = (i + 1) % len(orbit.legs), units[i]
-        if leg.ends:
-            after = orbit.legs[following].scene
-            gradient, speed = np.asarray(by_start[1])[0], float(by_span[1][0])
-            flow = np.asarray(_rate(leg.scene, leg.scene.y0))
-            if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
-                return Transitions(maps, np.asarray(y), i)
-            jump = np.asarray(_rate(after, y)) - change
-            step = step + np.outer(jump, gradient) / speed
+        passed = _pass(leg, orbit.legs[following].scene, y, leg.scene.t1, traced)
+        y, step, gradient, speed = map(np.asarray, passed)
+        flow = np.asarray(rate(leg.scene, 0.0, leg.scene.y0))
+        if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
+            return Transitions(maps, y, i)
         maps.append(step * each / units[following][:, None])
-    return Transitions(maps, np.asarray(y), None)
+    return Transitions(maps, y, None)
 
 
 def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
@@ -100,25 +126,52 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
         raise fail(f"legs[{grazed}]", "an event that is crossed", "a grazed one", remedy)
     m = functools.reduce(lambda m, step: step @ m, maps)
     by_end, by_first = closing_in_sizes(orbit.closes, y, start, each)
-    _, values, ways = np.linalg.svd(by_first)
-    p = int((values > _SMALL * values.max(initial=0.0)).sum())
-    q, lost = ways[:p].T, ways[p:].T
+    q, lost = _compared(by_first)
     compared = by_end @ m
-    if not (p and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()):
+    if not (
+        q.shape[1] and np.abs(compared @ lost).max(initial=0.0) <= _SMALL * np.abs(compared).max()
+    ):
         remedy = "Close the chain by the difference of its ends, less what the motion is free in."
         raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
     back = np.linalg.pinv(by_first @ q)
-    flow = np.asarray(_rate(scene, start)) / each
-    return ReturnMap(-back @ compared @ q, q.T @ flow, len(start) - p)
+    flow = np.asarray(rate(scene, 0.0, start)) / each
+    return ReturnMap(-back @ compared @ q, q.T @ flow, lost.shape[1])
+
+
+def differentiable_return_map(
+    legs: Sequence[Leg], start: Array, spans: Array, known: HybridOrbit
+) -> Array:
+    """(d, d) the matrix of `return_map`, differentiable in every number of a chain.
+
+    Args:
+      legs: the legs of the chain.
+      start: (k,) its start.
+      spans: (n,) the duration of each leg.
+      known: the chain on which it is based; its sizes and its basis are used.
+    """
+    y, rtol = start, np.asarray(known.rtol, float)
+    m = jnp.eye(len(start))
+    for i, leg in enumerate(legs):
+        y, step, *_ = _pass(leg, legs[(i + 1) % len(legs)].scene, y, spans[i], rtol)
+        m = step @ m
+    each = np.asarray(sizes(known.legs[0].scene))
+    by_end, by_first = (x * each[None] for x in closing_error(known.closes, y, start)[1])
+    # What the closing leaves out may change with the numbers. The map on the quotient does not
+    # depend on the basis that represents it.
+    q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, each)[1])
+    back = jnp.linalg.pinv(by_first @ q)
+    return -back @ by_end @ (m * each[None] / each[:, None]) @ q
+
+
+def _compared(by_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal bases (k, p) of what a closing compares, and (k, k - p) of what it leaves out."""
+    _, values, ways = np.linalg.svd(by_first)
+    p = int((values > _SMALL * values.max(initial=0.0)).sum())
+    return ways[:p].T, ways[p:].T
 
 
 def _pace(flow: np.ndarray, each: np.ndarray) -> float:
     return float(np.abs(flow / each).max())
-
-
-@eqx.filter_jit
-def _rate(scene: Scene, y) -> Array:
-    return rate(scene, 0.0, y)
 
 
 def without_flow(returns: ReturnMap) -> tuple[np.ndarray, bool]:

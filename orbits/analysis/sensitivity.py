@@ -24,6 +24,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail, is_traced
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
+from orbits.analysis.chain import differentiable_return_map
 from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.quantities import extremes_in_time
 from orbits.analysis.stability import Stability, stability
@@ -77,10 +78,8 @@ class DifferentiableOrbit(eqx.Module):
         Raises:
           IntegrationError: the variational equations cannot be integrated over the period.
         """
-        values, right, left = _eigenvectors(self.known)
-        m = self.return_map()
-        change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
-        return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
+        basis = tangents(self.known.scene, np.asarray(self.known.y0))
+        return _multipliers(stability(self.known), basis, self.return_map())
 
     def return_map(self) -> Array:
         """(k, k) the derivative of the return map by the start; its eigenvalues are multipliers.
@@ -120,17 +119,41 @@ class DifferentiableChain(eqx.Module):
     """A chain of legs as a differentiable function of its legs.
 
     Attributes:
+      legs: the legs; their scenes' starts and spans are not used.
       y0: (k,) start of the first leg.
       spans: (n,) duration of each leg [time of the scene].
+      known: the chain on which it is based.
     """
 
+    legs: tuple[Leg, ...]
     y0: Array
     spans: Array
+    known: HybridOrbit
 
     @property
     def period(self) -> Array:
         """() duration of all legs [time of the scene]."""
         return jnp.sum(self.spans)
+
+    def multipliers(self) -> Array:
+        """(p,) the non-trivial Floquet multipliers, complex.
+
+        A multiplier that coincides with another one has no derivative and is NaN here;
+        `orbits.stability` has its value.
+
+        Raises:
+          ValueError: the chain has no return map; see `orbits.stability`.
+        """
+        m = self.return_map()
+        return _multipliers(stability(self.known), np.eye(len(m)), m)
+
+    def return_map(self) -> Array:
+        """(d, d) the derivative of the return map by the start, saltation matrices included.
+
+        It acts on what the closing compares, in units of the sizes of the known chain. Its
+        eigenvalues are the multipliers.
+        """
+        return differentiable_return_map(self.legs, self.y0, self.spans, self.known)
 
 
 @overload
@@ -147,8 +170,7 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of
         it. For a chain of legs, the legs or the phases from which it was found.
       orbit: what `find` or `find_hybrid` returned.
-      hold: conditions, as for `find`; they select an orbit of a family. Chains take none, and their
-        multipliers are not differentiated either.
+      hold: conditions, as for `find`; they select an orbit of a family. Chains take none.
     Returns:
       The orbit's numbers, equal to those found, with their first derivatives with respect to every
       number of the scene (and of the conditions).
@@ -265,7 +287,7 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     linear = _linear(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     x, k = linear.solution(np.concatenate([start, spans]), miss), len(start)
-    return DifferentiableChain(x[:k], x[k:])
+    return DifferentiableChain(legs, x[:k], x[k:], orbit)
 
 
 def residual(equations: Equations, x: Array, rtol) -> Array:
@@ -296,14 +318,27 @@ def _linear(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> _Linea
     return _Linear(units[:, None] * inverse / rows, units, rows)
 
 
-def _eigenvectors(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _multipliers(linear: Stability, basis: np.ndarray, m: Array) -> Array:
+    """(p,) the non-trivial multipliers, with their derivatives from those of the return map.
+
+    Args:
+      linear: the known stability.
+      basis: (k, d) the basis of its monodromy matrix.
+      m: (k, k) the return map, equal to the known one but for its derivatives.
+    """
+    values, right, left = _eigenvectors(linear, basis)
+    change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
+    return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
+
+
+def _eigenvectors(
+    linear: Stability, basis: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Non-trivial multipliers (p,), right (k, p) and left (p, k) eigenvectors, left @ right = 1.
 
     A multiplier that is not simple and its left eigenvector are NaN.
     """
-    linear = stability(orbit)
     simple = _simple(linear)
-    basis = tangents(orbit.scene, np.asarray(orbit.y0))
     values, vectors = np.linalg.eig(linear.monodromy)
     others, duals = np.linalg.eig(linear.monodromy.T)
     known, right, left = [], [], []

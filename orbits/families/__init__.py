@@ -7,10 +7,10 @@ equilibria at which families end. `hopf` begins a family at a Hopf point of a fa
 `diagram` follows all families, or reads them from the file to which `checkpoint` writes members;
 `graph` says which of them meet. `criticality` has the normal forms of bifurcations, from the series
 of the return map; `special_orbits` has the derivatives of special points with respect to the
-numbers of their scenes, and `relocation` finds them again for other numbers. `surface` has the set
-of all orbits near one, `sizes` the units in which it is measured, `chains` the set of all chains of
-legs, and how far one is from grazing. `parameters` makes a scene a function of one or two of its
-parameters.
+numbers of their scenes, `folds` those of the orbit at a fold, and `relocation` finds them again for
+other numbers. `surface` has the set of all orbits near one, `sizes` the units in which it is
+measured, `chains` the set of all chains of legs, and how far one is from grazing. `parameters`
+makes a scene a function of one or two of its parameters.
 
 May import: `analysis`.
 

@@ -9,7 +9,6 @@ No family is followed, so that the scenes are data of programs that are compiled
 that makes scenes, as families have it, is compiled again for each value that it captures.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,15 +19,20 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
 from jaxdyn.continuation.kinds import Kind
-from orbits.analysis.sensitivity import Posed, differentiable, pose, residual
+from orbits.analysis.sensitivity import Posed, differentiable, pose
 from orbits.closing.closings import Hold
-from orbits.families.special_orbits import ZERO, Place, SpecialOrbit, path_of, test_along
-from orbits.families.surface import OrbitSurface
+from orbits.families.folds import FoldDirection, direction_at
+from orbits.families.special_orbits import (
+    Place,
+    SpecialOrbit,
+    path_of,
+    placed,
+    residual_change,
+    test_along,
+)
 from orbits.orbit import Outcome, SearchError
-from orbits.shooting.equations import Equations, units_at
-from orbits.shooting.finding import GOAL, find
+from orbits.shooting.finding import find
 from orbits.shooting.outcomes import orbit_at
 from orbits.shooting.segment import Make
 
@@ -137,14 +141,14 @@ def _fold(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
     """The orbit where the parameter is stationary along the family."""
     orbit = known.orbit
     posed = pose(orbit, path(jnp.asarray(known.parameter)).held)
-    along = _along(posed, orbit.rtol)
+    along = direction_at(posed, orbit.rtol)
     a = _at(posed, path, along, 0.0, posed.x, p, orbit.rtol)
     s, t = 0.0, _FIRST
     for _ in range(_STEPS):
         ahead = a.x + (t - s) * along.units * along.way
         b = _at(posed, path, along, t, ahead, a.parameter, orbit.rtol)
         if abs(t - s) <= _LEVEL or a.turning == b.turning:
-            equations = _equations(posed, path, jnp.asarray(b.parameter))
+            equations = placed(posed, path(jnp.asarray(b.parameter)))
             found = orbit_at(
                 equations,
                 b.x,
@@ -158,60 +162,21 @@ def _fold(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
     raise _not_found()
 
 
-class _Along(NamedTuple):
-    """The direction of a family at a fold.
-
-    Attributes:
-      units: (n,) units of the unknowns.
-      rows: (m,) units of the equations.
-      x: (n,) the unknowns at the fold.
-      way: (n,) the direction, of unit length in units.
-    """
-
-    units: np.ndarray
-    rows: np.ndarray
-    x: np.ndarray
-    way: np.ndarray
-
-
-def _along(posed: Posed, rtol: float) -> _Along:
-    """The direction at a fold that changes the orbit, but not the parameter to first order."""
-    surface = OrbitSurface(posed.equations, rtol, GOAL)
-    point = surface.nearest(posed.x)
-    if point is None:
-        raise fail("point", "an orbit that closes", "another one", "See hold=.")
-    units = units_at(posed.equations, point.x, point.jacobian, surface.unknown_sizes(point))
-    jacobian, same = units.jacobian(point.jacobian), surface.neutral(point)
-    fixed = np.vstack([jacobian, np.linalg.norm(jacobian) * same.T])
-    _, values, vt = np.linalg.svd(fixed)
-    rank = int((values > ZERO * values[0]).sum())
-    if rank != len(posed.x) - 1:
-        expected = "a fold at which one direction leads along the family"
-        raise fail("point", expected, f"{len(posed.x) - rank} directions", "See hold=.")
-    return _Along(units.x, units.residual, point.x, vt[-1])
-
-
-def _equations(posed: Posed, path: Path, p: Array) -> Equations:
-    scene, held = path(p)
-    return dataclasses.replace(posed.of(scene), conditions=held)
-
-
-@eqx.filter_jit
-def _change(equations: Equations, ahead: Equations, x: Array, rtol) -> Array:
-    """(m,) the change of the residual with a change of the equations."""
-    return eqx.filter_jvp(lambda e: residual(e, x, rtol), (equations,), (ahead,))[1]
-
-
-def _at(posed: Posed, path: Path, along: _Along, s: float, x, p: float, rtol: float) -> _Here:
+def _at(
+    posed: Posed, path: Path, along: FoldDirection, s: float, x, p: float, rtol: float
+) -> _Here:
     """The orbit at a length from the known fold, by Newton's method in unknowns and parameter."""
     units, rows = along.units, along.rows
     for _ in range(_STEPS):
         equations, ahead = eqx.filter_jvp(
-            lambda p: _equations(posed, path, p), (jnp.asarray(p),), (jnp.ones(()),)
+            lambda p: placed(posed, path(p)), (jnp.asarray(p),), (jnp.ones(()),)
         )
         found = equations(x, rtol)
-        column = np.asarray(_change(equations, ahead, jnp.asarray(x), rtol)) / rows
-        unit = 1 / float(np.linalg.norm(column))
+        column = np.asarray(residual_change(equations, ahead, jnp.asarray(x), rtol)) / rows
+        size = float(np.linalg.norm(column))
+        if not 0 < size < np.inf:
+            break
+        unit = 1 / size
         system = np.block(
             [
                 [np.asarray(found.jacobian) * units / rows[:, None], column[:, None] * unit],

@@ -29,19 +29,23 @@ from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail
 from jaxdyn.analysis.energy import integrals
 from jaxdyn.continuation.kinds import Kind
-from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable, pose, residual
+from orbits.analysis.sensitivity import (
+    DifferentiableOrbit,
+    Posed,
+    differentiable,
+    pose,
+    residual,
+)
 from orbits.analysis.stability import Stability, stability
 from orbits.closing.closings import Condition, Energy, Hold, conditions
 from orbits.closing.given import is_driven
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member, smooth_orbit
+from orbits.families.folds import ZERO, differentiable_fold
 from orbits.orbit import Orbit
-from orbits.shooting.equations import InUnits
+from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.segment import Make, scene_of
 
-#: A singular value of the closing equations' Jacobian at a fold is zero below this share of the
-#: largest. Its remainder there is the root of the rounding error of the parameter.
-ZERO = 1e-5
 _KINDS = (Kind.FOLD, Kind.BRANCH, Kind.DOUBLING, Kind.TORUS)
 
 
@@ -113,7 +117,7 @@ def special_parameter(
     """The parameter () at which a special orbit lies, for `jax.grad`, `jax.jvp` and so on.
 
     ``orbits.differentiable(make(p), point.orbit)`` with this parameter p is the orbit itself, if it
-    is not at a fold.
+    is not at a fold, where `differentiable_special` has it.
 
     Args:
       point: a fold, branch point, period doubling or torus point, of ``family.special``.
@@ -174,15 +178,37 @@ class DifferentiableSpecialOrbit(NamedTuple):
     def orbit(self) -> DifferentiableOrbit:
         """The orbit, with its period, start and multipliers.
 
-        Raises:
-          ValueError: it is a fold, where orbits have no derivative with respect to the parameter.
+        At a fold the multiplier that meets a unit one is NaN.
         """
         if self.known.kind == Kind.FOLD:
-            raise fail(
-                "orbit", "one that is not at a fold", "a fold", "Only its parameter has one."
-            )
+            return self._at_fold()
         scene, held = self.path(self.parameter)
         return differentiable(scene, self.known.orbit, hold=held)
+
+    def _at_fold(self) -> DifferentiableOrbit:
+        """The orbit at a fold, which is no function of the parameter; see `folds`."""
+        orbit, path = self.known.orbit, self.path
+        p, one = jnp.asarray(self.known.parameter), jnp.ones(())
+        posed = pose(orbit, jax.lax.stop_gradient(path(p)).held)
+        fixed, ahead = jax.lax.stop_gradient(
+            eqx.filter_jvp(lambda p: placed(posed, path(p)), (p,), (one,))
+        )
+        by_parameter = residual_change(fixed, ahead, jnp.asarray(posed.x), orbit.rtol)
+        place = path(self.parameter)
+        found = differentiable_fold(posed, placed(posed, place), by_parameter, orbit.rtol)
+        scene = place.scene.starting(found.y0, found.period)
+        return DifferentiableOrbit(scene, found.angle, orbit)
+
+
+def placed(posed: Posed, place: Place) -> Equations:
+    """The closing equations of an orbit at a place of its family."""
+    return dataclasses.replace(posed.of(place.scene), conditions=place.held)
+
+
+@eqx.filter_jit
+def residual_change(equations: Equations, ahead: Equations, x: Array, rtol) -> Array:
+    """(m,) the change of the residual with a change of the equations."""
+    return eqx.filter_jvp(lambda e: residual(e, x, rtol), (equations,), (ahead,))[1]
 
 
 def differentiable_special(
@@ -227,8 +253,7 @@ def _fold(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Plac
     rows = jnp.asarray(_beyond(posed.equations, posed.x, orbit.rtol))
 
     def test(place: Place) -> Array:
-        equations = dataclasses.replace(posed.of(place.scene), conditions=place.held)
-        return rows @ residual(equations, posed.x, orbit.rtol)
+        return rows @ residual(placed(posed, place), posed.x, orbit.rtol)
 
     return test
 

@@ -120,9 +120,12 @@ def find(
     orbit = strategy.orbit(search)
     if effort.over and not orbit.ok:
         orbit = dataclasses.replace(orbit, outcome=Outcome.TIME_LIMIT)
-    if throw and not orbit.ok:
+    if not orbit.ok:
         hints = _symmetry_hint(problem), _period_hint(problem, period)
-        raise SearchError(" ".join(filter(None, [orbit.message, str(effort), *hints])))
+        hint = " ".join(filter(None, hints))
+        if throw:
+            raise SearchError(f"{orbit.message} {effort} {hint}".rstrip())
+        orbit = dataclasses.replace(orbit, hint=hint)
     shift = np.abs(scene.system.difference(*map(np.asarray, (orbit.y0, problem.scene.y0)))).max()
     return eqx.tree_at(lambda o: o.shift, orbit, float(shift))
 

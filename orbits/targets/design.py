@@ -95,19 +95,19 @@ def design(
     """Parameters of a scene for which an orbit, or a special point, meets a requirement.
 
     Args:
-      make: numbers (n,) -> scene; if `near` is a special point of a family, numbers (n,) ->
-        (parameter -> scene), except for families of orbits in energy. A program is compiled for
-        each rate, so define that of an `ode` outside.
+      make: numbers (n,) -> scene, or legs or phases for a chain of legs; if `near` is a special
+        point of a family, numbers (n,) -> (parameter -> scene), except for families of orbits in
+        energy. A program is compiled for each rate, so define that of an `ode` outside.
       wanted: the requirement as a function that returns residuals, a number or numbers (m,), which
-        are 0 if it is met. Its argument is the `orbits.differentiable` orbit, with its period,
-        start, multipliers and amplitudes; or the `jaxdyn.continuation.differentiable` point, with
-        its parameter; or a special orbit with its parameter (its energy in a family in energy) and,
-        except at a fold, its `orbit`. For several of them it is a tuple.
+        are 0 if it is met. Its argument is the `orbits.differentiable` orbit or chain, with its
+        period, start, multipliers and amplitudes; or the `jaxdyn.continuation.differentiable`
+        point, with its parameter; or a special orbit with its parameter (its energy in a family in
+        energy) and its `orbit`. For several of them it is a tuple.
       guess: (n,) the parameters to which `near` belongs.
-      near: the result of `find` for them; or a fold or a Hopf point, from ``family.special`` of
-        `jaxdyn.continue_equilibria`; or a fold, branch point, period doubling or torus point, from
-        ``family.special`` of `orbits.continue_family`; or a list of these, for instance the two
-        ends of an interval of stable orbits.
+      near: the result of `find` or `find_hybrid` for them; or a fold or a Hopf point, from
+        ``family.special`` of `jaxdyn.continue_equilibria`; or a fold, branch point, period doubling
+        or torus point, from ``family.special`` of `orbits.continue_family`; or a list of these, for
+        instance the two ends of an interval of stable orbits.
       lower: (n,) lower bounds of the parameters; -inf for none.
       upper: (n,) upper bounds.
       hold: conditions on the orbit, as for `find`; they select a member of a family.

@@ -18,7 +18,11 @@ from jaxdyn._checks import fail
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
 from jaxdyn.continuation.kinds import Kind
-from orbits.analysis.sensitivity import DifferentiableOrbit, differentiable
+from orbits.analysis.sensitivity import (
+    DifferentiableChain,
+    DifferentiableOrbit,
+    differentiable,
+)
 from orbits.closing.closings import Hold
 from orbits.families.family import Member
 from orbits.families.relocation import find_again
@@ -27,11 +31,14 @@ from orbits.families.special_orbits import (
     SpecialOrbit,
     differentiable_special,
 )
+from orbits.hybrid.legs import HybridOrbit
+from orbits.hybrid.phases import legs_of
+from orbits.hybrid.search import find_hybrid
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 
 #: What can be followed.
-Near = Orbit | Equilibrium | Member | SpecialOrbit
+Near = Orbit | HybridOrbit | Equilibrium | Member | SpecialOrbit
 Make = Callable[[Array], Any]
 
 
@@ -112,10 +119,14 @@ def follow(make: Make, near: Near | Sequence[Near], hold: Hold) -> tuple[Followe
             raise fail("near", "at least one orbit or special point", "none")
         each, known = zip(*(follow(make, one, hold) for one in near), strict=True)
         return _Several(each), known
-    if isinstance(near, Orbit):
+    if isinstance(near, Orbit | HybridOrbit):
         if not near.ok:
             raise fail("near", "an orbit that closes", near.message, "find() one first.")
-        return _OfOrbits(make, hold), near
+        if isinstance(near, Orbit):
+            return _OfOrbits(make, hold), near
+        if hold:
+            raise fail("hold", "none for a chain of legs", "conditions", "Leave it out.")
+        return _OfChains(make), near
     if isinstance(near, Equilibrium):
         return _OfEquilibria(make), near
     if isinstance(near, Member | SpecialOrbit):
@@ -146,6 +157,25 @@ class _OfOrbits(Followed):
 
 
 @dataclasses.dataclass(frozen=True)
+class _OfChains(Followed):
+    """A chain of legs; `make` returns its legs, or the phases from which it was found."""
+
+    make: Make
+
+    def differentiable(self, numbers, known: HybridOrbit):
+        return differentiable(self.make(numbers), known)
+
+    def place(self, found: DifferentiableChain):
+        return found.y0, found.spans
+
+    def again(self, numbers, known: HybridOrbit, guess):
+        y0, spans = guess
+        legs = legs_of(self.make(jnp.asarray(numbers)), known.path)
+        found = find_hybrid(legs, y0, spans, closes=known.closes, rtol=known.rtol)
+        return dataclasses.replace(found, path=known.path)
+
+
+@dataclasses.dataclass(frozen=True)
 class _OfEquilibria(Followed):
     """A special point of equilibria; `make` returns a function from the parameter to a scene."""
 
@@ -173,7 +203,7 @@ class _OfSpecialOrbits(Followed):
         return differentiable_special(known, self.make(numbers), hold=self.hold)
 
     def place(self, found: DifferentiableSpecialOrbit):
-        if found.known.kind == Kind.FOLD:  # its orbit has no derivative
+        if found.known.kind == Kind.FOLD:  # it is found again from the known one
             orbit = found.known.orbit
             return found.parameter, jnp.asarray(orbit.y0), jnp.asarray(orbit.period)
         orbit = found.orbit

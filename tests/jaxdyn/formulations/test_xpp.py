@@ -8,6 +8,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn.formulations.xpp import Maker
+from jaxdyn.symbolic.parameters import parameters, with_parameters
 
 MORRIS_LECAR = """# Morris and Lecar
 params v1=-.01,v2=0.15,v3=0.1,v4=0.145,gca=1.33,phi=.333
@@ -72,6 +73,16 @@ def test_numbers_are_arguments_and_have_derivatives():
     assert np.allclose(end[0], 0.5 * np.cos(np.sqrt(2) * 3.0), atol=1e-9)
     slope = jax.grad(lambda k: jaxdyn.simulate(make(k=k), 1.0, samples=2).ys[-1, 0])(4.0)
     assert abs(slope + np.sin(2.0) / 4) < 1e-8
+
+
+def test_its_equations_have_the_names_of_its_parameters():
+    scene = Maker("par k=4, c=0.5\nx'=v\nv'=-k*x-c*v\ninit x=1")()
+    found = jaxdyn.equations(scene)
+    assert "x'' = -c x' - k x" in str(found)
+    known = parameters(scene)
+    assert dict(zip(known.names, known.values.tolist(), strict=True)) == {"k": 4.0, "c": 0.5}
+    other = with_parameters(scene, jnp.array([9.0, 0.0]))
+    assert jaxdyn.simulate(other, np.pi / 3, samples=2).ys[-1, 0] == pytest.approx(-1.0)
 
 
 def test_its_scenes_survive_their_file(tmp_path):

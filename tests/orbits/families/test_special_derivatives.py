@@ -13,6 +13,7 @@ import orbits
 from jaxdyn.continuation import Kind
 from orbits.families import SpecialOrbit, special_parameter
 from orbits.families.relocation import find_again
+from orbits.families.special_orbits import differentiable_special
 from orbits.families.surface import OrbitSurface
 
 #: Cycles whose special point lies at -c^2 - 1/4, or at -c^2, where their parameter is a - c^2.
@@ -47,6 +48,39 @@ def test_special_orbits_by_a_number_of_their_scenes(kind):
     if kind == Kind.FOLD:  # the others have their cycle everywhere
         with pytest.raises(orbits.SearchError, match="not found again"):
             find_again(known, make(other), known.parameter + 50.0, guess)
+
+
+def bent(t, y, n):
+    """Cycles of radius r with r^4 - b r^2 = a that turn at the rate 1 + r^2."""
+    del t
+    r2 = y[0] ** 2 + y[1] ** 2
+    grow, turn = n[0] + n[1] * r2 - r2**2, 1 + r2
+    return [grow * y[0] - turn * y[1], grow * y[1] + turn * y[0]]
+
+
+@pytest.mark.slow
+def test_the_orbit_at_a_fold_by_a_number_of_its_scene():
+    def make(b):
+        return lambda a: jaxdyn.ode(bent, [0.85, 0.0], 3.7, params=jnp.stack([jnp.asarray(a), b]))
+
+    known, b = make(jnp.asarray(1.0)), jnp.asarray(1.0)
+    family = orbits.continue_family(
+        orbits.find(known(jnp.asarray(-0.2))), known, -0.2, down=True, members=8
+    )
+    (fold,) = family.special
+
+    def numbers(b):
+        point = differentiable_special(fold, make(b))
+        orbit = point.orbit
+        found = [point.parameter, orbit.period, orbit.amplitude("y0")]
+        return jnp.stack(found)
+
+    # At the fold r^2 = b / 2, a = -b^2 / 4.
+    period = 2 * np.pi / 1.5
+    np.testing.assert_allclose(numbers(b), [-0.25, period, np.sqrt(0.5)], rtol=1e-8)
+    exact = [-0.5, -period / 3, np.sqrt(0.5) / 2]
+    np.testing.assert_allclose(jax.jacfwd(numbers)(b), exact, rtol=1e-8)
+    np.testing.assert_allclose(jax.jacrev(numbers)(b), exact, rtol=1e-8)
 
 
 def rate(t, y, n):

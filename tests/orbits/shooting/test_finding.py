@@ -212,7 +212,7 @@ def test_every_way_a_search_fails(outcome):
     assert orbit.outcome == outcome
     assert not orbit.ok
     hint = scene.singular if outcome == Outcome.COLLISION else ""
-    assert orbit.message == f"{outcome.message} {hint}".strip()
+    assert orbit.message == " ".join(filter(None, [outcome.message, hint, orbit.hint]))
     # The best iterate is there, and its error is not small.
     assert np.isfinite(orbit.y0).all()
     if outcome != Outcome.TRIVIAL:
@@ -250,6 +250,9 @@ def test_a_search_that_fails_suggests_the_closing_of_a_symmetric_guess(symmetry)
     scene, closing, hint = SYMMETRIC[symmetry]
     with pytest.raises(orbits.SearchError, match=re.escape(hint)):
         orbits.find(scene, max_iterations=0)
+    best = orbits.find(scene, max_iterations=0, throw=False)
+    assert hint in best.message
+    assert hint not in best.cause
     for other, options in (
         (scene, {"closing": closing(scene)}),
         (scene.starting(scene.y0 + 0.01), {}),  # no longer symmetric
@@ -257,6 +260,8 @@ def test_a_search_that_fails_suggests_the_closing_of_a_symmetric_guess(symmetry)
         with pytest.raises(orbits.SearchError) as caught:
             orbits.find(other, max_iterations=0, **options)
         assert "symmetric" not in str(caught.value)
+        best = orbits.find(other, max_iterations=0, throw=False, **options)
+        assert "symmetric" not in best.message
 
 
 @pytest.mark.sample("6.0-False")

@@ -1,5 +1,8 @@
 """Numbers for which something holds of an orbit or a special point, against closed forms."""
 
+from typing import ClassVar
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,13 +10,18 @@ import pytest
 from cycles import Bautin, cycle
 from harmonics import Balance
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, fsolve, minimize_scalar
 from scipy.special import ellipk
 
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.phase import Exit, Phase
+from jaxdyn.scenes import nbody
+from jaxdyn.scenes.walkers import HeelStrikes, changes_feet
 from orbits import Kind
+from orbits.closing.closings import point_symmetry
 from orbits.targets import DesignOutcome, OptimumOutcome, design, minimise
 
 
@@ -110,8 +118,6 @@ def test_a_fold_of_cycles_where_it_is_wanted():
     assert found.numbers[0] == pytest.approx(0.5, abs=1e-10)
     assert found.found.parameter == pytest.approx(-0.5, abs=1e-10)
     assert np.hypot(*found.found.orbit.y0) == pytest.approx(np.sqrt(0.5), abs=1e-7)
-    with pytest.raises(ValueError, match="orbit: expected one that is not at a fold"):
-        design(make, lambda fold: fold.orbit.period, [0.3], fold)
     held = design(make, lambda fold: fold.parameter + 0.5, [0.3], fold, upper=[0.4], throw=False)
     assert held.outcome == DesignOutcome.LEAST
     assert held.numbers[0] == 0.4
@@ -227,6 +233,171 @@ def test_the_shortest_period_of_a_swinging_rod(swing):
 
     lost = minimise(pendulum, wrong, [1.0], swing, hold="theta", throw=False)
     assert lost.outcome == OptimumOutcome.LOST
+
+
+def sprung_step(t, y, p):
+    """A step of the simplest walker with a spring between its legs."""
+    del t
+    slope, spring = p
+    stance, swing, stance_rate, swing_rate = y
+    turn = jnp.sin(stance - slope)
+    hang = stance_rate**2 - jnp.cos(stance - slope)
+    return [stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing) - spring * swing]
+
+
+def walker(numbers):
+    step = jaxdyn.ode(sprung_step, scenes.simplest_walker().y0, 4.0, params=numbers)
+    strikes = Exit(HeelStrikes(), "swing", changes_feet, one_sided=False)
+    return {"swing": Phase(step, (strikes,))}
+
+
+def one_step(start, numbers):
+    """(angle and rate after a step, duration) from those after the step before, by SciPy."""
+
+    def landed(stance, rate):
+        kept = np.cos(2 * stance)
+        return [stance, 2 * stance, rate, (1 - kept) * rate]
+
+    def strike(t, y):
+        return y[1] - 2 * y[0]
+
+    strike.direction = 1
+    path = solve_ivp(
+        lambda t, y: np.array(sprung_step(t, y, numbers), float),
+        (0.0, 6.0),
+        landed(*start),
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-14,
+        events=strike,
+    )
+    ends = zip(path.t_events[0], path.y_events[0], strict=True)
+    t, y = next((t, y) for t, y in ends if t > 0.1 and y[0] < 0)
+    return np.array([-y[0], np.cos(2 * y[0]) * y[2]]), t
+
+
+@pytest.mark.slow
+def test_the_least_slope_of_a_gait_that_is_stable_enough():
+    start = jnp.array([0.003, 1.0])
+    gait = orbits.find_hybrid(walker(start), [0.1277, 0.2554, -0.1484, -0.0048])
+
+    def wanted(gait):
+        speed = 2 * jnp.sin(gait.y0[0]) / gait.period
+        return jnp.stack([speed - 0.1, jnp.abs(gait.multipliers()[0]) - 0.8])
+
+    found = design(walker, wanted, start, gait)
+
+    # The gait, its slope and its spring by SciPy, with multipliers from differences.
+    def left(z):
+        after, t = one_step(z[:2], z[2:])
+        h = 5e-5  # errors 1e-8
+        columns = []
+        for e in np.eye(2):
+            ends = {i: one_step(z[:2] + i * h * e, z[2:])[0] for i in (-2, -1, 1, 2)}
+            columns.append((8 * (ends[1] - ends[-1]) - ends[2] + ends[-2]) / (12 * h))
+        largest = np.abs(np.linalg.eigvals(np.transpose(columns))).max()
+        return [*(after - z[:2]), 2 * np.sin(z[0]) / t - 0.1, largest - 0.8]
+
+    other = fsolve(left, [0.1, -0.13, 0.0017, 1.9], xtol=1e-9)
+    assert found.numbers == pytest.approx(other[2:], rel=1e-7)
+    assert found.found.y0[0] == pytest.approx(other[0], rel=1e-7)
+    assert orbits.stability(found.found).verdict == "stable"
+    # At this speed less slope takes a stiffer spring, with which disturbances decay more slowly.
+    assert np.linalg.solve(found.slopes, [0.0, 1.0])[0] < 0
+    assert len(found.found.path) == 1
+
+
+class Attraction(jaxdyn.Effect):
+    """An attraction m_i m_j / r^(n + 1) of all pairs; n = 1 is gravity."""
+
+    n: jax.Array = eqx.field(converter=jnp.asarray)
+    velocity_dependent: ClassVar[bool] = False
+
+    def potential(self, t, r, m):
+        i, j = np.triu_indices(len(m), 1)
+        between = r[j] - r[i]
+        return -jnp.sum(m[i] * m[j] * jnp.sum(between**2, axis=1) ** (-self.n / 2)) / self.n
+
+
+def eight(numbers):
+    """Three bodies, of which the one in the middle at the start has another mass."""
+
+    def at(mass):
+        m = jnp.stack([1.0, 1.0, jnp.asarray(mass, float)])
+        bodies = FreePoints(m, d=2)
+        return jaxdyn.Scene(
+            bodies, (Attraction(numbers[0]),), y0=nbody.EIGHT, t1=nbody.EIGHT_PERIOD
+        )
+
+    return at
+
+
+def eight_monodromy(start, period, mass, n):
+    """(12, 12) the monodromy matrix of three bodies, by SciPy."""
+    m = np.array([1.0, 1.0, mass])
+
+    def rate(t, z):
+        r, by_start = z[:6].reshape(3, 2), z[12:].reshape(12, 12)
+        a, slope = np.zeros((3, 2)), np.zeros((3, 2, 3, 2))
+        for i in range(3):
+            for j in {0, 1, 2} - {i}:
+                d = r[j] - r[i]
+                s = d @ d
+                a[i] += m[j] * d * s ** (-n / 2 - 1)
+                block = m[j] * s ** (-n / 2 - 1) * (np.eye(2) - (n + 2) * np.outer(d, d) / s)
+                slope[i, :, j] += block
+                slope[i, :, i] -= block
+        change = np.block([[np.zeros((6, 6)), np.eye(6)], [slope.reshape(6, 6), np.zeros((6, 6))]])
+        return np.concatenate([z[6:12], a.ravel(), (change @ by_start).ravel()])
+
+    start = np.concatenate([start, np.eye(12).ravel()])
+    end = solve_ivp(rate, (0, period), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return end[12:].reshape(12, 12)
+
+
+@pytest.mark.slow
+def test_the_figure_eight_is_stable_for_other_masses_with_another_force():
+    hold = orbits.Period(nbody.EIGHT_PERIOD)
+    closing = orbits.reversal(point_symmetry([1, 0, 2], (-1, -1), reversing=True))
+    newton = eight(jnp.array([1.0]))
+    known = orbits.find(newton(1.0), hold=hold, closing=closing)
+    family = orbits.continue_family(
+        known, newton, 1.0, hold=hold, within=(0.9999, 1.1), members=12, step=1e-3
+    )
+    # Galan et al. (2002), Phys. Rev. Lett. 88, 241101: stable for |m - 1| of about 1e-5.
+    (fold,) = family.special
+    assert fold.kind == Kind.FOLD
+    assert 1e-5 < fold.parameter - 1.0 < 1e-4
+    assert [member.stability.verdict for member in family.members[:4]] == ["stable"] * 4
+    assert family.members[-1].stability.verdict == "unstable"
+    found = design(
+        eight, lambda fold: fold.parameter - 1.0004, [1.0], fold, hold=hold, lower=1.0, upper=1.01
+    )
+    n, orbit = float(found.numbers[0]), found.found.orbit
+    # At the fold two more multipliers are 1 than by the 4 integrals and 4 symmetries.
+    m = eight_monodromy(np.asarray(orbit.y0), orbit.period, 1.0004, n)
+    off = np.sort(np.abs(np.linalg.eigvals(m) - 1.0))
+    assert off[9] < 0.02 < 1.0 < off[10]
+    # For equal masses it is stable, and no two of them are 1.
+    equal = orbits.find(eight(found.numbers)(1.0), known.y0, hold=hold, closing=closing)
+    assert orbits.stability(equal).verdict == "stable"
+    m = eight_monodromy(np.asarray(equal.y0), equal.period, 1.0, n)
+    assert np.sort(np.abs(np.linalg.eigvals(m) - 1.0))[8] > 0.05
+
+
+@pytest.mark.slow
+def test_a_chain_takes_no_conditions():
+    roll = scenes.rimless_wheel()
+    found = orbits.find_hybrid(scenes.phases_of(roll), roll.y0)
+
+    def make(numbers):
+        return scenes.phases_of(scenes.rimless_wheel(slope=numbers[0]))
+
+    with pytest.raises(ValueError, match="hold: expected none for a chain of legs"):
+        design(make, period_of, [0.08], found, hold="theta")
+    # omega after a step, 2 cot 2a sqrt(g / l sin a sin slope), for a wanted one
+    slope = design(make, lambda gait: gait.y0[1] - 0.4, [0.08], found).numbers[0]
+    assert 2 * np.sqrt(np.sin(np.pi / 8) * np.sin(slope)) == pytest.approx(0.4, rel=1e-9)
 
 
 def test_misuse(swing, hopf):
