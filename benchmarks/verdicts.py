@@ -128,9 +128,8 @@ def main(
 
 
 def unsettled(told: dict[str, Any]) -> bool:
-    """Whether the reference needs more bits: for its verdict, or for one of the multipliers."""
-    # Rows from before `vague` was stored: more bits decide which side is wrong.
-    return told["truth"] == "open" or told.get("vague", not told.get("within bars", True))
+    """Whether the reference needs more bits: for its verdict, a multiplier, or who is right."""
+    return told["truth"] == "open" or told.get("vague", False) or not told.get("within bars", True)
 
 
 def draw(count: int, seed: int) -> list[Row]:
