@@ -43,6 +43,11 @@ _UNSPECIFIED = "1"
 #: so that the growth per product takes two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
+#: The growth of all these products is measured again if it is less than this part of that of the
+#: first two: others have only begun to carry sizes to entries that were hardly more than zero. Where
+#: rounding carries them it may begin at any time, so there are at most as many repetitions as
+#: entries, as there are for what carries sizes from entry to entry.
+_SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
 _REACH = 2
@@ -63,11 +68,16 @@ _PERTURBED = 4.0
 #: says nothing about the motion.
 _FASTER = 16.0
 #: Least part of a rate that is rounding where the rate is little else.
-_ALL_ROUNDING = 2.0**-16
+ALL_ROUNDING = 2.0**-16
 #: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
 _USUAL = 2.0**12
-#: Number of rounds that measure the effect of rounding on a rate.
-_NOISE_LOOKS = 4
+#: Likewise for an entry with a size of its own, which may be small beside what its rate is made of,
+#: as a high mode that is computed from all others: their rounding is no part of its motion.
+USUAL_ALONE = 2.0**3
+#: Number of rounds that measure the effect of rounding on a rate. It is random: one that sees
+#: little of it may be followed by others that see a thousand times as much. Where so many have seen
+#: it, this part of the usual margin is enough.
+_NOISE_LOOKS, MARGIN = 8, 1 / 8
 #: Multiple of that noise above which a rate is more than rounding.
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
@@ -207,24 +217,27 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     weights, rounds = _weights(len(y0)), len(_PLAN)
     off, zero = rounding(y0), jnp.zeros_like(y0)
 
-    def again(carry):
+    def looks(carry):
         return carry[1] < _NOISE_LOOKS
 
     def round_(carry):
-        n, look, u, before, tau, step, rate, then, noise, grows = carry
+        n, look, again, u, before, first, tau, step, rate, then, noise, grows = carry
         sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
         look = lax.select(sizing, look, look + 1)
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        # For the effect of rounding the rate is evaluated a little later in the motion, there with
-        # a rounding added, at the start with a rounding added, and beside the start.
-        far, rounded = (look == 1) | (look == 2), (look == 2) | (look == 3)
+        # For the effect of rounding the rate is evaluated twice a little later in the motion, the
+        # second time with a rounding added, then at the start with a rounding added, beside the
+        # start, and at the start again with other roundings.
+        far = (look == 1) | (look == 2)
+        rounded = ((look == 2) | (look == 3)).astype(float)
+        rounded = lax.select(look > 4, 1.0 - 0.4 * (look - 4).astype(float), rounded)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
         way = LATER * tau * ahead * far.astype(float) * rate
         aside = now.aside * sizing.astype(float) * along
         at = y0 + aside + way + tau * noise * (look == 4).astype(float)
-        at = at + at * off * rounded.astype(float)
+        at = at + at * off * rounded
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = _finite(f - lax.select(look == 2, then, rate))
@@ -239,18 +252,28 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(sizing & (new < np.inf), new, u)
-        growth = lax.sqrt(lax.sqrt(_most(new, before)))  # per product; a power compiles long
+        twice = lax.sqrt(_most(new, before))
+        growth = lax.sqrt(twice)  # per product; a power compiles long
         tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
+        first = lax.select(n == _MEASURED - _PRODUCTS // 2, twice, first)
+        early = (n == _MEASURED) & (0 < growth) & (growth < _SETTLED * first)
+        early = early & (again < len(y0))
+        # Sizes that grow in all measurements would overflow.
+        new = lax.select(early, new / growth**_PRODUCTS, new)
+        n = lax.select(early, jnp.full_like(n, _PRODUCTS_BEFORE), n)
         before = lax.select(n == _PRODUCTS_BEFORE, new, before)
         step = lax.select(n <= _MEASURED, tau, shrink * step)
-        n = n + sizing.astype(n.dtype)
+        carries = (n == _MEASURED + 1 + _REACH) & (_most(new, u) > 1 / _SETTLED)
+        carries = carries & (again < len(y0))
+        again = again + (early | carries).astype(again.dtype)
+        n = n + (sizing & ~carries).astype(n.dtype)
         grows = ((new > 0) & (u == 0)).any()
-        return n, look, new, before, tau, step, rate, then, noise, grows
+        return n, look, again, new, before, first, tau, step, rate, then, noise, grows
 
     none = jnp.zeros((), int)
-    begin = none, none, here, zero, span, span, zero, zero, zero, jnp.ones((), bool)
-    _, _, sizes, _, tau, _, rate, _, noise, _ = lax.while_loop(again, round_, begin)
-    return Scales(sizes, tau, noise), rate
+    begin = none, none, none, here, zero, 0 * span, span, span, zero, zero, zero, jnp.ones((), bool)
+    _, _, _, sizes, _, _, tau, _, rate, _, noise, _ = lax.while_loop(looks, round_, begin)
+    return Scales(sizes, tau, MARGIN * noise), rate
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -539,9 +562,9 @@ def rounding(y: Array) -> np.ndarray:
     return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
 
 
-def notable(gap: Array, rate: Array) -> Array:
+def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:
     """What rounding makes of a rate where that is more than it makes of any rate; else 0."""
-    usual = _USUAL * jnp.finfo(rate.dtype).eps * rate
+    usual = roundings * jnp.finfo(rate.dtype).eps * rate
     return lax.select(gap > usual, gap, jnp.zeros_like(gap))
 
 
@@ -554,7 +577,9 @@ def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)
-    return notable(gap, rate) * (~aside | (gap > _ALL_ROUNDING * rate)).astype(float)
+    alone = np.bincount(groups.group_of)[list(groups.group_of)] == 1
+    roundings = np.where(alone & (not groups.known), USUAL_ALONE, _USUAL)
+    return notable(gap, rate, roundings) * (~aside | (gap > ALL_ROUNDING * rate)).astype(float)
 
 
 def _weights(k: int) -> np.ndarray:
@@ -577,7 +602,7 @@ def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
     """
     moved = tau * lax.abs(rate)
     return (
-        _most(lax.select(gap < _ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
+        _most(lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
         < _FASTER
     )
 
