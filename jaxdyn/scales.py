@@ -44,9 +44,8 @@ _UNSPECIFIED = "1"
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 #: The growth of all these products is measured again if it is less than this part of that of the
-#: first two: others have only begun to carry sizes to entries that were hardly more than zero. Where
-#: rounding carries them it may begin at any time, so there are at most as many repetitions as
-#: entries, as there are for what carries sizes from entry to entry.
+#: first two: others have only begun to carry sizes to entries that were hardly more than zero. Since
+#: rounding may begin to do so at any time, there are at most as many repetitions as entries.
 _SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
