@@ -44,7 +44,7 @@ _UNSPECIFIED = "1"
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
 #: The growth of all these products is measured again if it is less than this part of that of the
-#: first two: others have only begun to carry sizes to entries that were hardly more than zero. Since
+#: first two: others have only begun to carry sizes to entries that were hardly more than zero. As
 #: rounding may begin to do so at any time, there are at most as many repetitions as entries.
 _SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
@@ -61,8 +61,9 @@ _AHEAD = 2.0**-20
 #: The horizon is the span or, if that is shorter, this multiple of the time in which the slowest
 #: entry changes by its size: a span may be a mere limit, as in a search for an event.
 _HORIZON = 2.0**10
-#: Number of roundings by which a state is shifted to see what rounding makes of its rate.
-_PERTURBED = 4.0
+#: Number of roundings by which a state is shifted to see what rounding makes of its rate, and parts
+#: of them that show more: rounding is random.
+_PERTURBED, _PARTS = 4.0, np.array([0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0])
 #: Where the rate exceeds this multiple of the motion's own, as near a singularity, its rounding
 #: says nothing about the motion.
 _FASTER = 16.0
@@ -409,29 +410,38 @@ def _linear_up_to(
 
     It is linear until terms of its Jacobian change by about their own size, or by `fastest`
     [1/time]. Terms of entries with sizes (k,) or on the way are compared in a row together; those
-    of other entries, which may have any size, each for itself.
+    of other entries, which may have any size, each for itself. Distances at which rounding alone
+    may change them by so much say nothing.
     """
-    slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
+    slope, off, near = np.abs(slopes(field, y, t)), way * _weights(len(y)), shifted(y)
     alone = (slope > 0) & (sizes == 0) & (way == 0)
     low, high, bounds = _DISTANCES[0], _DISTANCES[-1], None
     for _ in range(_ROUNDS):
         distances = np.geomspace(low, high, len(_DISTANCES))
         each = np.maximum(sizes, distances[:, None] * way)
-        own, share = each @ slope.T + fastest * each, np.zeros(len(distances))
+        own = each @ slope.T + fastest * each
+        share = np.zeros(len(distances))
         for sign in (1, -1):
-            at = jnp.asarray(y + sign * distances[:, None] * off)
+            at = np.concatenate([near, y + sign * distances[:, None] * off])
             with np.errstate(all="ignore"):
-                there = np.asarray(_slopes(field, jnp.asarray(t, float), at))
+                there = np.asarray(_slopes(field, jnp.asarray(t, float), jnp.asarray(at)))
                 changes = np.abs(there - slopes(field, y, t))
+                rounded, changes = changes[: len(near)].max(axis=0), changes[len(near) :]
                 rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
+                noise = np.where(own > 0, _TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
+            ones = np.where(_TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
             for part in (rows, ones.reshape(len(ones), -1)):
                 share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+        says = ~(noise > _NONLINEAR)
+        if not says.any():
+            return np.inf
         # The product of an entry on the way with one that has a size stays the same part of a row.
         # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
         if bounds is None:
-            bounds = 0.5 * share[0] * (share[0] > _NONLINEAR), max(_NONLINEAR, 2 * share[0])
-        beyond = np.flatnonzero((share < bounds[0]) | (share > bounds[1]))
+            first = share[np.argmax(says)]
+            bounds = 0.5 * first * (first > _NONLINEAR), max(_NONLINEAR, 2 * first)
+        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])))
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
@@ -556,9 +566,14 @@ _PLAN = np.array(
 )
 
 
-def rounding(y: Array) -> np.ndarray:
+def rounding(y: Array | np.ndarray) -> np.ndarray:
     """(k,) a few roundings of each entry of a state, as a part of it, of either sign."""
     return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
+
+
+def shifted(y: np.ndarray) -> np.ndarray:
+    """(s, k) a state, and states that differ from it by a few roundings."""
+    return y * (1.0 + np.outer(_PARTS, rounding(y)))
 
 
 def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:
