@@ -571,9 +571,9 @@ def rounding(y: Array | np.ndarray) -> np.ndarray:
     return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
 
 
-def shifted(y: np.ndarray) -> np.ndarray:
+def shifted(y: Any) -> Any:
     """(s, k) a state, and states that differ from it by a few roundings."""
-    return y * (1.0 + np.outer(_PARTS, rounding(y)))
+    return y[None] * (1.0 + np.outer(_PARTS, rounding(y)))
 
 
 def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:

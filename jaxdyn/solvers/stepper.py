@@ -21,6 +21,7 @@ from jaxdyn.scales import (
     at_start,
     notable,
     rounding,
+    shifted,
 )
 from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import Advance, Method
@@ -292,13 +293,9 @@ PART = 0.1
 _NOISE = 32.0
 #: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
-
-
 #: Growth of a size after which rounding is looked at again, and the multiple of a step for which it
 #: counts at most: a place may be passed at once.
 _GROWN, _LONGER = 2.0, 16.0
-#: Parts of a few roundings by which the state is shifted to see them.
-_LOOKS = 0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0
 
 
 class AtStart(NamedTuple):
@@ -414,8 +411,7 @@ def _above_later_noise(
     A mode that symmetry keeps at zero is nothing but the rounding of others, which grows with them.
     """
     single, x = _alone(field, y)
-    off = jnp.outer(jnp.asarray(_LOOKS), rounding(x))
-    here, *beside = lax.map(lambda off: single.rate(t, x * (1.0 + off)), off)
+    here, *beside = lax.map(lambda x: single.rate(t, x), shifted(x))
     gap = functools.reduce(jnp.maximum, [jnp.abs(each - here) for each in beside])
     own = sizes.reshape(len(x), -1)[:, 0]
     rate = jnp.maximum(jnp.abs(here), own / time)
