@@ -57,6 +57,8 @@ TABLE = Path(__file__).with_name("three_body_tables.csv")
 STORED = Path(__file__).with_name("verdicts.json")
 #: Bits, and the digits with which numbers are passed.
 _DIGITS = {64: 21, 113: 36}
+#: Tolerances of the steps; close encounters cost some ten digits of these.
+_TOLERANCES = {64: 1e-19, 113: 1e-25}
 #: Bars of the reference are the observed errors of its coefficients times this.
 _SAFETY = 100.0
 _STEPS, _WORKING = 8, 60
@@ -310,7 +312,9 @@ def _integrator(d: int, bits: int) -> tuple[Any, Any]:
     field = list(zip(y, _rate(y, hy.par[0], hy.sqrt), strict=True))
     equations = hy.var_ode_sys(field, hy.var_args.vars, 1)
     zeros = np.zeros(4 * d, dtype=number)
-    return hy.taylor_adaptive(equations, zeros, fp_type=number, compact_mode=True), number
+    return hy.taylor_adaptive(
+        equations, zeros, fp_type=number, tol=number(_TOLERANCES[bits]), compact_mode=True
+    ), number
 
 
 def characteristic(m) -> list:

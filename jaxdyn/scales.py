@@ -221,7 +221,8 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         return carry[1] < _NOISE_LOOKS
 
     def round_(carry):
-        n, look, again, u, before, first, tau, step, rate, then, noise, grows = carry
+        stage, look, u, rate, then, noise, grows = carry
+        n, tau, step = stage.n, stage.tau, stage.step
         sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
         look = lax.select(sizing, look, look + 1)
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
@@ -252,28 +253,15 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(sizing & (new < np.inf), new, u)
-        twice = lax.sqrt(_most(new, before))
-        growth = lax.sqrt(twice)  # per product; a power compiles long
-        tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
-        first = lax.select(n == _MEASURED - _PRODUCTS // 2, twice, first)
-        early = (n == _MEASURED) & (0 < growth) & (growth < _SETTLED * first)
-        early = early & (again < len(y0))
-        # Sizes that grow in all measurements would overflow.
-        new = lax.select(early, new / growth**_PRODUCTS, new)
-        n = lax.select(early, jnp.full_like(n, _PRODUCTS_BEFORE), n)
-        before = lax.select(n == _PRODUCTS_BEFORE, new, before)
-        step = lax.select(n <= _MEASURED, tau, shrink * step)
-        carries = (n == _MEASURED + 1 + _REACH) & (_most(new, u) > 1 / _SETTLED)
-        carries = carries & (again < len(y0))
-        again = again + (early | carries).astype(again.dtype)
-        n = n + (sizing & ~carries).astype(n.dtype)
+        stage, new = _next_stage(stage, u, new, shrink, 1 / span, sizing)
         grows = ((new > 0) & (u == 0)).any()
-        return n, look, again, new, before, first, tau, step, rate, then, noise, grows
+        return stage, look, new, rate, then, noise, grows
 
     none = jnp.zeros((), int)
-    begin = none, none, none, here, zero, 0 * span, span, span, zero, zero, zero, jnp.ones((), bool)
-    _, _, _, sizes, _, _, tau, _, rate, _, noise, _ = lax.while_loop(looks, round_, begin)
-    return Scales(sizes, tau, MARGIN * noise), rate
+    first = _Stage(none, none, zero, 0 * span, span, span)
+    begin = first, none, here, zero, zero, zero, jnp.ones((), bool)
+    stage, _, sizes, rate, _, noise, _ = lax.while_loop(looks, round_, begin)
+    return Scales(sizes, stage.tau, MARGIN * noise), rate
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -564,6 +552,56 @@ _PLAN = np.array(
         _Round(kept=1.0, step=1.0),
     ]
 )
+
+
+class _Stage(NamedTuple):
+    """How far `at_start` has come.
+
+    Attributes:
+      n: () number of the round.
+      again: () number of rounds that were repeated.
+      before: (k,) the sizes before their growth is measured.
+      first: () their growth by one of the first two products.
+      tau: () the time of the motion.
+      step: () the time in which others change an entry, at most that.
+    """
+
+    n: Array
+    again: Array
+    before: Array
+    first: Array
+    tau: Array
+    step: Array
+
+
+def _next_stage(
+    stage: _Stage, u: Array, new: Array, shrink: Array, slowest: Array, sizing: Array
+) -> tuple[_Stage, Array]:
+    """The stage after a round, and its sizes (k,).
+
+    Args:
+      stage: the stage before.
+      u: (k,) sizes before the round.
+      new: (k,) sizes after it.
+      shrink: () the factor by which it made the time `step` shorter.
+      slowest: () [1/time] the least speed of the motion.
+      sizing: () whether it was a round that finds sizes.
+    """
+    n, again, before, first, tau, step = stage
+    twice = lax.sqrt(_most(new, before))
+    growth = lax.sqrt(twice)  # per product; a power compiles long
+    tau = lax.select(n == _MEASURED, 1 / lax.max(growth, slowest), tau)
+    first = lax.select(n == _MEASURED - _PRODUCTS // 2, twice, first)
+    early = (n == _MEASURED) & (0 < growth) & (growth < _SETTLED * first) & (again < len(u))
+    # Sizes that grow in all measurements would overflow.
+    new = lax.select(early, new / growth**_PRODUCTS, new)
+    n = lax.select(early, jnp.full_like(n, _PRODUCTS_BEFORE), n)
+    before = lax.select(n == _PRODUCTS_BEFORE, new, before)
+    step = lax.select(n <= _MEASURED, tau, shrink * step)
+    carries = (n == _MEASURED + 1 + _REACH) & (_most(new, u) > 1 / _SETTLED) & (again < len(u))
+    again = again + (early | carries).astype(again.dtype)
+    n = n + (sizing & ~carries).astype(n.dtype)
+    return _Stage(n, again, before, first, tau, step), new
 
 
 def rounding(y: Array | np.ndarray) -> np.ndarray:
