@@ -43,6 +43,10 @@ _UNSPECIFIED = "1"
 #: so that the growth per product takes two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
+#: The growth of all these products is measured again if it is less than this part of that of the
+#: first two: others have only begun to carry sizes to entries that were hardly more than zero. As
+#: rounding may begin to do so at any time, there are at most as many repetitions as entries.
+_SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
 _REACH = 2
@@ -57,17 +61,23 @@ _AHEAD = 2.0**-20
 #: The horizon is the span or, if that is shorter, this multiple of the time in which the slowest
 #: entry changes by its size: a span may be a mere limit, as in a search for an event.
 _HORIZON = 2.0**10
-#: Number of roundings by which a state is shifted to see what rounding makes of its rate.
-_PERTURBED = 4.0
+#: Number of roundings by which a state is shifted to see what rounding makes of its rate, and parts
+#: of them that show more: rounding is random.
+_PERTURBED, _PARTS = 4.0, np.array([0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0])
 #: Where the rate exceeds this multiple of the motion's own, as near a singularity, its rounding
 #: says nothing about the motion.
 _FASTER = 16.0
 #: Least part of a rate that is rounding where the rate is little else.
-_ALL_ROUNDING = 2.0**-16
+ALL_ROUNDING = 2.0**-16
 #: What rounding makes of any rate, in roundings of it. At the tightest tolerances it may be less.
 _USUAL = 2.0**12
-#: Number of rounds that measure the effect of rounding on a rate.
-_NOISE_LOOKS = 4
+#: Likewise for an entry with a size of its own, which may be small beside what its rate is made of,
+#: as a high mode that is computed from all others: their rounding is no part of its motion.
+USUAL_ALONE = 2.0**3
+#: Number of rounds that measure the effect of rounding on a rate. It is random: one that sees
+#: little of it may be followed by others that see a thousand times as much. Where so many have seen
+#: it, this part of the usual margin is enough.
+_NOISE_LOOKS, MARGIN = 8, 1 / 8
 #: Multiple of that noise above which a rate is more than rounding.
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
@@ -207,24 +217,28 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     weights, rounds = _weights(len(y0)), len(_PLAN)
     off, zero = rounding(y0), jnp.zeros_like(y0)
 
-    def again(carry):
+    def looks(carry):
         return carry[1] < _NOISE_LOOKS
 
     def round_(carry):
-        n, look, u, before, tau, step, rate, then, noise, grows = carry
+        stage, look, u, rate, then, noise, grows = carry
+        n, tau, step = stage.n, stage.tau, stage.step
         sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
         look = lax.select(sizing, look, look + 1)
         row = lax.dynamic_index_in_dim(plan, lax.min(n, rounds - 1), 0, False)
         now = _Round(*(row[i] for i in range(len(row))))
         along = weights * u
-        # For the effect of rounding the rate is evaluated a little later in the motion, there with
-        # a rounding added, at the start with a rounding added, and beside the start.
-        far, rounded = (look == 1) | (look == 2), (look == 2) | (look == 3)
+        # For the effect of rounding the rate is evaluated twice a little later in the motion, the
+        # second time with a rounding added, then at the start with a rounding added, beside the
+        # start, and at the start again with other roundings.
+        far = (look == 1) | (look == 2)
+        rounded = ((look == 2) | (look == 3)).astype(float)
+        rounded = lax.select(look > 4, 1.0 - 0.4 * (look - 4).astype(float), rounded)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
         way = LATER * tau * ahead * far.astype(float) * rate
         aside = now.aside * sizing.astype(float) * along
         at = y0 + aside + way + tau * noise * (look == 4).astype(float)
-        at = at + at * off * rounded.astype(float)
+        at = at + at * off * rounded
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = _finite(f - lax.select(look == 2, then, rate))
@@ -239,18 +253,15 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
         new = lax.select(sizing & (new < np.inf), new, u)
-        growth = lax.sqrt(lax.sqrt(_most(new, before)))  # per product; a power compiles long
-        tau = lax.select(n == _MEASURED, 1 / lax.max(growth, 1 / span), tau)
-        before = lax.select(n == _PRODUCTS_BEFORE, new, before)
-        step = lax.select(n <= _MEASURED, tau, shrink * step)
-        n = n + sizing.astype(n.dtype)
+        stage, new = _next_stage(stage, u, new, shrink, 1 / span, sizing)
         grows = ((new > 0) & (u == 0)).any()
-        return n, look, new, before, tau, step, rate, then, noise, grows
+        return stage, look, new, rate, then, noise, grows
 
     none = jnp.zeros((), int)
-    begin = none, none, here, zero, span, span, zero, zero, zero, jnp.ones((), bool)
-    _, _, sizes, _, tau, _, rate, _, noise, _ = lax.while_loop(again, round_, begin)
-    return Scales(sizes, tau, noise), rate
+    first = _Stage(none, none, zero, 0 * span, span, span)
+    begin = first, none, here, zero, zero, zero, jnp.ones((), bool)
+    stage, _, sizes, rate, _, noise, _ = lax.while_loop(looks, round_, begin)
+    return Scales(sizes, stage.tau, MARGIN * noise), rate
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
@@ -387,29 +398,38 @@ def _linear_up_to(
 
     It is linear until terms of its Jacobian change by about their own size, or by `fastest`
     [1/time]. Terms of entries with sizes (k,) or on the way are compared in a row together; those
-    of other entries, which may have any size, each for itself.
+    of other entries, which may have any size, each for itself. Distances at which rounding alone
+    may change them by so much say nothing.
     """
-    slope, off = np.abs(slopes(field, y, t)), way * _weights(len(y))
+    slope, off, near = np.abs(slopes(field, y, t)), way * _weights(len(y)), shifted(y)
     alone = (slope > 0) & (sizes == 0) & (way == 0)
     low, high, bounds = _DISTANCES[0], _DISTANCES[-1], None
     for _ in range(_ROUNDS):
         distances = np.geomspace(low, high, len(_DISTANCES))
         each = np.maximum(sizes, distances[:, None] * way)
-        own, share = each @ slope.T + fastest * each, np.zeros(len(distances))
+        own = each @ slope.T + fastest * each
+        share = np.zeros(len(distances))
         for sign in (1, -1):
-            at = jnp.asarray(y + sign * distances[:, None] * off)
+            at = np.concatenate([near, y + sign * distances[:, None] * off])
             with np.errstate(all="ignore"):
-                there = np.asarray(_slopes(field, jnp.asarray(t, float), at))
+                there = np.asarray(_slopes(field, jnp.asarray(t, float), jnp.asarray(at)))
                 changes = np.abs(there - slopes(field, y, t))
+                rounded, changes = changes[: len(near)].max(axis=0), changes[len(near) :]
                 rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
+                noise = np.where(own > 0, _TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
+            ones = np.where(_TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
             for part in (rows, ones.reshape(len(ones), -1)):
                 share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+        says = ~(noise > _NONLINEAR)
+        if not says.any():
+            return np.inf
         # The product of an entry on the way with one that has a size stays the same part of a row.
         # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
         if bounds is None:
-            bounds = 0.5 * share[0] * (share[0] > _NONLINEAR), max(_NONLINEAR, 2 * share[0])
-        beyond = np.flatnonzero((share < bounds[0]) | (share > bounds[1]))
+            first = share[np.argmax(says)]
+            bounds = 0.5 * first * (first > _NONLINEAR), max(_NONLINEAR, 2 * first)
+        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])))
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
@@ -534,14 +554,69 @@ _PLAN = np.array(
 )
 
 
-def rounding(y: Array) -> np.ndarray:
+class _Stage(NamedTuple):
+    """How far `at_start` has come.
+
+    Attributes:
+      n: () number of the round.
+      again: () number of rounds that were repeated.
+      before: (k,) the sizes before their growth is measured.
+      first: () their growth by one of the first two products.
+      tau: () the time of the motion.
+      step: () the time in which others change an entry, at most that.
+    """
+
+    n: Array
+    again: Array
+    before: Array
+    first: Array
+    tau: Array
+    step: Array
+
+
+def _next_stage(
+    stage: _Stage, u: Array, new: Array, shrink: Array, slowest: Array, sizing: Array
+) -> tuple[_Stage, Array]:
+    """The stage after a round, and its sizes (k,).
+
+    Args:
+      stage: the stage before.
+      u: (k,) sizes before the round.
+      new: (k,) sizes after it.
+      shrink: () the factor by which it made the time `step` shorter.
+      slowest: () [1/time] the least speed of the motion.
+      sizing: () whether it was a round that finds sizes.
+    """
+    n, again, before, first, tau, step = stage
+    twice = lax.sqrt(_most(new, before))
+    growth = lax.sqrt(twice)  # per product; a power compiles long
+    tau = lax.select(n == _MEASURED, 1 / lax.max(growth, slowest), tau)
+    first = lax.select(n == _MEASURED - _PRODUCTS // 2, twice, first)
+    early = (n == _MEASURED) & (0 < growth) & (growth < _SETTLED * first) & (again < len(u))
+    # Sizes that grow in all measurements would overflow.
+    new = lax.select(early, new / growth**_PRODUCTS, new)
+    n = lax.select(early, jnp.full_like(n, _PRODUCTS_BEFORE), n)
+    before = lax.select(n == _PRODUCTS_BEFORE, new, before)
+    step = lax.select(n <= _MEASURED, tau, shrink * step)
+    carries = (n == _MEASURED + 1 + _REACH) & (_most(new, u) > 1 / _SETTLED) & (again < len(u))
+    again = again + (early | carries).astype(again.dtype)
+    n = n + (sizing & ~carries).astype(n.dtype)
+    return _Stage(n, again, before, first, tau, step), new
+
+
+def rounding(y: Array | np.ndarray) -> np.ndarray:
     """(k,) a few roundings of each entry of a state, as a part of it, of either sign."""
     return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
 
 
-def notable(gap: Array, rate: Array) -> Array:
+def shifted(y: Any) -> Any:
+    """(s, k) a state, and states that differ from it by a few roundings."""
+    return y[None] * (1.0 + np.outer(_PARTS, rounding(y)))
+
+
+def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:
     """What rounding makes of a rate where that is more than it makes of any rate; else 0."""
-    usual = _USUAL * jnp.finfo(rate.dtype).eps * rate
+    usual = roundings * jnp.finfo(rate.dtype).eps * rate
     return lax.select(gap > usual, gap, jnp.zeros_like(gap))
 
 
@@ -554,7 +629,9 @@ def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array
     """
     gap, rate = groups.largest(jnp.stack([gap, lax.abs(rate)], -1)).T
     rate = lax.max(rate, usual)
-    return notable(gap, rate) * (~aside | (gap > _ALL_ROUNDING * rate)).astype(float)
+    alone = np.bincount(groups.group_of)[list(groups.group_of)] == 1
+    roundings = np.where(alone & (not groups.known), USUAL_ALONE, _USUAL)
+    return notable(gap, rate, roundings) * (~aside | (gap > ALL_ROUNDING * rate)).astype(float)
 
 
 def _weights(k: int) -> np.ndarray:
@@ -577,7 +654,7 @@ def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
     """
     moved = tau * lax.abs(rate)
     return (
-        _most(lax.select(gap < _ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
+        _most(lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
         < _FASTER
     )
 

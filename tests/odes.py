@@ -136,3 +136,22 @@ def flame(t, y, length):
     u, q = _WAVES @ y, 2 * jnp.pi / length
     square = jnp.tile((q * FLAME_ORDERS) ** 2, 2)
     return (square - square**2) * y - 0.5 * q * flame_phase(_PROJECTION @ (u * u), length)
+
+
+#: Sine modes of a rod, and (23, 8) their values at places: products of three are not aliased.
+ROD_MODES = 8
+_ROD = np.sin(np.outer(np.pi * np.arange(1, 24) / 24, np.arange(1.0, ROD_MODES + 1)))
+
+
+def heated(t, y, w):
+    """A_t = A_xx + (3 + i w) A - |A|^2 A on a rod of length pi with A = 0 at its ends, in modes.
+
+    Modes of even order stay zero where they begin so. A real A that is at rest for w = 0 turns.
+    """
+    real, imaginary = jnp.split(y, 2)
+    a, b = _ROD @ real, _ROD @ imaginary
+    grows, square = 3.0 - np.arange(1.0, ROD_MODES + 1) ** 2, a * a + b * b
+    down = _ROD.T @ jnp.stack([square * a, square * b], 1) / 12
+    return jnp.concatenate(
+        [grows * real - w * imaginary - down[:, 0], grows * imaginary + w * real - down[:, 1]]
+    )

@@ -650,7 +650,7 @@ def march(
     start, control, h = _control(field, y0, t0, t1, ts, limits, method, watch, before)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
-        Stepper(method, limits.tolerance, start.sizes if method.adaptive else None, h),
+        Stepper(method, limits.tolerance, start.sizes if method.adaptive else None, h, start.time),
         t0,
         t1 + (t1 - t0),  # never reached: the step control ends the run
         None,

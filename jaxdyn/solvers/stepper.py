@@ -1,6 +1,7 @@
 """A method as a diffrax solver, with compensated summation, projection and stiffness detection."""
 
 import dataclasses
+import functools
 from typing import Any, ClassVar, NamedTuple
 
 import diffrax
@@ -11,7 +12,17 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, PyTree
 
-from jaxdyn.scales import LATER, Groups, at_start, notable, rounding
+from jaxdyn.scales import (
+    ALL_ROUNDING,
+    LATER,
+    MARGIN,
+    USUAL_ALONE,
+    Groups,
+    at_start,
+    notable,
+    rounding,
+    shifted,
+)
 from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import Advance, Method
 from jaxdyn.solvers.perturbed import perturbed_start
@@ -155,12 +166,14 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
       sizes: (k, ...) sizes of the motion at the start; None where the method takes no tolerance.
       h: () the exact step where it is fixed: a difference of times would be rounded. Steps to
         samples are shorter.
+      time: () the time in which the motion changes, where the method takes a tolerance.
     """
 
     method: Method
     tolerance: Array
     sizes: Array | None = None
     h: Array | None = None
+    time: Array | None = None
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation  # never used
 
@@ -174,11 +187,11 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
     def init(self, terms, t0, t1, y0, args):
         del terms, t0, t1, args
-        return jnp.zeros_like(y0), jnp.zeros(()), self.sizes
+        return jnp.zeros_like(y0), jnp.zeros(()), self.sizes, self.sizes
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         del made_jump
-        carry, count, sizes = solver_state
+        carry, count, sizes, seen = solver_state
         # Backwards in time diffrax increases t and negates the control: h < 0.
         h = terms.contr(t0, t1)
         if self.h is not None:
@@ -209,16 +222,23 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         may = None
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)
+            if not groups_of(args, y0).known:
+                noisy = functools.partial(_above_later_noise, args, self.tolerance, self.time)
+                sizes, seen = lax.cond(
+                    jnp.any(sizes > _GROWN * seen),
+                    lambda: (noisy(sign * t1, h, y1, sizes),) * 2,
+                    lambda: (sizes, seen),
+                )
             may = allowed_error(self.tolerance, sizes, y0, y1)
         told = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
-        return y1, told, nothing, (carry, count, sizes), result
+        return y1, told, nothing, (carry, count, sizes, seen), result
 
     def after_rejection(self, state, tried):
         """The state of the solver after a rejected step, from those before and after the step."""
         if state[2] is None:
             return state
-        return (*state[:2], sizes_after_rejection(state[2], tried[2]))
+        return (*state[:2], sizes_after_rejection(state[2], tried[2]), state[3])
 
     def func(self, terms, t0, y0, args):
         return terms.vf(t0, y0, args)
@@ -273,6 +293,9 @@ PART = 0.1
 _NOISE = 32.0
 #: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
+#: Growth of a size after which rounding is looked at again, and the multiple of a step for which it
+#: counts at most: a place may be passed at once.
+_GROWN, _LONGER = 2.0, 16.0
 
 
 class AtStart(NamedTuple):
@@ -378,6 +401,26 @@ def above_noise(start: AtStart, tolerance: Array) -> AtStart:
     tangents = jnp.maximum(flat[:, 1:], _of_tangents(state[:, 0], least[:, 1:]))
     flat = jnp.concatenate([state, tangents], axis=1)
     return start._replace(sizes=flat.reshape(start.sizes.shape))
+
+
+def _above_later_noise(
+    field: Any, tolerance: Array, time: Array, t: Array, h: Array, y: Array, sizes: Array
+) -> Array:
+    """The sizes (k, ...) of a motion that has grown, above what rounding does there in a time.
+
+    A mode that symmetry keeps at zero is nothing but the rounding of others, which grows with them.
+    """
+    single, x = _alone(field, y)
+    here, *beside = lax.map(lambda x: single.rate(t, x), shifted(x))
+    gap = functools.reduce(jnp.maximum, [jnp.abs(each - here) for each in beside])
+    own = sizes.reshape(len(x), -1)[:, 0]
+    rate = jnp.maximum(jnp.abs(here), own / time)
+    # Where a rate is little else, rounding is no small part of what grows from now on.
+    margin = jnp.where(gap > ALL_ROUNDING * rate, 1.0, MARGIN)
+    noise = jnp.zeros_like(sizes).reshape(len(x), -1)
+    noise = noise.at[:, 0].set(margin * notable(gap, rate, USUAL_ALONE)).reshape(y.shape)
+    start = AtStart(sizes, jnp.minimum(time, _LONGER * jnp.abs(h)), here, noise)
+    return above_noise(start, tolerance).sizes
 
 
 def state_of(y: Array) -> Array:

@@ -8,7 +8,9 @@ The size of an entry is its value at the start, or the change that its rate ther
 of the period's second harmonic, if that is larger. No motion has to be computed for that. Entries
 of one group (`jaxdyn.scales`) have the same size. Where units do not give the groups, the size of
 an entry is at least the effect that the others can have on it: near an equilibrium their effects
-cancel, and a velocity that is small there has no size of its own.
+cancel, and a velocity that is small there has no size of its own. Nor has an entry that is hardly
+more than what rounding makes of it, as a mode that symmetry keeps at zero: it has the size that it
+would have if it were zero.
 """
 
 import functools
@@ -22,12 +24,14 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._records import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, groups, with_one_more
+from jaxdyn.scales import at_rest, groups, shifted, with_one_more
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
 #: Relative changes of a size by the effect of other entries below this are rounding.
 _ROUNDING = 1e-9
+#: Least size of an entry over what rounding makes of it: closing errors are to be as small.
+_RESOLVED = 1e12
 #: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
 #: Times, as fractions of the span, at which the rate is evaluated, spread by the golden section: a
@@ -71,13 +75,15 @@ def _sizes(scene: Scene) -> np.ndarray:
     rates = np.abs(np.asarray(rates_at(scene, times(scene), y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
     found = coupled_sizes(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
+    if not groups(scene.system).known:
+        slope, noise = _near(scene)
+        noise = noise / np.maximum(np.diag(slope), 1 / radian)
+        found = np.where(found > _RESOLVED * alike(scene, noise), found, 0.0)
     if (found > 0).all():
         return found
     if not found.any():
         return sizes_at_rest(scene, y0)
-    slope = np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0))
-    slope = np.abs(np.where(np.isfinite(slope), slope, 0.0))
-    return _fill(scene, found, slope, radian)
+    return _fill(scene, found, _near(scene)[0], radian)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -95,8 +101,7 @@ def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
     """
     if groups(scene.system).known:
         return each
-    slope = np.abs(np.asarray(_slope(scene, jnp.asarray(0.0), scene.y0)))
-    slope = np.where(np.isfinite(slope), slope, 0.0)
+    slope, _ = _near(scene)
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):
         made = alike(scene, slope @ each / fastest)
@@ -137,6 +142,21 @@ def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np
     return found
 
 
+def _near(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """(k, k) the terms of |J| at the start, 0 where they are rounding; (k,) that of the rate."""
+    ys = shifted(np.asarray(scene.y0))
+    rates, slopes = (np.asarray(x) for x in _rates_and_slopes(scene, jnp.asarray(ys)))
+    noise, blur = (np.abs(x - x[0]).max(axis=0) for x in (rates, slopes))
+    slope = np.abs(slopes[0])
+    slope = np.where(np.isfinite(slope) & ~(blur > _ROUNDING * slope), slope, 0.0)
+    return slope, np.where(np.isfinite(noise), noise, 0.0)
+
+
 @jax.jit
-def _slope(scene: Scene, t: Array, y: Array) -> Array:
-    return jax.jacfwd(scene.rate, argnums=1)(t, y)
+def _rates_and_slopes(scene: Scene, ys: Array) -> tuple[Array, Array]:
+    t = jnp.asarray(0.0)
+
+    def near(y):
+        return scene.rate(t, y), jax.jacfwd(scene.rate, argnums=1)(t, y)
+
+    return jax.vmap(near)(ys)

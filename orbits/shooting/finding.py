@@ -21,7 +21,16 @@ from orbits.shooting.descent import Descent
 from orbits.shooting.equations import Equations
 from orbits.shooting.multiple import Automatic, Shooting
 from orbits.shooting.newton import Iteration
-from orbits.shooting.strategy import GOAL, RTOL, SECONDS, Effort, Search, Strategy, check_strategy
+from orbits.shooting.strategy import (
+    GOAL,
+    ITERATIONS,
+    RTOL,
+    SECONDS,
+    Effort,
+    Search,
+    Strategy,
+    check_strategy,
+)
 
 #: The default of `find`.
 AUTOMATIC = Automatic()
@@ -41,7 +50,7 @@ def find(
     segments: int | None = None,
     goal: float = GOAL,
     rtol: float = RTOL,
-    max_iterations: int = 60,
+    max_iterations: int = ITERATIONS,
     seconds: float = SECONDS,
     report: Callable[[Iteration], None] = lambda iteration: None,
     throw: bool = True,

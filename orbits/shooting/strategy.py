@@ -29,6 +29,9 @@ GOAL = 1e-12
 #: The tightest useful tolerance, for second opinions: below it rounding dominates.
 TIGHT = 1e-15
 SECONDS = 600.0  # default time limit of a search, for all that it tries
+#: Newton steps at most, by default: along a curved valley of the closing error they are short, and
+#: a hundred and more may lead to an orbit near a rough guess.
+ITERATIONS = 200
 
 
 @dataclasses.dataclass(frozen=True)

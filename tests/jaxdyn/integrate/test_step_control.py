@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cycles import Moebius, cycle
 from helpers import gap, kepler, kepler_state
+from odes import FLAME_LENGTH, FLAME_MODES, ROD_MODES, flame, heated
 
 import jaxdyn
 from jaxdyn import scenes
@@ -152,6 +153,42 @@ def test_a_tangent_that_rounding_alone_moves_asks_for_no_steps():
     _, by_G = jax.jvp(end, (0.7,), (1.0,))
     _, expected = jax.jvp(from_start, (start,), (moved,))
     np.testing.assert_allclose(by_G, expected, rtol=1e-8)
+
+
+def front(y0, *, together):
+    names = [(f"a{i}", "1/s") for i in range(len(y0))] if together else None
+    return jaxdyn.ode(flame, y0, 1.0, names=names, params=FLAME_LENGTH)
+
+
+def test_small_modes_ask_for_no_steps_that_the_rounding_of_large_ones_undoes():
+    # Their steps are compared with those of modes that are all measured by the largest.
+    y0 = np.zeros(2 * FLAME_MODES)
+    y0[[0, 1, FLAME_MODES, FLAME_MODES + 1]] = 0.1, -0.4, 0.2, 0.1
+    few = {"solver": VERNER9, "max_steps": 20_000}
+    for rtol in (1e-6, 1e-12):  # all other modes begin at zero, and what moves them is rounding
+        alone, together = (
+            solve(front(y0, together=one), 1.0, rtol=rtol, **few) for one in (False, True)
+        )
+        assert alone.steps < 10 * together.steps
+        assert gap(alone.y1, together.y1) < 10 * rtol
+    late = solve(front(y0, together=True), 60.0, rtol=1e-12, **few).y1  # modes of 0.4 to 1e-6
+    for rtol in (1e-14, 1e-15):
+        alone, together = (
+            solve(front(late, together=one), 1.0, rtol=rtol, **few) for one in (False, True)
+        )
+        assert alone.steps < 10 * together.steps
+        assert gap(alone.y1, together.y1) < 1e-14
+
+
+def test_rounding_that_grows_with_the_motion_asks_for_no_steps():
+    # Modes of even order stay zero by symmetry, and what rounding makes of them grows with the cube
+    # of the odd ones, by 1e9.
+    y0 = np.zeros(2 * ROD_MODES)
+    y0[0] = 1e-3
+    end = solve(jaxdyn.ode(heated, y0, 1.0, params=0.0), 20.0, solver=VERNER9, max_steps=20_000)
+    assert end.status == 0
+    assert gap(heated(0.0, end.y1, 0.0), 0 * y0) < 1e-10  # at rest
+    assert gap(end.y1[1::2], jnp.zeros(ROD_MODES)) < 1e-12
 
 
 @pytest.mark.slow

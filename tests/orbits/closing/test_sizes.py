@@ -1,9 +1,13 @@
 """The sizes of the entries of a state along a motion."""
 
 import numpy as np
+import pytest
+from odes import ROD_MODES, heated
 
 import jaxdyn
+import orbits
 from jaxdyn import scenes
+from jaxdyn.integrate.simulation import solve
 from orbits.closing.sizes import alike, sizes, sizes_at_rest
 
 
@@ -53,3 +57,25 @@ def test_a_velocity_near_an_equilibrium_has_the_size_of_what_cancels_there():
         place, velocity = sizes(scene)
         assert abs(place - 1) < 1e-5
         assert 0.5 < velocity / np.sqrt(k) < 2
+
+
+@pytest.mark.parametrize("even", [0.0, 1e-17])
+def test_a_mode_that_symmetry_keeps_at_zero_has_no_rounding_for_its_size(even):
+    y0 = np.where(np.arange(2 * ROD_MODES) % 2 == 1, even, 0.1)
+    each = sizes(jaxdyn.ode(heated, y0, np.pi, params=2.0))
+    assert (each > 1e-4).all()
+    assert (each < 10.0).all()
+
+
+@pytest.mark.slow
+def test_an_orbit_among_modes_that_symmetry_keeps_at_zero_closes():
+    y0 = np.where(np.arange(2 * ROD_MODES) == 0, 1.0, 0.0)
+    names = [(f"mode {i}", "m") for i in range(len(y0))]
+    near = solve(jaxdyn.ode(heated, y0, np.pi, names=names, params=2.0), 20.0).y1
+    plain = orbits.find(jaxdyn.ode(heated, near, 3.1, params=2.0))
+    together = orbits.find(jaxdyn.ode(heated, near, 3.1, names=names, params=2.0))
+    assert plain.period == pytest.approx(np.pi, rel=1e-13)
+    assert orbits.recheck(plain).closure < 1e-10
+    one, other = (orbits.stability(orbit) for orbit in (plain, together))
+    assert one.verdict == other.verdict == "stable"
+    assert one.growth == pytest.approx(other.growth, abs=1e-9)

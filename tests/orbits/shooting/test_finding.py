@@ -178,6 +178,20 @@ def test_progress_is_reported():
     assert min(step.residual for step in steps) == orbit.residual
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("off", [0.97, 1.0, 1.03])
+@pytest.mark.parametrize("hold", [(), ("y",)], ids=["free", "y held"])
+def test_a_curved_valley_of_the_closing_error_is_followed_to_its_orbit(hold, off):
+    # A circle about the planet alone, whose end is eight times its radius from the start in Hill's
+    # problem: up to 150 short steps lead to an orbit.
+    turn = 0.5**-1.5 - 1.0
+    guess = scenes.hill(x=0.5, vy=0.5 * turn, t1=off * 2 * np.pi / turn)
+    orbit = orbits.find(guess, hold=hold)
+    assert 0.85 < orbit.period / guess.t1 < 1.15
+    assert orbit.shift < 0.5
+    assert orbits.recheck(orbit).closure < 1e-9
+
+
 ONE_SECOND = {"lower": [-np.inf, 1.0], "upper": [np.inf, 1.0]}
 ENDS = {
     Outcome.ITERATION_LIMIT: (van_der_pol(), {"max_iterations": 2}),
