@@ -95,7 +95,9 @@ def picture(motions):
     for i, (name, motion) in enumerate(zip("xyz", motions, strict=True)):
         ax = figure.add_subplot(1, 3, i + 1, xlabel="t [s]", title=f"spin about {name}'")
         drawing.figures.style(ax)
-        ax.plot(motion.ts, motion.ys - np.eye(3)[i], label=["omega1", "omega2", "omega3"])
+        ax.plot(
+            motion.ts, np.asarray(motion.ys) - np.eye(3)[i], label=["omega1", "omega2", "omega3"]
+        )
     drawing.figures.legend_below(figure, figure.axes[0].get_lines())
     return figure
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
-from jaxdyn.integrate.march import History, Limits, SolveResult, march
+from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.plan import Branch, InBranch, in_branch, jump, without_wrappers
 from jaxdyn.plan.times import next_change
@@ -203,6 +203,8 @@ class _Pieces(NamedTuple):
             stiff=jnp.zeros((), bool),
         )
         branch = Branch.of(first.outcomes)
+        # The first piece may be too short to show how large the motion becomes.
+        sizes = look_from_start(self.field, self.t0, y0, self.t1, self.limits.tolerance)[0].sizes
         run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
@@ -215,7 +217,7 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
-            before=History(jnp.zeros_like(y0), jnp.zeros(())),
+            before=History(sizes, jnp.zeros(())),
             stalled=zero,
         )
         return run._replace(branch=self._settle(run))

@@ -89,8 +89,11 @@ def _unbounded(shape) -> Interval:
 
 
 def as_interval(x: _Value) -> Interval:
-    """A value as an interval; a known number is both of its own ends."""
-    return x if isinstance(x, Interval) else point(jnp.asarray(x))
+    """A value as an interval; a known number is both of its own ends, a truth value 0.0 or 1.0."""
+    if isinstance(x, Interval):
+        return x
+    x = jnp.asarray(x)
+    return point(x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(float))
 
 
 #: Operations that only move entries, or increase with each of them, so that the ends of the result
@@ -116,16 +119,10 @@ def _multiply(a: Interval, b: Interval) -> Interval:
     return COMPILED.whole_power(a, 2) if a is b else COMPILED.multiply(a, b)
 
 
-def _conditions(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """A rule for truth values, which are the floats 0 and 1 in bounds, but booleans if known."""
-    return lambda *args: rule(*(Interval(*(jnp.asarray(end, float) for end in x)) for x in args))
-
-
 def _select(params, which, *cases) -> Interval:
     if isinstance(which, Interval):
         return COMPILED.choose(which, *map(as_interval, cases))  # a condition has two cases
-    # Bounds of a truth value are the floats 0 and 1, but a known one is a boolean.
-    ends = ([jnp.asarray(as_interval(x)[i], float) for x in cases] for i in (0, 1))
+    ends = ([as_interval(x)[i] for x in cases] for i in (0, 1))
     return Interval(*(lax.select_n(which, *each) for each in ends))
 
 
@@ -163,9 +160,7 @@ _RULES: dict[str, Callable[..., Interval]] = {
     **dict.fromkeys(("gt", "ge"), lambda a, b: COMPILED.less(b, a)),
     "eq": COMPILED.equal,
     "ne": lambda a, b: COMPILED.opposite(COMPILED.equal(a, b)),
-    "and": _conditions(COMPILED.both),
-    "or": _conditions(COMPILED.either),
-    "not": _conditions(COMPILED.opposite),
+    **{"and": COMPILED.both, "or": COMPILED.either, "not": COMPILED.opposite},
     "is_finite": lambda a: point(jnp.ones(a.low.shape)),
 }
 #: Rules that need more than the bounds of their arguments.

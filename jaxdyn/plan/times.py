@@ -72,10 +72,11 @@ def hides_in_time(
     at = jax.vmap(lambda t: plan.time_parts(system, t, branch))(t0 + _PLACES * (t1 - t0))
     seen = jnp.max(at, axis=0) - jnp.min(at, axis=0)
     small = _SMALL_HERE * jnp.max(jnp.abs(at), axis=0) + _SMALL_EVER * sizes
-    wide = ~(most.high - most.low <= _MOST_UNSEEN * seen + small)
+    width = most.high - most.low
+    wide = ~(width <= _MOST_UNSEEN * seen + small)
     over = jnp.abs(t1 - t0) * steepest > steep * (seen + small)
-    # A root is infinitely steep, and hides nothing.
-    return (wide | (over & jnp.isfinite(steepest))).any()
+    # A root is infinitely steep, and hides nothing, nor does what rounding makes constant.
+    return (wide | (over & jnp.isfinite(steepest) & (width != 0))).any()
 
 
 def furthest_seen(

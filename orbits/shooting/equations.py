@@ -304,7 +304,8 @@ def pieces(equations: Equations, x: Array) -> Piece:
     scene = equations.scene_at(unknowns.parameter)
     spans = unknowns.period / equations.closing.parts * jnp.asarray(equations.shares)
     first = equations.start(x)
-    times = jnp.where(equations.driven, jnp.cumsum(spans) - spans, 0.0)
+    # Not the sums less the spans: the first one would be zero but for rounding.
+    times = jnp.where(equations.driven, jnp.append(0.0, jnp.cumsum(spans)[:-1]), 0.0)
     between = jax.vmap(scene.system.project)(times[1:], unknowns.between)
     starts = jnp.concatenate([first[None], between])
     s = None if equations.s_spans is None else jnp.asarray(equations.s_spans, float)

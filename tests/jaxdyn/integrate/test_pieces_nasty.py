@@ -110,6 +110,20 @@ def test_the_nearest_knot_of_a_table():
     assert abs(end_of(rate, [0.0], 5.0)[0] - expected) < 1e-11
 
 
+def test_a_start_at_rest_just_before_the_knot_of_a_table():
+    # The first piece is short, and moves the state by little; a rounding before zero, mod(t, 1) is
+    # 1, and the table constant but for a slope that its bounds allow.
+    def rate(t, y):
+        return [jnp.interp(jnp.mod(t, 1.0), np.array([0, 0.5, 1]), np.array([0.0, 1, 0])) - y[0]]
+
+    scene = jaxdyn.ode(rate, [0.0], 1.0)
+    expected = 2 * (0.25 - 1 + np.exp(-0.25))  # y' = 2 t - y
+    for t0 in (0.0, -1e-300, -3e-18, -2e-16, -1e-10, -1e-5, 1 - 1e-10, 2 - 1e-15):
+        t1 = round(t0) + 0.25
+        found = jaxdyn.simulate(scene, t1, t0=t0, rtol=1e-14, samples=2, max_steps=300)
+        assert abs(found.ys[-1, 0] - expected) < 1e-15 + 2 * min(abs(t0 - round(t0)), 1e-5) ** 2
+
+
 def test_the_largest_of_functions_of_time():
     def rate(t, y):
         return [jnp.max(jnp.stack([jnp.cos(t), jnp.sin(t), jnp.full_like(t, 0.5)]))]

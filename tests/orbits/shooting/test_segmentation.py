@@ -3,13 +3,14 @@
 import dataclasses
 import os
 
+import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
 
 import jaxdyn
 import orbits
-from orbits.shooting.equations import Equations, InUnits
+from orbits.shooting.equations import Equations, InUnits, pieces
 from orbits.shooting.segment import Limits, linearize_end
 from orbits.shooting.segmentation import cut_into_segments, recut, with_segments
 
@@ -87,3 +88,19 @@ def test_no_segment_is_integrated_when_the_time_is_up(cycle, monkeypatch):
     begun[:] = [None] * 3
     assert cut_into_segments(unstable, guess, RTOL, None, least=4, limits=over).segments == 1
     assert len(begun) == 3
+
+
+def _driven(t, y):
+    return [jnp.cos(2 * jnp.pi * t) - y[0]]
+
+
+def test_the_first_segment_of_a_driven_motion_begins_at_zero():
+    # Not a rounding before, where another branch of a table may hold.
+    driven = orbits.find(jaxdyn.ode(_driven, [0.0], 1.0), period=1.0)
+    shares = np.random.default_rng(0).dirichlet(np.full(4, 50.0))
+    for period in (1.0, 0.9999997, 1.00012):
+        equations = dataclasses.replace(Equations.of(driven), shares=tuple(shares))
+        x = equations.spread(driven.y0, driven.period, RTOL)
+        times = pieces(equations, np.append(x[:-1], period)).t0
+        assert times[0] == 0.0
+        np.testing.assert_allclose(times[1:] / period, np.cumsum(shares)[:-1], rtol=1e-15)
