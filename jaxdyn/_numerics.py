@@ -182,6 +182,22 @@ _MEAN = 0.043  # mean excess of the binary logarithm over what the bits say, whi
 _BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
 
 
+@jax.custom_batching.custom_vmap
+def any_lane(condition: Array) -> Array:
+    """Whether () a condition holds here or, under `jax.vmap`, in any of the lanes.
+
+    A `lax.cond` on it stays one under `vmap`; on the condition itself, both of its branches would
+    be evaluated in every step. The branches have to allow for lanes in which it does not hold.
+    """
+    return condition
+
+
+@any_lane.def_vmap
+def _(axis_size, in_batched, condition):
+    del axis_size, in_batched
+    return any_lane(jnp.any(condition)), False
+
+
 def rough_power(x: Array, n: float) -> Array:
     """x^n for x >= 0 to 1 % for |n| <= 1/5, 2 % for 1/2; finite for |n| <= 1/2 and every x.
 

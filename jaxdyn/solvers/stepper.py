@@ -12,6 +12,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, PyTree
 
+from jaxdyn._numerics import any_lane
 from jaxdyn.scales import (
     ALL_ROUNDING,
     LATER,
@@ -223,12 +224,10 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)
             if not groups_of(args, y0).known:
-                noisy = functools.partial(_above_later_noise, args, self.tolerance, self.time)
-                sizes, seen = lax.cond(
-                    jnp.any(sizes > _GROWN * seen),
-                    lambda: (noisy(sign * t1, h, y1, sizes),) * 2,
-                    lambda: (sizes, seen),
-                )
+                now = args, self.tolerance, self.time, sign * t1, h, y1, sizes
+                grown = jnp.any(sizes > _GROWN * seen)
+                new = lax.cond(any_lane(grown), lambda: _above_later_noise(*now), lambda: sizes)
+                sizes, seen = jnp.where(grown, new, sizes), jnp.where(grown, new, seen)
             may = allowed_error(self.tolerance, sizes, y0, y1)
         told = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
@@ -417,8 +416,9 @@ def _above_later_noise(
     rate = jnp.maximum(jnp.abs(here), own / time)
     # Where a rate is little else, rounding is no small part of what grows from now on.
     margin = jnp.where(gap > ALL_ROUNDING * rate, 1.0, MARGIN)
-    noise = jnp.zeros_like(sizes).reshape(len(x), -1)
-    noise = noise.at[:, 0].set(margin * notable(gap, rate, USUAL_ALONE)).reshape(y.shape)
+    noise = (margin * notable(gap, rate, USUAL_ALONE))[:, None]
+    tangents = jnp.zeros((len(x), sizes.size // len(x) - 1))
+    noise = jnp.concatenate([noise, tangents], 1).reshape(y.shape)
     start = AtStart(sizes, jnp.minimum(time, _LONGER * jnp.abs(h)), here, noise)
     return above_noise(start, tolerance).sizes
 
