@@ -271,7 +271,7 @@ def test_what_cannot_be_read_is_said():
         body = lambda s: (s[0] + 1, jnp.abs(s[1]) - 0.1)  # noqa: E731
         return [jax.lax.while_loop(lambda s: s[1] > 0.0, body, (0, y[0]))[1]]
 
-    scene = jaxdyn.ode(rate, [1.0], 1.0)
+    scene = jaxdyn.ode(rate, [0.95], 1.0)  # not on a jump
     assert "a loop of unknown length" in jaxdyn.simulate(scene).warning
     assert "blind to a loop" in jaxdyn.simulate(scene, digits=6).error.basis
 
