@@ -72,9 +72,10 @@ def test_the_reference_has_the_multipliers_of_the_eight():
 
 
 def test_more_bits_are_taken_where_fewer_leave_something_open():
-    settled = {"truth": "stable", "vague": False, "within bars": False}
+    settled = {"truth": "stable", "vague": False, "within bars": True}
     assert not verdicts.unsettled(settled)
     assert verdicts.unsettled(settled | {"vague": True})
+    assert verdicts.unsettled(settled | {"within bars": False})
     assert verdicts.unsettled({"truth": "open"})
     assert verdicts.unsettled({"truth": "unstable", "within bars": False})
     assert not verdicts.unsettled({"truth": "unstable", "within bars": True})

@@ -43,6 +43,9 @@ class Extended(System):
     def labels(self):
         return (*self.system.labels(), *self.further())
 
+    def parameter_names(self):
+        return self.system.parameter_names()
+
     @property
     def accepts(self):
         return self.system.accepts

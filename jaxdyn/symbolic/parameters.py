@@ -110,6 +110,8 @@ def _named_parts(
 ) -> list[tuple[tuple[str, ...], np.ndarray]]:
     """An array as a whole, without a name, or its entries by the names that the system has."""
     of, *rest = path
+    while rest[:1] == ["system"]:  # inside another one, which has the same names
+        del rest[0]
     names = field.system.parameter_names().get(rest[0]) if of == "system" and rest else None
     if names is None:
         return [((), value)]

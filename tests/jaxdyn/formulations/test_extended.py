@@ -22,6 +22,9 @@ class Answers(System):
     def labels(self):
         return ("x", "m"), ("angle", "rad"), ("vx", "m/s"), ("rate", "rad/s")
 
+    def parameter_names(self):
+        return {"params": ("stiffness",)}
+
     def rate(self, t, y, effects):
         return jnp.stack([y[2], y[3], t - y[0], 2.0 * y[1]])
 
@@ -106,6 +109,7 @@ QUESTIONS = {
     "loads": lambda s, t, y: s.loads(t, y)[0],
     "constraint_forces": lambda s, t, y: s.constraint_forces(t, y, EFFECTS),
     "accepts": lambda s, t, y: s.accepts,
+    "parameter_names": lambda s, t, y: frozenset(s.parameter_names().items()),
     "singular": lambda s, t, y: s.singular,
     "coordinates": lambda s, t, y: s.coordinates(y),
     "kinetic": lambda s, t, y: s.kinetic(t, y),
