@@ -138,12 +138,12 @@ def beside_pieces(name: str, ours: Way, pieces: Way, rounds: int) -> Row:
     times = interleave(
         {"jaxdyn": ours.run(_SHOWN), "its pieces, smooth": pieces.run(_SHOWN)}, rounds
     )
-    told = [
+    lines = [
         f"{which} {', '.join(str(each.steps) for each in found)} steps, slope {slope(found):.1f}"
         for which, found in counted.items()
     ]
     tolerances = f"{_COUNTED[0]:.0e} to {_COUNTED[-1]:.0e}"
-    note = f"{len(pieces.truth) - 1} switches; tolerances {tolerances}: {'; '.join(told)}"
+    note = f"{len(pieces.truth) - 1} switches; tolerances {tolerances}: {'; '.join(lines)}"
     return Row(f"switches: {name}, tolerance {_SHOWN:.0e}", times, note=note)
 
 

@@ -115,11 +115,11 @@ def outcome(row: dict[str, str]) -> dict[str, Any]:
     if not orbit.ok:
         return {"found": False, "reason": orbit.message}
     largest = float(np.abs(orbits.stability(orbit).multipliers).max())
-    told = {"found": True, "period": orbit.period, "largest multiplier": largest}
+    result = {"found": True, "period": orbit.period, "largest multiplier": largest}
     if not largest < MOST:
-        return told | {"proved": False, "reason": f"its largest multiplier is above {MOST:.0e}"}
+        return result | {"proved": False, "reason": f"its largest multiplier is above {MOST:.0e}"}
     proof = orbits.prove(orbit, PROOF_DIGITS)
-    told |= {
+    result |= {
         "proved": proof.proved,
         "reason": proof.reason,
         "verdict": proof.verdict if proof.verdict_proved else "not proved",
@@ -130,9 +130,9 @@ def outcome(row: dict[str, str]) -> dict[str, Any]:
     if proof.proved:
         start = time.process_time()
         refined = orbits.refine(orbit, DIGITS)
-        told |= {"digits": refined.digits, "y0": refined.y0, "refined period": refined.period}
-        told |= {"refinement seconds": round(time.process_time() - start, 1)}
-    return told
+        result |= {"digits": refined.digits, "y0": refined.y0, "refined period": refined.period}
+        result |= {"refinement seconds": round(time.process_time() - start, 1)}
+    return result
 
 
 if __name__ == "__main__":

@@ -132,9 +132,13 @@ def main(
     print(summary([results[row.name] for row in picked]))
 
 
-def unsettled(told: dict[str, Any]) -> bool:
+def unsettled(result: dict[str, Any]) -> bool:
     """Whether the reference needs more bits: for its verdict, a multiplier, or who is right."""
-    return told["truth"] == "open" or told.get("vague", False) or not told.get("within bars", True)
+    return (
+        result["truth"] == "open"
+        or result.get("vague", False)
+        or not result.get("within bars", True)
+    )
 
 
 def draw(count: int, seed: int) -> list[Row]:
@@ -149,23 +153,23 @@ def compare(row: Row, bits: int) -> dict[str, Any]:
     """The results of both for a row, and whether they agree."""
     begin = time.process_time()
     found = orbits.find(scene(row), throw=False)
-    told: dict[str, Any] = {"outcome": found.outcome.name, "published": row.published}
+    result: dict[str, Any] = {"outcome": found.outcome.name, "published": row.published}
     if found.ok:
         linear = orbits.stability(found, throw=False)
-        told |= {"verdict": linear.verdict, "growth": linear.growth, "unit": linear.unit}
-    told["seconds"] = round(time.process_time() - begin, 1)
+        result |= {"verdict": linear.verdict, "growth": linear.growth, "unit": linear.unit}
+    result["seconds"] = round(time.process_time() - begin, 1)
     exact = truth(row, bits)
-    told |= {"truth": exact.verdict, "bits": exact.bits, "miss": exact.miss, "moved": exact.moved}
+    result |= {"truth": exact.verdict, "bits": exact.bits, "miss": exact.miss, "moved": exact.moved}
     if found.ok and exact.verdict != "open":
         off, bars = distances(exact, linear.nontrivial)
         same = abs(found.period / float(row.period) - 1) < _MOVED
-        told |= {
+        result |= {
             "vague": bool((bars >= np.abs(exact.multipliers)).any()),
             "same orbit": bool(same),
             "contradicts": bool(same and linear.verdict not in ("undecided", exact.verdict)),
             "within bars": bool((off <= linear.bars + bars).all()),
         }
-    return told
+    return result
 
 
 def scene(row: Row) -> jaxdyn.Scene:
@@ -187,21 +191,21 @@ def distances(exact: Truth, ours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return apart[best, range(len(ours))], np.asarray(exact.bars)[best]
 
 
-def summary(told: list[dict[str, Any]]) -> str:
+def summary(results: list[dict[str, Any]]) -> str:
     """The counts."""
 
     def count(key: str, value: Any) -> int:
-        return sum(each.get(key) == value for each in told)
+        return sum(each.get(key) == value for each in results)
 
     lines = [
-        f"{len(told)} orbits: {count('outcome', 'FOUND')} found; the reference took more than 64 "
-        f"bits for {len(told) - count('bits', 64)}, and leaves {count('truth', 'open')} open",
+        f"{len(results)} orbits: {count('outcome', 'FOUND')} found; the reference took more than "
+        f"64 bits for {len(results) - count('bits', 64)}, and leaves {count('truth', 'open')} open",
         f"verdicts: {count('verdict', 'stable')} stable, {count('verdict', 'unstable')} unstable, "
         f"{count('verdict', 'undecided')} undecided; {count('contradicts', True)} contradictions",
         f"multipliers: within all bars for {count('within bars', True)} orbits, not for "
         f"{count('within bars', False)}",
     ]
-    wrong = [e for e in told if e["published"] and e["truth"] != "open"]
+    wrong = [e for e in results if e["published"] and e["truth"] != "open"]
     differ = sum((e["truth"] == "stable") != (e["published"] == "S") for e in wrong)
     return "\n".join([*lines, f"published S or U: {len(wrong)} compared, {differ} contradicted"])
 

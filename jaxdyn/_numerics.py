@@ -178,10 +178,6 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     return jax.lax.while_loop(lambda carry: carry[0] < limit, body, (jnp.zeros(()), empty))[1]
 
 
-_MEAN = 0.043  # mean excess of the binary logarithm over what the bits say, which is 0 to 0.086
-_BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
-
-
 @jax.custom_batching.custom_vmap
 def any_lane(condition: Array) -> Array:
     """Whether () a condition holds here or, under `jax.vmap`, in any of the lanes.
@@ -196,6 +192,10 @@ def any_lane(condition: Array) -> Array:
 def _(axis_size, in_batched, condition):
     del axis_size, in_batched
     return any_lane(jnp.any(condition)), False
+
+
+_MEAN = 0.043  # mean excess of the binary logarithm over what the bits say, which is 0 to 0.086
+_BEND = 0.6565  # 2^f is 1 + f (0.6565 + 0.3435 f) within 0.2 % for f from 0 to 1
 
 
 def rough_power(x: Array, n: float) -> Array:

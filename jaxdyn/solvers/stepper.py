@@ -224,14 +224,14 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         if sizes is not None:
             sizes = grow(groups_of(args, y0), sizes, y1)
             if not groups_of(args, y0).known:
-                now = args, self.tolerance, self.time, sign * t1, h, y1, sizes
+                reached = args, self.tolerance, self.time, sign * t1, h, y1, sizes
                 grown = jnp.any(sizes > _GROWN * seen)
-                new = lax.cond(any_lane(grown), lambda: _above_later_noise(*now), lambda: sizes)
+                new = lax.cond(any_lane(grown), lambda: _above_later_noise(*reached), lambda: sizes)
                 sizes, seen = jnp.where(grown, new, sizes), jnp.where(grown, new, seen)
             may = allowed_error(self.tolerance, sizes, y0, y1)
-        told = StepError(step.error, may, end, step.reach, step.square, count)
+        error = StepError(step.error, may, end, step.reach, step.square, count)
         nothing = {}  # for dense output, which is not asked for
-        return y1, told, nothing, (carry, count, sizes, seen), result
+        return y1, error, nothing, (carry, count, sizes, seen), result
 
     def after_rejection(self, state, tried):
         """The state of the solver after a rejected step, from those before and after the step."""
