@@ -44,6 +44,8 @@ _APART = 3.0
 #: equations, or if Newton's method would move it by at most this many units of the unknowns: very
 #: unstable orbits satisfy only the second condition, those next to a fold only the first.
 _CLOSES = 1e-8
+#: Multipliers that differ by at most this share, and by a few of their bars, are those of one map.
+_SAME_MAP = 1e-6
 
 
 class DifferentiableOrbit(eqx.Module):
@@ -219,7 +221,7 @@ def _of_these_numbers(found):
     return found
 
 
-class _Linear(NamedTuple):
+class Linearization(NamedTuple):
     """The equations of an orbit, linearised.
 
     Attributes:
@@ -232,14 +234,15 @@ class _Linear(NamedTuple):
     units: np.ndarray
     rows: np.ndarray
 
-    def solution(self, x, miss: Array) -> Array:
+    def solution(self, x, miss: Array, within: float = _CLOSES) -> Array:
         """(n,) x, with derivatives by the implicit function theorem from the residual (m,) there.
 
-        It is NaN if the residual says that x is not a solution.
+        It is NaN if the residual, and the step that would remove it, are larger than `within`
+        units: x is then not a solution.
         """
         value = jax.lax.stop_gradient(miss)
         step = jnp.abs(self.inverse @ value) / self.units
-        closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= _CLOSES
+        closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= within
         # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
         return x - jnp.where(closes, 1.0, jnp.nan) * (self.inverse @ (miss - value))
 
@@ -284,7 +287,7 @@ def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     found = chain.linearize(chain.pack(start, spans), orbit.rtol)
     each = chain.sizes(found, spans)
     units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
-    linear = _linear(found.jacobian * units / rows[:, None], units, rows)
+    linear = linearization(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     x, k = linear.solution(np.concatenate([start, spans]), miss), len(start)
     return DifferentiableChain(legs, x[:k], x[k:], orbit)
@@ -299,23 +302,23 @@ def residual(equations: Equations, x: Array, rtol) -> Array:
 
 
 @jax.jit
-def _implicit(equations: Equations, x, linear: _Linear, rtol) -> tuple[Array, Array, Array]:
+def _implicit(equations: Equations, x, linear: Linearization, rtol) -> tuple[Array, Array, Array]:
     """Start, period and angle at x, with their derivatives by the implicit function theorem."""
     x = linear.solution(x, residual(equations, x, rtol))
     unknowns = equations.unpack(x)
     return equations.start(x), unknowns.period, unknowns.angle
 
 
-def _linearize(equations: Equations, x: np.ndarray, rtol: float) -> _Linear:
+def _linearize(equations: Equations, x: np.ndarray, rtol: float) -> Linearization:
     """The equations, linearised at x; the pseudo-inverse selects the nearest orbit in its units."""
     closed = InUnits(equations, x, rtol)
-    return _linear(closed(x)[1], closed.units.x, closed.units.residual)
+    return linearization(closed(x)[1], closed.units.x, closed.units.residual)
 
 
-def _linear(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> _Linear:
+def linearization(jacobian: np.ndarray, units: np.ndarray, rows: np.ndarray) -> Linearization:
     """From a Jacobian in units of the unknowns (n,) and equations (m,)."""
     inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
-    return _Linear(units[:, None] * inverse / rows, units, rows)
+    return Linearization(units[:, None] * inverse / rows, units, rows)
 
 
 def _multipliers(linear: Stability, basis: np.ndarray, m: Array) -> Array:
@@ -324,11 +327,17 @@ def _multipliers(linear: Stability, basis: np.ndarray, m: Array) -> Array:
     Args:
       linear: the known stability.
       basis: (k, d) the basis of its monodromy matrix.
-      m: (k, k) the return map, equal to the known one but for its derivatives.
+      m: (k, k) the return map, equal to the known one but for its derivatives. Where it is not,
+        as for a state of rest with other numbers, multipliers are NaN.
     """
     values, right, left = _eigenvectors(linear, basis)
-    change = (m - jax.lax.stop_gradient(m)).astype(right.dtype)
-    return jnp.asarray(values) + jnp.sum(left * (change @ right).T, axis=1)
+    fixed = jax.lax.stop_gradient(m)
+    off = jnp.abs(jnp.sum(left * (fixed.astype(right.dtype) @ right).T, axis=1) - values)
+    same = off <= _APART * linear.bars + _SAME_MAP * np.maximum(np.abs(values), 1.0)
+    change = jnp.where(same, 1.0, jnp.nan)[:, None] * left
+    return jnp.asarray(values) + jnp.sum(
+        change * ((m - fixed).astype(right.dtype) @ right).T, axis=1
+    )
 
 
 def _eigenvectors(

@@ -21,9 +21,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import fail
-from orbits.analysis.sensitivity import Posed, residual
+from orbits.analysis.sensitivity import Linearization, Posed, linearization, residual
 from orbits.families.surface import OrbitSurface
-from orbits.shooting import newton
 from orbits.shooting.equations import Equations, units_at
 from orbits.shooting.finding import GOAL
 
@@ -107,8 +106,7 @@ def differentiable_fold(posed: Posed, equations: Equations, by_parameter, rtol: 
     size = np.linalg.norm(slope)
     rows = np.append(here.rows, size)
     jacobian = np.vstack([here.jacobian, slope / size])
-    inverse = np.linalg.pinv(jacobian, rcond=newton.RANK_TOLERANCE)
-    return _implicit(equations, here.x, v, w, here.units[:, None] * inverse / rows, rtol)
+    return _implicit(equations, here.x, v, w, linearization(jacobian, here.units, rows), rtol)
 
 
 def _level(equations: Equations, x: Array, v: Array, w: Array, rtol) -> Array:
@@ -122,10 +120,10 @@ def _level_slope(equations: Equations, x: Array, v: Array, w: Array, rtol) -> Ar
 
 
 @eqx.filter_jit
-def _implicit(equations: Equations, x, v, w, inverse, rtol) -> FoldOrbit:
+def _implicit(equations: Equations, x, v, w, linear: Linearization, rtol) -> FoldOrbit:
     """The orbit at x, with its derivatives by the implicit function theorem."""
     x, v = jnp.asarray(x), jnp.asarray(v)
     miss = jnp.append(residual(equations, x, rtol), _level(equations, x, v, w, rtol))
-    x = x - inverse @ (miss - jax.lax.stop_gradient(miss))
+    x = linear.solution(x, miss, within=ZERO)
     unknowns = equations.unpack(x)
     return FoldOrbit(equations.start(x), unknowns.period, unknowns.angle)

@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, fail
+from jaxdyn._checks import check_first, fail, is_traced
 from jaxdyn.analysis.energy import integrals
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import (
@@ -46,6 +46,8 @@ from orbits.orbit import Orbit
 from orbits.shooting.equations import Equations, InUnits
 from orbits.shooting.segment import Make, scene_of
 
+#: A test is zero if its terms cancel to this share of their size.
+_ZERO = 1e-7
 _KINDS = (Kind.FOLD, Kind.BRANCH, Kind.DOUBLING, Kind.TORUS)
 
 
@@ -130,8 +132,10 @@ def special_parameter(
     Raises:
       ValueError: `point` is of another kind, or not a generic one: the multiplier is not simple, or
         does not change with the parameter; or it is a branch point and the scene has symmetries or
-        integrals besides the flow and those that it names.
-    Limits: host only except for the numbers that make the scene; not for chains. A branch point
+        integrals besides the flow and those that it names; or the scenes have other numbers than
+        those with which it was found.
+    Limits: host only except for the numbers that make the scene, and NaN where these are traced and
+      not those of the point; not for chains. A branch point
       has a derivative with respect to numbers that do not break it, because of a symmetry; this is
       not verified, except by `orbits.targets.design`, which finds it again.
     Example:
@@ -156,9 +160,19 @@ def special_parameter(
     path = path_of(known.orbit, make, hold)
     value = jnp.asarray(known.parameter)
     found = test_along(known, path, value)
-    return value - found.slope @ (found.value - jax.lax.stop_gradient(found.value)) / (
-        found.slope @ found.slope
-    )
+    fixed = jax.lax.stop_gradient(found)
+    step = fixed.slope @ (found.value - fixed.value) / (fixed.slope @ fixed.slope)
+    is_special = jnp.abs(fixed.value).max() <= _ZERO * _terms(known)
+    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    value = value - jnp.where(is_special, 1.0, jnp.nan) * step
+    if not is_traced(value) and np.isnan(value):
+        raise fail(
+            "make",
+            "a function that makes scenes with the numbers with which the point was found",
+            "one with others, for which the point is not special",
+            "Find the point again with these; see orbits.targets.design.",
+        )
+    return value
 
 
 class DifferentiableSpecialOrbit(NamedTuple):
@@ -325,6 +339,13 @@ def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pla
 #: Test functions: (known orbit, path) -> a function of a place that returns (r,) numbers, which are
 #: 0 at a special orbit.
 _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
+
+
+def _terms(known: SpecialOrbit) -> float:
+    """Size of the terms that cancel in the test of a special orbit."""
+    if known.kind in (Kind.FOLD, Kind.TORUS):
+        return 1.0
+    return float(np.prod(1.0 + np.abs(known.stability.multipliers)))  # of the products of l +- 1
 
 
 def _beyond(equations, x: np.ndarray, rtol: float) -> np.ndarray:

@@ -209,3 +209,35 @@ def test_a_branch_point_with_an_integral_that_the_scene_does_not_name_is_refused
     orbit = orbits.find(make(0.5))
     with pytest.raises(ValueError, match="point: expected a branch point without symmetries"):
         special_parameter(SpecialOrbit(Kind.BRANCH, orbit, 0.5), make)
+
+
+@pytest.mark.slow
+def test_other_numbers_than_those_of_the_point_give_an_error_or_nan():
+    def rate(t, y, p):  # upright on a shaken pivot: rest is an orbit whatever the numbers are
+        amplitude, lift = p
+        return [y[1], (lift + amplitude * jnp.cos(t)) * jnp.sin(y[0]) - 0.1 * y[1]]
+
+    def make(lift):
+        return lambda amplitude: jaxdyn.ode(
+            rate, [0.0, 0.0], 2 * jnp.pi, params=jnp.stack([jnp.asarray(amplitude, float), lift])
+        )
+
+    lift = jnp.asarray(0.1)
+    rest = orbits.find(make(lift)(0.6))
+    family = orbits.continue_family(rest, make(lift), 0.6, within=(0.45, 0.72))
+    doubling = family.special[0]
+    assert doubling.kind is Kind.DOUBLING
+    right = jax.grad(lambda lift: special_parameter(doubling, make(lift)))
+    assert np.isfinite(right(lift))
+    assert np.isnan(right(1.01 * lift))
+    with pytest.raises(
+        ValueError, match=r"make: expected .* numbers with which the point was found"
+    ):
+        special_parameter(doubling, make(1.01 * lift))
+
+    def multiplier(lift):
+        return orbits.differentiable(make(lift)(0.6), rest).multipliers()[0].real
+
+    assert np.isfinite(jax.grad(multiplier)(lift))
+    assert np.isnan(jax.grad(multiplier)(1.01 * lift))
+    assert np.isnan(jax.vmap(multiplier)(1.01 * lift[None])).all()
