@@ -6,6 +6,8 @@ differentiation of the finder's iterations. Of all orbits that close, F_x^+ sele
 so where orbits come in families (conservative scenes) the derivative is unique only at fixed
 conditions: hold the energy, or the period.
 
+What depends only on the known orbit is computed on the host at once, under `jax.jit` as well.
+
 Multipliers are differentiated as simple eigenvalues, d lambda = w dM v / (w v). Those that are
 1 by an integral or a symmetry stay 1; nothing is differentiated through their defective block.
 """
@@ -80,8 +82,10 @@ class DifferentiableOrbit(eqx.Module):
         Raises:
           IntegrationError: the variational equations cannot be integrated over the period.
         """
-        basis = tangents(self.known.scene, np.asarray(self.known.y0))
-        return _multipliers(stability(self.known), basis, self.return_map())
+        with jax.ensure_compile_time_eval():
+            basis = tangents(self.known.scene, np.asarray(self.known.y0))
+            known = stability(self.known)
+        return _multipliers(known, basis, self.return_map())
 
     def return_map(self) -> Array:
         """(k, k) the derivative of the return map by the start; its eigenvalues are multipliers.
@@ -105,9 +109,10 @@ class DifferentiableOrbit(eqx.Module):
         """
         names = [name for name, _ in self.known.scene.labels()]
         i, rtol = names.index(entry), self.known.rtol
-        values, times = extremes_in_time(self.known, entry)
-        # Where an entry is level, its derivative is that at a fixed time.
-        level = [_level(self.known.scene, i, t, rtol) for t in times]
+        with jax.ensure_compile_time_eval():
+            values, times = extremes_in_time(self.known, entry)
+            # Where an entry is level, its derivative is that at a fixed time.
+            level = [_level(self.known.scene, i, t, rtol) for t in times]
         found = jnp.stack([solve(self.scene, t, rtol=rtol).y1[i] for t in level])
         return jnp.asarray(values) + found - jax.lax.stop_gradient(found)
 
@@ -146,8 +151,10 @@ class DifferentiableChain(eqx.Module):
         Raises:
           ValueError: the chain has no return map; see `orbits.stability`.
         """
+        with jax.ensure_compile_time_eval():
+            known = stability(self.known)
         m = self.return_map()
-        return _multipliers(stability(self.known), np.eye(len(m)), m)
+        return _multipliers(known, np.eye(len(m)), m)
 
     def return_map(self) -> Array:
         """(d, d) the derivative of the return map by the start, saltation matrices included.
@@ -179,10 +186,11 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     Raises:
       ValueError: `orbit` does not close, or not with the numbers of the scene or the conditions;
         legs are given with an orbit, or a scene or conditions with a chain.
-    Limits: first derivatives only. Where numbers are traced, and are not those with which the orbit
-      was found, all results are NaN: find it again, outside of the transformation. Derivatives are
-      accurate to rounding times the growth of errors over the orbit: that of the figure-eight's
-      period by a mass to 1e-11, compared with differences of order 6.
+    Limits: first derivatives only. It works under `jax.jit`, but `orbit` itself cannot be traced.
+      Where numbers are traced, and are not those with which the orbit was found, all results are
+      NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
+      the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
+      compared with differences of order 6.
     Example:
       >>> import equinox as eqx, orbits
       >>> from jaxdyn import scenes
@@ -203,8 +211,9 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
         return _of_these_numbers(_chain(legs_of(scene, orbit.path), orbit))
     if orbit.mesh is not None:
         raise fail("orbit", "an orbit found by shooting", "one by collocation")
-    posed = pose(orbit, hold)
-    linear = _linearize(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
+    with jax.ensure_compile_time_eval():
+        posed = pose(orbit, hold)
+        linear = _linearize(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
     y0, period, angle = _implicit(posed.of(scene), posed.x, linear, orbit.rtol)
     return _of_these_numbers(DifferentiableOrbit(scene.starting(y0, period), angle, orbit))
 
@@ -284,9 +293,10 @@ def pose(orbit: Orbit, hold: Hold) -> Posed:
 def _chain(legs: tuple[Leg, ...], orbit: HybridOrbit) -> DifferentiableChain:
     """The chain with its derivatives by the implicit function theorem."""
     chain, start, spans = ChainEquations.of(orbit), np.asarray(orbit.y0), orbit.spans
-    found = chain.linearize(chain.pack(start, spans), orbit.rtol)
-    each = chain.sizes(found, spans)
-    units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
+    with jax.ensure_compile_time_eval():
+        found = chain.linearize(chain.pack(start, spans), orbit.rtol)
+        each = chain.sizes(found, spans)
+        units, rows = chain.pack(each[0], spans), chain.residual_units(found, spans, each)
     linear = linearization(found.jacobian * units / rows[:, None], units, rows)
     miss = residuals(legs, orbit.closes, jnp.asarray(start), jnp.asarray(spans), orbit.rtol)
     x, k = linear.solution(np.concatenate([start, spans]), miss), len(start)

@@ -162,7 +162,9 @@ def special_parameter(
     found = test_along(known, path, value)
     fixed = jax.lax.stop_gradient(found)
     step = fixed.slope @ (found.value - fixed.value) / (fixed.slope @ fixed.slope)
-    is_special = jnp.abs(fixed.value).max() <= _ZERO * _terms(known)
+    with jax.ensure_compile_time_eval():
+        terms = _terms(known)
+    is_special = jnp.abs(fixed.value).max() <= _ZERO * terms
     # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
     value = value - jnp.where(is_special, 1.0, jnp.nan) * step
     if not is_traced(value) and np.isnan(value):
@@ -263,8 +265,9 @@ def test_along(known: SpecialOrbit, path: Callable[[Array], Place], value: Array
 
 def _fold(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
     orbit, held = known.orbit, path(jnp.asarray(known.parameter)).held
-    posed = pose(orbit, jax.lax.stop_gradient(held))
-    rows = jnp.asarray(_beyond(posed.equations, posed.x, orbit.rtol))
+    with jax.ensure_compile_time_eval():
+        posed = pose(orbit, jax.lax.stop_gradient(held))
+        rows = jnp.asarray(_beyond(posed.equations, posed.x, orbit.rtol))
 
     def test(place: Place) -> Array:
         return rows @ residual(placed(posed, place), posed.x, orbit.rtol)
@@ -284,8 +287,9 @@ def _doubling(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[
 
 def _branch(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
     del path
-    orbit, each = known.orbit, sizes(known.orbit.scene)
-    names = _conserved(known)
+    with jax.ensure_compile_time_eval():
+        orbit, each = known.orbit, sizes(known.orbit.scene)
+        names = _conserved(known)
     moves = not is_driven(orbit.scene)
 
     def test(place: Place) -> Array:
@@ -325,7 +329,8 @@ def _conserved(known: SpecialOrbit) -> list[str]:
 
 def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Place], Array]:
     del path
-    values = known.stability.nontrivial
+    with jax.ensure_compile_time_eval():
+        values = known.stability.nontrivial
     # The one on the unit circle, with its conjugate.
     which = int(np.argmin(np.where(values.imag > 0, np.abs(np.abs(values) - 1.0), np.inf)))
 

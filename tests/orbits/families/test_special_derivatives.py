@@ -36,9 +36,10 @@ def test_special_orbits_by_a_number_of_their_scenes(kind):
     known = make(jnp.asarray(0.3))
     family = orbits.continue_family(orbits.find(known(jnp.asarray(a))), known, a, **options)
     (point,) = family.special
-    value, slope = jax.value_and_grad(lambda c: special_parameter(point, make(c)))(0.3)
-    assert value == point.parameter
-    assert slope == pytest.approx(-0.6, abs=1e-8)
+    by_c = jax.value_and_grad(lambda c: special_parameter(point, make(c)))
+    for value, slope in (by_c(0.3), jax.jit(by_c)(0.3)):
+        assert value == point.parameter
+        assert slope == pytest.approx(-0.6, abs=1e-8)
     # Found again with another number.
     known, other = SpecialOrbit.of(point), jnp.asarray(0.4)
     guess = np.asarray(known.orbit.y0), known.orbit.period
