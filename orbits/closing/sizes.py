@@ -96,11 +96,9 @@ def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
 
     That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
     most the span, since a motion adds up no longer than that; the limit matters where J is
-    nilpotent, as at a Bogdanov-Takens point. Where units say which entries are of one kind
-    (`jaxdyn.scales`), sizes are left as they are.
+    nilpotent, as at a Bogdanov-Takens point. At a point in km far from the origin where little
+    moves, the velocities are small, but not known better than the rounding of the place allows.
     """
-    if groups(scene.system).known:
-        return each
     slope, _ = _near(scene)
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):

@@ -25,6 +25,8 @@ from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
 _SAMPLES = 2048  # of the run
+#: Entries of an eigenvector of length 1 below this are rounding.
+_ENTRY = 64 * np.finfo(float).eps
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +74,9 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]
     seeds = []
     for i in sorted(turning, key=lambda i: values[i].imag):
-        vector = each * vectors[:, i]
+        # Smaller entries are rounding; a start of 1e-21 would count as a motion of that size.
+        known = np.abs(vectors[:, i]) > _ENTRY * np.abs(vectors[:, i]).max()
+        vector = each * np.where(known, vectors[:, i], 0.0)
         shape = (vector / vector[largest_entry(vector, each)]).real
         seeds.append(Seed(y + amplitude * shape, float(2 * np.pi / values[i].imag)))
     return seeds
