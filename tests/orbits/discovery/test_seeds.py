@@ -24,6 +24,26 @@ def test_a_pendulums_mode_leads_to_its_swings():
     assert amplitude(orbit) > 0.1
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("system", ["", "earth-moon"])
+@pytest.mark.parametrize("point", ["L4", "L5"])
+def test_motions_of_a_few_km_about_a_triangular_point_close_in_any_units(system, point):
+    # In km the places are large and the velocities small; at z = 0 rounding in an eigenvector
+    # would count as a motion.
+    earth_moon = scenes.restricted_three_body_in_space(system="earth-moon").system
+    scene = scenes.restricted_three_body_in_space(
+        **({"system": system} if system else {"mu": float(earth_moon.mu)})
+    )
+    length, time = map(float, (earth_moon.distance, earth_moon.time) if system else (1, 1))
+    found = seeds.modes(scene, scenes.libration_point(scene, point), 1e-5 * length)
+    assert [np.count_nonzero(seed.y0[[2, 5]]) > 0 for seed in found] == [False, False, True]
+    for seed, turn in zip(found, [0.29821, 0.95450, 1.0], strict=True):
+        orbit = orbits.find(scene, seed.y0, seed.period)
+        assert orbit.period == pytest.approx(2 * np.pi / turn * time, rel=1e-5)
+        assert orbit.shift < 1e-4 * 1e-5 * length
+        assert str(orbits.stability(orbit).verdict) == "stable"
+
+
 def amplitude(orbit):
     """Largest angle of a pendulum with g = l, from its energy."""
     angle, speed = (float(x) for x in orbit.y0)
