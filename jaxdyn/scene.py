@@ -264,8 +264,8 @@ class Scene(Record):
         return Field(self.system, self.effects)
 
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The vector field dy/dt."""
-        return self.field.rate(t, y)
+        """The vector field dy/dt, compiled once for each kind of scene."""
+        return _rate(self.field, t, y)
 
     @property
     def vector_field(self) -> VectorField:
