@@ -144,12 +144,16 @@ def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
 
 
 def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(s, k) differences of states in the system's sense, angles modulo a turn."""
+    """(s, k) differences of states: angles modulo a turn, quaternions up to the sign."""
     plain, rows = ys - others, ((0, padding(*ys.shape)), (0, 0))  # few lengths, few programs
     longer = (np.pad(x, rows, mode="edge") for x in (ys, others))
     wrapped = np.asarray(_differences(scene.system, *longer))[: len(ys)]
-    # Wrapping an angle rounds it by 4e-16; where nothing is wrapped the plain difference is exact.
-    return np.where(np.abs(plain) <= 1.0, plain, wrapped)
+    # Wrapping an angle rounds it; where nothing is wrapped the plain difference is exact.
+    return np.where(np.abs(wrapped - plain) <= _WRAPPED, plain, wrapped)
+
+
+#: Rounding of an angle that is moved by half a turn and back.
+_WRAPPED = 2 * np.spacing(2 * np.pi)
 
 
 @eqx.filter_jit
