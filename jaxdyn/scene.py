@@ -265,6 +265,7 @@ class Scene(Record):
 
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
         """The vector field dy/dt, compiled once for each kind of scene."""
+        self.check_functions()
         return _rate(self.field, t, y)
 
     @property

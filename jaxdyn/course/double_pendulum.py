@@ -61,7 +61,6 @@ equilibrium.
 
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -132,7 +131,7 @@ def solve(page: Page) -> None:
 
     compare(page, "Lagrange", by_balance.ys[:, :2], by_lagrange.ys[:, :2])
     y = np.array([0.4, -1.1, 0.7, -1.3])
-    rates = eqx.filter_jit(by_lagrange.scene.rate)(0.0, y)[2:]
+    rates = by_lagrange.scene.rate(0.0, y)[2:]
     for route, way in {"columns": by_columns, "ten equations": by_free_bodies}.items():
         statement = f"e: Accelerations from the {route}"
         page.equal(statement, way(y[:2], y[2:]), rates, within=1e-13, route="second formulation")

@@ -36,7 +36,6 @@ import dataclasses
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -285,14 +284,10 @@ def _motion(name: str, omega, t1=_SPAN) -> Trajectory:
     return simulate(_scene(name, omega, t1), rtol=_RTOL, samples=1000)
 
 
-@jax.jit
-def _rate(scene: Scene) -> Array:
-    return scene.rate(jnp.zeros(()), scene.y0)
-
-
 def _change_of_rate(name: str, spins: np.ndarray) -> float:
     """Largest angular acceleration [rad/s^2] at angular velocities (n, 3) [rad/s]."""
-    return float(max(np.abs(_rate(_scene(name, omega))[-3:]).max() for omega in spins))
+    found = (_scene(name, omega) for omega in spins)
+    return float(max(np.abs(scene.rate(0.0, scene.y0)[-3:]).max() for scene in found))
 
 
 def _near(axes: np.ndarray, k: int) -> np.ndarray:

@@ -45,7 +45,6 @@ Limiting cases. If the lower bars are light, the first one swings like a simple 
 pendulum about its hinge is constant. The first two are checked.
 """
 
-import equinox as eqx
 import numpy as np
 from scipy import optimize
 
@@ -88,7 +87,7 @@ def solve(page: Page) -> None:
     names = ("theta1", "theta2", "theta3")
     page.number("angles of the triple pendulum after 10 s", [triple[n][-1] for n in names], "rad")
     y = np.array([0.5, 2.0, -1.0, 0.3, -0.7, 1.1])
-    found, known = eqx.filter_jit(triple.scene.rate)(0.0, y)[3:], by_hand(y[:3], y[3:])
+    found, known = triple.scene.rate(0.0, y)[3:], by_hand(y[:3], y[3:])
     page.equal("Triple pendulum: the equations", found, known, within=1e-12, route="by hand")
     hanging = triple.scene.starting(np.zeros(6))
     rates = np.sort(np.abs(linearize(hanging, np.zeros(6)).eigenvalues))[::2]

@@ -23,7 +23,7 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from orbits.analysis.monodromy import tangents
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import closing_error, closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit, Leg
 
@@ -83,7 +83,7 @@ def _pass(leg: Leg, after: Scene, y: Array, span, rtol) -> _Passage:
     if not leg.ends:
         return _Passage(y, step, jnp.zeros(step.shape[1]), jnp.ones(()))
     gradient, speed = by_start[1][0], by_span[1][0]
-    step = step + jnp.outer(rate(after, 0.0, y) - change, gradient) / speed
+    step = step + jnp.outer(after.rate(0.0, y) - change, gradient) / speed
     return _Passage(y, step, gradient, speed)
 
 
@@ -103,7 +103,7 @@ def transitions(orbit: HybridOrbit, rtol: float) -> Transitions:
         following, each = (i + 1) % len(orbit.legs), units[i]
         passed = _pass(leg, orbit.legs[following].scene, y, leg.scene.t1, traced)
         y, step, gradient, speed = map(np.asarray, passed)
-        flow = np.asarray(rate(leg.scene, 0.0, leg.scene.y0))
+        flow = np.asarray(leg.scene.rate(0.0, leg.scene.y0))
         if not abs(speed) > _SMALL * np.abs(gradient * each).sum() * _pace(flow, each):
             return Transitions(maps, y, i)
         maps.append(step * each / units[following][:, None])
@@ -134,7 +134,7 @@ def return_map(orbit: HybridOrbit, rtol: float) -> ReturnMap:
         remedy = "Close the chain by the difference of its ends, less what the motion is free in."
         raise fail("closes", "a condition that the motion repeats itself", "another one", remedy)
     back = np.linalg.pinv(by_first @ q)
-    flow = np.asarray(rate(scene, 0.0, start)) / each
+    flow = np.asarray(scene.rate(0.0, start)) / each
     return ReturnMap(-back @ compared @ q, q.T @ flow, lost.shape[1])
 
 

@@ -21,7 +21,7 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import EIGHT
 from orbits.analysis.pieces import Periodic, pieces
 from orbits.closing.closings import choreography
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import at_s, gravitates, quick_solve
 from orbits.orbit import Orbit, relocate
@@ -271,7 +271,7 @@ def _passage(scene: Scene, period: float) -> tuple[float, int]:
     for _ in range(_PASSAGE_STEPS):
         y = _state_after(scene, np.asarray(scene.y0), t)
         r, v = (x[body] for x in _points(y))
-        a = np.asarray(rate(scene, np.zeros(()), y))[6:].reshape(3, 2)[body]
+        a = np.asarray(scene.rate(np.zeros(()), y))[6:].reshape(3, 2)[body]
         t -= float(r @ v / (v @ v + r @ a))
     return t, int(body)
 

@@ -20,7 +20,7 @@ from orbits.analysis.alignment import (
 )
 from orbits.analysis.evidence import closure
 from orbits.analysis.pieces import Periodic, offset_along, offsets, pieces, states_at
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, relocate
@@ -155,7 +155,7 @@ def _match_states(a: Periodic, b: Periodic, period: float) -> Match:
     most, tries = float(piece.scene.t1) / SAMPLES, []
     for _ in range(_ROUNDS):
         y = piece.at(t)
-        off, along = offsets(a, y[None], start)[0], offset_along(a, y, rate(piece.scene, t, y))
+        off, along = offsets(a, y[None], start)[0], offset_along(a, y, piece.scene.rate(t, y))
         tries.append((float(np.abs(off).max()), t))
         # Under a drive a state may rest for a moment; it is then compared without a shift.
         size = float(along @ along)

@@ -32,6 +32,8 @@ _HARMONIC = 2
 _ROUNDING = 1e-9
 #: Least size of an entry over what rounding makes of it: closing errors are to be as small.
 _RESOLVED = 1e12
+#: Where units are known, the share of what other entries make of an entry that it has at least.
+_SHARE = 0.01
 #: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
 #: Times, as fractions of the span, at which the rate is evaluated, spread by the golden section: a
@@ -39,12 +41,6 @@ _ALIKE = 1e-6
 SPREAD = (np.arange(512) + 0.5) * (math.sqrt(5.0) - 1.0) / 2 % 1.0
 #: Number of phases at which a drive is compared with itself a period later.
 PHASES = 4
-
-
-@jax.jit
-def rate(scene: Scene, t, y: Float[Array, " k"]) -> Float[Array, " k"]:
-    """The scene's vector field, compiled; uncompiled, it would take milliseconds."""
-    return scene.rate(t, y)
 
 
 @jax.jit
@@ -96,13 +92,15 @@ def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
 
     That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
     most the span, since a motion adds up no longer than that; the limit matters where J is
-    nilpotent, as at a Bogdanov-Takens point. At a point in km far from the origin where little
-    moves, the velocities are small, but not known better than the rounding of the place allows.
+    nilpotent, as at a Bogdanov-Takens point. Where units say which entries are of one kind
+    (`jaxdyn.scales`), a small share of that effect is enough: sizes are mostly right there, but not
+    those of the velocities near a point that is far from the origin, as L4 in km.
     """
     slope, _ = _near(scene)
+    share = _SHARE if groups(scene.system).known else 1.0
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):
-        made = alike(scene, slope @ each / fastest)
+        made = share * alike(scene, slope @ each / fastest)
         each = np.where(made > (1 + _ROUNDING) * each, made, each)
     return each
 

@@ -25,7 +25,7 @@ from jaxdyn.integrate.spans import tolerances
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN, Return
 from orbits.closing.given import is_driven
-from orbits.closing.sizes import rate, sizes
+from orbits.closing.sizes import sizes
 from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, extended_make
@@ -246,7 +246,7 @@ def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np
     units = units_at(extended, np.array(states[:-1]), orbit.period, both)
     scene = extended.make(*jnp.asarray(both)).starting(orbit.y0, orbit.period)
     g = partial_return(extended, dataclasses.replace(orbit, scene=scene), monodromy)
-    flow = units.time * np.asarray(rate(scene, 0.0, scene.y0)) / units.each
+    flow = units.time * np.asarray(scene.rate(0.0, scene.y0)) / units.each
     vectors, extra = _critical(extended, map_in_units(g, units.each), flow)
     carried = [vectors * units.each]
     for one in maps[:-1]:

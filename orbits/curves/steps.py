@@ -12,7 +12,6 @@ from jaxdyn.continuation.branch import Chart, Correction, Place
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.units import Units
-from orbits.closing.sizes import rate
 from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, Frame
 from orbits.curves.units import as_member, of_equations, of_place, of_unknowns, units_of
@@ -145,7 +144,7 @@ def reduced_multipliers(extended: Extended, orbit: Orbit, monodromy: np.ndarray,
     """
     m = map_in_units(partial_return(extended, orbit, monodromy), each)
     if not extended.driven:
-        flow = np.asarray(rate(orbit.scene, 0.0, orbit.y0)) / each
+        flow = np.asarray(orbit.scene.rate(0.0, orbit.y0)) / each
         q = np.linalg.svd(flow[:, None])[0][:, 1:]
         m = q.T @ m @ q
     return map_eigenvalues(m, extended.rtol * np.linalg.norm(map_in_units(monodromy, each), 2))

@@ -15,7 +15,6 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status
 from jaxdyn.integrate.events import Event
 from orbits.analysis.stability import Stability, stability
-from orbits.closing.sizes import rate
 from orbits.families.surface import Point, Surface, kept_directions
 from orbits.hybrid.equations import ChainEquations, LinearizedChain, closing_in_sizes, pass_leg
 from orbits.hybrid.legs import HybridOrbit, Leg
@@ -97,7 +96,7 @@ class ChainSurface(Surface):
         scene = chain.legs_at(unknowns.parameter)[0].scene
         shift = np.zeros(len(unknowns.spans))
         shift[0], shift[-1] = shift[0] - 1.0, shift[-1] + 1.0
-        columns = [chain.pack(np.asarray(rate(scene, 0.0, start)), shift)]
+        columns = [chain.pack(np.asarray(scene.rate(0.0, start)), shift)]
         by_start = closing_in_sizes(chain.closes, start, start, each)[1]
         _, s, vt = np.linalg.svd(by_start)
         kept = int((s > _RANK * s.max(initial=0.0)).sum())

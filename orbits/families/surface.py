@@ -18,7 +18,6 @@ from jaxtyping import Array
 from jaxdyn import Scene, Status
 from orbits.analysis.monodromy import Segments
 from orbits.analysis.stability import Stability, judge
-from orbits.closing.sizes import rate
 from orbits.families.sizes import unknown_sizes
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton, trivial
@@ -351,7 +350,7 @@ class OrbitSurface(Surface):
         if equations.driven:
             return False
         scene = equations.scene_at(equations.unpack(point.x).parameter)
-        flow = np.asarray(rate(scene, 0.0, equations.start_at(point.x)))
+        flow = np.asarray(scene.rate(0.0, equations.start_at(point.x)))
         radius = flow / point.sizes * point.x[-1] / (2 * np.pi)
         return bool(np.abs(radius).max() < _AT_REST)
 
@@ -429,4 +428,4 @@ def _start_slope(equations: Equations, x: Array) -> Array:
 
 
 def _field(scene, y, *, name: str):
-    return rate(scene, 0.0, y) if name == "flow" else trivial.directions(scene, y)[name]
+    return scene.rate(0.0, y) if name == "flow" else trivial.directions(scene, y)[name]
