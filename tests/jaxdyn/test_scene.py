@@ -18,6 +18,7 @@ from jaxdyn.analysis.work_by_effect import with_work
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag, UniformGravity
 from jaxdyn.formulations.lagrange import Lagrange
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.scene import _rate
 from jaxdyn.scenes import catalogue, skates
 from orbits.orbit import Outcome
 
@@ -40,6 +41,27 @@ def test_effects_add_up():
     assert gap(scene.rate(0.0, scene.y0), [3.0, 4.0, -0.75, -11.0]) < EXACT
     assert gap(sum([drag], _ball(gravity)).rate(0.0, scene.y0), scene.rate(0.0, scene.y0)) == 0
     np.testing.assert_array_equal(_ball().rate(0.0, scene.y0), [3.0, 4.0, 0.0, 0.0])
+
+
+def test_the_rate_of_all_scenes_of_a_kind_is_one_program():
+    _rate.clear_cache()
+    for drag in (0.5, 0.7):
+        here = _ball(UniformGravity(10.0), LinearDrag(drag))
+        assert gap(here.rate(0.0, here.y0), [3.0, 4.0, -1.5 * drag, -10 - 2 * drag]) < EXACT
+    assert _rate._cache_size() == 1
+
+
+def test_the_rate_notices_a_captured_number_that_has_changed():
+    stiffness = 2.0
+
+    def rate(t, y):
+        return [y[1], -stiffness * y[0]]
+
+    spring = jaxdyn.ode(rate, [1.0, 0.0], 1.0)
+    np.testing.assert_array_equal(spring.rate(0.0, spring.y0), [0.0, -2.0])
+    stiffness = 3.0
+    with pytest.raises(ValueError, match="captured numbers that have not changed, got another val"):
+        spring.rate(0.0, spring.y0)
 
 
 def test_adding_leaves_the_scene_as_it_was():
