@@ -264,9 +264,13 @@ class Scene(Record):
         return Field(self.system, self.effects)
 
     def rate(self, t: Array, y: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The vector field dy/dt, compiled once for each kind of scene."""
+        """The vector field dy/dt, compiled once for each kind of scene.
+
+        Raises:
+          ValueError: a number that a function captured has changed since the scene was made.
+        """
         self.check_functions()
-        return _rate(self.field, t, y)
+        return _rate(self.field, _float(t), _float(y))
 
     @property
     def vector_field(self) -> VectorField:

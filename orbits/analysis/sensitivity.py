@@ -185,8 +185,10 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       number of the scene (and of the conditions).
     Raises:
       ValueError: `orbit` does not close, or not with the numbers of the scene or the conditions;
-        legs are given with an orbit, or a scene or conditions with a chain.
-    Limits: first derivatives only. It works under `jax.jit`, but `orbit` itself cannot be traced.
+        legs are given with an orbit, or a scene or conditions with a chain; a condition is traced
+        by `jax.jit` or `jax.vmap`.
+    Limits: first derivatives only. Under `jax.jit` and `jax.vmap` only numbers of the scene may be
+      traced: not `orbit`, and no numbers of conditions.
       Where numbers are traced, and are not those with which the orbit was found, all results are
       NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
       the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
@@ -283,8 +285,12 @@ class Posed(NamedTuple):
 def pose(orbit: Orbit, hold: Hold) -> Posed:
     """The closing equations of an orbit, in as many segments as its growth of errors requires."""
     guess, held = np.append(np.asarray(orbit.y0), orbit.period), conditions(orbit.scene, hold)
-    # Conditions may be traced; the segments do not depend on them.
-    fixed = Equations.of(orbit, jax.lax.stop_gradient(held))
+    # Conditions may be traced by derivatives; the segments do not depend on these.
+    values = jax.lax.stop_gradient(held)
+    if is_traced(values):
+        wanted = "numbers that are known, or traced by derivatives alone"
+        raise fail("hold", wanted, "numbers traced by jit or vmap", "Take derivatives outside.")
+    fixed = Equations.of(orbit, values)
     equations = cut_into_segments(fixed, guess, orbit.rtol, None, orbit.angle)
     x = equations.spread(guess[:-1], guess[-1], orbit.rtol, orbit.angle)
     return Posed(dataclasses.replace(equations, conditions=held), x)

@@ -8,9 +8,10 @@ The size of an entry is its value at the start, or the change that its rate ther
 of the period's second harmonic, if that is larger. No motion has to be computed for that. Entries
 of one group (`jaxdyn.scales`) have the same size. Where units do not give the groups, the size of
 an entry is at least the effect that the others can have on it: near an equilibrium their effects
-cancel, and a velocity that is small there has no size of its own. Nor has an entry that is hardly
-more than what rounding makes of it, as a mode that symmetry keeps at zero: it has the size that it
-would have if it were zero.
+cancel, and a velocity that is small there has no size of its own. Where units do give them, a small
+share of that effect is enough; it matters near an equilibrium far from the origin, as L4 in km.
+Without units an entry that is hardly more than what rounding makes of it, as a mode that symmetry
+keeps at zero, has no size of its own either: it has the size that it would have if it were zero.
 """
 
 import functools
@@ -32,7 +33,7 @@ _HARMONIC = 2
 _ROUNDING = 1e-9
 #: Least size of an entry over what rounding makes of it: closing errors are to be as small.
 _RESOLVED = 1e12
-#: Where units are known, the share of what other entries make of an entry that it has at least.
+#: Where units are known, an entry's size is at least this share of what the others make of it.
 _SHARE = 0.01
 #: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
@@ -70,8 +71,14 @@ def _sizes(scene: Scene) -> np.ndarray:
     radian = span / (2 * math.pi * _HARMONIC)
     rates = np.abs(np.asarray(rates_at(scene, times(scene), y0)))
     rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
-    found = coupled_sizes(scene, alike(scene, np.maximum(np.abs(y0), radian * rates)))
-    if not groups(scene.system).known:
+    place, moved = alike(scene, np.abs(y0)), alike(scene, radian * rates)
+    found = np.maximum(place, moved)
+    if groups(scene.system).known:
+        # The Jacobian takes a program of its own, and is rarely of use here.
+        if (moved < _SHARE * place).any():
+            found = coupled_sizes(scene, found, _SHARE)
+    else:
+        found = coupled_sizes(scene, found)
         slope, noise = _near(scene)
         noise = noise / np.maximum(np.diag(slope), 1 / radian)
         found = np.where(found > _RESOLVED * alike(scene, noise), found, 0.0)
@@ -87,27 +94,28 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
-def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
-    """(k,) sizes, raised to at least the effect of the other entries in the time of the start.
+def coupled_sizes(scene: Scene, each: np.ndarray, share: float = 1.0) -> np.ndarray:
+    """(k,) sizes, raised to a share of the effect of the other entries in the time of the start.
 
     That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
     most the span, since a motion adds up no longer than that; the limit matters where J is
-    nilpotent, as at a Bogdanov-Takens point. Where units say which entries are of one kind
-    (`jaxdyn.scales`), a small share of that effect is enough: sizes are mostly right there, but not
-    those of the velocities near a point that is far from the origin, as L4 in km.
+    nilpotent, as at a Bogdanov-Takens point.
     """
     slope, _ = _near(scene)
-    share = _SHARE if groups(scene.system).known else 1.0
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):
         made = share * alike(scene, slope @ each / fastest)
-        each = np.where(made > (1 + _ROUNDING) * each, made, each)
+        larger = made > (1 + _ROUNDING) * each
+        if not larger.any():
+            break
+        each = np.where(larger, made, each)
     return each
 
 
 def sizes_along(scene: Scene, ys: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(k,) the sizes along a motion (s, k), from the known ones (k,) at its start."""
-    return coupled_sizes(scene, np.maximum(known, alike(scene, np.abs(ys).max(axis=0))))
+    each = np.maximum(known, alike(scene, np.abs(ys).max(axis=0)))
+    return each if groups(scene.system).known else coupled_sizes(scene, each)
 
 
 def alike(scene: Scene, each: np.ndarray) -> np.ndarray:

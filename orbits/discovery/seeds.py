@@ -25,7 +25,7 @@ from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
 _SAMPLES = 2048  # of the run
-#: Entries of an eigenvector of length 1 below this are rounding.
+#: Entries of an eigenvector below this share of its largest are rounding.
 _ENTRY = 64 * np.finfo(float).eps
 
 
@@ -74,10 +74,10 @@ def modes(scene: Scene, y, amplitude: float) -> list[Seed]:
     turning = [i for i in range(len(values)) if values[i].imag > bar >= abs(values[i].real)]
     seeds = []
     for i in sorted(turning, key=lambda i: values[i].imag):
+        most = largest_entry(each * vectors[:, i], each)
+        shape = (vectors[:, i] / vectors[most, i]).real
         # Smaller entries are rounding; a start of 1e-21 would count as a motion of that size.
-        known = np.abs(vectors[:, i]) > _ENTRY * np.abs(vectors[:, i]).max()
-        vector = each * np.where(known, vectors[:, i], 0.0)
-        shape = (vector / vector[largest_entry(vector, each)]).real
+        shape = each / each[most] * np.where(np.abs(shape) > _ENTRY, shape, 0.0)
         seeds.append(Seed(y + amplitude * shape, float(2 * np.pi / values[i].imag)))
     return seeds
 

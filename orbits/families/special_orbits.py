@@ -134,10 +134,10 @@ def special_parameter(
         does not change with the parameter; or it is a branch point and the scene has symmetries or
         integrals besides the flow and those that it names; or the scenes have other numbers than
         those with which it was found.
-    Limits: host only except for the numbers that make the scene, and NaN where these are traced and
-      not those of the point; not for chains. A branch point
-      has a derivative with respect to numbers that do not break it, because of a symmetry; this is
-      not verified, except by `orbits.targets.design`, which finds it again.
+    Limits: host only except for the numbers that make the scene; not for chains. Where those
+      numbers are traced, and are not those of the point, the result is NaN. A branch point has a
+      derivative with respect to numbers that do not break it, because of a symmetry; this is not
+      verified, except by `orbits.targets.design`, which finds it again.
     Example:
       >>> import jax, orbits
       >>> import jax.numpy as jnp
@@ -163,18 +163,20 @@ def special_parameter(
     fixed = jax.lax.stop_gradient(found)
     step = fixed.slope @ (found.value - fixed.value) / (fixed.slope @ fixed.slope)
     with jax.ensure_compile_time_eval():
-        terms = _terms(known)
-    is_special = jnp.abs(fixed.value).max() <= _ZERO * terms
-    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    value = value - jnp.where(is_special, 1.0, jnp.nan) * step
-    if not is_traced(value) and np.isnan(value):
+        zero = _zero(known)
+    is_special = jnp.abs(fixed.value).max() <= zero
+    if not is_traced(step) and np.isnan(step):
+        what = f"a generic {known.kind}"
+        raise fail("point", what, "one whose test has no value, or no slope along the family")
+    if not is_traced(is_special) and not is_special:
         raise fail(
             "make",
             "a function that makes scenes with the numbers with which the point was found",
             "one with others, for which the point is not special",
             "Find the point again with these; see orbits.targets.design.",
         )
-    return value
+    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    return value - jnp.where(is_special, 1.0, jnp.nan) * step
 
 
 class DifferentiableSpecialOrbit(NamedTuple):
@@ -346,11 +348,15 @@ def _torus(known: SpecialOrbit, path: Callable[[Array], Place]) -> Callable[[Pla
 _TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
 
 
-def _terms(known: SpecialOrbit) -> float:
-    """Size of the terms that cancel in the test of a special orbit."""
-    if known.kind in (Kind.FOLD, Kind.TORUS):
-        return 1.0
-    return float(np.prod(1.0 + np.abs(known.stability.multipliers)))  # of the products of l +- 1
+def _zero(known: SpecialOrbit) -> float:
+    """Size up to which the test of a special orbit is zero."""
+    if known.kind == Kind.FOLD:
+        return _ZERO
+    linear = known.stability
+    if known.kind == Kind.TORUS:
+        return max(_ZERO, 2 * float(linear.bars.max(initial=0.0)))
+    # The size of the terms that cancel in products of l + 1 or l - 1.
+    return _ZERO * float(np.prod(1.0 + np.abs(linear.multipliers)))
 
 
 def _beyond(equations, x: np.ndarray, rtol: float) -> np.ndarray:

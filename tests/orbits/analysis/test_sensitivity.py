@@ -154,6 +154,20 @@ def test_the_numbers_of_another_orbit_are_refused_or_nan():
         orbits.differentiable(still.scene, still, hold=level)
 
 
+def test_conditions_traced_by_jit_or_vmap_are_refused():
+    swing = orbits.find(scenes.oscillator(k=4.0), [1.0, 0.0], 3.0)
+
+    def start(level):
+        return orbits.differentiable(swing.scene, swing, hold=orbits.Energy(level)).y0[0]
+
+    assert abs(jax.grad(start)(2.0) - 0.25) < 1e-10  # x = sqrt(2 E / k)
+    for way in (jax.jit(start), jax.jit(jax.grad(start)), lambda x: jax.vmap(start)(x[None])):
+        with pytest.raises(
+            ValueError, match="hold: expected numbers that are known, or traced by d"
+        ):
+            way(jnp.asarray(2.0))
+
+
 def test_multipliers_that_coincide_are_nan():
     # On a circle the two that no integral forces to be 1 are 1 too, in a defective block.
     circle = orbits.Orbit(

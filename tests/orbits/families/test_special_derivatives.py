@@ -202,6 +202,21 @@ def test_points_without_such_derivatives_are_refused(monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_point_whose_multiplier_is_double_is_refused():
+    def rate(t, y, c):
+        return [y[1], -0.25 * y[0] + c * jnp.cos(t)]
+
+    def make(c):
+        return jaxdyn.ode(rate, [0.0, 0.0], 2 * jnp.pi, params=c)
+
+    point = SpecialOrbit(Kind.TORUS, orbits.find(make(0.3)), 0.3)  # both are -1
+    with pytest.raises(
+        ValueError, match="point: expected a generic torus point, got one whose test"
+    ):
+        special_parameter(point, make)
+
+
+@pytest.mark.slow
 def test_a_branch_point_with_an_integral_that_the_scene_does_not_name_is_refused():
     def make(k):
         numbers = jnp.stack([jnp.asarray(0.8), jnp.asarray(k, float)])
