@@ -77,10 +77,8 @@ def solve(page: Page) -> None:
 
     scene, end = motions["matrix"].scene, motions["matrix"].ys[-1]
     R, omega_b = np.asarray(end[3:12]).reshape(3, 3), np.asarray(end[15:])
-    rate, turned = (
-        np.asarray(scene.rate(0.0, end)[3:12]).reshape(3, 3),
-        np.cross(R @ omega_b, R.T).T,
-    )
+    rate = np.asarray(scene.rate(0.0, end)[3:12]).reshape(3, 3)
+    turned = np.cross(R @ omega_b, R.T).T
     page.equal("e_i' changes at omega x e_i'", rate, turned, within=1e-12)
     off = R.T @ R - np.eye(3)
     page.equal("R stays a rotation", off, np.zeros((3, 3)), within=1e-12, route="R^T R = 1")
