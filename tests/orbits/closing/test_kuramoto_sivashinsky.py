@@ -18,15 +18,14 @@ from scipy.integrate import solve_ivp
 import jaxdyn
 import orbits
 
-#: One unit makes all entries of one size: with a size for each mode, rounding of the large modes
-#: would count as an error of the small ones.
+#: One unit makes all entries of one size; without units each has its own.
 NAMES = [(f"{part} {k}", "1/s") for part in ("real", "imaginary") for k in range(1, MODES + 1)]
 REFLECTION = orbits.Symmetry(signs=(-1,) * MODES + (1,) * MODES)
 
 
-def scene(y0, t1):
+def scene(y0, t1, names=NAMES):
     generators = {"phase": flame_phase}
-    return jaxdyn.ode(flame, y0, t1, names=NAMES, params=LENGTH, generators=generators)
+    return jaxdyn.ode(flame, y0, t1, names=names, params=LENGTH, generators=generators)
 
 
 def nearest(ys, step, shortest, longest, reflected):
@@ -55,13 +54,14 @@ def shifted(y, angle):
 
 
 @pytest.mark.slow
-def test_an_orbit_that_is_its_own_reflection_after_half_a_period():
+@pytest.mark.parametrize("names", [NAMES, None])
+def test_an_orbit_that_is_its_own_reflection_after_half_a_period(names):
     y0 = np.zeros(2 * MODES)
     y0[[0, 1, 15, 16]] = 0.1, -0.4, 0.2, 0.1
     ys = np.asarray(jaxdyn.simulate(scene(y0, 300.0), samples=np.arange(0.0, 300.0, 0.2)).ys)
     guess, half = nearest(ys[500:], 0.2, 10.0, 10.6, reflected=True)
     closing = orbits.relative("phase", REFLECTION, 2)
-    orbit = orbits.find(scene(guess, half), guess, 2 * half, closing=closing)
+    orbit = orbits.find(scene(guess, half, names), guess, 2 * half, closing=closing)
     assert orbit.closing.frequency == MODES
     assert abs(orbit.period / 2 - 10.25287269) < 1e-8
     y0 = np.asarray(orbit.y0)
@@ -78,13 +78,14 @@ def test_an_orbit_that_is_its_own_reflection_after_half_a_period():
 
 
 @pytest.mark.slow
-def test_an_orbit_that_is_shifted_after_a_period():
+@pytest.mark.parametrize("names", [NAMES, None])
+def test_an_orbit_that_is_shifted_after_a_period(names):
     y0 = np.zeros(2 * MODES)
     y0[:7] = -0.02, -0.1, -0.51, 0.3, 0.08, 0.07, -0.05
     y0[MODES : MODES + 7] = -0.15, -0.22, -0.63, 0.15, 0.05, 0.02, 0.01
     ys = np.asarray(jaxdyn.simulate(scene(y0, 30.0), samples=np.arange(0.0, 30.0, 0.1)).ys)
     guess, period = nearest(ys, 0.1, 16.0, 16.6, reflected=False)
-    orbit = orbits.find(scene(guess, period), closing=orbits.relative("phase"))
+    orbit = orbits.find(scene(guess, period, names), closing=orbits.relative("phase"))
     shift = orbit.angle * LENGTH / (2 * np.pi)
     assert abs(orbit.period - 16.3148) < 5e-5
     assert abs(abs(shift) - 2.8634) < 5e-5
