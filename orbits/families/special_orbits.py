@@ -165,18 +165,21 @@ def special_parameter(
     with jax.ensure_compile_time_eval():
         zero = _zero(known)
     is_special = jnp.abs(fixed.value).max() <= zero
-    if not is_traced(step) and np.isnan(step):
+    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    value = value - jnp.where(is_special, 1.0, jnp.nan) * step
+    if is_traced(value):
+        return value
+    if np.isnan(step):
         what = f"a generic {known.kind}"
         raise fail("point", what, "one whose test has no value, or no slope along the family")
-    if not is_traced(is_special) and not is_special:
+    if not is_special:
         raise fail(
             "make",
             "a function that makes scenes with the numbers with which the point was found",
             "one with others, for which the point is not special",
             "Find the point again with these; see orbits.targets.design.",
         )
-    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    return value - jnp.where(is_special, 1.0, jnp.nan) * step
+    return value
 
 
 class DifferentiableSpecialOrbit(NamedTuple):
