@@ -41,7 +41,8 @@ class FreePoints(System):
     names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __init__(self, m, d: int = 2, names: Sequence[str] = ()):
-        self.m = as_float(m if np.ndim(m) else [m])
+        # NumPy cannot tell the dimension of a tuple with traced numbers.
+        self.m = as_float(m if isinstance(m, list | tuple) or np.ndim(m) else [m])
         self.d = d
         self.names = tuple(names)
 

@@ -590,3 +590,12 @@ def test_an_invalid_scene_is_refused_by_name(call, message):
 def test_nothing_acts_and_the_points_go_straight_on():
     motion = simulate(Scene(FreePoints([1.0, 2.0]), y0=[0, 0, 1, 1, 1, 2, -3, 0.5]), 2.0, samples=3)
     np.testing.assert_allclose(motion.ys[-1], [2, 4, -5, 2, 1, 2, -3, 0.5], rtol=1e-15)
+
+
+def test_masses_may_be_a_tuple_with_a_traced_number():
+    def pull(m):
+        scene = scenes.three_body(m=(1.0, 1.0, m))
+        return scene.rate(0.0, scene.y0)[6]
+
+    for way in (jax.grad, lambda f: jax.jit(jax.grad(f))):
+        assert abs(way(pull)(1.5) - (pull(2.0) - pull(1.0))) < EXACT  # it is linear in each mass
