@@ -224,7 +224,7 @@ class _Work(eqx.Module):
         field = eqx.combine(numbers, self.shared)
         direction = jnp.where(t1 > t0, 1.0, -1.0)
         start, end = direction * t0, direction * t1
-        known, look = look_from_start(field, t0, y, t1, self.limits.tolerance)
+        known, look = look_from_start(field, t0, y, t1, self.limits.tolerance, self.method)
         ok = jnp.isfinite(jnp.concatenate([y, known.rate, jnp.stack([t0, t1])])).all()
         first = first_step(self.method, self.limits.tolerance, known, y)
         parts = None if look is None else look.sizes

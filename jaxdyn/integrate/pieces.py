@@ -204,7 +204,9 @@ class _Pieces(NamedTuple):
         )
         branch = Branch.of(first.outcomes)
         # The first piece may be too short to show how large the motion becomes.
-        sizes = look_from_start(self.field, self.t0, y0, self.t1, self.limits.tolerance)[0].sizes
+        known, _ = look_from_start(
+            self.field, self.t0, y0, self.t1, self.limits.tolerance, self.method
+        )
         run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
@@ -217,7 +219,7 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
-            before=History(sizes, jnp.zeros(())),
+            before=History(known.sizes, jnp.zeros(())),
             stalled=zero,
         )
         return run._replace(branch=self._settle(run))

@@ -96,6 +96,8 @@ class Method(abc.ABC):
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy limits steps, they stay shorter, even at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
+    #: Whether it damps fast vibrations, and with them what rounding does to a stiff motion.
+    damps: ClassVar[bool] = False
     #: Whether `advance` only evaluates the rate, and so may be given one by `simplify`.
     evaluates: ClassVar[bool] = False
     #: Whether `advance` can take several steps side by side, h (1, s) of states y (k, s). Methods

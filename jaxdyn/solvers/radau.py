@@ -42,6 +42,7 @@ class Radau(Method):
     adaptive: ClassVar[bool] = True
     position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
+    damps: ClassVar[bool] = True
     several: ClassVar[bool] = False
 
     @property

@@ -8,6 +8,7 @@ from helpers import SOLVED, gap, kepler, kepler_state
 
 import jaxdyn
 from jaxdyn import Status, scenes, simulate, solvers
+from jaxdyn.hard.cases.stiff import joined_by_spring, mass_centre
 from jaxdyn.integrate.events import Reaches, until
 from jaxdyn.integrate.simulation import _compiled_flow, solve
 from jaxdyn.solvers.choice import default_solver
@@ -200,3 +201,11 @@ def test_the_switch_is_kept_in_files(tmp_path):
     motion.save(tmp_path / "stiff.npz")
     back = jaxdyn.load(tmp_path / "stiff.npz")
     assert back.warning == motion.warning
+
+
+@pytest.mark.parametrize("k", [1e8, 1e12])
+def test_a_link_that_rounding_moves_at_rest_loses_nothing(k):
+    # Pushed from rest: all that the rate says at first is the rounding of a stiff link.
+    motion = simulate(joined_by_spring(k), 20.0, samples=1, rtol=1e-8, solver=solvers.RADAU9)
+    one, other = motion.ys[-1, :2]
+    assert abs((one + 2 * other) / 3 - mass_centre(20.0)) < 1e-11
