@@ -143,6 +143,10 @@ def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
     return jnp.where(sizes == 0, 1.0, sizes)
 
 
+#: Rounding of an angle that is moved by half a turn and back.
+_WRAPPED = 2 * np.spacing(2 * np.pi)
+
+
 def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(s, k) differences of states: angles modulo a turn, quaternions up to the sign."""
     plain, rows = ys - others, ((0, padding(*ys.shape)), (0, 0))  # few lengths, few programs
@@ -150,10 +154,6 @@ def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
     wrapped = np.asarray(_differences(scene.system, *longer))[: len(ys)]
     # Wrapping an angle rounds it; where nothing is wrapped the plain difference is exact.
     return np.where(np.abs(wrapped - plain) <= _WRAPPED, plain, wrapped)
-
-
-#: Rounding of an angle that is moved by half a turn and back.
-_WRAPPED = 2 * np.spacing(2 * np.pi)
 
 
 @eqx.filter_jit

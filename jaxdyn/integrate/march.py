@@ -115,9 +115,10 @@ def look_from_start(
 ) -> tuple[AtStart, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over.
 
-    Where rounding moves a stiff link at rest, no step of an explicit method is short enough, and
-    sizes are raised. A method that damps needs no such help, and would lose the motion by it: the
-    time of a motion from rest is not that in which the link gives way.
+    Where rounding moves a system at rest, no step of an explicit method is short enough to resolve
+    that, so sizes are raised by what it does in the time of the motion. That time is far too long
+    for a stiff link, which reverses the motion at once. A method that damps resolves no vibrations,
+    and keeps its sizes.
     """
     start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:

@@ -133,6 +133,11 @@ class DiffraxMethod(Method):
     stable: ClassVar[float] = np.inf
     several: ClassVar[bool] = False
 
+    @property
+    def damps(self) -> bool:
+        """Implicit solvers of diffrax are for stiff equations."""
+        return isinstance(self.solver, diffrax.AbstractImplicitSolver)
+
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
         """A step whose iterations continue to the rounding level."""
         eps = jnp.finfo(y.dtype).eps

@@ -96,8 +96,6 @@ class Method(abc.ABC):
     #: A step is limited by stability, not by accuracy, if it is longer than this part of the
     #: stable one; where accuracy limits steps, they stay shorter, even at rtol 1e-3 (tested).
     alarm: ClassVar[float] = 0.7
-    #: Whether it damps fast vibrations, and with them what rounding does to a stiff motion.
-    damps: ClassVar[bool] = False
     #: Whether `advance` only evaluates the rate, and so may be given one by `simplify`.
     evaluates: ClassVar[bool] = False
     #: Whether `advance` can take several steps side by side, h (1, s) of states y (k, s). Methods
@@ -108,6 +106,11 @@ class Method(abc.ABC):
     def evaluations(self) -> float:
         """Right-hand sides per step; NaN where that varies or is unknown."""
         return math.nan
+
+    @property
+    def damps(self) -> bool:
+        """Whether it damps fast vibrations, and with them what rounding does to a stiff motion."""
+        return False
 
     @property
     def for_tangents(self) -> "Method":

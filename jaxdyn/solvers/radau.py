@@ -42,7 +42,6 @@ class Radau(Method):
     adaptive: ClassVar[bool] = True
     position_only: ClassVar[bool] = False
     stable: ClassVar[float] = np.inf
-    damps: ClassVar[bool] = True
     several: ClassVar[bool] = False
 
     @property
@@ -54,6 +53,11 @@ class Radau(Method):
     def error_order(self) -> int:
         """The embedded formula has order s."""
         return self.stages + 1
+
+    @property
+    def damps(self) -> bool:
+        """It is L-stable."""
+        return True
 
     @property
     def stages(self) -> int:

@@ -1,5 +1,6 @@
 """Stiff motions: Radau against closed forms and SciPy, stiffness noticed, the switch to Radau."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -203,9 +204,15 @@ def test_the_switch_is_kept_in_files(tmp_path):
     assert back.warning == motion.warning
 
 
-@pytest.mark.parametrize("k", [1e8, 1e12])
-def test_a_link_that_rounding_moves_at_rest_loses_nothing(k):
+@pytest.mark.parametrize(
+    ("k", "solver"),
+    [(1e8, solvers.RADAU9), (1e12, solvers.RADAU9), (1e10, diffrax.Kvaerno5())],
+    ids=["1e8", "1e12", "diffrax"],
+)
+def test_a_link_that_rounding_moves_at_rest_loses_nothing(k, solver):
     # Pushed from rest: all that the rate says at first is the rounding of a stiff link.
-    motion = simulate(joined_by_spring(k), 20.0, samples=1, rtol=1e-8, solver=solvers.RADAU9)
+    motion = simulate(joined_by_spring(k), 20.0, samples=1, rtol=1e-8, solver=solver)
     one, other = motion.ys[-1, :2]
-    assert abs((one + 2 * other) / 3 - mass_centre(20.0)) < 1e-11
+    assert abs((one + 2 * other) / 3 - mass_centre(20.0)) < (
+        1e-11 if solver is solvers.RADAU9 else 1e-6
+    )
