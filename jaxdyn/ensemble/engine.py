@@ -18,18 +18,14 @@ from rich.progress import Progress
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn.ensemble.batches import Job, cores, mesh_of
-from jaxdyn.ensemble.lanes import Ends, Motions
+from jaxdyn.ensemble.batches import Job, cores, device_kind, mesh_of, rows
+from jaxdyn.ensemble.lanes import WIDTH, Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.march import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import check_method
-
-#: Rows of the compiled program's queue: some 60 rounds of its lanes, so that the last round,
-#: in which lanes run out of work, costs little.
-CHUNK = 2048
 
 
 @check_first
@@ -46,7 +42,7 @@ def run(
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     threads: int | None = None,
     devices: Sequence | None = None,
     progress: bool = False,
@@ -69,7 +65,8 @@ def run(
       fixed: make the scene's numbers, which all motions must share, constants of the program: a
         few per cent faster, but new ones recompile.
       watch: an observer, see `watches`; it may stop a motion.
-      chunk: rows passed to a core or device at once.
+      chunk: rows passed to a core or device at once; by default 2048 to a core, and as many as
+        keep it busy to another device.
       threads: number of batches in flight; by default one for each core of a CPU, and one for
         any other device.
       devices: share each chunk among these `jax.Device`; they may belong to several processes of
@@ -82,8 +79,9 @@ def run(
       ValueError: `y0s`, `params`, `t0` or `t1` has a wrong shape, or a tolerance, `max_steps`,
         `chunk` or `threads` is out of range.
     Limits: explicit methods; no derivatives. A rate with conditions (`jnp.sign`, `jnp.where`) takes
-      no `watch`, and its motions run one after the other. The result of a motion does not depend on
-      the others, but its last digits depend on the machine and on JAX's version.
+      no `watch`, and its motions run one after the other; on a GPU it is slow. The result of a
+      motion does not depend on the others, but its last digits depend on the machine and on JAX's
+      version.
     Example:
       >>> import numpy as np
       >>> from jaxdyn import ensemble, scenes
@@ -123,7 +121,7 @@ def stream(
     max_steps: int = MAX_STEPS,
     fixed: bool = False,
     watch: Watch | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     threads: int | None = None,
     devices: Sequence | None = None,
 ) -> Iterator[Ends]:
@@ -140,7 +138,7 @@ def stream(
       max_steps: largest number of steps of a motion.
       fixed: make the scene's numbers constants of the program, see `solve`.
       watch: an observer.
-      chunk: rows passed to a core or device at once.
+      chunk: rows passed to a core or device at once, see `run`.
       threads: number of batches in flight.
       devices: share each chunk among these devices.
     Example:
@@ -158,7 +156,7 @@ def stream(
 
 
 def _job(
-    scene: Scene, shared, options: SolverOptions, *, watch, chunk: int, threads, devices
+    scene: Scene, shared, options: SolverOptions, *, watch, chunk: int | None, threads, devices
 ) -> Job:
     if not isinstance(watch, Watch | None):
         raise _checks.fail("watch", "a Watch", repr(watch), "See jaxdyn.ensemble.watches.")
@@ -169,13 +167,15 @@ def _job(
         raise _checks.fail(
             "watch", "modules with numbers", odd[0], "Make functions in it modules with __call__."
         )
+    if devices is not None and not len(devices):
+        raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     # Programs that communicate across devices or processes must run in one order everywhere.
-    threads = 1 if devices is not None else cores() if threads is None else threads
+    kind = device_kind(devices)
+    threads = 1 if devices is not None else cores(kind) if threads is None else threads
+    chunk = rows(kind, len(scene.y0)) if chunk is None else chunk
     for name, number in {"chunk": chunk, "threads": threads}.items():
         if number < 1:
             raise _checks.fail(name, "at least 1", number)
-    if devices is not None and not len(devices):
-        raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     mesh = None if devices is None else mesh_of(devices)
     method = check_method(scene, options.solver, several=True)
     if not method.several:
@@ -188,6 +188,7 @@ def _job(
         watch=watch,
         method=method,
         chunk=chunk,
+        width=WIDTH if kind == "cpu" else chunk,
         threads=threads,
         mesh=mesh,
     )

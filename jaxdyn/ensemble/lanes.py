@@ -1,4 +1,4 @@
-"""Many motions on one core: lanes side by side, each with its own steps.
+"""Many motions on one core or device: lanes side by side, each with its own steps.
 
 The rows of a queue, one motion each, pass through a group of `WIDTH` lanes. All lanes take one
 step of the method together, which vectorises (lanes are the last axis everywhere), but each has
@@ -9,9 +9,13 @@ no lane waits for another.
 All of it, including the change of lanes, is one loop without scatters, which XLA on CPU fuses
 into one function. No operation mixes lanes and the group always has the same width, so the result
 of a row does not depend on the rows around it.
+
+On a GPU an operation on 32 lanes takes as long as one on thousands. There a group has as many lanes
+as the queue has rows: all motions start together, and lanes that have ended wait for the slowest.
 """
 
 import functools
+from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
 import diffrax
@@ -44,8 +48,9 @@ from jaxdyn.solvers.method import operations
 from jaxdyn.solvers.stepper import StepError, allowed_error, groups_of, grow, sizes_after_rejection
 from jaxdyn.status import Status, tally
 
-#: Number of lanes in a group. The compiler unrolls a loop over 16 or fewer before vectorisation,
-#: which makes it slower by half; from 48 on the stages of a step exceed the first-level cache.
+#: Number of lanes in a group on a core of a CPU. The compiler unrolls a loop over 16 or fewer
+#: before vectorisation, which makes it slower by half; from 48 on the stages of a step exceed the
+#: first-level cache.
 WIDTH = 32
 
 
@@ -158,6 +163,7 @@ def integrate(
     watch: Watch | None,
     *,
     method: Method,
+    width: int = WIDTH,
 ) -> Ends:
     """The ends of the first `count` motions; the other rows are undefined.
 
@@ -168,11 +174,14 @@ def integrate(
       limits: tolerances of one step, and the maximum number of steps.
       watch: the observer of accepted steps of each motion, or None.
       method: the method.
+      width: number of lanes in a group.
     """
     n = motions.y0.shape[0]
     first = jax.tree.map(lambda x: x[0], motions)
     if plan_of(eqx.combine(first.numbers, shared), len(first.y0)).size:
-        return _one_by_one(shared, motions, count, limits, watch, method=method)
+        # On a CPU one after the other: lanes would wait for each other where the rate switches.
+        each = jax.vmap if width >= n else lambda f: functools.partial(jax.lax.map, f)
+        return _in_pieces(shared, motions, count, limits, watch, method=method, each=each)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
     work = _Work(shared=shared, limits=limits, watch=watch, method=method.in_loops(loops))
@@ -184,6 +193,11 @@ def integrate(
         lane = work.begin(row, motion)
         wanted = row < count
         return lane._replace(running=wanted & lane.running, ended=wanted & ~lane.running)
+
+    if width >= n:
+        group = jax.vmap(begin, out_axes=-1)(jnp.arange(n))
+        group = jax.lax.while_loop(lambda g: g.running.any(), lambda g: work.step(g), group)
+        return jax.vmap(work.end, in_axes=-1)(group)
 
     def change(carry):
         """Write the result of one ended lane and start the next motion in it."""
@@ -200,8 +214,8 @@ def integrate(
 
     # Lanes start empty, as if they had ended; their results go to a row after the last.
     lane = jax.eval_shape(begin, jnp.zeros((), int))
-    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, WIDTH), s.dtype), lane)
-    group = group._replace(row=jnp.full(WIDTH, n), ended=jnp.ones(WIDTH, bool))
+    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, width), s.dtype), lane)
+    group = group._replace(row=jnp.full(width, n), ended=jnp.ones(width, bool))
     ends = jax.eval_shape(work.end, lane)
     ends = jax.tree.map(lambda s: jnp.zeros((n + 1, *s.shape), s.dtype), ends)
     ends = jax.lax.while_loop(
@@ -341,10 +355,17 @@ class _Work(eqx.Module):
         return control.wrap(direction)
 
 
-def _one_by_one(
-    shared: Field, motions: Motions, count: Array, limits: Limits, watch: Watch | None, *, method
+def _in_pieces(
+    shared: Field,
+    motions: Motions,
+    count: Array,
+    limits: Limits,
+    watch: Watch | None,
+    *,
+    method: Method,
+    each: Callable,
 ) -> Ends:
-    """The same as `integrate`, for rates with conditions: lanes would switch at different times."""
+    """The same as `integrate`, for rates with conditions; `each` maps a function over the rows."""
     if watch is not None:
         remedy = "Leave the watch out, or give each branch of the rate a phase of its own."
         raise _checks.fail("watch", "a rate without conditions, such as sign", "one", remedy)
@@ -366,4 +387,4 @@ def _one_by_one(
             seen=None,
         )
 
-    return jax.lax.map(motion, (jnp.arange(len(motions.y0)), motions))
+    return each(motion)((jnp.arange(len(motions.y0)), motions))

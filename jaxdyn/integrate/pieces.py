@@ -153,11 +153,7 @@ def run_pieces(
     way = jnp.where(t1 >= t0, 1.0, -1.0)
     work = _Pieces(plan, field, system, events, t0, t1, ts, limits, sides, way, method)
 
-    def going(run: _Run) -> Array:
-        unfinished = (way * run.t < way * t1) & (run.event < 0)
-        return unfinished & (run.result.status == Status.OK)
-
-    run = jax.lax.while_loop(going, work.piece, work.start(y0))
+    run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0))
     right = run.result.status == Status.OK
     y1 = jnp.where(right, run.y, jnp.nan)
     happened = run.event >= 0
@@ -224,12 +220,20 @@ class _Pieces(NamedTuple):
         )
         return run._replace(branch=self._settle(run))
 
+    def goes_on(self, run: _Run) -> Array:
+        """Whether another piece follows."""
+        unfinished = (self.way * run.t < self.way * self.t1) & (run.event < 0)
+        return unfinished & (run.result.status == Status.OK)
+
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
         branch, y, now = run.branch, self._after_switch(run), self.t1
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
         now = self._before_break(run.t, now)
+        # Under `vmap` motions that are over wait for the others: they must not be integrated again
+        # in each round, a failed one up to the limit of steps.
+        now = jnp.where(self.goes_on(run), now, run.t)
         used = run.result.steps + run.result.rejected
         limits = self.limits.with_steps(self.limits.max_steps[0] - used)
         found, end, y_end, index, towards, sizes = self._move(branch, run, y, now, limits)

@@ -13,7 +13,7 @@ from helpers import SOLVED, gap, kepler, run_python
 
 from jaxdyn import Scene, ensemble, ode, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag
-from jaxdyn.ensemble import watches
+from jaxdyn.ensemble import batches, engine, watches
 from jaxdyn.ensemble.batches import _alone
 from jaxdyn.ensemble.lanes import WIDTH
 from jaxdyn.formulations.newton import FreePoints
@@ -27,6 +27,14 @@ RTOL = 1e-12
 N = WIDTH + 9  # some lanes get a second motion
 
 
+@pytest.fixture(params=["cpu", "gpu"])
+def device(request, monkeypatch):
+    """Ensembles run as they do on a kind of device: on a GPU all lanes start together."""
+    monkeypatch.setattr(engine, "device_kind", lambda devices: request.param)
+    monkeypatch.setattr(batches, "_ROWS", 2 * WIDTH)
+    monkeypatch.setattr(batches, "_ENTRIES", 0)  # no more rows than on a CPU
+
+
 def near_eight(n):
     """The figure-eight and n starts within a hundredth of it."""
     scene = scenes.three_body()
@@ -38,6 +46,7 @@ def one_by_one(scene, y0s, t1s):
     return [solve(scene.starting(y), t, rtol=RTOL) for y, t in zip(y0s, t1s, strict=True)]
 
 
+@pytest.mark.usefixtures("device")
 def test_every_motion_is_that_of_simulate():
     scene, y0s = near_eight(N)
     t1s = np.random.default_rng(4).uniform(0.5, 4.0, N)
@@ -127,6 +136,7 @@ def test_any_number_of_the_scene_may_differ():
     np.testing.assert_array_equal(own_span.t, params.t1)
 
 
+@pytest.mark.usefixtures("device")
 def test_what_fails_has_a_status_and_nan_and_leaves_the_others_alone():
     scene = Scene(FreePoints([1.0, 1.0]), (PairGravity(1.0),), y0=[0, 0, 1, 0, 0, 0.5, 0, -0.5])
     y0s = np.tile(scene.y0, (N, 1))
@@ -161,6 +171,7 @@ def return_of(scene, y0s, t1, **kwargs):
     return ensemble.run(scene, y0s, t1, rtol=RTOL, watch=watch).seen.best
 
 
+@pytest.mark.usefixtures("device")
 def test_an_ellipse_returns_after_its_period():
     scene = kepler(0.3)
     y0s = np.array([scene.starting(kepler(0.3, angle).y0).y0 for angle in (0.0, 1.0)])
@@ -379,3 +390,27 @@ def test_long_motions_keep_their_energy_to_rounding():
     energies = [np.sum(np.asarray(y) ** 2, axis=1) for y in (starts, ends.y1)]
     # 3e-14 without the correction of rounded coefficients.
     assert np.abs(energies[1] / energies[0] - 1).max() < 1e-14
+
+
+def sign_force() -> Scene:
+    return ode(lambda t, y: jnp.stack([y[1], -jnp.sign(y[0])]), [1.0, 0.0], t1=5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("device")
+def test_a_rate_with_conditions():
+    scene = sign_force()
+    y0s = np.array([[1.0, 0.0], [0.5, 0.0], [-2.0, 0.3]])
+    out = ensemble.run(scene, y0s, rtol=RTOL, chunk=64)
+    alone = [solve(scene.starting(y), 5.0, rtol=RTOL).y1 for y in y0s]
+    assert gap(out.y1, np.array(alone)) < SOLVED
+
+
+@pytest.mark.slow
+def test_a_failed_motion_is_not_integrated_again_while_others_switch():
+    # With as many steps as it is allowed it would never end.
+    scene = sign_force()
+    starts = jnp.array([[1.0, 0.0], [jnp.nan, 0.0]])
+    steps = 10**9
+    out = jax.vmap(lambda y: solve(scene.starting(y), 5.0, rtol=RTOL, max_steps=steps))(starts)
+    np.testing.assert_array_equal(out.status, [Status.OK, Status.NOT_FINITE])
