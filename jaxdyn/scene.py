@@ -448,7 +448,14 @@ def _energies(scene: Scene) -> tuple[Array, ...]:
 def _check_effects(effects: tuple[Effect, ...], points: Points) -> None:
     points = Points(*map(np.asarray, points))
     for effect in effects:
-        effect.check(points)
+        try:
+            effect.check(points)
+        except ValueError as error:
+            name = type(effect).__name__
+            if str(error).startswith((name, "y0")):
+                raise
+            # Numbers of several effects may have one name.
+            raise ValueError(f"{name}: {error}") from error
 
 
 def _check_accepted(system: System, effect: Effect) -> None:

@@ -599,3 +599,8 @@ def test_masses_may_be_a_tuple_with_a_traced_number():
 
     for way in (jax.grad, lambda f: jax.jit(jax.grad(f))):
         assert abs(way(pull)(1.5) - (pull(2.0) - pull(1.0))) < EXACT  # it is linear in each mass
+
+
+def test_a_wrong_number_of_an_effect_is_refused_by_the_effects_name():
+    with pytest.raises(ValueError, match=r"^QuadraticDrag: c: expected >= 0, got -1\.0\."):
+        scenes.cannonball(drag=-1.0).check()
