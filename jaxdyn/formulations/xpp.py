@@ -12,89 +12,64 @@ A text declares parameters, starts and rates; nothing in it is run, so it may co
     done
 
 The reader understands ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed
-quantities, functions and ``if()then()else()``. It skips ``aux``, and the options for drawing and
-integration other than ``total``. It refuses whatever is not an ordinary differential equation:
-maps, delays, noise, tables, resets, arrays.
+quantities, functions, also of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``. Fixed
+quantities may be declared in any order; XPPAUT computes one that is used before it is declared from
+the previous state. Expressions mean what they mean in XPPAUT, see
+`jaxdyn.formulations.xpp_expressions`. The reader skips ``aux``, boundary conditions, and the
+options for drawing and integration other than ``total``. It refuses whatever is not an ordinary
+differential equation: maps, delays, noise, tables, resets, algebraic equations.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
 
-import ast
 import dataclasses
 import functools
-import math
-import operator
+import graphlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
+from jaxdyn.formulations.xpp_expressions import (
+    NAME,
+    Expression,
+    Function,
+    NotARate,
+    check_names,
+    names,
+    read,
+    value,
+)
 from jaxdyn.scene import Scene, System
 
 #: Length of a text, in characters: no model written by a person is longer.
 _LONGEST = 200_000
+#: Number of statements of a text, with the rows of states written out.
+_MOST_STATEMENTS = 10_000
 _DEFAULT_SPAN = 20.0  # the default of XPPAUT
-_SPAN = "total"
-_PREFIX = "_"  # before each name, so that none is a keyword of Python
+_SPAN, _BEGIN = "total", "t0"
 
-_OPERATORS: dict[type, Callable] = {
-    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
-    **{ast.Div: operator.truediv, ast.Pow: operator.pow},
-    **{ast.UAdd: operator.pos, ast.USub: operator.neg},
-    ast.And: lambda a, b: _number(jnp.logical_and(_holds(a), _holds(b))),
-    ast.Or: lambda a, b: _number(jnp.logical_or(_holds(a), _holds(b))),
-    ast.Lt: lambda a, b: _number(a < b),
-    ast.LtE: lambda a, b: _number(a <= b),
-    ast.Gt: lambda a, b: _number(a > b),
-    ast.GtE: lambda a, b: _number(a >= b),
-    ast.Eq: lambda a, b: _number(a == b),
-    ast.NotEq: lambda a, b: _number(a != b),
-}
-_SAME_NAME = "sin cos tan sinh cosh tanh exp sqrt abs log10 sign"
-_FUNCTIONS: dict[str, Callable] = {
-    **{name: getattr(jnp, name) for name in _SAME_NAME.split()},
-    **{"asin": jnp.arcsin, "acos": jnp.arccos, "atan": jnp.arctan, "atan2": jnp.arctan2},
-    **{"ln": jnp.log, "log": jnp.log, "max": jnp.maximum, "min": jnp.minimum},
-    **{"mod": jnp.mod, "flr": jnp.floor, "erf": jax.scipy.special.erf},
-    **{"erfc": jax.scipy.special.erfc, "lgamma": jax.scipy.special.gammaln},
-    "heav": lambda x: _number(x >= 0),
-    "not": lambda x: _number(~_holds(x)),
-    "if": lambda condition, yes, no: jnp.where(_holds(condition), yes, no),
-}
-_CONSTANTS = {"pi": math.pi}
-
-_NAME = r"[a-z]\w*"
-_RATE = re.compile(rf"(?:d({_NAME})\s*/\s*dt|({_NAME})\s*')\s*=(.*)")
-_START = re.compile(rf"({_NAME})\s*\(\s*0\s*\)\s*=(.*)")
-_FUNCTION = re.compile(rf"({_NAME})\s*\(([^()]*)\)\s*=(.*)")
-_FIXED = re.compile(rf"({_NAME})\s*=(.*)")
+_RATE = re.compile(rf"(?:d({NAME})\s*/\s*dt|({NAME})\s*')\s*=(.*)")
+_START = re.compile(rf"({NAME})\s*\(\s*0\s*\)\s*=(.*)")
+_FUNCTION = re.compile(rf"({NAME})\s*\(([^()]*)\)\s*=(.*)")
+_FIXED = re.compile(rf"({NAME})\s*=(.*)")
 _KEYWORD = re.compile(r"([a-z]+)\b\s*(.*)")
+_ROW = re.compile(r"\[\s*(\d+)\s*\.\.\s*(\d+)\s*\]")
+_IN_ROW = re.compile(r"\[([\dj+\-*\s]+)\]")
 #: Words that begin a line whose content changes no rate.
-_LEFT_OUT = ("aux", "set", "only", "bdry", "b", "export", "option", "options")
+_LEFT_OUT = ("aux", "set", "only", "export", "o", "opt", "option", "options")
+_BOUNDARY = ("b", "bdry", "bndry")
 _REFUSED = {
-    **dict.fromkeys(("wiener", "markov"), "noise"),
-    **dict.fromkeys(("table",), "a table"),
+    **dict.fromkeys(("w", "wiener", "markov"), "noise"),
+    **dict.fromkeys(("table", "tabular"), "a table"),
     **dict.fromkeys(("global",), "a reset of states"),
     **dict.fromkeys(("volt", "volterra", "solve", "special"), "more than rates"),
 }
-
-
-class Function(NamedTuple):
-    """A function that a text defines.
-
-    Attributes:
-      arguments: their names.
-      body: its expression.
-    """
-
-    arguments: tuple[str, ...]
-    body: ast.expr
 
 
 class Model(NamedTuple):
@@ -104,7 +79,7 @@ class Model(NamedTuple):
       numbers: parameters with their values.
       starts: starts of the states, in the order of the rates.
       span: the span [time].
-      derived: derived quantities, in order: they may use those before.
+      derived: derived quantities, in an order in which they use those before only.
       functions: functions by name.
       rates: rates of the states, in order.
     """
@@ -112,9 +87,9 @@ class Model(NamedTuple):
     numbers: Mapping[str, float]
     starts: Mapping[str, float]
     span: float
-    derived: Mapping[str, ast.expr]
+    derived: Mapping[str, Expression]
     functions: Mapping[str, Function]
-    rates: Mapping[str, ast.expr]
+    rates: Mapping[str, Expression]
 
 
 class Written(System):
@@ -140,8 +115,8 @@ class Written(System):
         known = dict(zip(found.numbers, jnp.unstack(self.params), strict=True)) | {"t": t}
         known |= dict(zip(found.rates, jnp.unstack(y), strict=True))
         for name, node in found.derived.items():
-            known[name] = _value(node, known, found.functions)
-        rates = (_value(node, known, found.functions) for node in found.rates.values())
+            known[name] = value(node, known, found.functions)
+        rates = (value(node, known, found.functions) for node in found.rates.values())
         return jnp.stack([jnp.asarray(x, y.dtype) for x in rates])
 
     def check(self, t, y):
@@ -210,16 +185,39 @@ def model(text: str) -> Model:
     return reader.model()
 
 
-def _lines(text: str) -> list[str]:
+def _lines(text: str) -> Iterator[str]:
     """The statements in small letters, without comments and without the line breaks in them."""
     joined = re.sub(r"\\[ \t]*\n", " ", text)
-    lines = (part for line in joined.splitlines() for part in _statements(line))
-    return [line.strip().lower() for line in lines if line.strip()]
+    count = 0
+    for line in joined.splitlines():
+        for part in _statements(line):
+            for statement in _rows(part.strip().lower()):
+                count += 1
+                if count > _MOST_STATEMENTS:
+                    raise _checks.fail("text", f"at most {_MOST_STATEMENTS} statements", "more")
+                if statement:
+                    yield statement
 
 
 def _statements(line: str) -> list[str]:
     """The statements of a line, which may be a comment, or contain several."""
     return [] if line.lstrip()[:1] in ("#", "%", '"') else line.partition("#")[0].split(";")
+
+
+def _rows(statement: str) -> Iterator[str]:
+    """The statements of a row of states, such as x[1..9]'=x[j-1], or the statement itself."""
+    row = _ROW.search(statement)
+    if row is None or statement[0] == "@":
+        yield statement
+        return
+    for j in range(int(row[1]), int(row[2]) + 1):
+        written = f"{statement[: row.start()]}[j]{statement[row.end() :]}"
+        yield _IN_ROW.sub(functools.partial(_index, j), written)
+
+
+def _index(j: int, found: re.Match[str]) -> str:
+    """The number of a place in a row, such as [j+1]."""
+    return format(value(_expression(found[1], found[0]), {"j": float(j)}, {}), ".0f")
 
 
 class _Reader:
@@ -229,40 +227,49 @@ class _Reader:
         self.numbers: dict[str, float] = {}
         self.starts: dict[str, float] = {}
         self.span = _DEFAULT_SPAN
-        self.derived: dict[str, ast.expr] = {}
+        self.begin = 0.0
+        self.derived: dict[str, Expression] = {}
         self.functions: dict[str, Function] = {}
-        self.rates: dict[str, ast.expr] = {}
+        self.rates: dict[str, Expression] = {}
 
     def read(self, line: str) -> bool:
         """Read a line; the result says whether more may follow."""
         parts = _KEYWORD.fullmatch(line)
         word, rest = parts.groups() if parts else ("", "")
-        pairs = "=" in rest and rest[0] not in "='(/"
+        pairs = bool(rest) and rest[0] not in "='(/"
         if line in ("done", "d"):
             return False
+        begins = rest[:1] not in ("=", "'", "(")  # the word is no name that the line declares
         if line[0] == "@":
-            self.span = float(self._pairs(line, line[1:]).get(_SPAN, self.span))
-        elif pairs and word.startswith(("p", "number")):
+            self.span = self._option(line, _SPAN, self.span)
+            self.begin = self._option(line, _BEGIN, self.begin)
+        elif pairs and word.startswith(("p", "n")):
             self.numbers |= self._pairs(line, rest)
         elif pairs and word in ("i", "init"):
             self.starts |= self._pairs(line, rest)
-        elif word in _REFUSED and rest[:1] not in ("=", "'"):
+        elif begins and rest and word in _REFUSED:
             raise _refusal(line, _REFUSED[word])
-        elif not (word in _LEFT_OUT and rest[:1] not in ("=", "'", "(")):
+        elif begins and word in _LEFT_OUT:
+            pass
+        elif not (word in _BOUNDARY and "=" not in line):
             self._define(line)
         return True
 
     def _define(self, line: str) -> None:
         if "[" in line:
-            raise _refusal(line, "an array")
+            raise _refusal(line, "an integral" if "int[" in line else "a part of a row")
+        if "int{" in line:
+            raise _refusal(line, "an integral")
+        if re.match(r"0\s*=", line):
+            raise _refusal(line, "an algebraic equation")
         if found := _RATE.fullmatch(line):
             self.rates[found[1] or found[2]] = _expression(found[3], line)
         elif found := _START.fullmatch(line):
             self.starts[found[1]] = self._number(found[2], line)
         elif found := _FUNCTION.fullmatch(line):
             arguments = tuple(x.strip() for x in found[2].split(","))
-            if not all(re.fullmatch(_NAME, x) for x in arguments) or "t" in arguments:
-                raise _refusal(line, "a map or an integral equation")
+            if not all(re.fullmatch(NAME, x) for x in arguments):
+                raise _refusal(line, "a map")
             self.functions[found[1]] = Function(arguments, _expression(found[3], line))
         elif found := _FIXED.fullmatch(line.removeprefix("!").strip()):
             self.derived[found[1]] = _expression(found[2], line)
@@ -270,17 +277,23 @@ class _Reader:
             raise _refusal(line, "")
 
     def _pairs(self, line: str, text: str) -> dict[str, float]:
-        """Numbers by name, from "a=1, b=2" or "a=1 b=2"."""
-        parts = re.split(rf"[,\s]+(?={_NAME}\s*=)", re.sub(r"\s*=\s*", "=", text.strip()))
-        if line[0] == "@":
-            parts = [x for x in parts if x.startswith(f"{_SPAN}=")]
-        if not all("=" in x for x in parts):
+        """Numbers by name, from "a=1, b=2" or "a=1 b=2"; a name alone has the value 0."""
+        parts = re.split(
+            rf"[,\s]+(?={NAME}\s*(?:=|,|$))", re.sub(r"\s*=\s*", "=", text.strip(" ,"))
+        )
+        split = [x.strip(" ,").partition("=") for x in parts]
+        if not all(re.fullmatch(NAME, key) for key, _, _ in split):
             raise _refusal(line, "")
-        split = (x.strip(" ,").partition("=") for x in parts)
-        return {key.strip(): self._number(value, line) for key, _, value in split}
+        return {key: self._number(number or "0", line) for key, _, number in split}
+
+    def _option(self, line: str, name: str, otherwise: float) -> float:
+        found = re.search(rf"\b{name}\s*=\s*([^\s,]+)", line)
+        return self._number(found[1], line) if found else otherwise
 
     def _number(self, text: str, line: str) -> float:
-        return float(_value(_expression(text, line), self.numbers, {}))
+        found = _expression(text, line)
+        check_names(found, self.numbers, {}, line)
+        return float(value(found, self.numbers, {}))
 
     def model(self) -> Model:
         """The model that was read, checked."""
@@ -291,16 +304,37 @@ class _Reader:
         twice = self.rates.keys() & {*self.numbers, *self.derived, *self.functions, "t", _SPAN}
         if twice:
             raise _checks.fail("text", "one meaning of each name", f"two of {min(twice)}")
-        known = {**self.numbers, **dict.fromkeys(self.rates), "t": None, **_CONSTANTS}
-        for name, node in self.derived.items():
-            _check_names(node, known, self.functions, name)
-            known[name] = None
-        for name, node in self.rates.items():
-            _check_names(node, known, self.functions, f"{name}'")
+        known = {*self.numbers, *self.rates, *self.derived, "t"}
+        everything = dict.fromkeys(known)
+        for name, expression in {**self.derived, **self.rates}.items():
+            where = f"{name}'" if name in self.rates else name
+            check_names(expression, everything, self.functions, where)
         for name, (arguments, body) in self.functions.items():
-            _check_names(body, known | dict.fromkeys(arguments), self.functions, name)
+            check_names(body, everything | dict.fromkeys(arguments), self.functions, name)
+        used = [names(x) for x in (*self.rates.values(), *self.derived.values())]
+        used += [names(body) - {*arguments} for arguments, body in self.functions.values()]
+        if self.begin != 0 and "t" in set().union(*used):
+            remedy = f"Leave it out, and pass t0={self.begin:g} to `simulate`."
+            raise _checks.fail("text", "a start at the time 0", f"t0={self.begin:g}", remedy)
         starts = {name: self.starts.get(name, 0.0) for name in self.rates}
-        return Model(self.numbers, starts, self.span, self.derived, self.functions, self.rates)
+        return Model(self.numbers, starts, self.span, self._in_order(), self.functions, self.rates)
+
+    def _in_order(self) -> dict[str, Expression]:
+        """The derived quantities, each after those that it uses, itself or by a function."""
+        uses = {name: names(expression) for name, expression in self.derived.items()}
+        for name, (arguments, body) in self.functions.items():
+            uses[f"{name}()"] = names(body) - {*arguments}
+        calls = {name: f"{name}()" for name in self.functions}
+        graph = {
+            name: {x for x in (*used, *(calls[x] for x in used if x in calls)) if x in uses}
+            for name, used in uses.items()
+        }
+        try:
+            order = graphlib.TopologicalSorter(graph).static_order()
+            return {name: self.derived[name] for name in order if name in self.derived}
+        except graphlib.CycleError as error:
+            needed = " needs ".join(reversed(error.args[1]))
+            raise _checks.fail("text", "definitions that do not need themselves", needed) from None
 
 
 def _refusal(line: str, what: str) -> ValueError:
@@ -311,130 +345,10 @@ def _refusal(line: str, what: str) -> ValueError:
     return _checks.fail("text", "parameters, starts and rates", got, remedy)
 
 
-def _expression(text: str, line: str) -> ast.expr:
-    """The tree of an expression, in which each name has a prefix."""
+def _expression(text: str, line: str) -> Expression:
     try:
-        named = re.sub(rf"(?<![\w.]){_NAME}", lambda x: _PREFIX + x[0], text.strip())
-        tree = ast.parse(_in_python(_with_choices(named)), mode="eval").body
-        _check_form(tree)
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        return read(text)
+    except NotARate as error:
+        raise _refusal(line, str(error)) from None
+    except ValueError as error:
         raise _refusal(line, "") from error
-    return tree
-
-
-def _with_choices(text: str) -> str:
-    """if(a)then(b)else(c) as a call of three arguments, the innermost first."""
-    text = re.sub(rf"\b{_PREFIX}(if|then|else)\s+\(", rf"{_PREFIX}\1(", text)
-    while (at := text.rfind(f"{_PREFIX}if(")) >= 0:
-        parts, end = [], at
-        for word in ("if", "then", "else"):
-            begin = f"{_PREFIX}{word}("
-            if not text.startswith(begin, end):
-                raise ValueError(word)
-            close = _closing(text, end + len(begin))
-            parts.append(text[end + len(begin) : close])
-            end = close + 1
-            end += len(text[end:]) - len(text[end:].lstrip())
-        text = f"{text[:at]}{_PREFIX}IF({', '.join(parts)}){text[end:]}"
-    return text.replace(f"{_PREFIX}IF(", f"{_PREFIX}if(")
-
-
-def _in_python(text: str) -> str:
-    for ours, theirs in (("^", "**"), ("&", " and "), ("|", " or ")):
-        text = text.replace(ours, theirs)
-    return text
-
-
-def _closing(text: str, start: int) -> int:
-    """The place where the parenthesis closes that opens before a given place."""
-    depth = 1
-    for i in range(start, len(text)):
-        depth += (text[i] == "(") - (text[i] == ")")
-        if not depth:
-            return i
-    raise ValueError("parenthesis")
-
-
-def _check_form(node: ast.expr) -> None:
-    """Raise ValueError unless a tree has numbers, names, operations and calls only."""
-    match node:
-        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-            return
-        case ast.Name():
-            return
-        case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
-            _check_form(operand)
-        case ast.BinOp(op=op, left=left, right=right) if type(op) in _OPERATORS:
-            _check_form(left)
-            _check_form(right)
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _OPERATORS:
-            _check_form(left)
-            _check_form(right)
-        case ast.Call(func=ast.Name(), args=parts, keywords=[]) | ast.BoolOp(values=parts):
-            for one in parts:
-                _check_form(one)
-        case _:
-            raise ValueError(ast.dump(node))
-
-
-def _check_names(
-    node: ast.expr, known: Mapping[str, Any], functions: Mapping[str, Function], where: str
-) -> None:
-    """Raise ValueError for a name that a text has not declared, or another number of arguments."""
-    for part in ast.walk(node):
-        if not isinstance(part, ast.Call):
-            continue
-        assert isinstance(part.func, ast.Name)
-        name = part.func.id.removeprefix(_PREFIX)
-        _checks.choice(f"function in {where}", name, {**_FUNCTIONS, **functions})
-        if name in functions and len(part.args) != len(functions[name].arguments):
-            wanted = f"{len(functions[name].arguments)} arguments of {name}"
-            raise _checks.fail(where, wanted, len(part.args))
-    called = {id(part.func) for part in ast.walk(node) if isinstance(part, ast.Call)}
-    for part in ast.walk(node):
-        if isinstance(part, ast.Name) and id(part) not in called:
-            _checks.choice(f"name in {where}", part.id.removeprefix(_PREFIX), known)
-
-
-def _value(node: ast.expr, known: Mapping[str, Any], functions: Mapping[str, Function]) -> Any:
-    """The value of an expression for known numbers."""
-
-    def of(part: ast.expr) -> Any:
-        return _value(part, known, functions)
-
-    match node:
-        case ast.Constant(value=number):
-            return float(number)  # pyright: ignore[reportArgumentType]
-        case ast.Name(id=name):
-            name = name.removeprefix(_PREFIX)
-            return (
-                _CONSTANTS[name]
-                if name in _CONSTANTS
-                else known[_checks.choice("name", name, known)]
-            )
-        case ast.UnaryOp(op=op, operand=operand):
-            return _OPERATORS[type(op)](of(operand))
-        case ast.BinOp(op=op, left=left, right=right):
-            power = isinstance(op, ast.Pow) and isinstance(right, ast.Constant)
-            if power and float(right.value).is_integer():  # of any base, with all derivatives
-                return of(left) ** int(right.value)
-            return _OPERATORS[type(op)](of(left), of(right))
-        case ast.Compare(left=left, ops=[op], comparators=[right]):
-            return _OPERATORS[type(op)](of(left), of(right))
-        case ast.BoolOp(op=op, values=values):
-            return functools.reduce(_OPERATORS[type(op)], map(of, values))
-        case ast.Call(func=ast.Name(id=name), args=args):
-            name, given = name.removeprefix(_PREFIX), [of(one) for one in args]
-            if name not in functions:
-                return _FUNCTIONS[name](*given)
-            arguments, body = functions[name]
-            return _value(body, {**known, **dict(zip(arguments, given, strict=True))}, functions)
-    raise AssertionError(ast.dump(node))
-
-
-def _holds(x: Any) -> Any:
-    return jnp.asarray(x) != 0
-
-
-def _number(condition: Any) -> Any:
-    return jnp.where(condition, 1.0, 0.0)
