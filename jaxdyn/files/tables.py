@@ -139,8 +139,9 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
     r"""The columns of a table in a text file, by name; from `write_csv` or other programs.
 
     Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
-    spaces. Lines that begin with # are skipped. A unit in brackets behind a name is taken off;
-    degrees, cm, mm and ms become radians, m and s. "time" is called "t".
+    spaces. Lines that begin with # or sep= are skipped, as are titles: lines before the names that
+    have another number of columns. A unit in brackets behind a name is taken off; degrees, cm, mm
+    and ms become radians, m and s. "time" is called "t".
 
     Args:
       path: path of the file.
@@ -165,12 +166,16 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
     except UnicodeDecodeError as error:
         raise fail("path", "a table as text", f"{path}, which is none", _TABLE) from error
     lines = [line.strip() for line in text.splitlines()]
-    lines = [line for line in lines if line and not line.startswith("#")]
+    lines = [line for line in lines if line and not line.startswith(("#", "sep="))]
     if not lines:
         raise fail("path", "a table as text", f"{path} without lines", _TABLE)
-    separator = next((mark for mark in ";\t," if mark in lines[0]), None)
+    lines = lines[_titles(lines) :]
+    separator = _separator(lines[0])
     rows = [_cells(line, separator) for line in lines]
     first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
+    if not first[-1]:  # some programs end each line with a separator
+        first = first[:-1]
+    rows = [row[:-1] if len(row) > len(first) and not row[-1] else row for row in rows]
     heads = [_HEAD.fullmatch(name.strip()) for name in first]
     found = {}
     for i, head in enumerate(heads):
@@ -186,6 +191,20 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
     return found
 
 
+def _titles(lines: Sequence[str]) -> int:
+    """Number of lines before that of the names, which has as many cells as one of numbers."""
+    for i, line in enumerate(lines):
+        separator = _separator(line)
+        if _is_number(_cells(line, separator)[0]):
+            counts = [len(_cells(one, separator)) for one in lines[: i + 1]]
+            return i - 1 if i and counts[0] != counts[i - 1] == counts[i] else 0
+    return 0
+
+
+def _separator(line: str) -> str | None:
+    return next((mark for mark in ";\t," if mark in line), None)
+
+
 def _cells(line: str, separator: str | None) -> list[str]:
     cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
     # Where commas do not separate columns, they are decimal commas.
@@ -194,10 +213,14 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        _value(text)
     except ValueError:
         return False
     return True
+
+
+def _value(text: str) -> float:
+    return float(text.lower().replace("d", "e"))  # Fortran writes 1.5D-3
 
 
 def _number(row: list[str], i: int, count: int, path: str | Path) -> float:
@@ -206,7 +229,7 @@ def _number(row: list[str], i: int, count: int, path: str | Path) -> float:
     cell = row[i].strip()
     if cell and not _is_number(cell):
         raise fail("path", f"numbers in {path}", repr(cell)[:60], _TABLE)
-    return float(cell) if cell else math.nan
+    return _value(cell) if cell else math.nan
 
 
 def _finite(values) -> list:

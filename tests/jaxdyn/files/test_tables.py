@@ -63,6 +63,26 @@ def test_tables_are_read(tmp_path):
     assert back["vx"].tolist() == [2.0, 4.0]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "mass A\nt,x\n0,1\n0.5,\n",  # of Tracker, which follows points in videos
+        "sep=;\nt;x\n0;1\n0,5;\n",  # of Excel
+        "t,x,\n0,1,\n0.5,,\n",
+        "t,x\n0.0D0,1.0d+00\n5.0D-1,nan\n",  # of Fortran
+        '\ufeff"t","x"\r\n"0","1"\r\n".5",""\r\n',
+    ],
+)
+def test_tables_as_other_programs_write_them(tmp_path, text):
+    path = tmp_path / "track.csv"
+    path.write_text(text, encoding="utf-8")
+    back = jaxdyn.read_csv(path)
+    assert list(back) == ["t", "x"]
+    assert back["t"].tolist() == [0.0, 0.5]
+    assert back["x"][0] == 1.0
+    assert np.isnan(back["x"][1])
+
+
 def test_other_tables_are_refused(tmp_path):
     path = tmp_path / "table.csv"
 
@@ -74,6 +94,7 @@ def test_other_tables_are_refused(tmp_path):
     assert "2 columns in each line" in refused("t,x\n1,2,3\n")
     assert "expected numbers" in refused("t,x\n1,two\n")
     assert "x twice" in refused("t,x,x\n1,2,3\n")
+    assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
     assert "without lines" in refused("# nothing\n")
     path.write_bytes(b"\xff\xfe\x00")
     assert "a table as text" in refusal(lambda: jaxdyn.read_csv(path))
