@@ -6,9 +6,9 @@ error control (that of ode45). Estimate the accuracy of a solution without knowi
 halving the step. Does the tolerance of the solver say how accurate its solution is?
 
 Answer: Halving the step halves Euler's error, so two solutions give the errors of both: with 4000
-steps over 10 s it is 0.0106. No, the tolerance is not the error: it bounds the error of one step,
-and these errors add up and grow. With 1e-6 the oscillator is off by 1.2e-6 after 10 s, and the
-Lorenz system, which is chaotic, by 2.5e-4.
+steps over 10 s it is 0.0106, and estimated as 0.0103. No, the tolerance is not the error: it bounds
+the error of one step, and these errors add up and grow. With 1e-6 the oscillator is off by 1.2e-6
+after 10 s, and the Lorenz system, which is chaotic, by 2.5e-4.
 
 (a, b) The loop is x, v = x + h v, v - h x, a thousand times; the function `euler` calls the
 right-hand side `oscillate`. Both do the same operations and give the same digits.
@@ -16,8 +16,11 @@ right-hand side `oscillate`. Both do the same operations and give the same digit
 (c) The method of ode45 (Dormand and Prince, order 5) with the tolerance 1e-12 is accurate to 1e-9.
 
 (d) Without knowing the solution: the solutions with h and h / 2 have the errors C h and C h / 2, so
-their difference is the error of the second, and twice that of the first. The table has these
-estimates beside the true errors, which they approach as the steps get smaller.
+their difference, C h / 2, is the error of the second, and twice it is that of the first. This uses
+the order of the method. A third solution shows the order as well: if a difference is q times the
+next, the last solution is off by its difference from the one before over q - 1. The table has these
+estimates beside the true errors of (x, v), the larger of the two; they approach them as the steps
+get smaller.
 
 (e) No. ode45 estimates what each step adds, and keeps that below the tolerance. The error of the
 solution is the sum of these, each propagated by the equations. It is of the size of the tolerance

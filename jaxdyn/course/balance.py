@@ -1,10 +1,10 @@
 """Static and dynamic balance.
 
-A rigid body turns at a constant rate about a fixed axis with two bearings. When do the bearings
-supply no net force (static balance), and when no moment either (dynamic balance), and how would one
-test it? In how many positions can an unsymmetric body turn in dynamic balance? Show that a plus
-sign of four masses is balanced about a line in its plane at any angle. Can one bearing of an
-unbalanced shaft be free of load?
+A rigid body turns at a constant rate about a fixed axis with two bearings. When do all forces on
+it, those of the bearings and of gravity, add up to zero (static balance), and when have they no
+moment either (dynamic balance), and how would one test it? In how many positions can an unsymmetric
+body turn in dynamic balance? Show that a plus sign of four masses is balanced about a line in its
+plane at any angle. Can one bearing of an unbalanced shaft be free of load?
 
 Answer: Statically, if the mass centre is on the axis (released at any angle, the body stays at
 rest); dynamically, if the axis is also a principal axis, which holds in six positions, three axes
@@ -14,8 +14,9 @@ can carry the whole load: masses of 1 kg at (1, 2) and (2, -1) leave the bearing
 (a) The net force is m a_G, and G moves on a circle about the axis at the rate omega: a_G = -omega^2
 times its distance. So static balance means that the mass centre is on the axis, whatever the shape.
 
-(b) Let the shaft turn freely, with the motor off, and let go at several angles. If G is off the
-axis its weight turns the shaft until G is below; if it is on it, the shaft stays at every angle.
+(b) Lay the shaft level, let it turn freely, with the motor off, and let go at several angles. If G
+is off the axis its weight turns the shaft until G is below; if it is on it, the shaft stays at
+every angle.
 
 (c) With G on the axis, and the axis along x, the net moment about C is the rate of the angular
 momentum omega (I_xx, I_xy, I_xz), which turns with the body: omega^2 (0, -I_xz, I_xy). It is zero
@@ -24,14 +25,15 @@ where both products of inertia are: where the axis is a principal axis through G
 (d) A body without symmetry has three principal axes through G, at right angles. Each can be the
 axis of rotation, in either direction: six positions, each with any angle about the axis.
 
-(e) I. Four unit masses at 1 m, 90 degrees apart, have I_xy = 0 at any angle of the plus sign. II.
-The masses need the forces -omega^2 y j; those at 30 and 210 degrees are opposite, as are those at
-120 and 300 degrees, and their moments about C cancel in pairs: x y is 0.433 m^2 for one pair and
--0.433 m^2 for the other.
+(e) I. Four unit masses at 1 m, 90 degrees apart, have the products x y = sin(2 a) / 2 at the angle
+a, which change their sign from one to the next: I_xy = 0 at any angle of the plus sign, and I_xz =
+0 since z = 0. II. The masses need the forces -omega^2 y j; those at 30 and 210 degrees are
+opposite, as are those at 120 and 300 degrees, and the moment about C of one pair cancels that of
+the other: x y is 0.433 m^2 for the masses of the first and -0.433 m^2 for those of the second.
 
-(f) Yes. The forces on the shaft at x = 0 and 3 m, which turn with it, have to be -omega^2 sum(m y)
-in all, with the moment -omega^2 sum(m x y) about x = 0. With 1 kg at (1, 2) m and at (2, -1) m the
-second sum is zero, so all the force is at x = 0: 100 N at 10 rad/s.
+(f) Yes. Without weight, the forces on the shaft at x = 0 and 3 m, which turn with it, have to be
+-omega^2 sum(m y) in all, with the moment -omega^2 sum(m x y) about x = 0. With 1 kg at (1, 2) m and
+at (2, -1) m the second sum is zero, so all the force is at x = 0: 100 N at 10 rad/s.
 """
 
 import jax.numpy as jnp

@@ -16,14 +16,14 @@ and d/dt (dL/dx') = dL/dx, divided by m, is
 
     (1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 g c x = 0.
 
-By Newton: m a has no force along the wire but the weight. The direction along it is (1, 2 c x), and
+By Newton: along the wire the weight is the only force. The direction along it is (1, 2 c x), and
 a = (x'', 2 c x x'' + 2 c x'^2), so x'' + 2 c x (2 c x x'' + 2 c x'^2) = -2 c x g: the same.
 
 (b) The speed is s' and the height c s^2, so L = m s'^2 / 2 - m g c s^2 and s'' = -2 c g s: a
 harmonic oscillator, whose period does not depend on the amplitude.
 
 (b i, ii) With dy = 2 c s ds the curve has dx/ds = sqrt(1 - 4 c^2 s^2), up to s = 1 / (2 c), where
-it is upright. With 2 c s = sin(a / 2) that integrates to
+its tangent is vertical. With 2 c s = sin(a / 2) that integrates to
 
     x = (a + sin a) / (8 c),   y = (1 - cos a) / (8 c),
 

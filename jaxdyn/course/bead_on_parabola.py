@@ -3,7 +3,7 @@
 A bead slides without friction on the rigid wire y = c x^2, with gravity along -y. Find its equation
 of motion with x as the only coordinate, by Newton's laws.
 
-Answer: Along the wire m a has no force but gravity, which gives
+Answer: Gravity is the only force along the wire, which gives
 (1 + 4 c^2 x^2) x'' + 4 c^2 x x'^2 + 2 c g x = 0. It oscillates, with the period
 4 E(-4 c^2 a^2) / sqrt(2 c g) for the amplitude a, where E(m) is the complete elliptic integral of
 the second kind: longer for wider swings.

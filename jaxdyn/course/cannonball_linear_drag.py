@@ -15,11 +15,13 @@ with u = v0 / (g tau), where W is Lambert's function.
 velocity: vx = vx0 e^(-t/tau), vy = (vy0 + g tau) e^(-t/tau) - g tau. Integrated once more they give
 the formulas above.
 
-(b, c) With m = c = g = v0 = 1 and 45 degrees the errors at t = 2 s are in the table. With the
-method of ode45 they fall with the tolerance; with Euler's method they halve with the step.
+(b, c) With m = c = g = v0 = 1 and 45 degrees the errors at t = 2 s, the larger of those of x and y,
+are in the table. With the method of ode45 they fall with the tolerance; with Euler's method they
+halve with the step.
 
-(d) In units of tau v0 the weight becomes unimportant for most of a fast flight: the ball runs out
-of speed on its first straight line, at the distance tau v0, and falls down from there.
+(d) In units of tau v0 the weight does not matter until a fast ball has lost nearly all its speed:
+it runs out of speed on its first straight line, at the distance tau v0. From there it falls
+straight down at the terminal speed g tau, which takes most of the time.
 
 (e) The best angle tends to zero. A fast shot lands after t = tau (1 + u sin(theta)), at x = tau v0
 cos(theta) (1 - e^(-t/tau)). Its derivative by theta vanishes, for small theta, where u theta

@@ -7,6 +7,17 @@ problem 10; it continues 12.
 
 Answer: At 10 m/s two angles hit, 13.19 and 61.51 degrees. The lowest speed is 7.176 m/s, at 37.87
 degrees: 2 m is the longest range at that speed.
+
+The ball obeys x'' = -(c/m) v x' and y'' = -g - (c/m) v y' with v^2 = x'^2 + y'^2. A shot at the
+angle theta and the speed u is integrated until y = 0 again, at the distance X(theta, u).
+
+(i) X rises with theta to its largest value and falls again, so X(theta, 10 m/s) = 2 m has one root
+on either side of the maximum. Each is bracketed there, and found by Newton's method with the
+derivative of the integration by theta.
+
+(ii) At the lowest speed the two roots meet: the largest X over all angles is 2 m. That maximum,
+where dX/dtheta = 0, grows with the speed u, and its derivative by u is the partial one at the best
+angle; so u is found by Newton's method, too.
 """
 
 import numpy as np

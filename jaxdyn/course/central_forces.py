@@ -22,9 +22,10 @@ are constant, so r oscillates between two values with one period, and each loop 
 rotated by the same angle; a chaotic motion is impossible.
 
 ii. See the table: the fewest loops depend on the exponent n through the range of the apsidal angle,
-from pi / sqrt(3 + n) for nearly circular orbits to pi / 2, or pi / (3 + n) for n < -1, for nearly
-straight ones. The closer n is to gravity or a spring, the narrower that range, and the more loops
-the first fraction in it has.
+from pi / sqrt(3 + n) for nearly circular orbits to pi / 2, or pi / (3 + n) for -3 < n < -1, for
+nearly straight ones. For n <= -3 no motion stays between two radii, so only circles close. The
+closer n is to gravity or a spring, the narrower that range, and the more loops the first fraction
+in it has.
 """
 
 import numpy as np
@@ -56,17 +57,17 @@ def solve(page: Page) -> None:
     page.number("b: its speed at the start, 1 m away", np.hypot(*orbit.y0[2:4]), "m/s")
     page.equal("It closes", closed.ys[-1], orbit.y0, within=1e-12, route="integrated again")
     turned = np.unwrap(np.arctan2(closed["y"], closed["x"]))[-1]
-    page.equal("after two turns", turned, 4 * np.pi, within=1e-12, route="angle along the path")
+    page.equal("After two turns", turned, 4 * np.pi, within=1e-12, route="angle along the path")
 
     angle = scenes.apsidal_angle(law, 0.4, 1.0)
-    page.number("b i: angle from the nearest, 0.4 m, to the farthest, 1 m", angle, "rad")
+    page.number("b i: such an angle, 0.4 m to 1 m, without a closed orbit", angle, "rad")
     ring = loops.rosette(law, 0.4, loops=12)
     rosette = simulate(ring, samples=501, rtol=1e-13)
     once = simulate(ring, ring.t1 / 12, samples=400, rtol=1e-13).ys[-1].reshape(2, 2)
     turn = np.asarray(vectors.plane_rotation(2 * angle))
     next_loop = np.asarray(ring.y0).reshape(2, 2) @ turn.T
     page.equal(
-        "The next loop is rotated by twice that", once, next_loop, within=1e-12, route="integral"
+        "Each loop is turned by twice that angle", once, next_loop, within=1e-12, route="integral"
     )
 
     fewest = loops.fewest([-2.0, -1.5, -1.0, 0.0, 0.9, 1.0, 2.0, 3.0, 10.0])

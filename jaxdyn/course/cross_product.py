@@ -5,10 +5,13 @@ by the right-hand rule. Show that the same vector results if b is projected onto
 orthogonal to a, stretched by |a|, and rotated by a quarter turn about a. Conclude that a x (b + c)
 = a x b + a x c, and find from that the formula for the components.
 
-Answer: The three steps give the length |a| |b| sin(theta) and the direction. Each step is linear in
-b, so a x is a linear operator, with the skew matrix S_ij = -epsilon_ijk a_k. By that and the nine
-products of base vectors, e_1 x e_2 = e_3 and so on, a x b = epsilon_ijk a_i b_j e_k, that is (a2 b3
-- a3 b2, a3 b1 - a1 b3, a1 b2 - a2 b1).
+Answer: The projection of b has the length |b| sin(theta), the stretched one |a| |b| sin(theta). It
+lies in the plane of a and b, across a; the quarter turn about a makes it orthogonal to both, on the
+side of the right-hand rule. To project, stretch or turn a sum is to do so with its parts and add
+them, so a x is a linear operator on b, with the skew matrix S_ij = -epsilon_ijk a_k. As a x b = -b
+x a, it is linear in a as well. By that and the nine products of base vectors, e_1 x e_2 = e_3 and
+so on, with epsilon_ijk = 1 for ijk = 123, 231 and 312, -1 for 132, 213 and 321, and 0 otherwise, a
+x b = epsilon_ijk a_i b_j e_k, that is (a2 b3 - a3 b2, a3 b1 - a1 b3, a1 b2 - a2 b1).
 """
 
 import numpy as np

@@ -20,8 +20,8 @@ The last is (x2 - x1)^2 + (y2 - y1)^2 = l^2 differentiated twice. With the first
 
 What can be measured: the sum of the velocities (momentum), the angular momentum about the centre,
 the energy (the rod does no work), the length and its rate, and the position of each mass, which is
-on a circle of 1/2 m at the angle 2 t. The table has them for a deliberately loose tolerance of
-1e-2.
+on a circle of 1/2 m at the angle 2 t. The table has the length, the momenta and the energy, at a
+deliberately loose tolerance of 1e-2. In the equations as the scene has them lambda is -T.
 """
 
 import numpy as np

@@ -12,6 +12,7 @@ the coefficient 0.8 it slips after 12.568 m.
 The numbers belong to m = 1 kg, r = 1 m, d = 0.5 m, I = 0.4 kg m^2 about G, a slope of gamma = 0.2
 rad and g = 9.81 m/s^2. Let psi be the angle that the cylinder has rolled, which is that of G from
 the normal of the ramp, since it starts with G above the contact; it has rolled the distance r psi.
+The equations as the scene has them use phi = psi + gamma, the angle from the vertical.
 
 (a) G is at r psi + d sin psi along the ramp, downwards, and at r + d cos psi off it. Angular
 momentum balance about the contact, or Lagrange's equation of T - V, gives
@@ -46,11 +47,13 @@ ground: both only if the cylinder's height h leaves with h'' = 0. So
 
 the same for all masses, radii and inertias: the landing grazes, with only h''' nonzero.
 
-Without friction that is a possible motion, and `hop` finds it. With friction there is none,
-whatever its coefficient: rolling needs the force I alpha / (r + d cos a) at the corner, so contact
-ends in slip, and slip costs energy; only at the top is alpha = 0, and there a flight enters the
-ground. If friction is replaced by a constraint (``rolls=True``) the ground has to pull near the
-corners: `pull` says how much. It is little if the inertia is far above m r^2.
+Without friction that is a possible motion, which the function `hop` of this page's code finds. With
+friction there is none, whatever its coefficient: rolling needs the force I alpha / (r + d cos a),
+with the angular acceleration alpha, where the flight begins, so contact ends in slip, and slip
+costs energy; only at the top is alpha = 0, and there a flight enters the ground. If friction is
+replaced by a constraint that makes the cylinder roll, the ground has to pull it down just before
+and after a flight; the function `pull` says how strongly. It is little if the inertia is far above
+m r^2.
 """
 
 import dataclasses

@@ -7,8 +7,10 @@ axis?
 
 Answer: A point N of the line has one distance from P, Q and S. The motion takes P and Q to Q and S,
 so it takes N to a point with this distance from Q and S: to N itself or to its mirror image, which
-would turn the sphere inside out. The check finds the axis in this way for rotations by various
-angles.
+would turn the sphere inside out. If S is P, both planes are the same; then the motion exchanges P
+and Q, so it takes the middle of PQ to itself, which is on the axis of a half turn (or, if Q is
+opposite to P, any point off the line PQ serves in place of P). If Q is P, P is on the axis. The
+check finds the axis in this way for rotations by various angles.
 """
 
 import numpy as np

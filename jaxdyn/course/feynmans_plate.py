@@ -6,6 +6,13 @@ rate of the plate, by simulation and for a steady precession.
 
 Answer: It is the other way round: for small wobbles the normal goes round twice for one turn of the
 plate. In steady precession the ratio is 2 / (2 - cos(theta)), with theta the tilt of the normal.
+
+A plate has I_3 = 2 I_1, so H = I_1 omega + I_1 omega_3 e_3' and omega = H / I_1 - omega_3 e_3': a
+steady precession at omega_p = |H| / I_1 about H, with the spin omega_s = -omega_3 about the normal.
+The tilt follows from H . e_3' = 2 I_1 omega_3 = |H| cos(theta), so omega_p = 2 omega_3 /
+cos(theta). The normal goes round at omega_p. The rate of the plate is that at which its edge goes
+round for small tilts, omega_p + omega_s = omega_3 (2 - cos(theta)) / cos(theta), and the ratio of
+both is 2 / (2 - cos(theta)): 2 for small tilts.
 """
 
 import numpy as np

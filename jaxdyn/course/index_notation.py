@@ -9,6 +9,9 @@ As printed, c_3 = A_3j b_3 should end in b_j, and a_i e_i x b_i e_j in b_j e_j.
 Answer: a 3, b 3, c and d (6, 15, 24), e (12, 15, 18), f 26, g 15, j the matrix product A B, k 9, l
 a x b = (-2, 1, 1). Two make no sense: h, c_k = B_jk b_k, whose free index is k on the left and j on
 the right, and i, c_i = A_ij B_jk, which has one free index on the left and two on the right.
+
+The Kronecker delta has a_i delta_ij = a_j, delta_ii = 3, delta_ik delta_kj = delta_ij and e_i . e_j
+= delta_ij; for the epsilon e_i x e_j = epsilon_ijk e_k.
 """
 
 import numpy as np

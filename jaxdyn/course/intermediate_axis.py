@@ -19,8 +19,8 @@ on the right for the moments 1, 2 and 3 kg m^2.
 
 (b) `euler` in the code has these equations; `simulate(ode(euler, start, t1))` integrates them.
 
-(c, d) Deviations of 0.001 rad/s in each component from a spin of 1 rad/s about x', y' and z' are
-drawn below for 30 s.
+(c, d) Deviations of 0.001 rad/s in each component from a spin of 1 rad/s about x', y' and z' are in
+the picture, for 30 s.
 
 (e) About x' and z' they stay as small as they began. About y', the axis of the middle moment, they
 grow until the body flips over. To first order the two deviations across the spin about axis i obey
@@ -63,7 +63,7 @@ def solve(page: Page) -> None:
         rate = f"{what} of small deviations from a spin of 1 rad/s about {name}'"
         page.number(rate, abs(fastest), "1/s")
         square = [-2 / 6, 1 / 3, -1.0][i]  # (I_j - I_i) (I_i - I_k) / (I_j I_k)
-        statement = f"e: about {name}' its square is (I_j - I_i) (I_i - I_k) / (I_j I_k)"
+        statement = f"e: about {name}' the exponent's square is (I_j - I_i) (I_i - I_k) / (I_j I_k)"
         page.equal(statement, complex(fastest) ** 2, complex(square), within=1e-12)
         spins[f"about {name}'"] = simulate(scenes.free_body(omega0), 30.0, samples=400, rtol=1e-12)
     page.draw(

@@ -22,6 +22,8 @@ with (d - c) x n leaves only s, and that with (b - a) x n only t:
 
     s = (c - a) x (d - c) . n / n^2,   t = (c - a) x (b - a) . n / n^2.
 
+For parallel lines n = 0, and there are many such connections.
+
 (c) The section parallel to the base ABC at the fraction z of the way down from D is the base scaled
 by the factor z, so its area is z^2 times that of the base. Integrated over the height h that is h
 times the base times the integral of z^2 from 0 to 1, a third. The base is half of the parallelogram
@@ -29,7 +31,7 @@ times the base times the integral of z^2 from 0 to 1, a third. The base is half 
 
 (d) The tensions pull D towards A, B and C, and with F they add up to zero. The product of that sum
 with N = (b - d) x (c - d), which is across the rods BD and CD, leaves T (a - d) . N / |a - d| + F .
-N = 0.
+N = 0, with T the tension of AD.
 """
 
 import numpy as np

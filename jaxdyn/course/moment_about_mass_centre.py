@@ -44,7 +44,7 @@ def solve(page: Page) -> None:
     r, v = motion.r, motion.ys[:, 9:].reshape(-1, 3, 3)
     arm = r - np.average(r, axis=1, weights=scene.system.m)[:, None]
     moment = np.sum(np.cross(arm, -0.5 * v), axis=1)
-    statement = "It is the moment of the drag: springs and weight have none about G"
+    statement = "About G it is the moment of the drag: springs and weight have none about G"
     page.equal(statement, about_G.left, moment, within=1e-11)
 
     page.draw(

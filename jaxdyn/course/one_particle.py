@@ -7,8 +7,8 @@ c = 0.1 kg/m, the equation is m a = -m g j - c |v| v, and |v| couples its two co
 the balls lands first?
 
 Answer: The dropped ball, after (w / g) arcosh(exp(g h / w^2)) = 1.095 s, where w = 9.905 m/s is the
-terminal speed; the thrown one then is still 0.90 m above the ground. Its drag grows with its whole
-speed, so the part that holds it up is larger at the same rate of fall.
+terminal speed, with g = 9.81 m/s^2; the thrown one then is still 0.90 m above the ground. Its drag
+grows with its whole speed, so the part that holds it up is larger at the same rate of fall.
 """
 
 import math

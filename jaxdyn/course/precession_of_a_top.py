@@ -16,20 +16,23 @@ The numbers belong to m = 0.1 kg, d = 0.05 m, I_1 = 1e-4 kg m^2 about G, I_3 = 5
 (a) In steady precession the angular momentum H = I omega_p sin(theta) e_1' + I_3 omega_3 e_3' turns
 at omega_p about the vertical, and omega_p k x H is the moment m g d sin(theta) of the weight. That
 is sin(theta) times the equation above. Any rates are possible at theta = 0 and pi. Elsewhere
-omega_p is a root of the equation, of which there are two where
+omega_p is a root of the equation. For I > I_3 and a mass centre above the pivot there are two where
 
     (I_3 omega_s)^2 > 4 (I - I_3) cos(theta) m g d,
 
-and none where the top spins more slowly. Hanging (cos(theta) < 0, I > I_3) there always are two.
+and none where the top spins more slowly. Hanging (cos(theta) < 0) there always are two, and so
+there are for cos(theta) > 0 if I < I_3. Where (I - I_3) cos(theta) = 0, as for a level axis, the
+equation is linear and has one root, m g d / (I_3 omega_s).
 
 (b) Near theta = 0 the equation in terms of omega_3 is I omega_p^2 - I_3 omega_3 omega_p + m g d =
-0, which has roots from omega_3 = 2 sqrt(I m g d) / I_3 on. Counted as omega_s the limit is 2
-sqrt((I - I_3) m g d) / I_3 = 153.4 rad/s; it belongs to another motion, and says nothing about an
-upright top, for which only omega_3 is given.
+0, which has roots from omega_3 = 2 sqrt(I m g d) / I_3 on. Counted as omega_s the limit, for I >
+I_3, is 2 sqrt((I - I_3) m g d) / I_3 = 153.4 rad/s; it belongs to another motion, and says nothing
+about an upright top, for which only omega_3 is given.
 
 (c) No. A top that is released with its axis at rest falls, and as it falls it begins to precess. It
-nods between the initial lean and a larger one, and its tip draws cusps, waves or loops. Steady
-precession is the special case in which the lean stays at the minimum of its potential.
+nods between the initial lean and a larger one, and its tip draws cusps; started with some
+precession, it draws waves or loops. The largest lean in the table belongs to a spin of 250 rad/s.
+Steady precession is the special case in which the lean stays at the minimum of its potential.
 """
 
 import jax

@@ -13,10 +13,10 @@ coin that comes to rest. Upright, straight rolling and turning on the spot belon
 The numbers belong to a uniform disk of m = 1 kg, r = 0.5 m, I = m r^2 / 4 and g = 9.81 m/s^2.
 omega_3 = omega_s + omega_p cos(theta) is the whole rate of turning about the axis of the disk.
 
-(a) The centre circles at R omega_p, so the ground pushes with the friction m R omega_p^2 towards
-the middle and with m g upwards. The moment of both about the centre is the rate omega_p k x H of
-the angular momentum, which with r omega_3 = R omega_p (no slip) is the formula above. For a lean
-0 < theta < pi/2 it has a solution for every R with
+(a) The centre circles at R omega_p, so the ground pushes with the friction m |R| omega_p^2 towards
+the middle of the circle and with m g upwards. The moment of both about the centre is the rate
+omega_p k x H of the angular momentum, which with r omega_3 = R omega_p (no slip) is the formula
+above. For a lean 0 < theta < pi/2 it has a solution for every R with
 
     R < I r cos(theta) / (2 I + m r^2),   for a uniform disk R < r cos(theta) / 6,
 
@@ -27,8 +27,10 @@ vertical diameter (R = 0, omega_3 = 0, any omega_p).
 
 (b) Without friction no horizontal force acts, so the centre is at rest or moves straight on (R = 0
 in a frame that moves with it). The equation has two roots omega_p for every lean 0 < theta < pi/2
-and every omega_3, one of each sign. Upright omega_p omega_3 = 0: it spins about the vertical, or
-about its axis.
+and every omega_3, one of each sign. In terms of the spin it reads I cos(theta) omega_p^2 + 2 I
+omega_s omega_p + m g r cot(theta) = 0: two roots of one sign where omega_s^2 > (m g r / I)
+cos(theta)^2 / sin(theta), and none where the disk spins more slowly. Upright omega_p omega_3 = 0:
+it spins about the vertical, or about its axis.
 
 (c) R = 0 and r omega_3 = R omega_p give omega_3 = 0: the line from the centre to the contact is the
 axis of rotation, and omega_p = sqrt(m g r / (I sin(theta))) follows from (b). It exists at every

@@ -17,11 +17,11 @@ sin(theta) eps_ijk n_k.
 third of a turn about (1, 1, 1) takes x to y, y to z and z to x.
 
 (d) The trace of R is 1 + 2 cos(theta), and the differences a = (R_32 - R_23, R_13 - R_31, R_21 -
-R_12) are 2 sin(theta) n. Near half a turn both say nothing of theta: a is small, and the cosine is
-flat. But R + R^T = 2 cos(theta) 1 + 2 (1 - cos(theta)) n n^T, so the largest column of R + R^T + (1
-- trace R) 1 is along n there. The function uses the quaternion q = (w, s n) with w = cos(theta / 2)
-and s = sin(theta / 2): its products 4 q q^T are sums of the entries of R, and with the row of the
-largest nothing cancels; theta = 2 atan2(s, w).
+R_12) are 2 sin(theta) n. Near half a turn the cosine is flat, so it says little of theta, and a is
+small, so it says little of n. But R + R^T = 2 cos(theta) 1 + 2 (1 - cos(theta)) n n^T, so the
+largest column of R + R^T + (1 - trace R) 1 is along n there. The function uses the quaternion q =
+(w, s n) with w = cos(theta / 2) and s = sin(theta / 2): its products 4 q q^T are sums of the
+entries of R, and with the row of the largest nothing cancels; theta = 2 atan2(s, w).
 """
 
 import math
@@ -68,7 +68,9 @@ def solve(page: Page) -> None:
     none = rotations.axis_angle_from_matrix(np.eye(3)).angle
     page.equal("No turn has the angle 0", none, 0.0, within=0.0, route="definition")
     usual = [math.acos((np.trace(R) - 1) / 2) for R in matrices[:-1]]
-    page.number("errors of arccos((trace R - 1) / 2)", usual - angles[:-1], "rad")
+    page.number(
+        "errors of arccos((trace R - 1) / 2) for all but the last", usual - angles[:-1], "rad"
+    )
 
     page.draw(picture, "120 degrees about (1, 1, 1) take x to y, y to z and z to x.")
 

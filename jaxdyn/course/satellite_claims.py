@@ -8,7 +8,8 @@ about (1, 1, 1), with steady precession only; C to keep its angular velocity wha
 Answer: All claims on B and C are true, one of them if it is read rightly. On A two are false: the
 line of the centres is the axis of the smallest moment, and there are other motions: from a spin
 across axis 2 with 2 T I_2 = H^2 the satellite flips just once, omega = (a sech, b tanh, c sech) of
-the time.
+b t sqrt((I2 - I1) (I3 - I2) / (I1 I3)), with a = b sqrt(I2 (I3 - I2) / (I1 (I3 - I1))) and c = b
+sqrt(I2 (I2 - I1) / (I3 (I3 - I1))).
 
 The claims number the axes of A from the biggest moment to the smallest; here, as in problem 55, the
 numbers go from the smallest to the biggest. Axis 2 is the same, and no verdict depends on it.
@@ -90,7 +91,9 @@ def solve(page: Page) -> None:
     once = polhodes["one flip only"][:500]
     t = rate * np.asarray(motions["one flip only"].ts[:500])
     single = np.stack([a / np.cosh(t), np.tanh(t), c / np.cosh(t)], axis=1)
-    page.equal("The single flip is (a sech, tanh, c sech)", once, single, within=1e-11)
+    page.equal(
+        "The single flip is (a sech, b tanh, c sech), with b = 1 rad/s", once, single, within=1e-11
+    )
 
     page.draw(
         lambda: picture(polhodes, moments),
@@ -231,7 +234,7 @@ def _claims_on_b() -> tuple[Claim, ...]:
             says="steady precession, of the axis about H (printed: about the axis)",
             holds=missed <= _SAME_MOTION,
             figure=missed,
-            because="largest difference of the attitude to exp(t H / I_1) R_0 exp(t omega_s e_3)",
+            because="largest difference of the attitude to that of the two turns of problem 58",
         ),
         Claim(
             name="B iii c",

@@ -10,6 +10,19 @@ Answer: A has the moments 0.527, 0.795 and 1.051 about (1, -1, 0), (1, 1, 0) and
 about (1, 1, 1) and 1.051 across, C is dynamically a sphere with 2.575. Every point of C moves on a
 circle, the long antenna of B, which lies on its axis, circles about the constant angular momentum,
 and only A tumbles irregularly.
+
+By hand: the cube has the mass 1 and the inertia 1/6 about any axis through its centre, a ball the
+mass b = pi/6, the inertia b/10 about its own centre, and a centre 1 m from that of the cube. By the
+theorem of parallel axes a ball adds b/10 about the axis through its centre and that of the cube,
+and b/10 + b across. The centre of mass of n balls is at b/(1 + n b) times the sum of their places;
+for A and B the mass at the square of its distance is subtracted again.
+
+Why the motions of B and C are simple: with three equal moments H = I omega, so omega is constant
+with H, and every point of C goes round a circle. For an axisymmetric body such as B, omega = H /
+I_1 + omega_s e_3' (problem 58): its axis circles about H, and so does the tip of the long antenna
+on it. The tip of the short one is off the axis: it circles about the axis while that circles about
+H, which draws a rosette on a sphere. No axis of A does either: its angular velocity has to be
+integrated (problem 57).
 """
 
 import dataclasses
@@ -60,7 +73,12 @@ def solve(page: Page) -> None:
             f"inertia of {name}, by rows", np.round(body.inertia, 12).ravel() + 0.0, "kg m^2"
         )
         page.number(f"principal moments of {name}", moments, "kg m^2")
-        page.equal(f"So they are by hand for {name}", moments, by_hand(name), within=1e-13)
+        page.equal(
+            f"The principal moments of {name} are those by hand",
+            moments,
+            by_hand(name),
+            within=1e-13,
+        )
 
     spins = [scenes.satellite("A", axis) for axis in axes["A"].T]
     rates = np.stack([scene.rate(0.0, scene.y0)[-3:] for scene in spins])

@@ -8,11 +8,13 @@ Answer: With L = 2/3 of the length, theta'' = (g + A w^2 cos(w t)) sin(theta) / 
 up for A between two edges, those of Mathieu's equation: 0.0604 m and 0.3073 m at w = 60 rad/s. For
 fast shaking the first edge tends to (A w)^2 = 2 g L.
 
-(a) The hinge accelerates upwards at a(t), here A w^2 cos(w t). About the hinge the moment of the
-weight is m g (l / 2) sin(theta), with theta from upright, and m a(t) acts at the mass centre like
-additional weight. With the moment of inertia m l^2 / 3 about the hinge
+(a) The hinge is at h(t) = -A cos(w t), so it accelerates upwards at h'' = A w^2 cos(w t). About the
+hinge the moment of the weight is m g (l / 2) sin(theta), with theta from upright, and m h'' acts at
+the mass centre like additional weight. With the moment of inertia m l^2 / 3 about the hinge
 
-    theta'' = (3 / (2 l)) (g + a(t)) sin(theta).
+    theta'' = (3 / (2 l)) (g + h'') sin(theta).
+
+The equations as the scene has them write Omega for w, and a for the amplitude A.
 
 (b) Released 0.2 rad aside, with A = 0.1 m and w = 60 rad/s (l = 1 m, g = 9.81 m/s^2), the stick
 sways about upright and never leans more than 0.271 rad in 5 s. The base then accelerates at up to

@@ -6,18 +6,26 @@ Lagrange's equations and multipliers. Which simple argument gives the motion on 
 skates with a common normal are excluded: why?
 
 Answer: On one skate under its mass centre a body runs round a circle; otherwise it ends in a
-straight glide with the mass centre ahead. Two skates leave one possible twist in the body's axes,
-which is constant: the body turns uniformly about the point where the normals meet. With a common
-normal both skates impose the same condition, and only the sum of their forces is determined.
+straight glide with the mass centre ahead. Two skates leave one possible motion, in which the
+velocities along the body's axes and the rate of turning are constant: the body turns uniformly
+about the point where the normals meet. With a common normal both skates impose the same condition,
+and only the sum of their forces is determined.
 
-A skate is at (a, b) from the mass centre in the body's axes, and its blade makes the angle beta
-with the body's x axis. n = (-sin(theta + beta), cos(theta + beta)) is its normal, r the arm from
-the mass centre to it in fixed axes, and h = r x n = a cos(beta) + b sin(beta) the moment of a unit
-force along n.
+The mass centre is at (x, y), and the body has turned by theta. A skate is at (a, b) from the mass
+centre in the body's axes, and its blade makes the angle beta with the body's x axis. n =
+(-sin(theta + beta), cos(theta + beta)) is its normal, r the arm from the mass centre to it in fixed
+axes, and h = r x n = a cos(beta) + b sin(beta) the moment of a unit force along n.
 
 (a) One skate, with the force F across it: m (x'', y'') = F n, I theta'' = F h, and the condition
 n . (x', y') + h theta' = 0. With h = 0 the force does no turning: theta' is constant, and the body
-runs at a constant speed round a circle.
+runs at a constant speed round a circle; the printed equations are those of a skate under the mass
+centre. If the mass centre is c ahead of the skate, along the blade, let u be the speed of the skate
+and omega = theta'. Momentum along the blade and angular momentum about the skate give
+
+    u' = c omega^2,   (I + m c^2) omega' = -m c u omega.
+
+So c u grows until omega is zero, which it becomes where c u > 0: in a straight glide with the mass
+centre ahead.
 
 (b) Two skates, as differential-algebraic equations for x'', y'', theta'', F1 and F2:
 
@@ -39,8 +47,10 @@ determine the ratios of the velocities, and the constant energy their size. Such
 uniform rotation about the point with zero velocity, where the normals of the skates meet. If these
 are parallel, it is a straight glide.
 
-The numbers belong to m = 1 kg, I = 0.5 kg m^2 and two skates at (1, 0) and (-0.5, 0.3) m with the
-angles 0.4 and -0.2 rad.
+The numbers belong to m = 1 kg and I = 0.5 kg m^2. The two skates are at (1, 0) and (-0.5, 0.3) m
+with the angles 0.4 and -0.2 rad. The glide is that of a body with one skate at (-0.5, 0) m, along
+its x axis, which starts at (1, 0.5) m/s and 1 rad/s; all its energy is in the straight motion at
+the end.
 """
 
 import numpy as np

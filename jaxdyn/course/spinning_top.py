@@ -9,7 +9,8 @@ I_3, with I about the pivot, here 165.7 rad/s. Eigenvalues and simulations find 
 below it a top released almost upright falls to cos(theta / 2) = spin / limit and rises again.
 
 The numbers belong to m = 0.1 kg, d = 0.05 m, I_1 = 1e-4 kg m^2 about G, I_3 = 5e-5 kg m^2 and g =
-9.81 m/s^2, so I = I_1 + m d^2 = 3.5e-4 kg m^2.
+9.81 m/s^2, so I = I_1 + m d^2 = 3.5e-4 kg m^2. In the equations as the scene has them, in the
+body's axes, I1 is this I, I3 is I_3 and l is d.
 
 The equations, by the Euler angles phi (precession about the vertical), theta (lean) and psi (spin
 about the axis), with omega_3 = psi' + phi' cos(theta): Euler's equations about the pivot, in axes

@@ -53,7 +53,7 @@ def solve(page: Page) -> None:
     wild = simulate(scenes.spring_mass(length=0.5, **start), 10.0, samples=400, rtol=1e-13)
     rough = simulate(scenes.spring_mass(length=0.5, **start), 10.0, samples=400, rtol=1e-9)
     ours, others = springs.wildness(motion), springs.wildness(wild)
-    page.number("deviation from an ellipse with rest length 0.5 m", others)
+    page.number("deviation from an ellipse with rest length 0.5 m, as a part of its size", others)
     page.equal("Without one it is an ellipse", ours, 0.0, within=1e-10, route="best fit")
     page.equal(
         "The wild motion is not an integration error",

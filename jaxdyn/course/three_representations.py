@@ -5,7 +5,7 @@ S(omega) R: for an object of your choice, for a spin near the middle axis, and f
 Then use Euler angles instead, and show that both agree. As printed, the dots over omega and over R
 are missing.
 
-Answer: Matrix, quaternion and Euler angles give the same attitude for all three objects, to 1e-9
+Answer: Matrix, quaternion and Euler angles give the same attitude in all three motions, to 1e-9
 after 40 s. The columns of R are the body's axes e_i', and e_i' changes at omega x e_i'.
 
 (a) In the axes of the body, which are principal axes, with the moment (M1, M2, M3) about G:
@@ -20,7 +20,7 @@ after 40 s. The columns of R are the body's axes e_i', and e_i' changes at omega
 omega in fixed axes is R times (omega1, omega2, omega3). Each column of it says e_i' ' = omega x
 e_i'.
 
-(d) The three motions below are a box of 3 m x 2 m x 1 m that tumbles, the same spun near its middle
+(d) The three motions are a box of 3 m x 2 m x 1 m that tumbles, the same spun near its middle
 axis, which flips over, and a plate of 1 m x 1 m that wobbles (problem 56 is about it).
 
 (e) With turns alpha about y, then beta about the new x, then gamma about the newest z, R =

@@ -1,8 +1,7 @@
 """Triple pendulum, four-bar linkage, and more.
 
 Simulate three uniform bars that hang in a row, by three sets of equations, and a linkage of three
-bars between two fixed hinges. Check the motions in as many ways as possible. Then try mechanisms of
-your own, such as a chain whose last bar ends on a skate.
+bars between two fixed hinges. Check the motions in as many ways as possible.
 
 Answer: Newton-Euler, Lagrange and constraints give one motion of the triple pendulum; the crank
 angle alone and the three angles with a closed loop give one motion of the four-bar linkage.
@@ -25,8 +24,10 @@ times half of the mass of bar j and all masses below that; B_i is l_i times half
 i and all masses below. By constraints: three free bars, nine equations, and the six forces of the
 hinges with six conditions, each differentiated twice.
 
+The first equations printed below are these.
+
 Four-bar linkage. The same chain of three bars, whose end (x, y) is held at the second hinge, (D,
-0):
+0), where D is called e_x in the equations printed last:
 
     sum over j of l_j sin(theta_j) = D,   sum over j of l_j cos(theta_j) = 0,
 
@@ -37,7 +38,7 @@ J(theta_1) theta_1'^2 / 2 the motion is J theta_1'' + (dJ/dtheta_1) theta_1'^2 /
 
 Periodic motions. With one degree of freedom and a constant energy every swing of the linkage is
 periodic. For the triple pendulum, small oscillations in one of three mode shapes are periodic;
-their periods are in the table. Larger periodic motions continue these; all others seen here are
+their periods are in the table. Larger periodic motions continue these; most other large motions are
 chaotic.
 
 Limiting cases. If the lower bars are light, the first one swings like a simple pendulum of length

@@ -41,8 +41,8 @@ With v0 > 0, no: with A = I + m d^2 and the energy E, the two conserved quantiti
 
 The first is positive, so s grows for ever, at a speed that tends to sqrt(2 E / m). The second falls
 like 1 / s^2, and the integral of that to infinity is finite. For slow masses the limit is large, as
-log(1 / v0). With I = 1 kg m^2, m = 1 kg, d = 0.5 m, v0 = 1 m/s and omega_0 = 1 rad/s it is 1.061
-rad.
+log(1 / v0). With v0 < 0 the mass runs away to the other side, and the angle has a limit again. With
+I = 1 kg m^2, m = 1 kg, d = 0.5 m, v0 = 1 m/s and omega_0 = 1 rad/s it is 1.061 rad.
 """
 
 import jax
@@ -68,7 +68,7 @@ def solve(page: Page) -> None:
     """Compare accelerations and equations of motion, then wait for the limit of the angle."""
     d, q, v, a = 0.5, jnp.array([0.7, 1.1]), jnp.array([1.3, -0.4]), jnp.array([0.2, 0.9])
     by_axes = kinematics.slot_acceleration(d, q, v, a)
-    what = "a: acceleration at d = 0.5, theta = 0.7, s = 1.1, rates 1.3, -0.4, then 0.2, 0.9"
+    what = "a: at d = 0.5, theta = 0.7, s = 1.1, theta' = 1.3, s' = -0.4, theta'' = 0.2, s'' = 0.9"
     page.number(what, by_axes, "m/s^2")
     twice = kinematics.by_derivatives(lambda q: kinematics.slot_position(d, q), q, v, a)
     statement = "It is the second derivative of x and y"

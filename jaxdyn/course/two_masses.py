@@ -5,9 +5,10 @@ t = 0 a constant force F begins to push the second. Find the motion for any cons
 (m1 + m2) a_G? Show that a stiff spring makes both masses move like G, and say precisely in which
 sense the two then are a single mass.
 
-Answer: Yes, for any k: the forces of the spring cancel in the sum, so G is at F t^2 / (2 M), with
-the total mass M. About it the masses oscillate with the frequency sqrt(k M / (m1 m2)); they deviate
-from the motion of a rigid pair by at most 2 F m1 m2 / (k M^2) and 2 F m1^2 / (k M^2), at all times.
+Answer: Yes, for any k: the forces of the spring cancel in the sum, so G moves by F t^2 / (2 M),
+with the total mass M. About it the masses oscillate with the frequency sqrt(k M / (m1 m2)); they
+deviate from the motion of a rigid pair by at most 2 F m1 m2 / (k M^2) and 2 F m1^2 / (k M^2), at
+all times.
 
 The numbers belong to m1 = 1 kg, m2 = 2 kg and F = 1 N, with a rest length of 1 m.
 
@@ -22,9 +23,12 @@ From rest s = F (1 - cos(w t)) / (m2 w^2), and with A = F m1 m2 / (k M^2) = F / 
 
 (b) Yes. Adding both equations removes k s, whatever it is: (m1 + m2) a_G = F. A method of
 integration that adds multiples of the rates, as all of ours do, preserves the sum, so the numerical
-solution has this property to rounding, even if its steps are too long for the vibration.
+solution has this property to the rounding of k s, even if its steps are too long to resolve the
+vibration. Only where they are so long that the method is unstable, and s grows without bound, F
+drowns in that rounding.
 
-(c) Ten times the stiffness is a tenth of the largest distance from the rigid pair: see the numbers.
+(c) Ten times the stiffness gives a tenth of the largest distance from the rigid pair: see the
+numbers, which are those of the first mass; the second is ahead by m1 / m2 times as much.
 
 (d) "Nearly a single mass" depends on what is measured, at the time t:
 
@@ -35,7 +39,8 @@ solution has this property to rounding, even if its steps are too long for the v
         however stiff the spring, with a frequency that grows like sqrt(k).
 
 So the pair is one mass in position and velocity after many vibrations, w t much larger than 1, and
-in its mean acceleration; the distance is at most 2 A at all times, and goes to zero like 1 / k.
+in its mean acceleration; the distance is at most 2 A for the first mass and 2 A m1 / m2 for the
+second, at all times, and goes to zero like 1 / k.
 """
 
 from jaxdyn import drawing, effects, scenes, simulate
@@ -67,14 +72,14 @@ def solve(page: Page) -> None:
             f"The motion is that of the closed form, k = {k:g}", motion.ys, exact, within=1e-12
         )
         G = (m1 * x1 + m2 * (x2 - 1.0)) / total
-        page.equal(f"G moves at F t^2 / (2 M), k = {k:g}", G, rigid, within=1e-13)
+        page.equal(f"G moves by F t^2 / (2 M), k = {k:g}", G, rigid, within=1e-13)
         most = largest(motion.scene, lag).value
         page.number(f"largest lag of the first mass behind a rigid pair, k = {k:g} N/m", most, "m")
         bound = 2 * F * m1 * m2 / (k * total**2)
-        page.equal(f"It is 2 F m1 m2 / (k M^2), k = {k:g}", most, bound, within=1e-12)
+        page.equal(f"The largest lag is 2 F m1 m2 / (k M^2), k = {k:g}", most, bound, within=1e-12)
     page.draw(
         lambda: picture(motions, rigid),
-        "Ten times the stiffness: a tenth of the swing about the motion of a rigid pair.",
+        "Ten times the stiffness leaves a tenth of the swing about the motion of a rigid pair.",
     )
     page.play(motions, "The stiffer the spring, the more the pair is one mass.", choose="k [N/m]")
 

@@ -6,6 +6,13 @@ the formula for a turn about an axis twice, to the three unit vectors and to any
 
 Answer: It is a turn by 120 degrees about (1, 1, 1): x goes to -z and then to y, y then goes to z,
 and z to x and stays there. So (x, y, z) goes to (z, x, y).
+
+The formula r' = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r is n n.r + n x r for a quarter
+turn. About y it takes e_x to e_y x e_x = -e_z, e_y to e_y and e_z to e_y x e_z = e_x; about x, e_x
+to e_x, e_y to e_z and e_z to e_x x e_z = -e_y. Together e_x goes to -e_z and then to e_y, e_y to
+e_y and then to e_z, and e_z to e_x, which stays: (x, y, z) goes to (z, y, -x), and then to (z, x,
+y). The axis is what stays where it is, x = y = z; three such turns take every vector back, so the
+angle is a third of 360 degrees.
 """
 
 import math

@@ -13,11 +13,13 @@ grow or decay at the rates given by the eigenvalues.
 (a) At rest the forces of both springs and the weight add up to zero: two equations for x and y,
 solved from a guess by Newton's method, or for all solutions in a region by intervals.
 
-(b) m r'' = sum over A and B of [-k (l - L) - c l'] e - c_d v - m g j, where l is the distance from
-the anchor and e the direction from it. The motions below start beside each equilibrium.
+(b) As the scene below has them, with A as spring 1, B as spring 2 and c3 = c_d: m r'' = sum over A
+and B of [-k (l - L) - c l'] e - c_d v - m g j, where l is the distance from the anchor and e the
+direction from it. The motions below start beside each equilibrium.
 
 (c) The springs have k_A = 1 N/m, L_A = 2 m from (0, 0) and k_B = 8 N/m, L_B = 0.8 m from (0.8, 0.6)
-m, with m = 1 kg and g = 1 m/s^2: five equilibria. With a hundred times the weight one is left.
+m, with c_A = c_B = 0.2 kg/s, c_d = 0.1 kg/s, m = 1 kg and g = 1 m/s^2: five equilibria. With a
+hundred times the weight one is left.
 
 (d) Both ways agree. The eigenvalues of the linearised equations give the rate at which a small
 disturbance grows or decays, and a simulated disturbance of 1e-6 does so.
@@ -55,7 +57,7 @@ def solve(page: Page) -> None:
     pairs = zip(found.states, found.linearizations, strict=True)
     for i, (rest, near) in enumerate(pairs, start=1):
         page.number(f"equilibrium {i}, {near.verdict}", rest[:2], "m")
-        page.number(f"fastest growth at {i}", near.eigenvalues[0].real, "1/s")
+        page.number(f"real parts of the eigenvalues at {i}", near.eigenvalues.real, "1/s")
         values, shapes = np.linalg.eig(near.jacobian)
         first = np.argmax(values.real)
         push, t = 1e-6 * shapes[:, first], min(1.0 / abs(values[first].real), 4.0)

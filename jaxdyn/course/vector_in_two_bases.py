@@ -6,8 +6,10 @@ From R_ij and r_i find: the components of r* in both bases, those of r from thos
 of R in the turned basis, and the components in e_i of the tensor R_ij e'_i e'_j.
 
 Answer: R_ij = e_i . e'_j; r*_i = R_ij r_j, and in the turned basis r* has the components r_i,
-whatever R is; r_i = R_ji r*_j, and in the turned basis r_i' = R_ji R_kj r*_k. The matrix of R is
+whatever R is; r_i = R_ji r*_j, and in the turned basis r_Bi = R_ji R_kj r*_k. The matrix of R is
 the same in both bases, so the tensor R_ij e'_i e'_j is R itself and A_ij = R_ij.
+
+The numbers belong to a turn by 0.6 rad about (1, -1, 2), and to r = (1, 1/2, -1/2).
 
 (a) to (h), where the index B marks components in the turned basis:
 
@@ -28,7 +30,7 @@ the same in both bases, so the tensor R_ij e'_i e'_j is R itself and A_ij = R_ij
     [r*] = r_1 [e'_1] + r_2 [e'_2] + r_3 [e'_3]   r* has the components r_i in the turned basis
     [r*] = R [r*]_B                               change of basis, [r*]_B = [r]
     [r*] = R R [r]_B                              the same from the components of r, [r]_B = R^T [r]
-    [r*] = n n.r + cos(theta) (r - n n.r) + sin(theta) n x r
+    [r*] = [n] n.r + cos(theta) ([r] - [n] n.r) + sin(theta) [n x r]
 
 (j) A = R_ij e'_i e'_j has the matrix R in the turned basis, so in the fixed one it is R R R^T = R.
 

@@ -9,7 +9,8 @@ Answer: By -pi (1 - 7 / sqrt(65)) = -0.41393 rad, 23.7 degrees against the drive
 follows from the path alone, so it is the same at any speed.
 
 With the plate turned by phi and a driven mass at (x, y) on it, the angular momentum of all four
-masses is 2 m (w^2 phi' + r^2 phi' + x y' - y x'), with w = 2 m and r^2 = x^2 + y^2. It is zero, so
+masses is 2 m (w^2 phi' + r^2 phi' + x y' - y x'), with w = 2 metres and r^2 = x^2 + y^2. It is
+zero, so
 
     phi' = -(x y' - y x') / (w^2 + r^2),   phi = -integral of (x dy - y dx) / (4 + x^2 + y^2)
 
