@@ -10,8 +10,9 @@ lies in the plane of a and b, across a; the quarter turn about a makes it orthog
 side of the right-hand rule. To project, stretch or turn a sum is to do so with its parts and add
 them, so a x is a linear operator on b, with the skew matrix S_ij = -epsilon_ijk a_k. As a x b = -b
 x a, it is linear in a as well. By that and the nine products of base vectors, e_1 x e_2 = e_3 and
-so on, with epsilon_ijk = 1 for ijk = 123, 231 and 312, -1 for 132, 213 and 321, and 0 otherwise, a
-x b = epsilon_ijk a_i b_j e_k, that is (a2 b3 - a3 b2, a3 b1 - a1 b3, a1 b2 - a2 b1).
+so on, where epsilon_ijk is 1 if i, j, k are 1, 2, 3 or follow each other in that cyclic order, -1
+in the opposite order, and 0 if two are equal, a x b = epsilon_ijk a_i b_j e_k, that is (a2 b3 - a3
+b2, a3 b1 - a1 b3, a1 b2 - a2 b1).
 """
 
 import numpy as np

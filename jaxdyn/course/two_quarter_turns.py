@@ -12,7 +12,7 @@ turn. About y it takes e_x to e_y x e_x = -e_z, e_y to e_y and e_z to e_y x e_z 
 to e_x, e_y to e_z and e_z to e_x x e_z = -e_y. Together e_x goes to -e_z and then to e_y, e_y to
 e_y and then to e_z, and e_z to e_x, which stays: (x, y, z) goes to (z, y, -x), and then to (z, x,
 y). The axis is what stays where it is, x = y = z; three such turns take every vector back, so the
-angle is a third of 360 degrees.
+angle is a third of a full turn.
 """
 
 import math
