@@ -10,7 +10,8 @@ in several formulations.
 
 Equations of your own are `ode` (a rate; `jaxdyn.ode`) and the second half of `lagrange` (a
 Lagrangian; `jaxdyn.lagrangian`). `functions` checks the functions that both are given, `structure`
-is the pytree that a state may stand for. `xpp` reads equations that are written as text.
+is the pytree that a state may stand for. `xpp` reads equations that are written as text, and
+`xpp_expressions` the expressions in them.
 
 May import: `geometry`.
 

@@ -15,3 +15,4 @@ from . import prescribed as prescribed
 from . import rigid as rigid
 from . import structure as structure
 from . import xpp as xpp
+from . import xpp_expressions as xpp_expressions
