@@ -3,7 +3,8 @@
 Run: ``python -m benchmarks ensembles --device gpu --peak 34``, the peak in TFLOP/s of
 double-precision vector arithmetic, from the maker's data sheet (34 for NVIDIA's H100 SXM and
 H200 SXM; 9.7 for the A100; H200 data sheet, 2024). Motions near the figure-eight, one period, error
-1e-12 a step, all lanes side by side in one program; lanes wait for the slowest. XLA counts the
+1e-12 a step, all lanes side by side in one program; lanes wait for the slowest.
+`jaxdyn.ensemble.run` takes and returns NumPy arrays, whose transfer counts. XLA counts the
 floating-point operations of a step; rejected steps count as work.
 """
 
@@ -65,15 +66,20 @@ def _row(device: Any, n: int, peak: float, rounds: int) -> Row:
     there, y0s = jax.device_put((scene, host), device)
     program = functools.partial(jax.jit(ends), there, y0s)
     y1, steps = program()
-    here = ensemble.run(scene, host[:_CHECKED], rtol=_RTOL).y1
+    with jax.default_device(jax.devices("cpu")[0]):
+        here = ensemble.run(scene, host[:_CHECKED], rtol=_RTOL).y1
     apart = float(np.max(np.abs(np.asarray(y1[:_CHECKED]) - here)))
     times = interleave({0: lambda: jax.block_until_ready(program())}, rounds)[0]
+    with jax.default_device(device):
+        arrays = interleave({0: lambda: ensemble.run(scene, host, rtol=_RTOL)}, rounds)[0]
     work = float(jnp.sum(steps)) * operations_of_a_step(scene)
     part = work / times.minimum / (peak * 1e12)
     note = f"{n / times.minimum:.3g} motions/s, {100 * part:.2g} % of {peak:g} TFLOP/s, "
     note += f"{apart:.1e} from the CPU's"
     name = f"{n} motions on {device.device_kind}: each"
-    return Row(name, {"jaxdyn": Times(*(t / n for t in times))}, note=note)
+    both = {"jaxdyn": times, "jaxdyn.ensemble.run": arrays}
+    each = {name: Times(*(t / n for t in of)) for name, of in both.items()}
+    return Row(name, each, note=note)
 
 
 def ends(scene: Scene, y0s: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -28,7 +28,8 @@ its tangent is vertical. With 2 c s = sin(a / 2) that integrates to
     x = (a + sin a) / (8 c),   y = (1 - cos a) / (8 c),
 
 the cycloid of a point on the rim of a wheel of radius 1 / (8 c), turned by a, that rolls under the
-line y = 1 / (4 c).
+line y = 1 / (4 c). The numbers belong to c = 1 per metre on the parabola, c = 1/8 per metre on the
+cycloid, and g = 9.81 m/s^2.
 """
 
 import math

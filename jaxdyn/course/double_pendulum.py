@@ -8,7 +8,7 @@ are the same, and draw the path of the end of the forearm up to t = 30.
 Answer: The balance about the hinge, and that of the forearm about the elbow, are two linear
 equations for the angular accelerations. All derivations give the same motion, which ends at
 (1.2362, 0.0122), but chaos costs each of them digits: until t = 30 a small initial error of theta1
-grows 57238-fold.
+grows, in theta2, 57238-fold.
 
 (a) theta1 and theta2 are the angles of the bars from hanging down, D = theta1 - theta2, and each
 bar has the inertia 1/12 about its centre. Angular momentum balance of both bars about the hinge,

@@ -10,7 +10,8 @@ Lagrange's equations in polar coordinates, and is right in all special cases: wi
 parabola; from rest below the pin a vertical line; without gravity a harmonic oscillation along a
 radius from rest, and a circle where v^2 = k r (r - L) / m; with L = 0 an ellipse.
 
-(a) The spring pulls with k (|r| - L) towards the pin, so
+(a) The spring pulls with k (|r| - L) towards the pin (L is l0 in the equations as the scene has
+them), so
 
     m x'' = -k (1 - L / |r|) x,   m y'' = -k (1 - L / |r|) y - m g,   |r| = sqrt(x^2 + y^2).
 

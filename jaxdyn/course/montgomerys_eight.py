@@ -18,8 +18,9 @@ never farther than 1.081 from the middle, a little more than at the start.
 (c) With the first body 0.01 farther to the right the motion stays near the eight for 100 units, but
 its curve turns.
 
-(d) With 0.22 the three first move on wilder loops. Then two of them form a close pair, and the
-energy that this releases ejects the third: at t = 45 one body is 11.99 from the middle.
+(d) A larger displacement shows what follows sooner. With 0.22 the three first move on wilder loops.
+Then two of them form a close pair, and the energy that this releases ejects the third: at t = 45
+one body is 11.99 from the middle.
 """
 
 import jax.numpy as jnp

@@ -22,8 +22,12 @@ always has a solution, as its determinant is -l^2.
 
 The start, l = 1 m, 2 rad from hanging, at rest, satisfies the length condition and its derivative;
 the equations preserve only the second derivative. Therefore errors e of the length and e' of its
-rate that steps leave grow like e + e' t. Compared with l sin(theta) and -l cos(theta) of the
-pendulum by its angle all three agree to 1e-9 for 100 s at a tolerance of 1e-14.
+rate that steps leave grow like e + e' t. Baumgarte's method subtracts 2 a e' + a^2 e, with e = (x^2
++ y^2 - l^2) / 2, from the right side of the third equation, so that e decays like exp(-a t);
+projection moves the state to the nearest one that satisfies the length condition and its
+derivative. Compared with l sin(theta) and -l cos(theta) of the pendulum by its angle all three, the
+bare equations, Baumgarte's and those with projection, agree to 1e-9 for 100 s at a tolerance of
+1e-14.
 """
 
 import jax

@@ -5,12 +5,16 @@ basis; its nine components are e_i . A . e_j, and in another basis they are othe
 about them and practise: change the basis of a dyadic and see what does not change.
 
 Answer: With R_ij = e_i . e'_j the components in the turned basis are R^T A R. What the dyadic does
-to a vector is the same in both, and so are its trace, its determinant and its eigenvalues. Below
-the trace is 4 and the determinant 0.
+to a vector is the same in both, and so are its trace, its determinant, its eigenvalues and its
+norm, the root of the sum of the squares of its components. Below the trace is 4 and the determinant
+0.
 
 The components of A = a b + c d are A_ij = a_i b_j + c_i d_j, with a = (1, 2, 0), b = (0, 1, 3), c =
 (2, 0, 1) and d = (1, 1, 0). The other basis is turned by 0.7 rad about (1, 2, 3). A takes every r
 into the plane of a and c, so its determinant is 0; its trace is a . b + c . d.
+
+A rotation whose components carry small errors, as after many products, is no longer one; the
+nearest rotation is U V^T, with the orthogonal matrices of its singular value decomposition.
 
 The sentence asked for, as far as it is true of this page: "The exercises of that course were not
 handed in; what they practise, dyadics in two bases and what does not depend on the basis, is worked

@@ -34,7 +34,8 @@ the kinetic energy, m l^2 theta' theta''. Divide by theta'.
 
 (g) L = m l^2 theta'^2 / 2 + m g l cos theta: d/dt (m l^2 theta') = -m g l sin theta.
 
-Each is evaluated below for theta = 2 rad, theta' = 0.8 rad/s, m = 2 kg and l = 0.7 m.
+Each is evaluated below for theta = 2 rad, theta' = 0.8 rad/s, m = 2 kg, l = 0.7 m and g = 9.81
+m/s^2.
 """
 
 import jax

@@ -9,7 +9,9 @@ Energies are conserved to 1e-12. Released from rest at a crank angle of 2 rad, t
 periodically, with the period 9.137 s. Bars that are too short to close a loop are refused.
 
 The numbers belong to uniform bars of 1 kg and 1 m in the triple pendulum, and to a crank of 1 m, a
-coupler and a rocker of 2 m on hinges 2 m apart in the linkage, with g = 1 m/s^2.
+coupler and a rocker of 2 m, 1 kg each, on hinges 2 m apart in the linkage, with g = 1 m/s^2. The
+pendulum starts at rest at the angles pi/2, pi and 2 rad, the linkage at a crank angle of 2 rad with
+the coupler pointing upwards; with it pointing downwards the loop closes as well.
 
 Triple pendulum, with the angles from hanging down. By Lagrange, or by Newton and Euler (the angular
 momentum balance of bars i to 3 about the upper hinge of bar i, each less the next):

@@ -44,7 +44,7 @@ class Job(NamedTuple):
       watch: the observer.
       method: the method.
       chunk: rows of the program's queue.
-      width: number of its lanes.
+      together: whether all of them start together, see `integrate`.
       threads: number of batches in flight.
       mesh: the devices that share each chunk; None for the default device alone.
     """
@@ -54,7 +54,7 @@ class Job(NamedTuple):
     watch: Watch | None
     method: Method
     chunk: int
-    width: int
+    together: bool
     threads: int
     mesh: Mesh | None
 
@@ -90,7 +90,7 @@ class Job(NamedTuple):
         if self.mesh is None:
             n = len(batch.y0)
             queue = jax.tree.map(self._pad, batch)
-            out = _alone(self.shared, queue, n, *common, method=self.method, width=self.width)
+            out = _alone(self.shared, queue, n, *common, method=self.method, together=self.together)
             return jax.tree.map(lambda x: np.asarray(x)[:n], out)
         return self._share_out(batch, common, self.mesh)
 
@@ -105,7 +105,7 @@ class Job(NamedTuple):
         counts = np.array([len(part) for part in np.array_split(batch.y0, mesh.size)])
         given = jax.make_array_from_callback(counts.shape, sharding, counts.__getitem__)
         queues = jax.tree.map(spread, batch)
-        out = _on_devices(mesh, self.method, self.width)(self.shared, queues, given, *common)
+        out = _on_devices(mesh, self.method, self.together)(self.shared, queues, given, *common)
         out = multihost_utils.process_allgather(out, tiled=True)
         wanted = (np.arange(self.chunk)[None] < counts[:, None]).ravel()
         return jax.tree.map(lambda x: np.asarray(x)[wanted], out)
@@ -114,15 +114,15 @@ class Job(NamedTuple):
         return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
 
 
-_alone = jax.jit(integrate, static_argnames=("method", "width"))
+_alone = jax.jit(integrate, static_argnames=("method", "together"))
 
 
 @functools.cache
-def _on_devices(mesh: Mesh, method: Method, width: int):
+def _on_devices(mesh: Mesh, method: Method, together: bool):
     """The program for a mesh: each device goes through its own queue and waits for no other."""
 
     def one(shared, motions, count, limits, watch):
-        return integrate(shared, motions, count[0], limits, watch, method=method, width=width)
+        return integrate(shared, motions, count[0], limits, watch, method=method, together=together)
 
     every, own = PartitionSpec(), PartitionSpec(_AXIS)
     # The check rejects loops that start from constants and continue with per-device values.
@@ -139,9 +139,9 @@ def device_kind(devices) -> str:
     return next(iter(some)).platform
 
 
-def cores(kind: str) -> int:
-    """Number of programs that run concurrently on the default device, which is of a kind."""
-    if kind != "cpu":
+def cores() -> int:
+    """Number of programs that run concurrently on the default device."""
+    if device_kind(None) != "cpu":
         return 1
     # Not every system reports which cores the process may use.
     return len(getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))(0))

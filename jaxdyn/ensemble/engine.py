@@ -19,7 +19,7 @@ from rich.progress import Progress
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn.ensemble.batches import Job, cores, device_kind, mesh_of, rows
-from jaxdyn.ensemble.lanes import WIDTH, Ends, Motions
+from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.march import Watch
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
@@ -171,7 +171,7 @@ def _job(
         raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
     # Programs that communicate across devices or processes must run in one order everywhere.
     kind = device_kind(devices)
-    threads = 1 if devices is not None else cores(kind) if threads is None else threads
+    threads = 1 if devices is not None else cores() if threads is None else threads
     chunk = rows(kind, len(scene.y0)) if chunk is None else chunk
     for name, number in {"chunk": chunk, "threads": threads}.items():
         if number < 1:
@@ -188,7 +188,7 @@ def _job(
         watch=watch,
         method=method,
         chunk=chunk,
-        width=WIDTH if kind == "cpu" else chunk,
+        together=kind != "cpu",
         threads=threads,
         mesh=mesh,
     )

@@ -163,7 +163,7 @@ def integrate(
     watch: Watch | None,
     *,
     method: Method,
-    width: int = WIDTH,
+    together: bool = False,
 ) -> Ends:
     """The ends of the first `count` motions; the other rows are undefined.
 
@@ -174,13 +174,13 @@ def integrate(
       limits: tolerances of one step, and the maximum number of steps.
       watch: the observer of accepted steps of each motion, or None.
       method: the method.
-      width: number of lanes in a group.
+      together: whether all motions start together, each in a lane of its own.
     """
     n = motions.y0.shape[0]
     first = jax.tree.map(lambda x: x[0], motions)
     if plan_of(eqx.combine(first.numbers, shared), len(first.y0)).size:
         # On a CPU one after the other: lanes would wait for each other where the rate switches.
-        each = jax.vmap if width >= n else lambda f: functools.partial(jax.lax.map, f)
+        each = jax.vmap if together else lambda f: functools.partial(jax.lax.map, f)
         return _in_pieces(shared, motions, count, limits, watch, method=method, each=each)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
@@ -194,7 +194,7 @@ def integrate(
         wanted = row < count
         return lane._replace(running=wanted & lane.running, ended=wanted & ~lane.running)
 
-    if width >= n:
+    if together:
         group = jax.vmap(begin, out_axes=-1)(jnp.arange(n))
         group = jax.lax.while_loop(lambda g: g.running.any(), lambda g: work.step(g), group)
         return jax.vmap(work.end, in_axes=-1)(group)
@@ -214,8 +214,8 @@ def integrate(
 
     # Lanes start empty, as if they had ended; their results go to a row after the last.
     lane = jax.eval_shape(begin, jnp.zeros((), int))
-    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, width), s.dtype), lane)
-    group = group._replace(row=jnp.full(width, n), ended=jnp.ones(width, bool))
+    group = jax.tree.map(lambda s: jnp.zeros((*s.shape, WIDTH), s.dtype), lane)
+    group = group._replace(row=jnp.full(WIDTH, n), ended=jnp.ones(WIDTH, bool))
     ends = jax.eval_shape(work.end, lane)
     ends = jax.tree.map(lambda s: jnp.zeros((n + 1, *s.shape), s.dtype), ends)
     ends = jax.lax.while_loop(

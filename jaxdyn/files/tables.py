@@ -132,6 +132,8 @@ _TIMES = ("t", "time")
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
 #: Units of columns that are converted to SI units and radians.
 _UNITS = {"deg": math.pi / 180, "degrees": math.pi / 180, "cm": 0.01, "mm": 0.001, "ms": 0.001}
+#: How Fortran marks the exponent of a number, as in 1.5D-3.
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
@@ -173,7 +175,8 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
     separator = _separator(lines[0])
     rows = [_cells(line, separator) for line in lines]
     first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
-    if not first[-1]:  # some programs end each line with a separator
+    # Some programs end each line with a separator.
+    if first and not first[-1] and not any(row[-1] for row in rows):
         first = first[:-1]
     rows = [row[:-1] if len(row) > len(first) and not row[-1] else row for row in rows]
     heads = [_HEAD.fullmatch(name.strip()) for name in first]
@@ -192,12 +195,17 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
 
 
 def _titles(lines: Sequence[str]) -> int:
-    """Number of lines before that of the names, which has as many cells as one of numbers."""
-    for i, line in enumerate(lines):
+    """Number of lines before that of the names, the first with as many cells as one of numbers."""
+    for line in lines:
         separator = _separator(line)
-        if _is_number(_cells(line, separator)[0]):
-            counts = [len(_cells(one, separator)) for one in lines[: i + 1]]
-            return i - 1 if i and counts[0] != counts[i - 1] == counts[i] else 0
+        cells = _cells(line, separator)
+        if not _is_number(cells[0]):
+            continue
+        first = (i for i, one in enumerate(lines) if len(_cells(one, separator)) == len(cells))
+        titles = next(first)
+        names = _cells(lines[titles], separator)
+        named = all(name.strip() and not _is_number(name) for name in names)
+        return titles if named else 0
     return 0
 
 
@@ -213,23 +221,20 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _is_number(text: str) -> bool:
     try:
-        _value(text)
+        float(text)
     except ValueError:
         return False
     return True
-
-
-def _value(text: str) -> float:
-    return float(text.lower().replace("d", "e"))  # Fortran writes 1.5D-3
 
 
 def _number(row: list[str], i: int, count: int, path: str | Path) -> float:
     if len(row) != count:
         raise fail("path", f"{count} columns in each line of {path}", f"{len(row)}: {row}"[:90])
     cell = row[i].strip()
-    if cell and not _is_number(cell):
-        raise fail("path", f"numbers in {path}", repr(cell)[:60], _TABLE)
-    return _value(cell) if cell else math.nan
+    try:
+        return float(_FORTRAN.sub("e", cell)) if cell else math.nan
+    except ValueError:
+        raise fail("path", f"numbers in {path}", repr(cell)[:60], _TABLE) from None
 
 
 def _finite(values) -> list:

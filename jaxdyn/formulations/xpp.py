@@ -15,9 +15,11 @@ The reader understands ``par``, ``number``, ``!`` (derived numbers), ``init``, `
 quantities, functions, also of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``. Fixed
 quantities may be declared in any order; XPPAUT computes one that is used before it is declared from
 the previous state. Expressions mean what they mean in XPPAUT, see
-`jaxdyn.formulations.xpp_expressions`. The reader skips ``aux``, boundary conditions, and the
-options for drawing and integration other than ``total``. It refuses whatever is not an ordinary
-differential equation: maps, delays, noise, tables, resets, algebraic equations.
+`jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be expressions of
+parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. The reader skips ``aux``,
+boundary conditions, and the options for drawing and integration other than ``total``. It refuses
+whatever is not an ordinary differential equation: maps, delays, noise, tables, resets, algebraic
+equations.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -36,6 +38,8 @@ from jaxtyping import Array, Float
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
 from jaxdyn.formulations.xpp_expressions import (
+    CONSTANTS,
+    DEEPEST,
     NAME,
     Expression,
     Function,
@@ -43,6 +47,7 @@ from jaxdyn.formulations.xpp_expressions import (
     check_names,
     names,
     read,
+    size,
     value,
 )
 from jaxdyn.scene import Scene, System
@@ -51,8 +56,10 @@ from jaxdyn.scene import Scene, System
 _LONGEST = 200_000
 #: Number of statements of a text, with the rows of states written out.
 _MOST_STATEMENTS = 10_000
+#: Number of operations of all rates, with functions written out.
+_MOST_OPERATIONS = 200_000
 _DEFAULT_SPAN = 20.0  # the default of XPPAUT
-_SPAN, _BEGIN = "total", "t0"
+_SPAN, _BEGIN, _STEP = "total", "t0", "dt"
 
 _RATE = re.compile(rf"(?:d({NAME})\s*/\s*dt|({NAME})\s*')\s*=(.*)")
 _START = re.compile(rf"({NAME})\s*\(\s*0\s*\)\s*=(.*)")
@@ -60,7 +67,9 @@ _FUNCTION = re.compile(rf"({NAME})\s*\(([^()]*)\)\s*=(.*)")
 _FIXED = re.compile(rf"({NAME})\s*=(.*)")
 _KEYWORD = re.compile(r"([a-z]+)\b\s*(.*)")
 _ROW = re.compile(r"\[\s*(\d+)\s*\.\.\s*(\d+)\s*\]")
-_IN_ROW = re.compile(r"\[([\dj+\-*\s]+)\]")
+_PLACE = re.compile(r"\[(\d+)\]")
+#: XPPAUT computes other places in another way than they are written.
+_IN_ROW = re.compile(r"\[(\d+|j(?:[+\-*]\d+)?)\]")
 #: Words that begin a line whose content changes no rate.
 _LEFT_OUT = ("aux", "set", "only", "export", "o", "opt", "option", "options")
 _BOUNDARY = ("b", "bdry", "bndry")
@@ -208,16 +217,22 @@ def _rows(statement: str) -> Iterator[str]:
     """The statements of a row of states, such as x[1..9]'=x[j-1], or the statement itself."""
     row = _ROW.search(statement)
     if row is None or statement[0] == "@":
-        yield statement
+        yield _PLACE.sub(r"\1", statement)
         return
-    for j in range(int(row[1]), int(row[2]) + 1):
+    first, last = int(row[1]), int(row[2])
+    way = 1 if first <= last else -1
+    for j in range(first, last + way, way):
         written = f"{statement[: row.start()]}[j]{statement[row.end() :]}"
         yield _IN_ROW.sub(functools.partial(_index, j), written)
 
 
 def _index(j: int, found: re.Match[str]) -> str:
     """The number of a place in a row, such as [j+1]."""
-    return format(value(_expression(found[1], found[0]), {"j": float(j)}, {}), ".0f")
+    number = value(read(found[1]), {"j": float(j)}, {})
+    before = found.string[: found.start()]
+    if number < 0 and re.search(rf"{NAME}$", before):  # x-1 would be a difference
+        raise _refusal(found.string, "a part of a row before its beginning")
+    return format(number, ".0f")
 
 
 class _Reader:
@@ -231,6 +246,7 @@ class _Reader:
         self.derived: dict[str, Expression] = {}
         self.functions: dict[str, Function] = {}
         self.rates: dict[str, Expression] = {}
+        self._names: set[str] = set()
 
     def read(self, line: str) -> bool:
         """Read a line; the result says whether more may follow."""
@@ -243,8 +259,11 @@ class _Reader:
         if line[0] == "@":
             self.span = self._option(line, _SPAN, self.span)
             self.begin = self._option(line, _BEGIN, self.begin)
+            if self._option(line, _STEP, 1.0) < 0:
+                raise _refusal(line, "a run backwards in time")
         elif pairs and word.startswith(("p", "n")):
-            self.numbers |= self._pairs(line, rest)
+            for name, number in self._pairs(line, rest).items():
+                self._declare(self.numbers, name, number)
         elif pairs and word in ("i", "init"):
             self.starts |= self._pairs(line, rest)
         elif begins and rest and word in _REFUSED:
@@ -263,18 +282,25 @@ class _Reader:
         if re.match(r"0\s*=", line):
             raise _refusal(line, "an algebraic equation")
         if found := _RATE.fullmatch(line):
-            self.rates[found[1] or found[2]] = _expression(found[3], line)
+            self._declare(self.rates, found[1] or found[2], _expression(found[3], line))
         elif found := _START.fullmatch(line):
             self.starts[found[1]] = self._number(found[2], line)
         elif found := _FUNCTION.fullmatch(line):
             arguments = tuple(x.strip() for x in found[2].split(","))
             if not all(re.fullmatch(NAME, x) for x in arguments):
                 raise _refusal(line, "a map")
-            self.functions[found[1]] = Function(arguments, _expression(found[3], line))
+            function = Function(arguments, _expression(found[3], line))
+            self._declare(self.functions, found[1], function)
         elif found := _FIXED.fullmatch(line.removeprefix("!").strip()):
-            self.derived[found[1]] = _expression(found[2], line)
+            self._declare(self.derived, found[1], _expression(found[2], line))
         else:
             raise _refusal(line, "")
+
+    def _declare(self, place: dict[str, Any], name: str, what: Any) -> None:
+        if name in self._names or name in ("t", _SPAN, *CONSTANTS):
+            raise _checks.fail("text", "one meaning of each name", f"two of {name}")
+        self._names.add(name)
+        place[name] = what
 
     def _pairs(self, line: str, text: str) -> dict[str, float]:
         """Numbers by name, from "a=1, b=2" or "a=1 b=2"; a name alone has the value 0."""
@@ -287,8 +313,8 @@ class _Reader:
         return {key: self._number(number or "0", line) for key, _, number in split}
 
     def _option(self, line: str, name: str, otherwise: float) -> float:
-        found = re.search(rf"\b{name}\s*=\s*([^\s,]+)", line)
-        return self._number(found[1], line) if found else otherwise
+        found = re.findall(rf"\b{name}\s*=\s*([^\s,]+)", line)
+        return self._number(found[-1], line) if found else otherwise
 
     def _number(self, text: str, line: str) -> float:
         found = _expression(text, line)
@@ -301,26 +327,25 @@ class _Reader:
             raise _checks.fail("text", "rates such as x' = -x", "none")
         for name in self.starts:
             _checks.choice("start", name, self.rates)
-        twice = self.rates.keys() & {*self.numbers, *self.derived, *self.functions, "t", _SPAN}
-        if twice:
-            raise _checks.fail("text", "one meaning of each name", f"two of {min(twice)}")
         known = {*self.numbers, *self.rates, *self.derived, "t"}
-        everything = dict.fromkeys(known)
         for name, expression in {**self.derived, **self.rates}.items():
             where = f"{name}'" if name in self.rates else name
-            check_names(expression, everything, self.functions, where)
+            check_names(expression, known, self.functions, where)
         for name, (arguments, body) in self.functions.items():
-            check_names(body, everything | dict.fromkeys(arguments), self.functions, name)
+            check_names(body, known | {*arguments}, self.functions, name)
         used = [names(x) for x in (*self.rates.values(), *self.derived.values())]
         used += [names(body) - {*arguments} for arguments, body in self.functions.values()]
         if self.begin != 0 and "t" in set().union(*used):
             remedy = f"Leave it out, and pass t0={self.begin:g} to `simulate`."
             raise _checks.fail("text", "a start at the time 0", f"t0={self.begin:g}", remedy)
         starts = {name: self.starts.get(name, 0.0) for name in self.rates}
-        return Model(self.numbers, starts, self.span, self._in_order(), self.functions, self.rates)
+        order = self._order()
+        self._check_size(order)
+        derived = {name: self.derived[name] for name in order if name in self.derived}
+        return Model(self.numbers, starts, self.span, derived, self.functions, self.rates)
 
-    def _in_order(self) -> dict[str, Expression]:
-        """The derived quantities, each after those that it uses, itself or by a function."""
+    def _order(self) -> list[str]:
+        """The derived quantities and, with (), the functions, each after those that it uses."""
         uses = {name: names(expression) for name, expression in self.derived.items()}
         for name, (arguments, body) in self.functions.items():
             uses[f"{name}()"] = names(body) - {*arguments}
@@ -330,11 +355,24 @@ class _Reader:
             for name, used in uses.items()
         }
         try:
-            order = graphlib.TopologicalSorter(graph).static_order()
-            return {name: self.derived[name] for name in order if name in self.derived}
+            return list(graphlib.TopologicalSorter(graph).static_order())
         except graphlib.CycleError as error:
             needed = " needs ".join(reversed(error.args[1]))
             raise _checks.fail("text", "definitions that do not need themselves", needed) from None
+
+    def _check_size(self, order: list[str]) -> None:
+        """Raise ValueError if rates with all functions written out are too large to evaluate."""
+        sizes: dict[str, tuple[int, int]] = {}
+        for name in order:
+            if name.endswith("()"):
+                sizes[name[:-2]] = size(self.functions[name[:-2]].body, sizes)
+        whole = [size(x, sizes) for x in (*self.derived.values(), *self.rates.values())]
+        if sum(count for count, _ in whole) > _MOST_OPERATIONS:
+            wanted = f"at most {_MOST_OPERATIONS} operations, with functions written out"
+            raise _checks.fail("text", wanted, "more")
+        if max(depth for _, depth in whole) > DEEPEST:
+            wanted = f"operations and functions within each other at most {DEEPEST} times"
+            raise _checks.fail("text", wanted, "more")
 
 
 def _refusal(line: str, what: str) -> ValueError:

@@ -3,8 +3,10 @@
 The order of operations is XPPAUT's own, which differs from that of other languages. Comparisons
 bind as tightly as powers, and both associate to the left: ``v*2>1`` is v (2 > 1), and ``2^3^2`` is
 64. Then follow ``* / &`` and the signs, and last ``+ - |``. A condition is a number: 1 if it holds,
-else 0. Angles are in radians, ``log`` is the natural logarithm, and ``mod(a, b)`` with a negative b
-is the remainder of a/b, towards zero.
+else 0. Angles are in radians, ``log`` is the natural logarithm, and ``mod(a, b)`` is the remainder
+of a/b towards zero, plus b where that is negative. ``not`` behind an operator other than ``+ - |``
+is refused: there XPPAUT applies it to more than what follows. The arguments of a function are known
+in its own expression only, not in those of functions that it calls.
 
 Reference: XPPAUT 6.11, whose values the tests hold.
 """
@@ -12,7 +14,8 @@ Reference: XPPAUT 6.11, whose values the tests hold.
 import math
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
@@ -35,7 +38,7 @@ _STRENGTH = {
 }
 _NEGATIVE, _NOT, _IF = "negative", "not", "if"
 #: Deepest nesting of operations: evaluation takes a frame of Python's stack for each.
-_DEEPEST = 200
+DEEPEST = 200
 
 
 class Call(NamedTuple):
@@ -146,7 +149,7 @@ def read(text: str) -> Expression:
     reader = _Reader(text)
     found = reader.expression(_SUM)
     reader.expect("")
-    if _depth(found) > _DEEPEST:
+    if _depth(found) > DEEPEST:
         raise ValueError("nesting")
     return found
 
@@ -162,14 +165,20 @@ class _Reader:
     def expression(self, least: int) -> Expression:
         """What follows, with operators that bind at least so tightly."""
         self._open += 1
-        if self._open > _DEEPEST:
+        if self._open > DEEPEST:
             raise ValueError("nesting")
         found = self._operand()
         while (strength := _STRENGTH.get(self._next[1], 0)) >= least and self._next[0] == "sign":
             sign = self._take()[1]
+            if strength > _SUM:
+                self._refuse_not()
             found = Call(sign, (found, self.expression(strength + 1)))
         self._open -= 1
         return found
+
+    def _refuse_not(self) -> None:
+        if self._next == ("name", _NOT):
+            raise ValueError(_NOT)
 
     def expect(self, wanted: str) -> None:
         """Pass a sign, a word, or the end of the text."""
@@ -195,6 +204,7 @@ class _Reader:
                 return Call(text, self._arguments()) if self._next[1] == "(" else text
         match text:
             case "-" | "~":
+                self._refuse_not()
                 return Call(_NEGATIVE, (self.expression(_PRODUCT + 1),))
             case "+":
                 return self.expression(_PRODUCT + 1)
@@ -263,17 +273,25 @@ def names(expression: Expression) -> set[str]:
 
 def check_names(
     expression: Expression,
-    known: Mapping[str, Any],
+    known: Collection[str],
     functions: Mapping[str, Function],
     where: str,
 ) -> None:
-    """Raise ValueError for a name that a text has not declared, or another number of arguments."""
+    """Raise ValueError for a name that a text has not declared, or another number of arguments.
+
+    Args:
+      expression: the expression.
+      known: names of numbers, besides those of constants.
+      functions: the functions of the text.
+      where: what the expression belongs to, for the message.
+    """
     for part in parts(expression):
-        if isinstance(part, str):
-            _checks.choice(f"name in {where}", part, {**known, **CONSTANTS})
+        if isinstance(part, str) and part not in known and part not in CONSTANTS:
+            _checks.choice(f"name in {where}", part, dict.fromkeys((*known, *CONSTANTS)))
         if not isinstance(part, Call) or part.name in _OPERATIONS:
             continue
-        _checks.choice(f"function in {where}", part.name, {**_FUNCTIONS, **functions})
+        if part.name not in functions:
+            _checks.choice(f"function in {where}", part.name, {**_FUNCTIONS, **functions})
         own = functions.get(part.name)
         count = _COUNTS.get(part.name, 1) if own is None else len(own.arguments)
         if len(part.arguments) != count:
@@ -281,18 +299,42 @@ def check_names(
             raise _checks.fail(where, wanted, len(part.arguments))
 
 
+def size(expression: Expression, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    """Number of operations of an expression, and how deeply they are nested, functions written out.
+
+    Args:
+      expression: the expression.
+      sizes: the same of the functions that it calls, by name.
+    """
+    called = [sizes.get(part.name, (0, 0)) for part in parts(expression) if isinstance(part, Call)]
+    count = sum(1 + operations for operations, _ in called)
+    return count, _depth(expression) + max((depth for _, depth in called), default=0)
+
+
 def value(
-    expression: Expression, known: Mapping[str, Any], functions: Mapping[str, Function]
+    expression: Expression,
+    known: Mapping[str, Any],
+    functions: Mapping[str, Function],
+    own: Mapping[str, Any] = MappingProxyType({}),
 ) -> Any:
-    """The value of an expression for known numbers."""
+    """The value of an expression.
+
+    Args:
+      expression: the expression.
+      known: numbers by name.
+      functions: the functions that the text defines.
+      own: arguments of the function whose expression it is, by name.
+    """
     if isinstance(expression, str):
+        if expression in own:
+            return own[expression]
         return CONSTANTS[expression] if expression in CONSTANTS else known[expression]
     if not isinstance(expression, Call):
         return expression
     name, given = expression.name, []
     for one in expression.arguments:  # no comprehension: it may take a frame of its own
-        given.append(value(one, known, functions))
+        given.append(value(one, known, functions, own))
     if name in functions:
         arguments, body = functions[name]
-        return value(body, {**known, **dict(zip(arguments, given, strict=True))}, functions)
+        return value(body, known, functions, dict(zip(arguments, given, strict=True)))
     return (_OPERATIONS.get(name) or _FUNCTIONS[name])(*given)

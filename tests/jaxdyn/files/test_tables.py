@@ -58,6 +58,13 @@ def test_tables_are_read(tmp_path):
     assert back["angle"][0] == np.pi / 2
     assert np.isnan(back["angle"][1])
     assert np.allclose(back["x"], [0.015, 0.02], rtol=1e-15)
+    path.write_text("mass A\nx,t\n,0\n1,0.5\n")
+    back = jaxdyn.read_csv(path)
+    assert np.isnan(back["x"][0])
+    assert back["t"].tolist() == [0.0, 0.5]
+    path.write_text("t x\n,5 ,1\n,75 ,2\n1,0 ,3\n")  # decimal commas
+    assert jaxdyn.read_csv(path)["t"].tolist() == [0.5, 0.75, 1.0]
+    assert jaxdyn.read_csv(path, names=[]) == {}
     path.write_text("0 1.0 2.0\n1 3.0 4.0\n")
     back = jaxdyn.read_csv(path, names=["t", "x", "vx"])
     assert back["vx"].tolist() == [2.0, 4.0]
@@ -95,6 +102,8 @@ def test_other_tables_are_refused(tmp_path):
     assert "expected numbers" in refused("t,x\n1,two\n")
     assert "x twice" in refused("t,x,x\n1,2,3\n")
     assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
+    assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names
+    assert "got 'NA'" in refused("title\nt,x\nNA,1\n0.5,2\n")
     assert "without lines" in refused("# nothing\n")
     path.write_bytes(b"\xff\xfe\x00")
     assert "a table as text" in refusal(lambda: jaxdyn.read_csv(path))

@@ -53,7 +53,7 @@ def test_a_model_of_a_neuron_is_what_it_is_by_hand():
         ("heav(x - 2.5) + sign(2 - x)", [0.0, 0.0]),
         ("if(x>2)then(if(x>=3)then(7)else(8))else(-1)", [-1.0, 7.0]),
         ("if (x==2) then (1) else (0) + 1", [2.0, 1.0]),
-        ("(x>1 & x<3) + 10*not(x<3) + 100*((x<1) | (x>2.5))", [1.0, 110.0]),
+        ("(x>1 & x<3) + 10*(not(x<3)) + 100*((x<1) | (x>2.5))", [1.0, 110.0]),
         ("max(x, 2.5) + min(x, 1e-1) + mod(x, 2) + flr(x/2)", [3.6, 5.1]),
         ("lambda*x + ln(exp(x)) + log10(10) + pi - pi + t", [9.0, 13.0]),
         ("f(x, 2) + q", [13.0, 15.0]),
@@ -115,7 +115,7 @@ def test_powers_and_quotients_of_numbers_are_those_of_arrays():
 
 
 def test_rows_of_states():
-    text = "par d=2; init u[0..2]=[j]\nu0'=0; u[1..3]'=d*u[j-1]+[j]; u4'=u[3..3]"
+    text = "par d=2; init u[0..2]=[j]\nu0'=0; u[1..3]'=d*u[j-1]+[j]; u4'=u[3]"
     scene = Maker(text)()
     assert [name for name, _ in scene.labels()] == [f"u{j}" for j in range(5)]
     np.testing.assert_array_equal(scene.y0, [0, 1, 2, 0, 0])
@@ -127,6 +127,21 @@ def test_quantities_in_any_order_and_functions_of_time():
     scene = Maker(text)()
     assert Maker(text).defaults == {"k": 3.0, "free": 0.0, "w": 12.5, "total": 20.0}
     assert float(scene.rate(2.0, scene.y0)[0]) == 7 + 25 + 4
+
+
+def test_a_row_may_descend():
+    text = "x[3..1]'=[j*2]\n@ total=3, total=4"
+    assert Maker(text).defaults == {"x3": 0.0, "x2": 0.0, "x1": 0.0, "total": 4.0}
+    np.testing.assert_array_equal(Maker(text)().rate(0.0, jnp.zeros(3)), [6, 4, 2])
+
+
+@pytest.mark.parametrize(
+    ("functions", "expected"),
+    [("f(k)=g(2); g(y)=y*k", 2.0), ("f(t)=g(2)+t; g(y)=y+t", 7.0), ("f(pi)=pi*2", 10.0)],
+)
+def test_arguments_are_known_in_their_own_function_only(functions, expected):
+    scene = Maker(f"par k=1; {functions}; x'=f(5)")()
+    assert float(scene.rate(0.0, scene.y0)[0]) == expected
 
 
 def test_what_says_nothing_about_rates_is_left_out():
@@ -193,6 +208,25 @@ def test_its_scenes_survive_their_file(tmp_path):
         ("table f f.tab\nx'=1", "got a table"),
         ("x[1..3]'=-shift(x1,[j])", "got a shift or a sum of states"),
         ("x[k]'=1", "got a part of a row"),
+        ("x[1..2]'=[2*j]", "got a part of a row"),
+        ("x[1..2]'=x[jj]", "got a part of a row"),
+        ("x'=2*not(x)", "expected parameters, starts and rates"),
+        ("x'=1\n@ total=3, dt=-.1", "got a run backwards in time"),
+        ("par total=3\nx'=total", "one meaning of each name, got two of total"),
+        ("par pi=3\nx'=pi", "one meaning of each name, got two of pi"),
+        ("par a=1\na=2\nx'=a", "one meaning of each name, got two of a"),
+        ("x'=1\nx'=2", "one meaning of each name, got two of x"),
+        (
+            "f0(x)=x\n"
+            + "".join(f"f{i + 1}(x)=f{i}(x)+f{i}(x)\n" for i in range(20))
+            + "x'=f20(x)",
+            "at most 200000 operations",
+        ),
+        (
+            "f0(x)=x\n" + "".join(f"f{i + 1}(x)=f{i}(x)+1\n" for i in range(300)) + "x'=f300(x)",
+            "within each other at most 200 times",
+        ),
+        ("x[0..3]'=x[j-1]", "got a part of a row before its beginning"),
         ("x'=-x\ninit y=1", "start: expected one of x, got 'y'"),
         ("par x=1\nx'=-x", "text: expected one meaning of each name, got two of x"),
         ("x'=if(x)then(1)", "expected parameters, starts and rates"),
