@@ -345,27 +345,24 @@ class _Reader:
         return Model(self.numbers, starts, self.span, derived, self.functions, self.rates)
 
     def _order(self) -> list[str]:
-        """The derived quantities and, with (), the functions, each after those that it uses."""
+        """The derived quantities and the functions, each after those that it uses."""
         uses = {name: names(expression) for name, expression in self.derived.items()}
         for name, (arguments, body) in self.functions.items():
-            uses[f"{name}()"] = names(body) - {*arguments}
-        calls = {name: f"{name}()" for name in self.functions}
-        graph = {
-            name: {x for x in (*used, *(calls[x] for x in used if x in calls)) if x in uses}
-            for name, used in uses.items()
-        }
+            uses[name] = names(body) - {*arguments}
+        graph = {name: used & uses.keys() for name, used in uses.items()}
         try:
             return list(graphlib.TopologicalSorter(graph).static_order())
         except graphlib.CycleError as error:
-            needed = " needs ".join(reversed(error.args[1]))
-            raise _checks.fail("text", "definitions that do not need themselves", needed) from None
+            circle = [f"{x}()" if x in self.functions else x for x in reversed(error.args[1])]
+            wanted = "definitions that do not need themselves"
+            raise _checks.fail("text", wanted, " needs ".join(circle)) from None
 
     def _check_size(self, order: list[str]) -> None:
         """Raise ValueError if rates with all functions written out are too large to evaluate."""
         sizes: dict[str, tuple[int, int]] = {}
         for name in order:
-            if name.endswith("()"):
-                sizes[name[:-2]] = size(self.functions[name[:-2]].body, sizes)
+            if name in self.functions:
+                sizes[name] = size(self.functions[name].body, sizes)
         whole = [size(x, sizes) for x in (*self.derived.values(), *self.rates.values())]
         if sum(count for count, _ in whole) > _MOST_OPERATIONS:
             wanted = f"at most {_MOST_OPERATIONS} operations, with functions written out"

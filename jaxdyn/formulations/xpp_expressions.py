@@ -209,13 +209,15 @@ class _Reader:
             case "+":
                 return self.expression(_PRODUCT + 1)
             case "(":
-                inside = self.expression(_SUM)
-                self.expect(")")
-                return inside
+                return self._inside()
         raise ValueError(text)
 
     def _within(self) -> Expression:
         self.expect("(")
+        return self._inside()
+
+    def _inside(self) -> Expression:
+        """What an open parenthesis encloses."""
         inside = self.expression(_SUM)
         self.expect(")")
         return inside
