@@ -167,8 +167,9 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise fail("path", "a table as text", f"{path}, which is none", _TABLE) from error
-    lines = [line.strip() for line in text.splitlines()]
-    lines = [line for line in lines if line and not line.startswith(("#", "sep="))]
+    # A tab at an end of a line may stand beside an empty cell.
+    lines = [line.strip(" ") for line in text.splitlines() if line.strip()]
+    lines = [line for line in lines if not line.startswith(("#", "sep="))]
     if not lines:
         raise fail("path", "a table as text", f"{path} without lines", _TABLE)
     lines = lines[_titles(lines) :]

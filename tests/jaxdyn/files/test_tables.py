@@ -74,6 +74,7 @@ def test_tables_are_read(tmp_path):
     "text",
     [
         "mass A\nt,x\n0,1\n0.5,\n",  # of Tracker, which follows points in videos
+        "mass A\t\t\nt\tx\n0\t1\n0.5\t\n",
         "sep=;\nt;x\n0;1\n0,5;\n",  # of Excel
         "t,x,\n0,1,\n0.5,,\n",
         "t,x\n0.0D0,1.0d+00\n5.0D-1,nan\n",  # of Fortran
