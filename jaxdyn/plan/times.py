@@ -4,6 +4,8 @@ Both are found from bounds over an interval (`bounds`), so that a pulse or a swi
 it is and however short, where the operations it is made of have bounds.
 """
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -79,6 +81,8 @@ def hides_in_time(
     return (wide | (over & jnp.isfinite(steepest) & (width != 0))).any()
 
 
+# Traced once for all its uses in a program, in which it may be a fifth of the operations.
+@functools.partial(jax.jit, static_argnums=0)
 def furthest_seen(
     plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array, sizes: Array
 ) -> Array:

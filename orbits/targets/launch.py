@@ -113,6 +113,7 @@ def fall_end(scene: Scene, w: Array, t: Array, r: Array, v: Array) -> End:
     return End(t=t + left, r=r + steady * left, v=steady + 0.0 * left, lost=lost)
 
 
+@functools.partial(jax.jit, inline=True)  # traced once for its many uses in a throw
 def acceleration(scene: Scene, velocity: Array, place=0.0, t=0.0) -> Array:
     """(2,) acceleration of the point with a velocity, at a place relative to its launch [m/s^2]."""
     y = jnp.concatenate([scene.y0[:2] + place, velocity])

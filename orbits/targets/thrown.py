@@ -5,7 +5,10 @@ launch. So a fast ball that drag stops and a throw along the ground keep their d
 derivatives.
 """
 
+import functools
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -81,6 +84,7 @@ class ThrownSystem(System):
         return unit * jnp.concatenate([y[2:] * speeds / self.units.lengths, gain])
 
 
+@functools.partial(jax.jit, inline=True)  # traced once for all its uses
 def direction(w: Array) -> tuple[Array, Array]:
     """Cosine and sine of the launch angle of a course.
 
