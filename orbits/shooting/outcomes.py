@@ -33,6 +33,8 @@ _ESCAPE_FACTOR = 100.0
 _TRIVIAL_SHARE = 0.02
 _SAMPLES = 64  # samples of each segment, to see how far it moves
 _SAMPLE_RTOL = 1e-12  # tolerance of these samples
+#: A state at rest seems to move by up to this in the samples, in sizes.
+_UNSEEN = 10 * _SAMPLE_RTOL
 #: The least extent that an entry of the state counts as, relative to a guess's largest extent.
 _LEAST_EXTENT = 1e-9
 
@@ -73,7 +75,7 @@ class Trouble:
         """Whether every entry of the state moves far less at x than at the guess."""
         guessed = extents(self.equations, self.guess) / self.sizes
         least = _TRIVIAL_SHARE * np.maximum(guessed, _LEAST_EXTENT * guessed.max())
-        return not (extents(equations, x) / self.sizes > least).any()
+        return not (extents(equations, x) / self.sizes > np.maximum(least, _UNSEEN)).any()
 
 
 @jax.jit

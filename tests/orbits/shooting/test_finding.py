@@ -433,6 +433,16 @@ def test_an_equilibrium_is_not_an_orbit():
     assert orbits.find(van_der_pol(), **held, throw=False).outcome == Outcome.TRIVIAL
 
 
+def test_a_decay_that_has_nearly_ended_is_not_an_orbit():
+    # It moves by less than samples of a motion are held to.
+    def decay(t, y):
+        x, z = y / 1e-9
+        return [1e-24 * (1 + 1e-9 * x**2 * z - 4 * x), 1e-24 * (3 * x - x**2 * z)]
+
+    settled = jaxdyn.ode(decay, [2.5000000018711975e-10, 1.1979457347051062e-08], 7e15)
+    assert orbits.find(settled, throw=False).outcome == Outcome.TRIVIAL
+
+
 @pytest.mark.slow
 def test_a_forced_motion_may_start_at_rest():
     class Push(Effect):
