@@ -372,8 +372,8 @@ def equations(scene: Scene) -> Equations:
 
     Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers for constraints
     and rolling conditions, rigid bodies Euler's equations; the equations of other systems are their
-    rates. The constraints, the energies, the momenta of cyclic coordinates and the values of the
-    symbols are printed as well.
+    rates. The constraints, the energies, the conserved momenta and the values of the symbols are
+    printed as well.
 
     Terms with a parameter that is 0 in the scene are left out. Isolated points where a formula is
     undefined, such as the direction of a spring of length 0, are ignored. Quaternions have length

@@ -80,6 +80,8 @@ class Style(abc.ABC):
         terms.sort(key=lambda term: _term_place(term[0]))
         if _ascends(terms):
             terms.sort(key=lambda term: _moves(term[0]))
+        elif all(s.kind == "parameter" for m, _ in terms for a, _ in m for s in symbols_of(a)):
+            terms.sort(key=lambda term: len(term[0]))  # I + m d^2
         if len(terms) > 1 and terms[0][1] < 0:
             first = next((i for i, (_, c) in enumerate(terms) if c > 0), 0)
             if _degree(terms[first][0]) == _degree(terms[0][0]):
@@ -440,7 +442,8 @@ class MathML(Style):
             return self.power(found, exponent) if exponent else found
         name = f"<mi>{_NAMES.get(op, op)}</mi>"
         name = f"<msup>{name}<mn>{exponent}</mn></msup>" if exponent else name
-        inner = inner if plain else self.brackets(inner)
+        # Browsers put no space between the name of a function and its argument.
+        inner = f'<mspace width="0.17em"/>{inner}' if plain else self.brackets(inner)
         return f"<mrow>{name}<mo>&#x2061;</mo>{inner}</mrow>"
 
     def choice(self, condition, yes, no):
