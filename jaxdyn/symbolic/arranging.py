@@ -55,7 +55,9 @@ def _with_squares(x: Expression) -> Expression:
             {a: min(p.get(a, Fraction(0)) for p in powers.values()) for a in powers[m] | powers[n]}
         )
         a, b = (_root_of(times(k, inverse(common))) for k in (m, n))
-        if x.terms[n] != c or a is None or b is None or min(len(a), len(b)) < 2:
+        if x.terms[n] != c or a is None or b is None:
+            continue
+        if min(len(a), len(b)) < 2 and not (_is_fixed(a) and _is_fixed(b) and a and b):
             continue
         cross = times(times(common, a), b)
         ratio = x.terms.get(cross, 0) / (2 * c)
