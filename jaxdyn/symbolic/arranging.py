@@ -426,6 +426,19 @@ def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
     return [Expression({times(m, common): c / content for m, c in x.terms.items()}) for x in sums]
 
 
+def clear_denominators(x: Expression) -> Expression:
+    """A sum that is 0 times its denominators that are parameters: x^2 - l^2 for x^2 / l - l."""
+    below: dict[Atom, Fraction] = {}
+    for m in x.terms:
+        for a, e in m:
+            if e < 0 and _is_nonzero(a):
+                below[a] = min(e, below.get(a, e))
+    if not below:
+        return x
+    over = Expression({in_order(below): shared_number(x)})
+    return x / over
+
+
 def _is_nonzero(a: Atom) -> bool:
     """Whether an atom consists of parameters and cannot be 0."""
     if isinstance(a, Group):

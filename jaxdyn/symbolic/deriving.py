@@ -49,6 +49,7 @@ from jaxdyn.symbolic.algebra import (
     number,
     total,
 )
+from jaxdyn.symbolic.arranging import clear_denominators
 from jaxdyn.symbolic.following import (
     Followers,
     eliminate_followers,
@@ -211,7 +212,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     # The square of a distance has the shorter second derivative, and the distance is known.
     distances = [_distance(x) for x in phi]
     squares = [
-        as_expression(d[0]) * Fraction(1, 2) if d else x
+        as_expression(d[0]) * Fraction(1, 2) if d else clear_denominators(x)
         for x, d in zip(phi, distances, strict=True)
     ]
     second = [by_time(by_time(x)) for x in squares] + [by_time(x) for x in rolling]

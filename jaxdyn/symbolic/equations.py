@@ -22,6 +22,7 @@ from jaxdyn.symbolic.algebra import (
 )
 from jaxdyn.symbolic.arranging import (
     Lengths,
+    clear_denominators,
     collect,
     complete_squares,
     drop_steady_factors,
@@ -405,7 +406,7 @@ def _divisor(whole: Expression, others: Expression) -> Expression:
     """The common factor of an equation, and the common denominator of the other terms."""
     shared = shared_factor([whole])
     if len(others.terms) > 1:
-        for m in shared_factor([others]).terms:
+        for m in shared_factor([others / shared]).terms:
             for a, e in m:
                 if e < 0 and isinstance(a, Symbol) and a.kind == "parameter":
                     shared = shared * as_expression(a) ** e
@@ -414,6 +415,7 @@ def _divisor(whole: Expression, others: Expression) -> Expression:
 
 def _condition(x: Expression) -> Line:
     """A constraint: coordinates on the left, lengths on the right."""
+    x = clear_denominators(x)
     fixed = {m: -c for m, c in x.terms.items() if _is_parameter(Expression({m: c}))}
     right = Expression(fixed)
     return _positive(collect(x + right), collect(right))

@@ -38,6 +38,8 @@ BESIDES = {
         for formulation in ("lagrange", "constrained")
     },
     "two point masses": lambda: scenes.double_pendulum(uniform=False),
+    "squared distance": lambda: scenes.dumbbell(tie="square"),
+    "squared length": lambda: scenes.pendulum(formulation="constrained", tie="square"),
     "angles from bar to bar": lambda: scenes.double_pendulum(uniform=False, relative=True),
     "point masses on rods": lambda: scenes.double_pendulum(
         uniform=False, formulation="constrained"
@@ -219,6 +221,19 @@ def _motion(scene):
 #: What a textbook prints, term by term.
 TEXTBOOK = {
     "pendulum": ["theta'' = -(g/l) sin(theta)"],
+    "squared length": [
+        "m x'' = lambda x/l",
+        "m y'' + m g = lambda y/l",
+        "x x'' + y y'' + x'^2 + y'^2 = 0",
+    ],
+    "squared distance": [
+        "m1 x1'' = lambda (x1 - x2)/l",
+        "m1 y1'' = lambda (y1 - y2)/l",
+        "m2 x2'' = lambda (x2 - x1)/l",
+        "m2 y2'' = lambda (y2 - y1)/l",
+        "(x1 - x2) x1'' + (y1 - y2) y1'' + (x2 - x1) x2'' + (y2 - y1) y2''"
+        " + (x1' - x2')^2 + (y1' - y2')^2 = 0",
+    ],
     "cart_pendulum": [
         "(m1 + m2) x'' + m2 l theta'' cos(theta) - m2 l theta'^2 sin(theta) = 0",
         "x'' cos(theta) + l theta'' + g sin(theta) = 0",
@@ -330,6 +345,8 @@ def test_springs_and_dashpots_between_two_points():
 
 
 def test_energies_and_constraints():
+    found = jaxdyn.equations(BESIDES["squared length"]())
+    assert found.text("constraints") == "Constraints\n  x^2 + y^2 = l^2"
     found = jaxdyn.equations(BESIDES["point masses on rods"]())
     assert found.text("constraints").splitlines()[1:] == [
         "  sqrt(x1^2 + y1^2) = l1",
