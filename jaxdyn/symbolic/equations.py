@@ -305,7 +305,11 @@ class Equations(Printed):
         rest = np.array([row.rest.value(values) for row in self._rows])
         scale = np.abs(matrix).max(axis=1, keepdims=True)
         # If multipliers are not determined, the smallest ones are taken.
-        solution = np.linalg.lstsq(matrix / scale, rest / scale[:, 0], rcond=_RANK)[0]
+        matrix, rest = matrix / scale, rest / scale[:, 0]
+        solution = np.zeros(len(unknowns))
+        # Forces and accelerations differ in size; the second time removes the rounding of that.
+        for _ in range(2):
+            solution += np.linalg.lstsq(matrix, rest - matrix @ solution, rcond=_RANK)[0]
         values |= dict(zip(unknowns, solution.tolist(), strict=True))
         return np.array([values[s] for s in found.rates])
 
