@@ -358,8 +358,9 @@ def _force_on_body(
         return Force("", total, points.r[index][acted[0]], none, EFFECT)
     moments = _cross_rows(arms, f)
     couple = moments.sum(axis=0)
-    # For a force in proportion to mass, the couple is the rounding of its terms.
-    size = float((np.linalg.norm(arms, axis=1) * np.linalg.norm(f, axis=1)).sum())
+    # For a force in proportion to mass, the couple is the rounding of the places of the points.
+    reach = np.abs(points.r[index]).sum(axis=1) + np.abs(body.centre).sum()
+    size = float(reach @ np.linalg.norm(f, axis=1))
     couple = np.where(np.abs(couple) <= 8 * np.finfo(float).eps * size, 0.0, couple)
     return Force("", total, body.centre, couple, EFFECT)
 

@@ -53,7 +53,7 @@ with the angular acceleration alpha, where the flight begins, so contact ends in
 costs energy; only at the top is alpha = 0, and there a flight enters the ground. If friction is
 replaced by a constraint that makes the cylinder roll, the ground has to pull it down just before
 and after a flight; the function `pull` says how strongly. It is little if the inertia is far above
-m r^2.
+m r^2. `--check` lets this cylinder hop on level ground, with the same m, r, d, I and g.
 """
 
 import dataclasses

@@ -17,7 +17,8 @@ omega. It does not change in space: H' + omega x H = 0, with H' in these axes, w
 
 on the right for the moments 1, 2 and 3 kg m^2.
 
-(b) `euler` in the code has these equations; `simulate(ode(euler, start, t1))` integrates them.
+(b) `euler` in the code has these equations; `simulate(ode(euler, start, t1))` integrates them. From
+(1, 0, 1) rad/s the solution is compared with Jacobi's functions for 30 s.
 
 (c, d) Deviations of 0.001 rad/s in each component from a spin of 1 rad/s about x', y' and z' are in
 the picture, for 30 s.
@@ -27,7 +28,8 @@ grow until the body flips over. To first order the two deviations across the spi
 w'' = w omega^2 (I_j - I_i) (I_i - I_k) / (I_j I_k): positive only for the middle moment.
 
 (f) The full equations, with the attitude R, give omega in fixed axes. R^T omega is its components
-in the body's axes, and these are the solution of Euler's equations.
+in the body's axes, and these are the solution of Euler's equations, here from (1, 0, 1) rad/s for
+30 s.
 """
 
 import jax.numpy as jnp

@@ -7,6 +7,11 @@ mass G it is the rate of change of the sum of r_i/G x m_i v_i/G, however G accel
 Answer: In the sum of r_i/G x m_i a_i put a_i = a_G + a_i/G. The first part is the sum of m_i r_i/G,
 which is zero, times a_G; the second is the derivative of the sum of r_i/G x m_i v_i/G, since
 v_i/G x v_i/G = 0.
+
+The numbers belong to three masses of 1, 2 and 3 kg, which are thrown from (0, 0, 0), (1, 0, 0) and
+(0, 1, 0.5) m at (3, 0, 4), (3, 2, 5) and (2, 0, 4) m/s and followed for 1 s. Each two are joined by
+a spring of 50 N/m with the rest length 1 m; g = 9.81 m/s^2 acts in -z, and the air exerts a drag of
+0.5 N per m/s on each.
 """
 
 import jax.numpy as jnp

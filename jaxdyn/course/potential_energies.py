@@ -17,8 +17,8 @@ depends on its own coordinate at most, and is integrated over that.
 
 Below, the forces act on two points that move from (1, 0.5, 0.2) and (-1, 0.3, 1) to (0.4, 1.5,
 -0.6) and (-0.5, -1, 2) m; a spring with one end at the origin acts on the first. They have 1 kg
-each, g = 9.81 m/s^2, k = 3 N/m, l = 0.5 m, C = 2, f(r) = r e^-r in (e), n = (2, 1, 2) / 3, and
-f(x) = sin(x).
+each, g = 9.81 m/s^2, k = 3 N/m and l = 0.5 m. C is 2 N m^2 in (d) and (g) and 2 N in (h), where n
+is (2, 1, 2) / 3. In (e), f(r) is r e^-r N with r in m, and in (i), f(x) is sin(x) N with x in m.
 """
 
 import jax

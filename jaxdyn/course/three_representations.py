@@ -20,8 +20,10 @@ after 40 s. The columns of R are the body's axes e_i', and e_i' changes at omega
 omega in fixed axes is R times (omega1, omega2, omega3). Each column of it says e_i' ' = omega x
 e_i'.
 
-(d) The three motions are a box of 3 m x 2 m x 1 m that tumbles, the same spun near its middle
-axis, which flips over, and a plate of 1 m x 1 m that wobbles (problem 56 is about it).
+(d) The three motions, each of 40 s, are a box of 3 m x 2 m x 1 m that tumbles, from omega = (0.3,
+1, 0.5) rad/s in its axes; the same box spun near its middle axis, which flips over, from (0.01, 1,
+0.01) rad/s; and a plate of 1 m x 1 m normal to its axis y' that wobbles, from (0, 2, 0.2) rad/s
+(problem 56 is about it). Each has a mass of 1 kg.
 
 (e) With turns alpha about y, then beta about the new x, then gamma about the newest z, R =
 R_y(alpha) R_x(beta) R_z(gamma), the angular velocity in the body's axes is

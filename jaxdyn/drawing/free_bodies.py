@@ -38,6 +38,7 @@ _LINE, _TITLE_LINE = 0.155, 0.185  # inches per line of text
 _EDGE = 1.5
 _BODY_SIZE = 0.5  # the largest distance of its corners from its mass centre
 _LONGEST = 0.85  # the arrow of the largest force
+_WHOLE_HEAD = 10.0  # length of an arrow from which on its head has its whole size [pt]
 _SHORTEST = 0.03  # a shorter one is a dot with a name
 _MOTION = ("#7a7a7a", "#8e6bbd")  # colours of velocity and acceleration
 #: The directions right and up in a view of space from above, on the side of -y.
@@ -114,16 +115,10 @@ def free_body(
         if not own and panels == 2 and body.rigid:
             own = [(kind, line) for kind, line in shapes if kind in ("line", "area", "solid")]
         _alone(ax, body, own, found, colours, view, motion)
-        ax.text(
-            0.5,
-            -0.01,
-            "\n".join(lines),
-            transform=ax.transAxes,
-            fontsize=8,
-            color=INK,
-            ha="center",
-            va="top",
-        )
+        below = {"fontsize": 8, "color": INK, "ha": "center", "va": "top"}
+        said = ax.text(0.5, -0.01, "\n".join(lines), transform=ax.transAxes, **below)
+        wider = said.get_window_extent().width / ax.get_window_extent().width
+        said.set_fontsize(8 / max(1.0, wider))
     return finish(figure, path)
 
 
@@ -235,7 +230,8 @@ def _together(ax, shapes: list, found: FreeBodies, view: np.ndarray) -> None:
             color=INK,
         )
     labels = _Labels(ax)
-    labels.keep_off([line for _, line in shapes])
+    strokes = [coil(x, 0.05 * half) if kind == "spring" else x for kind, x in shapes]
+    labels.keep_off(strokes)
     for centre, body in zip(centres, found.bodies, strict=True):
         labels.put(centre, np.array([0.6, 0.8]), body.name, INK)
 
@@ -285,20 +281,24 @@ def _alone(
         ax.plot(0, 0, "o", color=INK, mfc="white", ms=5, zorder=3)
     else:
         ax.plot(0, 0, "o", color=INK, ms=9, zorder=3)
-    ax.set_title(f"{body.name}, m = {brief(body.m, found.named_units()[0])}", fontsize=10, y=0.98)
-    labels = _Labels(ax)
+    title = f"{body.name}, m = {brief(body.m, found.named_units()[0])}"
+    labels = _Labels(ax, above=ax.set_title(title, fontsize=10, y=0.98))
     labels.keep_off([line for _, line in shown])
     wanted = []
     moment = found.named_units()[3]
     drawn: list[np.ndarray] = []
+    arcs: list[np.ndarray] = []
     for f in body.forces:
         colour, at = colours[f.name], place(f.at)
-        end, way = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
-        wanted.append((end, way, _name_of(f, found), colour))
+        if not _is_couple(f, found):
+            end, way = _draw_force(ax, at, _flat(f.force, view), found.largest, colour, drawn)
+            wanted.append((end, way, _name_of(f, found), colour))
         if np.any(f.couple):
             named = brief(_magnitude(f.couple), moment, 4)
-            wanted.append((_arc(ax, at, f.couple, colour), np.array([0.7, 0.7]), named, colour))
-    labels.keep_off(drawn)
+            named = f"{f.name}\n{named}" if _is_couple(f, found) else named
+            arcs.append(_arc(ax, at, f.couple, colour, 0.22 + 0.07 * len(arcs)))
+            wanted.append((arcs[-1][20], np.array([0.7, 0.7]), named, colour))
+    labels.keep_off([*drawn, *arcs])
     if motion:
         wanted += _draw_motion(ax, body, found, view, labels)
     for label in wanted:
@@ -324,6 +324,11 @@ def _draw_force(
     drawn.append(ends)
     _arrow(ax, ends[0], ends[1], colour)
     return (ends[0], -arrow / size) if pushes else (ends[1], arrow / size)
+
+
+def _is_couple(f: Force, found: FreeBodies) -> bool:
+    """Whether it turns a body without a force on it."""
+    return bool(np.any(f.couple)) and _magnitude(f.force) <= 1e-12 * found.largest
 
 
 def _name_of(f: Force, found: FreeBodies) -> str:
@@ -389,13 +394,22 @@ def _reach(body: FreeBody) -> float:
 def _account(body: FreeBody, found: FreeBodies) -> list[str]:
     """The sums of a body as lines of text."""
     _, _, newton, moment, _ = found.named_units()
-    tiny = 1e-12 * max(found.largest, 1e-300)
+    tiny = 1e-12 * max(found.largest, body.inertial[0], 1e-300)
 
     def row(x, unit, least):
         x = np.where(np.abs(x) < least, 0.0, x)
         return brief(x.reshape(()) if x.size == 1 else x, unit, 4)
 
-    lines = [f"{f.name}: {row(f.force, newton, tiny)}" for f in body.forces] or ["no forces"]
+    lines = []
+    for f in body.forces:
+        turning = row(f.couple, moment, 0.0)
+        if _is_couple(f, found):
+            lines.append(f"{f.name}: {turning}")
+            continue
+        lines.append(f"{f.name}: {row(f.force, newton, tiny)}")
+        if np.any(f.couple):
+            lines.append(f"its moment: {turning}")
+    lines = lines or ["no forces"]
     lines.append(f"sum of forces = m a = {row(body.m * body.acceleration, newton, tiny)}")
     if body.rigid:
         least = 1e-12 * max(body.inertial[1], found.largest * _reach(body))
@@ -404,28 +418,38 @@ def _account(body: FreeBody, found: FreeBodies) -> list[str]:
 
 
 def _arrow(ax, tail, tip, colour, *, width: float = 2.0, style: str = "-") -> None:
-    look = {"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "lw": width, "color": colour}
-    look |= {"shrinkA": 0, "shrinkB": 0, "ls": style}
+    # A head longer than its arrow would point backwards.
+    ends = ax.transData.transform([tail, tip])
+    share = min(1.0, _magnitude(ends[1] - ends[0]) * 72 / ax.figure.dpi / _WHOLE_HEAD)
+    look = {"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "lw": share * width}
+    look |= {"shrinkA": 0, "shrinkB": 0, "ls": style, "color": colour, "mutation_scale": 10 * share}
     ax.annotate("", tip, tail, arrowprops=look, zorder=4)
 
 
-def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str) -> np.ndarray:
-    """Draw an arc round a point in the sense of a moment, seen along its axis; return its top."""
+def _arc(ax, at: np.ndarray, couple: np.ndarray, colour: str, radius: float) -> np.ndarray:
+    """Draw an arc (40, 2) round a point in the sense of a moment, seen along its axis."""
     sense = float(couple) if couple.ndim == 0 else float(couple[np.abs(couple).argmax()])
     angle = np.radians(
         np.linspace(200.0, -20.0, 40) if sense < 0 else np.linspace(-20.0, 200.0, 40)
     )
-    curve = at + 0.22 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    ax.plot(*curve[:-3].T, color=colour, lw=1.6, zorder=4)
-    _arrow(ax, curve[-4], curve[-1], colour, width=1.6)
-    return curve[20]
+    curve = at + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    ax.plot(*curve[:-4].T, color=colour, lw=1.6, zorder=4)
+    _arrow(ax, curve[-6], curve[-1], colour, width=1.6)
+    return curve
 
 
 class _Labels:
     """Labels on axes that do not overlap each other, arrows or the edge."""
 
-    def __init__(self, ax):
+    def __init__(self, ax, above=None):
         self.ax, self.taken, self.lines = ax, [], []
+        if above is not None:
+            self.taken.append(self._box(above))
+
+    def _box(self, text) -> Bbox:
+        box = text.get_window_extent()
+        corners = self.ax.transData.inverted().transform([[box.x0, box.y0], [box.x1, box.y1]])
+        return Bbox(corners)
 
     def keep_off(self, lines: list[np.ndarray]) -> None:
         """Add lines (k, 2) that no label should cover."""
@@ -453,10 +477,8 @@ class _Labels:
             zorder=6,
             linespacing=1.05,
         )
-        box = drawn.get_window_extent()
-        to_data = ax.transData.inverted()
-        corners = to_data.transform([[box.x0, box.y0], [box.x1, box.y1]])
-        half = (corners[1] - corners[0]) / 2
+        box = self._box(drawn)
+        half = np.array([box.width, box.height]) / 2
         (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
         unit = (x1 - x0) / (2 * _EDGE)
         points = np.concatenate([np.zeros((0, 2)), *self.lines])
@@ -466,7 +488,8 @@ class _Labels:
             turn = (k + 1) // 2 * (-1) ** k * 2 * np.pi / _ALL_ROUND
             aim = np.array([np.cos(start + turn), np.sin(start + turn)])
             middle = at + aim * (far * unit + np.abs(aim) @ half)
-            mine = Bbox([middle - half, middle + half])
+            room = half + np.array([0.03 * unit, 0.0])
+            mine = Bbox([middle - room, middle + room])
             over = sum(_overlap(mine, other) for other in self.taken) / (4 * half.prod())
             inside = (np.abs(points - middle) < half * 1.06).all(axis=1).sum()
             out = max(0.0, *(middle + half - [x1, y1]), *([x0, y0] - (middle - half))) / unit

@@ -28,6 +28,8 @@ from jaxdyn.symbolic.algebra import (
 from jaxdyn.symbolic.simplifying import with_sum
 
 _OF_STATE = frozenset({"coordinate", "velocity", "rate", "acceleration"})
+#: Letters for the roots of sums of squares of velocities.
+_SPEEDS = ("v", "u")
 _OUTER = ("acceleration", "rate", "multiplier")
 
 
@@ -38,8 +40,8 @@ def depends_on_state(a: Atom) -> bool:
 
 def collect(x: Expression) -> Expression:
     """Terms with the same moving factor collected, with coefficients in brackets: (m1 + m2) x''."""
-    x = _with_closing_speeds(_with_squares(x))
-    for key in (_outer, _motion, _lengths, _beside_velocities):
+    x = _with_stretches(_with_closing_speeds(_with_squares(x)))
+    for key in (_along_speeds, _outer, _motion, _lengths, _beside_velocities):
         x = _unite(_alike(x), key)
     return _with_steady(x)
 
@@ -53,7 +55,9 @@ def _with_squares(x: Expression) -> Expression:
             {a: min(p.get(a, Fraction(0)) for p in powers.values()) for a in powers[m] | powers[n]}
         )
         a, b = (_root_of(times(k, inverse(common))) for k in (m, n))
-        if x.terms[n] != c or a is None or b is None or min(len(a), len(b)) < 2:
+        if x.terms[n] != c or a is None or b is None:
+            continue
+        if min(len(a), len(b)) < 2 and not (_is_fixed(a) and _is_fixed(b) and a and b):
             continue
         cross = times(times(common, a), b)
         ratio = x.terms.get(cross, 0) / (2 * c)
@@ -62,6 +66,35 @@ def _with_squares(x: Expression) -> Expression:
             square = ((Group(Expression({a: ONE, b: ratio})), Fraction(2)),)
             return _with_squares(Expression(left | {times(common, square): c}))
     return x
+
+
+def _with_stretches(x: Expression) -> Expression:
+    """Springs on a line: k (x1 - x2) - k l sgn(x1 - x2) as k (|x1 - x2| - l) sgn(x1 - x2)."""
+    for n, d in x.terms.items():
+        for side in [a for a, _ in n if isinstance(a, Call) and a.op == "sign"]:
+            (way,) = side.args
+            whole = Group(way) if len(way.terms) > 1 else next(iter(way.terms))[0][0]
+            rest = times(n, ((side, -ONE),))
+            for m, c in x.terms.items():
+                ratio = dict(times(rest, inverse(times(m, ((whole, -ONE),)))))
+                if n == m or min(ratio.values(), default=-1) < 0:
+                    continue
+                left = {k: v for k, v in x.terms.items() if k not in (m, n)}
+                size = ((Call("abs", way), ONE),)
+                stretch = Expression({size: ONE, in_order(ratio): d / c})
+                spring = times(m, ((whole, -ONE), (side, ONE), (Group(stretch), ONE)))
+                return _with_stretches(Expression(left | {spring: c}))
+    return x
+
+
+def _along_speeds(m: Monomial) -> Monomial | None:
+    """What terms of friction along a velocity share: the load over the speed."""
+    speeds = tuple((a, e) for a, e in m if e == -1 and _is_short(a, e) and _is_speed(a))
+    return speeds or None
+
+
+def _is_speed(a: Atom) -> bool:
+    return isinstance(a, Symbol) and a.stem in _SPEEDS
 
 
 def _with_closing_speeds(x: Expression) -> Expression:
@@ -140,6 +173,11 @@ def of_momentum(x: Expression) -> Expression:
     return _unite(x, lambda m: tuple((a, e) for a, e in m if _is_velocity(a)) or None)
 
 
+def of_points(x: Expression) -> Expression:
+    """A momentum of points by their masses: m (x y' - y x')."""
+    return _unite(x, lambda m: tuple(f for f in m if not depends_on_state(f[0])) or None)
+
+
 def _with_halves(x: Expression) -> Expression:
     """A half taken out of brackets before the square of a velocity: m (1 + a) x'^2 / 2."""
     found: dict[Monomial, Coefficient] = {}
@@ -162,6 +200,15 @@ def factor_common(x: Expression) -> Expression:
     if not common:
         return collect(x)
     return Expression({times(common, ((Group(inner), ONE),)): content})
+
+
+def factor_shared(x: Expression) -> Expression:
+    """The factor of all terms in front of brackets, with quotients of lengths left in them."""
+    if len(x.terms) < 2:
+        return collect(x)
+    content, common, inner = split_common(x, _beside_lengths)
+    brackets = () if inner == number(1) else ((Group(inner), ONE),)
+    return Expression({times(common, brackets): content}) if common else inner * content
 
 
 def _velocities(m: Monomial) -> Monomial | None:
@@ -245,9 +292,26 @@ def _unite(x: Expression, key: Callable[[Monomial], Monomial | None]) -> Express
         for together in _partition(terms):
             content, common, inner = split_common(Expression(together))
             inner = _unite(inner, key) if any(key(m) for m in inner.terms) else inner
-            brackets = () if inner == number(1) else ((Group(inner), ONE),)
+            brackets = () if inner == number(1) else ((Group(_with_radii(inner)), ONE),)
             found[times(times(common, part), brackets)] = content
     return Expression(found)
+
+
+def _with_radii(x: Expression) -> Expression:
+    """Moments of inertia of one mass together: I + m d^2 + m s^2 as I + m (d^2 + s^2)."""
+    masses: dict[tuple, dict[Monomial, Coefficient]] = {}
+    for m, c in x.terms.items():
+        square = tuple((a, e) for a, e in m if isinstance(a, Symbol) and e == 2)
+        rest = tuple(f for f in m if f not in square)
+        if len(square) == 1 and rest:
+            masses.setdefault((rest, c), {})[square] = ONE
+    for (rest, c), squares in masses.items():
+        if 1 < len(squares) < len(x.terms):
+            left = {
+                m: d for m, d in x.terms.items() if not any(m == times(rest, s) for s in squares)
+            }
+            x = Expression(left | {times(rest, ((Group(Expression(squares)), ONE),)): c})
+    return x
 
 
 def _partition(terms: dict[Monomial, Coefficient]) -> list[dict[Monomial, Coefficient]]:
@@ -267,11 +331,24 @@ def _is_short(a: Atom, e: Fraction) -> bool:
     return (isinstance(a, Symbol) and a.kind == "short") or _is_length(a, e)
 
 
-def split_common(x: Expression) -> tuple[Coefficient, Monomial, Expression]:
+def _least(a: Atom, powers: list[Fraction]) -> Fraction:
+    """The least power, which puts all terms over a common denominator."""
+    del a
+    return min(powers)
+
+
+def _beside_lengths(a: Atom, powers: list[Fraction]) -> Fraction:
+    """The power of a factor that leaves each length in the terms that have it."""
+    return _shared_power(powers) if _is_short(a, min(powers)) else min(powers)
+
+
+def split_common(
+    x: Expression, shared_power: Callable[[Atom, list[Fraction]], Fraction] = _least
+) -> tuple[Coefficient, Monomial, Expression]:
     """A number and powers that all terms share, and the rest."""
     powers = [dict(m) for m in x.terms]
     shared = {a for m in powers for a in m}
-    least = {a: min(m.get(a, Fraction(0)) for m in powers) for a in shared}
+    least = {a: shared_power(a, [m.get(a, Fraction(0)) for m in powers]) for a in shared}
     common = in_order(least)
     content = shared_number(x)
     shorts = [
@@ -347,6 +424,19 @@ def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
     )
     common = inverse(in_order(least))
     return [Expression({times(m, common): c / content for m, c in x.terms.items()}) for x in sums]
+
+
+def clear_denominators(x: Expression) -> Expression:
+    """A sum that is 0 times its denominators that are parameters: x^2 - l^2 for x^2 / l - l."""
+    below: dict[Atom, Fraction] = {}
+    for m in x.terms:
+        for a, e in m:
+            if e < 0 and _is_nonzero(a):
+                below[a] = min(e, below.get(a, e))
+    if not below:
+        return x
+    over = Expression({in_order(below): shared_number(x)})
+    return x / over
 
 
 def _is_nonzero(a: Atom) -> bool:
@@ -430,7 +520,7 @@ class Lengths:
             if not index and stems[stem, index] > 1:
                 index = str(1 + sum(_stem(y) == (stem, index) for y in roots[:i]))
             while stem + index in used:
-                stem = {"r": "d", "v": "u", "d": "s"}.get(stem, f"{stem}_")
+                stem = {"r": "d", "d": "s", _SPEEDS[0]: _SPEEDS[1]}.get(stem, f"{stem}_")
             used.add(stem + index)
             symbol = Symbol(stem + index, "short", stem=stem, index=index, rank=i, positive=True)
             self._names[x] = symbol
@@ -443,7 +533,7 @@ class Lengths:
             return (
                 None
                 if not isinstance(a, Call)
-                else as_expression(Call(a.op, *(self(y) for y in a.args)))
+                else as_expression(Call(a.op, *(factor_common(self(y)) for y in a.args)))
             )
 
         found = number(0)
@@ -478,7 +568,7 @@ def _stem(x: Expression) -> tuple[str, str]:
     """The letter of a length, and its index: the numbers of the points at its ends."""
     moving = sorted((s for s in x.symbols() if s.kind in _OF_STATE), key=lambda s: s.key)
     if any(s.kind == "velocity" for s in moving):
-        letter = "v"
+        letter = _SPEEDS[0]
     elif all(s.kind == "coordinate" for s in moving):
         letter = "r"
     else:

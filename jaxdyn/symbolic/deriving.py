@@ -8,7 +8,7 @@ An equation is a sum that is zero. It is linear in the derivatives and in the mu
 `equations` can solve the printed equations and compare the result with the rate.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -39,7 +39,17 @@ from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.skates import LagrangeSkates
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.formulas.formulas import objects
-from jaxdyn.symbolic.algebra import Expression, Group, Symbol, as_expression, number, total
+from jaxdyn.symbolic.algebra import (
+    Coefficient,
+    Expression,
+    Group,
+    Monomial,
+    Symbol,
+    as_expression,
+    number,
+    total,
+)
+from jaxdyn.symbolic.arranging import clear_denominators
 from jaxdyn.symbolic.following import (
     Followers,
     eliminate_followers,
@@ -64,7 +74,7 @@ class DerivedEquations(NamedTuple):
       forces: the parts of the first equations that are forces without a potential; these are
         printed on the right-hand side.
       energies: T and V, or L, by name, where there are any.
-      conserved: conserved momenta, by the names of their coordinates.
+      conserved: conserved momenta by name, "p_x" or "H_z".
       conditions: the constraints on positions and velocities, as sums that are zero.
       values: values of symbols that stand for functions of the parameters, such as moments of
         inertia.
@@ -141,8 +151,38 @@ def _newton(scene: Scene) -> DerivedEquations:
     for mass, acceleration, g, f in zip(m, a, gravity.ravel(), force.ravel(), strict=True):
         whole = mass if mass else number(1)  # nothing but gravity moves a test particle
         equations.append(whole * acceleration - whole * g - f)
-    energies = _energies(scene, found)
-    return DerivedEquations(found, "Newton's law", tuple(equations), energies=energies, alone=True)
+    return DerivedEquations(
+        found,
+        "Newton's law",
+        tuple(equations),
+        energies=_energies(scene, found),
+        conserved=_of_free_points(found, masses, masses[:, None] * gravity + force),
+        alone=True,
+    )
+
+
+def _of_free_points(found: Symbols, m: np.ndarray, force: np.ndarray) -> dict[str, Expression]:
+    """The components of momentum and of angular momentum about the origin whose rate is 0."""
+    q, v, _ = _parts(found)
+    n, d = force.shape
+    r, v = (np.array([as_expression(s) for s in of], object).reshape(n, d) for of in (q, v))
+    conserved = {}
+    for k, axis in enumerate("xyz"[:d]):
+        if _vanishes(force[:, k]):
+            conserved[f"p_{axis}"] = total(m * v[:, k])
+    for axis, (i, j) in {"x": (1, 2), "y": (2, 0), "z": (0, 1)}.items():
+        if max(i, j) < d and _vanishes([*(r[:, i] * force[:, j]), *(-r[:, j] * force[:, i])]):
+            conserved[f"H_{axis}"] = total(m * (r[:, i] * v[:, j] - r[:, j] * v[:, i]))
+    return conserved
+
+
+def _vanishes(parts: Iterable[Expression]) -> bool:
+    """Whether a sum is 0; it may have more terms than an expression that is printed."""
+    found: dict[Monomial, Coefficient] = {}
+    for x in parts:
+        for m, c in x.expand().terms.items():
+            found[m] = found.get(m, 0) + c
+    return not any(found.values())
 
 
 def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
@@ -172,7 +212,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     # The square of a distance has the shorter second derivative, and the distance is known.
     distances = [_distance(x) for x in phi]
     squares = [
-        as_expression(d[0]) * Fraction(1, 2) if d else x
+        as_expression(d[0]) * Fraction(1, 2) if d else clear_denominators(x)
         for x, d in zip(phi, distances, strict=True)
     ]
     second = [by_time(by_time(x)) for x in squares] + [by_time(x) for x in rolling]
@@ -194,7 +234,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
         equations.append(simplify(whole))
         others.append(simplify(force))
         if not conditions and not L.differentiate(x) and not force:
-            conserved[x.name] = simplify(momentum)
+            conserved[f"p_{x.name}"] = simplify(momentum)
     return DerivedEquations(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
@@ -330,11 +370,16 @@ def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict
         return found.r, found.v, found.R_wb, found.omega_b, [e.g for e in field.effects]
 
     r, v, R, omega, *gravity = read(scene, found, pose)
+    arm = matter.arm
     momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
     kinetic = total(matter.mass * x * x for x in v) + total(
         a * b for a, b in zip(omega, momentum, strict=True)
     )
-    height = r[2] + total(R[2, i] * matter.arm[i] for i in range(3))
+    # If the origin of the body's axes is not its centre, both move: 2 m v . (omega x c).
+    swept = [omega[j] * arm[k] - omega[k] * arm[j] for j, k in ((1, 2), (2, 0), (0, 1))]
+    swept = [total(R[i, j] * swept[j] for j in range(3)) for i in range(3)]
+    kinetic = kinetic + total(2 * matter.mass * a * b for a, b in zip(v, swept, strict=True))
+    height = r[2] + total(R[2, i] * arm[i] for i in range(3))
     weight = matter.mass * total(g.item() for g in gravity)
     return simplify(kinetic * Fraction(1, 2)), simplify(weight * height), matter.values
 
@@ -399,7 +444,7 @@ def _polar(scene: Scene) -> DerivedEquations:
         equations,
         forces=(along, across),
         energies=_energies(scene, found),
-        conserved={} if across else {"theta": m * radius**2 * as_expression(omega)},
+        conserved={} if across else {"p_theta": m * radius**2 * as_expression(omega)},
     )
 
 
@@ -434,7 +479,8 @@ def _rigid(scene: Scene) -> DerivedEquations:
     energies = {
         "T": total(matter.mass * as_expression(v) ** 2 for v in velocity) * Fraction(1, 2)
         + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
-    } | ({} if potential is None else {"V": potential})
+        "V": potential,
+    }
     law = "Newton's law and Euler's equations" if free else "Euler's equations"
     return DerivedEquations(
         found,
@@ -509,8 +555,8 @@ def _attitude(field, y):
     return y[:-3] if field.system.pivoted else y[3:-6]
 
 
-def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, Expression | None]:
-    """Force on a body, torque in its axes, and potential energy where all of them have one."""
+def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, Expression]:
+    """Force on a body, torque in its axes, and potential energy."""
     free = not scene.system.pivoted
     force, torque, potential = [number(0)] * 3, [number(0)] * 3, number(0)
     heavy = [isinstance(e, UniformGravity) for e in scene.effects]
@@ -547,14 +593,14 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         whole = jnp.concatenate([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
         for f in generalized_forces(effects, t, *system.coordinates(y)):
             whole = whole + jnp.concatenate([jnp.zeros(6 - len(f)), f])
-        return whole
+        return whole, potential_energy(effects, t, r, m)
 
     if all(heavy):
         return force, torque, potential
-    (more,) = read(scene, found, others)
+    more, energy = read(scene, found, others)
     force = [a + b for a, b in zip(force, more[:3], strict=True)]
     torque = [a + b for a, b in zip(torque, more[3:], strict=True)]
-    return force, torque, None
+    return force, torque, potential + energy.item()
 
 
 _CONTACT = ("normal force of the surface", "friction, along the surface")

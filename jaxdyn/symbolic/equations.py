@@ -22,19 +22,21 @@ from jaxdyn.symbolic.algebra import (
 )
 from jaxdyn.symbolic.arranging import (
     Lengths,
+    clear_denominators,
     collect,
     complete_squares,
     drop_steady_factors,
     factor_common,
     of_energy,
     of_momentum,
+    of_points,
     shared_factor,
     split_common,
 )
 from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.deriving import derive
 from jaxdyn.symbolic.linear import Linear, jacobian
-from jaxdyn.symbolic.matrices import Matrices
+from jaxdyn.symbolic.matrices import Matrices, index_of
 from jaxdyn.symbolic.sections import Line, Printed, Section, functions_in
 from jaxdyn.symbolic.to_sympy import ToSympy
 
@@ -81,7 +83,8 @@ class Equations(Printed):
             for name, x in found.energies.items()
         ]
         momenta = [
-            Line(_momentum(name), of_momentum(short(x))) for name, x in found.conserved.items()
+            Line(_named(*name.split("_", 1)), (of_points if found.alone else of_momentum)(short(x)))
+            for name, x in found.conserved.items()
         ]
         sections = [
             self._motion(),
@@ -129,6 +132,8 @@ class Equations(Printed):
         inertial = total(parts[s] * as_expression(s) for s in rates)
         reactions = total(parts[s] * as_expression(s) for s in found.multipliers)
         shared = _divisor(whole, whole - inertial if rates else whole)
+        if reactions:  # each term stays a force, or a moment
+            shared = number(1)
         single = len(found.symbols.unknowns) == 1 and not found.multipliers and not found.solved
         if single and len(parts[rates[0]].terms) == 1:
             shared = parts[rates[0]]
@@ -166,9 +171,13 @@ class Equations(Printed):
         h = [collect(short(-x.replace(nothing.get))) for x in laws]
         g = [[factor_common(short(-x.differentiate(s))) for x in laws] for s in found.multipliers]
         places = range(n)
-        lines = [Line(_named("M", *(i, j) * (n > 1)), m[i][j]) for i in places for j in range(i, n)]
-        lines += [Line(_named("h", *(i,) * (n > 1)), h[i]) for i in places]
-        lines += [Line(_named("G", k, i), x) for k, row in enumerate(g) for i, x in enumerate(row)]
+
+        def entry(stem: str, *of: int) -> Expression:
+            return _named(stem, index_of(n, *of) if n > 1 else "")
+
+        lines = [Line(entry("M", i, j), m[i][j]) for i in places for j in range(i, n)]
+        lines += [Line(entry("h", i), h[i]) for i in places]
+        lines += [Line(entry("G", k, i), x) for k, row in enumerate(g) for i, x in enumerate(row)]
         for i in range(n):
             reactions = {s: -row[i] for s, row in zip(found.multipliers, g, strict=True)}
             self._rows.append(_Row(dict(zip(unknowns, m[i], strict=True)) | reactions, h[i]))
@@ -296,7 +305,11 @@ class Equations(Printed):
         rest = np.array([row.rest.value(values) for row in self._rows])
         scale = np.abs(matrix).max(axis=1, keepdims=True)
         # If multipliers are not determined, the smallest ones are taken.
-        solution = np.linalg.lstsq(matrix / scale, rest / scale[:, 0], rcond=_RANK)[0]
+        matrix, rest = matrix / scale, rest / scale[:, 0]
+        solution = np.zeros(len(unknowns))
+        # Forces and accelerations differ in size; the second time removes the rounding of that.
+        for _ in range(2):
+            solution += np.linalg.lstsq(matrix, rest - matrix @ solution, rcond=_RANK)[0]
         values |= dict(zip(unknowns, solution.tolist(), strict=True))
         return np.array([values[s] for s in found.rates])
 
@@ -348,7 +361,7 @@ class Equations(Printed):
           ValueError: some equation contains more than one highest derivative; the Jacobian would be
             too long to read.
         """
-        return jacobian(self._derived)
+        return jacobian(self._derived, self._lengths)
 
     def __repr__(self) -> str:
         name = f" of {self.scene.name}" if self.scene.name else ""
@@ -364,8 +377,8 @@ def equations(scene: Scene) -> Equations:
 
     Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers for constraints
     and rolling conditions, rigid bodies Euler's equations; the equations of other systems are their
-    rates. The constraints, the energies, the momenta of cyclic coordinates and the values of the
-    symbols are printed as well.
+    rates. The constraints, the energies, the conserved momenta and the values of the symbols are
+    printed as well.
 
     Terms with a parameter that is 0 in the scene are left out. Isolated points where a formula is
     undefined, such as the direction of a spring of length 0, are ignored. Quaternions have length
@@ -397,7 +410,7 @@ def _divisor(whole: Expression, others: Expression) -> Expression:
     """The common factor of an equation, and the common denominator of the other terms."""
     shared = shared_factor([whole])
     if len(others.terms) > 1:
-        for m in shared_factor([others]).terms:
+        for m in shared_factor([others / shared]).terms:
             for a, e in m:
                 if e < 0 and isinstance(a, Symbol) and a.kind == "parameter":
                     shared = shared * as_expression(a) ** e
@@ -406,6 +419,7 @@ def _divisor(whole: Expression, others: Expression) -> Expression:
 
 def _condition(x: Expression) -> Line:
     """A constraint: coordinates on the left, lengths on the right."""
+    x = clear_denominators(x)
     fixed = {m: -c for m, c in x.terms.items() if _is_parameter(Expression({m: c}))}
     right = Expression(fixed)
     return _positive(collect(x + right), collect(right))
@@ -429,10 +443,5 @@ def _is_physical(x: Expression) -> bool:
     return any(s.kind == "parameter" for m in x.terms for a, _ in m for s in symbols_of(a))
 
 
-def _named(stem: str, *places: int) -> Expression:
-    index = "".join(str(i + 1) for i in places)
+def _named(stem: str, index: str = "") -> Expression:
     return as_expression(Symbol(stem + index, "short", stem=stem, index=index))
-
-
-def _momentum(name: str) -> Expression:
-    return as_expression(Symbol(f"p_{name}", "short", stem="p", index=name))

@@ -4,11 +4,14 @@ Near an equilibrium the equations are M x'' + C x' + K x = 0; the Jacobian of th
 any state.
 """
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn.symbolic.algebra import Atom, Expression, Symbol, as_expression, number
-from jaxdyn.symbolic.arranging import factor_common
+from jaxdyn.symbolic.arranging import Lengths, collect, factor_common, factor_shared
 from jaxdyn.symbolic.deriving import DerivedEquations
 from jaxdyn.symbolic.matrices import Matrices, Rows
 from jaxdyn.symbolic.simplifying import simplify
@@ -65,8 +68,8 @@ class Linear(Matrices):
         return f"Linear: M x'' + C x' + K x = 0 at {', '.join(where)}\n{self.text()}"
 
 
-def jacobian(found: DerivedEquations) -> Matrices:
-    """The derivatives of the rate with respect to the state.
+def jacobian(found: DerivedEquations, short: Lengths) -> Matrices:
+    """The derivatives of the rate with respect to the state, with names for lengths.
 
     Raises:
       ValueError: an equation contains more than one highest derivative.
@@ -88,11 +91,26 @@ def jacobian(found: DerivedEquations) -> Matrices:
             "jaxdyn.linearize has the Jacobian of every scene in numbers.",
         )
     rates = [solved.get(s, as_expression(s)) for s in symbols.rates]
-    return Matrices({"J": _in_print([[x.differentiate(s) for s in symbols.state] for x in rates])})
+    slopes = [[x.differentiate(s) for s in symbols.state] for x in rates]
+    rows = [[factor_shared(_shortest(x, short)) for x in row] for row in slopes]
+    return Matrices({"J": rows}, [(s, collect(x)) for s, x in short.definitions])
+
+
+def _shortest(x: Expression, short: Lengths) -> Expression:
+    """The form with the fewest terms, as it is or over common denominators."""
+    return min((short(x), short(simplify(x))), key=lambda form: len(form.terms))
 
 
 def _in_print(rows: Rows) -> Rows:
     return [[factor_common(simplify(x)) for x in row] for row in rows]
+
+
+def _number(x: Expression, values: Mapping[Symbol, float]) -> float:
+    """The value of an expression, NaN where it has none."""
+    try:
+        return float(x.value(values))
+    except (ArithmeticError, ValueError):  # 1 / 0, log 0
+        return math.nan
 
 
 def _check_rest(
@@ -104,10 +122,17 @@ def _check_rest(
     moving = bool(np.any(y[len(q) :] != 0))
     if not timed and not moving:
         for x in found.equations:
-            left = x.replace(at.get).value(values)
-            stiffness = (found.slope(x, s).replace(at.get).value(values) for s in q)
+            left = _number(x.replace(at.get), values)
+            stiffness = [_number(found.slope(x, s).replace(at.get), values) for s in q]
+            if not np.isfinite([left, *stiffness]).all():
+                raise _checks.fail(
+                    "linearize",
+                    "a state at which the forces have derivatives",
+                    f"{y.tolist()}, where two points meet or a spring has no direction",
+                    "jaxdyn.equilibria(scene, low, high) finds the equilibria.",
+                )
             sizes = 1 + np.abs(y[: len(q)])
-            moving |= abs(left) > _AT_REST * sum(np.abs(list(stiffness)) * sizes)
+            moving |= abs(left) > _AT_REST * sum(np.abs(stiffness) * sizes)
     if timed or moving:
         raise _checks.fail(
             "linearize",

@@ -11,15 +11,28 @@ from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
 Rows = Sequence[Sequence[Expression]]
 
 
+def index_of(n: int, *places: int) -> str:
+    """The index of an entry of a matrix with n columns: "12", or "1,12" where that is unclear."""
+    return ("," if n > _ONE_DIGIT else "").join(str(i + 1) for i in places)
+
+
+_ONE_DIGIT = 9
+
+
 class Matrices:
     """Some matrices by name.
 
     Attributes:
       rows: the rows of each matrix, of expressions.
+      definitions: symbols for lengths in the entries, with the expressions that they stand for.
     """
 
-    def __init__(self, rows: Mapping[str, Rows]):
+    def __init__(
+        self, rows: Mapping[str, Rows], definitions: Sequence[tuple[Symbol, Expression]] = ()
+    ):
         self.rows = dict(rows)
+        used = {s for of in rows.values() for row in of for x in row for s in x.symbols()}
+        self.definitions = [(s, x) for s, x in definitions if s in used]
 
     def values(self, at: Mapping[Symbol, Any]) -> tuple[np.ndarray, ...]:
         """Each matrix with numbers in place of the symbols."""
@@ -34,9 +47,10 @@ class Matrices:
             for i, row in enumerate(rows):
                 for j, x in enumerate(row):
                     if x:
-                        index = f"{i + 1}{j + 1}" if len(row) > 1 else ""
+                        index = index_of(len(row), i, j) if len(row) > 1 else ""
                         lines.append(f"{name}{index} = {TEXT.expression(x)}")
-        return "\n".join(lines)
+        definitions = [f"{TEXT.symbol(s)} = {TEXT.expression(x)}" for s, x in self.definitions]
+        return "\n".join([*lines, *(["with"] if definitions else []), *definitions])
 
     def latex(self) -> str:
         """LaTeX, for the inside of a displayed formula."""
@@ -47,7 +61,7 @@ class Matrices:
         return "\n".join(f'<math display="block">{x}</math>' for x in self._in(MATHML))
 
     def _in(self, style: Style) -> list[str]:
-        return [
+        matrices = [
             style.relation(
                 style.symbol(Symbol(name, "short")),
                 "=",
@@ -55,6 +69,9 @@ class Matrices:
             )
             for name, rows in self.rows.items()
             if any(x for row in rows for x in row)
+        ]
+        return matrices + [
+            style.relation(style.symbol(s), "=", style.expression(x)) for s, x in self.definitions
         ]
 
     def _repr_markdown_(self) -> str:

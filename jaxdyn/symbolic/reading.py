@@ -1,7 +1,7 @@
 """Quantities of a scene as expressions, read from the programs that compute them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -68,7 +68,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
     nodes = topological_order(graph, [x for array in found for x in np.ravel(array).tolist()])
     for node in nodes:
         if node not in meant:
-            meant[node] = _expression(node, meant)
+            meant[node] = _expression(node, meant, of.values)
     results = []
     for array in found:
         flat = [_meaning(x, meant) for x in np.ravel(array).tolist()]
@@ -80,7 +80,9 @@ def _meaning(a: Number, meant: dict[Node, Expression]) -> Expression:
     return meant[a] if isinstance(a, Node) else number(float(a))
 
 
-def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
+def _expression(
+    node: Node, meant: dict[Node, Expression], values: Mapping[Symbol, float]
+) -> Expression:
     op = node.op
     if op == "sum":
         found = number(0)
@@ -103,15 +105,24 @@ def _expression(node: Node, meant: dict[Node, Expression]) -> Expression:
             return shorten_deeply(args[0]) ** exponent.number
         return function("pow", *args)
     if op == "select":
-        return _select(node, *args)
+        return _select(node, values, *args)
     if op == "real":
-        return _select(node, args[0], number(0), number(1))
+        return _select(node, values, args[0], number(0), number(1))
     return function(op, *args)
 
 
-def _select(node: Node, which: Expression, no: Expression, yes: Expression) -> Expression:
+def _select(
+    node: Node,
+    values: Mapping[Symbol, float],
+    which: Expression,
+    no: Expression,
+    yes: Expression,
+) -> Expression:
     condition = node.args[0]
     op = condition.op if isinstance(condition, Node) else ""
+    if op in ("eq", "ne") and which.symbols() <= values.keys():
+        # A law of its own for one value of a parameter: log r, where r^(n + 1) / (n + 1) has none.
+        return yes if which.value(values) else no
     if op == "eq" or _is_nan(yes):  # true at isolated points only, or nowhere
         return no
     if op == "ne" or _is_nan(no):

@@ -78,22 +78,26 @@ class Style(abc.ABC):
         """A sum of terms in a readable order."""
         terms = [_turn(m, c) for m, c in x.terms.items()]
         terms.sort(key=lambda term: _term_place(term[0]))
+        if _ascends(terms):
+            terms.sort(key=lambda term: _moves(term[0]))
+        elif all(s.kind == "parameter" for m, _ in terms for a, _ in m for s in symbols_of(a)):
+            terms.sort(key=lambda term: len(term[0]))  # I + m d^2
         if len(terms) > 1 and terms[0][1] < 0:
             first = next((i for i, (_, c) in enumerate(terms) if c > 0), 0)
             if _degree(terms[first][0]) == _degree(terms[0][0]):
                 terms.insert(0, terms.pop(first))
-        return self.sum([(c < 0, self._term(m, abs(c))) for m, c in terms])
+        return self.sum([(c < 0, self._term(m, abs(c), c > 0)) for m, c in terms])
 
     #: Whether fraction bars group numerator and denominator.
     bars = True
 
-    def _term(self, m: Monomial, c: Coefficient) -> str:
+    def _term(self, m: Monomial, c: Coefficient, added: bool) -> str:
         factors = sorted(m, key=_factor_place)
         above = [(a, e) for a, e in factors if e > 0]
         below = [(a, -e) for a, e in factors if e < 0]
         numerator, denominator = (c.numerator, c.denominator) if isinstance(c, Fraction) else (c, 1)
         if not below:
-            return self._without_quotient(above, numerator, denominator)
+            return self._without_quotient(above, numerator, denominator, added)
         steady = [f for f in above if _factor_place(f)[0] == 0]
         behind: list[tuple[Atom, Fraction]] = []
         if steady and all(_factor_place(f)[0] == 0 for f in below):
@@ -109,10 +113,11 @@ class Style(abc.ABC):
         quotient = self.fraction(self.product(top), self.product(low), len(low) == 1, not behind)
         return self.product([quotient, *(self._factor(a, e, False) for a, e in behind)])
 
-    def _without_quotient(self, above: list, numerator: Coefficient, denominator: int) -> str:
-        parts = [
-            self._factor(a, e, len(above) == 1 and numerator == denominator == 1) for a, e in above
-        ]
+    def _without_quotient(
+        self, above: list, numerator: Coefficient, denominator: int, added: bool
+    ) -> str:
+        alone = added and len(above) == 1 and numerator == denominator == 1
+        parts = [self._factor(a, e, alone) for a, e in above]
         if denominator != 1:
             ratio = self.fraction(self.number(numerator), self.number(denominator), True, True)
             return self.product([ratio, *parts])
@@ -216,8 +221,41 @@ def _term_place(m: Monomial) -> tuple:
     steady = 0 if not m or linear or kinds & _MOVING else 2 if "time" in kinds else 1
     plain = [f for f in factors if not isinstance(f[0], Group)]
     plain.sort(key=lambda f: _factor_place(f)[0] == _FUNCTION, reverse=True)
-    moving = [(_factor_place(f), -f[1]) for f in reversed(plain) if _factor_place(f)[0] > _BRACKET]
-    return *_degree(m), steady, moving, [(_factor_place(f), -f[1]) for f in factors]
+    moving = [(_late(f), -f[1]) for f in reversed(plain) if _factor_place(f)[0] > _BRACKET]
+    multipliers = [s.rank for s in sorted(_kind_in(m, "multiplier"), key=lambda s: s.rank)]
+    return *_degree(m), steady, multipliers, moving, [(_factor_place(f), -f[1]) for f in factors]
+
+
+def _late(factor: tuple[Atom, Fraction]) -> tuple:
+    """The place of a factor in sorting terms; lengths in denominators come after coordinates."""
+    place, *rest = _factor_place(factor)
+    a, e = factor
+    return (place + (isinstance(a, Symbol) and a.kind == "short" and e < 0) / 2, *rest)
+
+
+def _kind_in(m: Monomial, kind: str) -> list[Symbol]:
+    return [a for a, _ in m if isinstance(a, Symbol) and a.kind == kind]
+
+
+def _moves(m: Monomial) -> bool:
+    return any(s.kind in _MOVING for a, _ in m for s in symbols_of(a))
+
+
+def _ascends(terms: Sequence[tuple[Monomial, Coefficient]]) -> bool:
+    """Whether a sum consists of parameters and squares of coordinates, as I + m (d^2 + s^2)."""
+    moving = [m for m, _ in terms if _moves(m)]
+    return 0 < len(moving) < len(terms) and all(map(_is_even, moving))
+
+
+def _is_even(m: Monomial) -> bool:
+    """Whether a term is a square, or a sum of squares in brackets, with a constant factor."""
+    for a, e in m:
+        inner = a.sum.terms if isinstance(a, Group) else ()
+        squares = e == 1 and bool(inner) and all(_is_even(n) for n in inner)
+        place = isinstance(a, Symbol) and a.kind == "coordinate" and e % 2 == 0
+        if _moves(((a, e),)) and not (squares or place):
+            return False
+    return True
 
 
 _MOVING = frozenset({"coordinate", "velocity", "rate", "acceleration", "multiplier", "short"})
@@ -229,7 +267,8 @@ class Text(Style):
     bars = False
 
     def symbol(self, s):
-        index = f"_{s.index}" if s.index and not s.index.isdigit() else s.index
+        plain = s.index.replace(",", "").isdigit()
+        index = f"_{s.index}" if s.index and not plain else s.index
         return f"{s.stem}{index}{chr(39) * s.dots}"
 
     def number(self, x):
@@ -403,7 +442,8 @@ class MathML(Style):
             return self.power(found, exponent) if exponent else found
         name = f"<mi>{_NAMES.get(op, op)}</mi>"
         name = f"<msup>{name}<mn>{exponent}</mn></msup>" if exponent else name
-        inner = inner if plain else self.brackets(inner)
+        # Browsers put no space between the name of a function and its argument.
+        inner = f'<mspace width="0.17em"/>{inner}' if plain else self.brackets(inner)
         return f"<mrow>{name}<mo>&#x2061;</mo>{inner}</mrow>"
 
     def choice(self, condition, yes, no):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.transforms import Bbox
 
-from jaxdyn import drawing, scenes, simulate
+from jaxdyn import drawing, effects, scenes, simulate
 from jaxdyn.analysis.free_body import free_body
 from jaxdyn.integrate.phases import simulate_phases
 from jaxdyn.scene import Effect
@@ -129,6 +129,54 @@ def test_a_couple_is_an_arc(tmp_path):
         def generalized(self, t, q, v):
             return 0.3 * jnp.ones_like(v)
 
-    figure = drawing.free_body(scenes.double_pendulum() + Motor(), path=tmp_path / "motor.png")
+    scene = scenes.double_pendulum() + Motor() + effects.LinearDrag(0.2)
+    scene = scene.starting([0.5, 1.0, 2.0, -1.0])
+    figure = drawing.free_body(scene, path=tmp_path / "motor.png")
     assert (tmp_path / "motor.png").stat().st_size > 10_000
-    assert "0.3 N m" in _texts(figure.axes[1])
+    said = _texts(figure.axes[1])
+    assert "motor\n0.3 N m" in said  # without a force of 0 N
+    account = said[-1].splitlines()
+    assert "motor: 0.3 N m" in account
+    # The drag of a turning bar is a force and a moment.
+    (drag,) = (i for i, line in enumerate(account) if line.startswith("linear drag: ("))
+    assert account[drag + 1].startswith("its moment: -")
+    arcs = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 30]
+    radii = [np.linalg.norm(line.get_xydata() - line.get_xydata().mean(axis=0)) for line in arcs]
+    assert len(arcs) == 2
+    assert radii[0] != pytest.approx(radii[1], rel=0.1)
+
+
+def test_no_head_is_longer_than_its_arrow():
+    scene = scenes.cart_pendulum() + effects.LinearDrag(0.5)
+    figure = drawing.free_body(scene.starting([0.0, 1.0, 0.5, 0.6]))
+    figure.draw_without_rendering()
+    for ax in figure.axes[1:]:
+        for a in ax.texts:
+            if getattr(a, "arrow_patch", None):
+                ends = ax.transData.transform([a.xyann, a.xy])
+                length = np.linalg.norm(ends[1] - ends[0]) * 72 / figure.dpi
+                assert 0.45 * a.arrow_patch.get_mutation_scale() < 0.6 * length
+
+
+def test_rounding_is_not_drawn_as_a_moment_or_a_force():
+    # The weight of a bar far from the origin has no moment about its centre.
+    scene = scenes.n_pendulum()
+    far = simulate(scene, 1.37, samples=2)
+    assert not any(
+        f.couple for body in free_body(scene, 1.37, far.ys[-1]).bodies for f in body.forces
+    )
+    tumbling = scenes.box()
+    later = simulate(tumbling, 8.22, samples=2)
+    said = "\n".join(_texts(drawing.free_body(later, 8.22).axes[1]))
+    assert "sum of forces = m a = (0, 0, 0) N" in said
+
+
+def test_no_label_is_on_the_name_of_its_body():
+    scene = scenes.pinned_chain()
+    figure = drawing.free_body(simulate(scene, 1.37, samples=2), 1.37)
+    figure.draw_without_rendering()
+    for ax in figure.axes[1:]:
+        above = ax.title.get_window_extent()
+        for text in ax.texts:
+            if text.get_text():
+                assert Bbox.intersection(above, text.get_window_extent()) is None

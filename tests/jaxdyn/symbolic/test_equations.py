@@ -1,5 +1,7 @@
 """Printed equations of motion: against the rates that they are read from, and against textbooks."""
 
+import math
+import re
 import sys
 from xml.etree import ElementTree
 
@@ -11,8 +13,11 @@ from helpers import refusal
 
 import jaxdyn
 from jaxdyn import Effect, effects, scenes
+from jaxdyn.analysis import energy
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.scenes import catalogue
+from jaxdyn.symbolic import parameters, with_parameters
+from jaxdyn.symbolic.algebra import ONE, Expression, Group, Symbol, as_expression
 from jaxdyn.symbolic.symbols import GREEK
 from jaxdyn.symbolic.typesetting import TEXT
 
@@ -34,6 +39,8 @@ BESIDES = {
         for formulation in ("lagrange", "constrained")
     },
     "two point masses": lambda: scenes.double_pendulum(uniform=False),
+    "squared distance": lambda: scenes.dumbbell(tie="square"),
+    "squared length": lambda: scenes.pendulum(formulation="constrained", tie="square"),
     "angles from bar to bar": lambda: scenes.double_pendulum(uniform=False, relative=True),
     "point masses on rods": lambda: scenes.double_pendulum(
         uniform=False, formulation="constrained"
@@ -75,8 +82,15 @@ def _on_constraints(scene, t, y):
     return np.asarray(y)
 
 
+def _with_other_numbers(scene, rng):
+    values = parameters(scene).values
+    other = with_parameters(scene, values * rng.uniform(0.8, 1.2, len(values)))
+    return other.starting(_on_constraints(other, 0.0, other.y0))
+
+
 @pytest.mark.sample(
     "cannonball",
+    "car",
     "cylinder_on_ramp",
     "hill",
     "lorenz",
@@ -91,15 +105,122 @@ def _on_constraints(scene, t, y):
 )
 @pytest.mark.parametrize("name", [*ZOO, *BESIDES])
 def test_what_is_printed_is_the_rate(name):
-    scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
+    rng = np.random.default_rng(0)
+    scene = _with_other_numbers(ZOO[name].make() if name in ZOO else BESIDES[name](), rng)
     found = jaxdyn.equations(scene)
-    rng, y0 = np.random.default_rng(0), np.asarray(scene.y0)
+    y0 = np.asarray(scene.y0)
     rate = jax.jit(lambda scene, t, y: scene.rate(t, y))
     for t in rng.uniform(0.1, 1.0, STATES):
         y = y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal(len(y0))
         y = _on_constraints(scene, t, y)
         wanted = np.asarray(rate(scene, t, y))
         assert np.abs(found.rate(t, y) - wanted).max() <= ROUNDING * np.abs(wanted).max()
+
+
+#: A token of printed text: a name with its primes, a number, or a sign.
+_TOKEN = re.compile(r"[A-Za-z]\w*(?:,\d+)?'*|\d+(?:\.\d+)?(?:e[-+]?\d+)?|[-+/^(),|]")
+_CALLS = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "sqrt", "log", "tanh")},
+    **{"arcsin": math.asin, "arccos": math.acos, "arctan": math.atan},
+    **{"sgn": np.sign, "H": lambda x: float(x >= 0)},
+}
+
+
+def read_back(text, values):
+    """The value of a printed expression, read as a person reads it: from left to right."""
+    tokens = [*_TOKEN.findall(text), "end"]
+    assert "".join(tokens[:-1]) == text.replace(" ", "")
+
+    def expression():
+        sign = -1 if tokens[0] == "-" and tokens.pop(0) else 1
+        found = sign * product()
+        while tokens[0] in ("+", "-"):
+            sign = 1 if tokens.pop(0) == "+" else -1
+            found += sign * product()
+        return found
+
+    def product():
+        found = power()
+        while tokens[0] not in ("+", "-", ")", "|", ",", "end") or opens():
+            found = found / power() if tokens[0] == "/" and tokens.pop(0) else found * power()
+        return found
+
+    depth = []
+
+    def opens():  # a bar that begins a size: none is open
+        return tokens[0] == "|" and not depth
+
+    def power():
+        function = tokens.pop(0) if tokens[0] in _CALLS and tokens[0] not in values else None
+        exponent = raised() if function else 1
+        base = atom() if function is None else _CALLS[function](atom())
+        return base ** (exponent if function else raised())
+
+    def raised():
+        return atom() if tokens[0] == "^" and tokens.pop(0) else 1
+
+    def atom():
+        token = tokens.pop(0)
+        if token in "(|":
+            depth.extend("|" * (token == "|"))
+            found = expression()
+            assert tokens.pop(0) == {"(": ")", "|": "|"}[token]
+            return abs(depth.pop() and found) if token == "|" else found
+        if token[0].isdigit():
+            return float(token)
+        return math.pi if token == "pi" else values[token]
+
+    found = expression()
+    assert tokens == ["end"]
+    return found
+
+
+@pytest.mark.sample("car", "n_body", "power_law", "top", "two_masses", "dry friction")
+@pytest.mark.parametrize("name", [*ZOO, *BESIDES])
+def test_text_means_what_it_says(name):
+    scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
+    found = jaxdyn.equations(scene)
+    rng, y0 = np.random.default_rng(2), np.asarray(scene.y0)
+    values = found.at(0.4, y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal(len(y0)))
+    sides = [x for part in found.sections for line in part.lines for x in line]
+    for more in (found.equilibria, found.jacobian):
+        try:
+            printed = more()
+        except ValueError:  # the scene has none
+            continue
+        rows = getattr(printed, "rows", {"": ()})
+        sides += [x for matrix in rows.values() for row in matrix for x in row]
+        lines = [line for part in getattr(printed, "sections", ()) for line in part.lines]
+        sides += [x for line in lines for x in line]
+    for x in sides:
+        values |= {s: rng.uniform(0.5, 1.5) for s in x.symbols() if s not in values}
+        named = {TEXT.symbol(s): value for s, value in values.items()}
+        wanted = x.value(values)
+        assert abs(read_back(TEXT.expression(x), named) - wanted) <= 1e-12 * (1 + abs(wanted))
+
+
+def test_a_sum_that_is_subtracted_is_in_brackets():
+    a, b, c = (as_expression(Symbol(name, "parameter", rank=i)) for i, name in enumerate("abc"))
+    bracket = Group(b + c)
+    assert TEXT.expression(a - Expression({((bracket, ONE),): ONE})) == "a - (b + c)"
+    assert TEXT.expression(Expression({((bracket, ONE),): -ONE})) == "-(b + c)"
+    assert TEXT.expression(Expression({((bracket, ONE),): ONE})) == "b + c"
+
+
+@pytest.mark.sample("cannonball", "power_law", "top", "two_masses")
+@pytest.mark.parametrize("name", [*ZOO, *BESIDES])
+def test_energies_in_print_are_those_of_the_scene(name):
+    scene = ZOO[name].make() if name in ZOO else BESIDES[name]()
+    found = jaxdyn.equations(scene)
+    lines = [line for part in found.sections if part.name == "energies" for line in part.lines]
+    if not lines or "L" in {TEXT.expression(line.left) for line in lines}:
+        return
+    rng, y0 = np.random.default_rng(3), np.asarray(scene.y0)
+    y = y0 + 0.03 * (1.0 + abs(y0)) * rng.standard_normal(len(y0))
+    y = _on_constraints(scene, 0.4, y)
+    wanted = float(energy.energy(scene, 0.4, jnp.asarray(y)))
+    printed = [line.right.value(found.at(0.4, y)) for line in lines]
+    assert abs(sum(printed) - wanted) <= ROUNDING * sum(map(abs, printed))
 
 
 def _motion(scene):
@@ -109,6 +230,19 @@ def _motion(scene):
 #: What a textbook prints, term by term.
 TEXTBOOK = {
     "pendulum": ["theta'' = -(g/l) sin(theta)"],
+    "squared length": [
+        "m x'' = lambda x/l",
+        "m y'' + m g = lambda y/l",
+        "x x'' + y y'' + x'^2 + y'^2 = 0",
+    ],
+    "squared distance": [
+        "m1 x1'' = lambda (x1 - x2)/l",
+        "m1 y1'' = lambda (y1 - y2)/l",
+        "m2 x2'' = lambda (x2 - x1)/l",
+        "m2 y2'' = lambda (y2 - y1)/l",
+        "(x1 - x2) x1'' + (y1 - y2) y1'' + (x2 - x1) x2'' + (y2 - y1) y2''"
+        " + (x1' - x2')^2 + (y1' - y2')^2 = 0",
+    ],
     "cart_pendulum": [
         "(m1 + m2) x'' + m2 l theta'' cos(theta) - m2 l theta'^2 sin(theta) = 0",
         "x'' cos(theta) + l theta'' + g sin(theta) = 0",
@@ -131,6 +265,25 @@ TEXTBOOK = {
         "y1'' = G m2 (y2 - y1)/r12^3",
         "x2'' = G m1 (x1 - x2)/r12^3",
         "y2'' = G m1 (y1 - y2)/r12^3",
+    ],
+    "two_masses": [
+        "m1 x1'' = -k (|x1 - x2| - l0) sgn(x1 - x2)",
+        "m2 x2'' = k (|x1 - x2| - l0) sgn(x1 - x2) + F H(t)",
+    ],
+    "turntable": [
+        "(I + m (d^2 + s^2)) theta'' + m d s'' + 2 m s theta' s' = 0",
+        "d theta'' + s'' - s theta'^2 = 0",
+    ],
+    "car": [
+        "m x'' = mu N (b theta' sin(theta) - x')/v - lambda sin(theta)",
+        "m y'' = -mu N (y' + b theta' cos(theta))/v + lambda cos(theta)",
+        "I theta'' = mu N b (x' sin(theta) - y' cos(theta) - b theta')/v + a_x lambda",
+        "y'' cos(theta) - x'' sin(theta) + a_x theta'' - x' theta' cos(theta)"
+        " - y' theta' sin(theta) = 0",
+    ],
+    "restricted_three_body": [
+        "x'' = 2 y' + x - (1 - mu) (x + mu)/r1^3 - mu (x - 1 + mu)/r2^3",
+        "y'' = -2 x' + y - (1 - mu) y/r1^3 - mu y/r2^3",
     ],
     "polar_particle": ["r'' - r theta'^2 = 0", "r theta'' + 2 r' theta' = 0"],
     "lorenz": ["x' = sigma (y - x)", "y' = x (rho - z) - y", "z' = x y - beta z"],
@@ -201,6 +354,8 @@ def test_springs_and_dashpots_between_two_points():
 
 
 def test_energies_and_constraints():
+    found = jaxdyn.equations(BESIDES["squared length"]())
+    assert found.text("constraints") == "Constraints\n  x^2 + y^2 = l^2"
     found = jaxdyn.equations(BESIDES["point masses on rods"]())
     assert found.text("constraints").splitlines()[1:] == [
         "  sqrt(x1^2 + y1^2) = l1",
@@ -287,6 +442,9 @@ def test_linearised_refuses_what_is_no_equilibrium():
     assert "equations that depend on time" in refusal(shaken.linearize)
     tied = jaxdyn.equations(scenes.pendulum(formulation="constrained"))
     assert "a scene of free coordinates" in refusal(tied.linearize)
+    for name in ("two_body", "spring_mass", "power_law"):  # all points at the origin
+        said = refusal(jaxdyn.equations(ZOO[name].make()).linearize)
+        assert "a state at which the forces have derivatives" in said
 
 
 #: Conditions of equilibrium, and a box that holds some.
@@ -380,7 +538,7 @@ def test_squares_are_complete():
     assert lines[3].strip() == "x x'' + y y'' = -(y x' - x y')^2/d^2"
     found = jaxdyn.equations(scenes.turntable())
     assert found.text("momenta").splitlines()[1:] == [
-        "  p_theta = (m s^2 + m d^2 + I) theta' + m d s'"
+        "  p_theta = (I + m (d^2 + s^2)) theta' + m d s'"
     ]
 
 
@@ -580,14 +738,32 @@ CYCLIC = {
     "dragged": (lambda: scenes.cart_pendulum() + effects.LinearDrag(0.1), []),
 }
 
+#: Scenes of free points with the momenta that they conserve.
+OF_POINTS = {
+    "particle": (lambda: scenes.particle(), ["p_x", "p_y", "H_z"]),
+    "cannonball": (lambda: scenes.cannonball(), ["p_x"]),
+    "hanging_spring": (lambda: scenes.hanging_spring(), ["H_z"]),
+    "power_law": (lambda: scenes.power_law(), ["H_z"]),
+    "three_body": (lambda: scenes.three_body(), ["p_x", "p_y", "H_z"]),
+    "n_body": (lambda: scenes.n_body(), ["p_x", "p_y", "p_z", "H_x", "H_y", "H_z"]),
+    "dashpot": (BESIDES["dashpot of a pair"], ["p_x", "p_y", "H_z"]),
+    "two_masses": (lambda: scenes.two_masses(), []),
+    "drag": (BESIDES["quadratic drag"], []),
+}
 
-@pytest.mark.sample("dumbbell", "bars", "none")
-@pytest.mark.parametrize("name", CYCLIC)
+
+@pytest.mark.sample("dumbbell", "bars", "none", "three_body", "dashpot", "drag")
+@pytest.mark.parametrize("name", [*CYCLIC, *OF_POINTS])
 def test_momenta_in_print_are_conserved(name):
-    scene, coordinates = CYCLIC[name][0](), CYCLIC[name][1]
+    if name in CYCLIC:
+        make, coordinates = CYCLIC[name]
+        names = [f"p_{q}" for q in coordinates]
+    else:
+        make, names = OF_POINTS[name]
+    scene = make()
     found = jaxdyn.equations(scene)
     lines = [line for part in found.sections if part.name == "momenta" for line in part.lines]
-    assert [TEXT.expression(line.left) for line in lines] == [f"p_{q}" for q in coordinates]
+    assert [TEXT.expression(line.left) for line in lines] == names
     motion = jaxdyn.simulate(scene, 1.0, samples=5, rtol=1e-13)
     for line in lines:
         values = [line.right.value(found.at(0.0, y)) for y in motion.ys]
@@ -625,3 +801,12 @@ def test_a_jacobian_in_print():
         "J33 = -beta",
     ]
     assert found._repr_markdown_().startswith("$$\nJ = \\begin{pmatrix} -\\sigma & \\sigma & 0")
+    sprung = jaxdyn.equations(scenes.spring_mass()).jacobian()
+    assert sprung.text().splitlines()[2:4] == [
+        "J31 = (k/m) (l0/r - 1 - l0 x^2/r^3)",
+        "J32 = -k l0 x y/(m r^3)",
+    ]
+    assert sprung.text().splitlines()[-2:] == ["with", "r = sqrt(x^2 + y^2)"]
+    assert sprung.latex().endswith(r"\qquad r = \sqrt{x^2 + y^2}")
+    # With ten columns or more, the two numbers of an entry are apart.
+    assert jaxdyn.equations(scenes.box()).jacobian().text().splitlines()[2] == "J3,10 = 1"
