@@ -84,8 +84,13 @@ class Force(Input):
         system, names = scene.system, [name for name, _ in scene.labels()]
         if isinstance(self.on, str):
             if not is_second_order(scene, scene.y0):
-                got, remedy = type(system).__name__, "vibration.Parameter takes any scene."
-                raise _checks.fail("Force", "a scene with a state [q, v]", got, remedy)
+                got = f"{type(system).__name__} of {', '.join(names)}"[:100]
+                wanted = "a scene whose state is [q, v], with dq/dt = v"
+                remedy = (
+                    "Coordinates come first, then their rates (a dictionary is sorted by its keys); "
+                    "vibration.Parameter takes any scene."
+                )
+                raise _checks.fail("Force", wanted, got, remedy)
             _checks.choice("Force.on", self.on, names[: len(names) // 2])
             if self.direction is not None:
                 raise _checks.fail("Force.direction", "none for a coordinate", self.direction)
