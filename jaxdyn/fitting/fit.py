@@ -93,6 +93,8 @@ def fit(
     if not flat:
         raise _checks.fail("guess", "numbers", repr(guess)[:60], 'For example {"g": 9.8}.')
     by_name = _by_name(make, guess)
+    if not by_name:
+        _checks.check_callable("make", make, "params")
     scene = make(**guess) if by_name else make(guess)
     check_kind("make(guess)", scene, (Scene,))
     check_scene(scene)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, positive, whole
+from jaxdyn._checks import array, check_callable, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -139,6 +139,8 @@ def design(
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
+    check_callable("make", make, "numbers")
+    check_callable("wanted", wanted, "found")
     followed, known = follow(make, near, hold)
     found = _Search(followed, wanted, low, high, goal).run(numbers, known, steps)
     if throw and not found.ok:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, fail, positive, whole
+from jaxdyn._checks import array, check_callable, fail, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -122,6 +122,8 @@ def minimise(
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
+    check_callable("make", make, "numbers")
+    check_callable("quantity", quantity, "found")
     followed, known = follow(make, near, hold)
     found = _Search(followed, quantity, low, high, goal).run(numbers, known, steps)
     if throw and not found.ok:

@@ -11,6 +11,7 @@ from jaxdyn import Scene, drawing, scenes, simulate
 from jaxdyn.drawing.titles import describe, readable
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.xpp import Maker
 from jaxdyn.scenes import catalogue
 
 
@@ -24,6 +25,13 @@ def test_a_title_has_the_name_and_the_numbers():
 
 
 @pytest.mark.parametrize("name", catalogue.entries())
+def test_parameters_of_a_text_are_named():
+    swing = Maker("par k=4, c=0.1; x'=v; v'=-k*x-c*v", name="swing")
+    assert describe(swing()) == "swing (k = 4, c = 0.1)"
+    assert describe(swing(), swing(k=3.0)) == "swing (c = 0.1)"
+    assert "Written(k = 4, c = 0.1)" in repr(swing())
+
+
 def test_every_scene_has_its_name_and_numbers_in_its_title(name):
     scene = catalogue.entries()[name].make()
     if jax.tree.leaves((scene.system, scene.effects)):

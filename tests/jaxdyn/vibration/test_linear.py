@@ -160,8 +160,12 @@ def test_numbers_of_a_plain_ode_may_be_traced():
     d = K - M
     slope = -2 * d * M**2 / (d**2 + C**2) ** 2
     assert_allclose([jax.grad(at)(K), jax.jit(jax.grad(at))(K)], slope, rtol=1e-12)
-    assert_allclose(jax.vmap(at)(jnp.array([1.0, K])), M**2 / (np.array([1 - M, d]) ** 2 + C**2), rtol=1e-12)
-    assert_allclose(jax.jit(lambda k: vibration.modes(scene(k)).stiffness)(K), [[K / M]], rtol=1e-14)
+    assert_allclose(
+        jax.vmap(at)(jnp.array([1.0, K])), M**2 / (np.array([1 - M, d]) ** 2 + C**2), rtol=1e-12
+    )
+    assert_allclose(
+        jax.jit(lambda k: vibration.modes(scene(k)).stiffness)(K), [[K / M]], rtol=1e-14
+    )
 
 
 @pytest.mark.parametrize(
