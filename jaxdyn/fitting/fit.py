@@ -54,11 +54,14 @@ def fit(
       data: times "t" and measured columns by name, NaN for gaps: a mapping of arrays, a DataFrame,
         a Trajectory, or the result of `jaxdyn.read_csv`. A column is named after an entry of the
         state, or "x", "y", "z" for the scene's point ("x1", "y1", "x2", ... if there are several).
+        Units that `read_csv`, a DataFrame's ``attrs["units"]`` or a Trajectory state are converted
+        to those of the scene.
       start: names of entries of the initial state that are estimated too; by default all of them if
         no parameter changes the initial state of the scene, otherwise none.
       columns: the columns that are used; all by default.
-      noise: standard deviation of the measurements: one number, or one for each column by name,
-        each () or (s,). By default that of each column is estimated from the residuals.
+      noise: standard deviation of the measurements, in the units of the scene: one number, or one
+        for each column by name, each () or (s,). By default that of each column is estimated from
+        the residuals.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
       t0: time of the initial state; by default the first measured time if the whole initial state
         is estimated, otherwise 0.
@@ -87,6 +90,8 @@ def fit(
       >>> low < 9.7 < high
       True
     """
+    numbers = list(data.values()) if isinstance(data, Mapping) else data
+    _checks.check_untraced("fit", (guess, numbers), "Call it outside jit, grad and vmap.")
     leaves, rest = eqx.partition(guess, _is_number)
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)
@@ -100,6 +105,7 @@ def fit(
     check_scene(scene)
     table = measurements.read_measurements(data, columns)
     found = measurements.columns_of(scene, table.names, observe)
+    table = table.in_units_of(scene, found)
     model = Model(
         make=make,
         by_name=by_name,
@@ -244,7 +250,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     residuals = -_of_table(solution.residuals, table)
     sd = _of_table(weights, table)
     columns = zip(table.names, sd.T, strict=True)
-    noise = {name: float(np.mean(x[np.isfinite(x)] if finite else np.nan)) for name, x in columns}
+    noise = {name: _mean(x) if finite else np.nan for name, x in columns}
     good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
     return Fit(
         params=_as_given(model, theta),
@@ -265,6 +271,12 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
         sigma=weights,
         solution=solution,
     )
+
+
+def _mean(x: np.ndarray) -> float:
+    """The mean of the finite ones; NaN of none."""
+    kept = x[np.isfinite(x)]
+    return float(np.mean(kept)) if len(kept) else np.nan
 
 
 def _of_table(x, table: measurements.Measured) -> np.ndarray:
