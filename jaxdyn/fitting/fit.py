@@ -91,7 +91,9 @@ def fit(
       True
     """
     numbers = list(data.values()) if isinstance(data, Mapping) else data
-    _checks.check_untraced("fit", (guess, numbers), "Call it outside jit, grad and vmap.")
+    _checks.check_untraced(
+        "fit", (guess, numbers, jnp.zeros(())), "Call it outside jit, grad and vmap."
+    )
     leaves, rest = eqx.partition(guess, _is_number)
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)
