@@ -132,6 +132,9 @@ def test_the_table_has_amplitudes_of_all_coordinates(beginnings):
     assert len(frame) == len(beginnings[1].family.members)
 
 
+DAMPED = jaxdyn.ode(lambda t, y: [y[1], -y[0] - 0.1 * y[1]], [0.0, 0.0])
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -141,6 +144,7 @@ def test_the_table_has_amplitudes_of_all_coordinates(beginnings):
         ({"frequencies": (2.0, 1.0)}, "frequencies: expected two bounds"),
         ({"scene": free(None), "energy": 1.0}, "energy: expected none for a scene without one"),
         ({"scene": free().starting([1.0, 0.0])}, "y: expected an equilibrium"),
+        ({"scene": DAMPED}, "scene: expected modes that oscillate without damping, got none"),
     ],
 )
 def test_misuse_is_refused_with_what_to_do(options, said):
