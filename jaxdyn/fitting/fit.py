@@ -127,18 +127,23 @@ def fit(
         _checks.whole("segments", segments, 1, max(len(table.ts) // 2, 1))
     sections = cut(table, t0, segments)
     names = _names(leaves, scene, model)
-    count = int(np.isfinite(table.values).sum())
     sigma = None if noise is None else _sigma(noise, table, sections)
-    dof = count - len(names)
-    if dof < (0 if sigma is not None else 1):
-        got = f"{count} of {len(names)} unknown: {', '.join(names)}"
-        remedy = "Measure more, or keep some of them at known values (start=)."
-        raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
+    dof = _degrees_of_freedom(table, names, 1 if sigma is None else 0)
     solution = _estimate(model, sections, sigma, theta, jnp.asarray(scene.y0, float))
     fitted = _report(model, sections, sigma, solution, names, table, dof)
     if throw and not fitted.ok:
         raise FitError(fitted.message)
     return fitted
+
+
+def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], least: int) -> int:
+    """Measured numbers minus unknown ones."""
+    count = int(np.isfinite(table.values).sum())
+    if count - len(names) < least:
+        got = f"{count} of {len(names)} unknown: {', '.join(names)}"
+        remedy = "Measure more, or keep some of them at known values (start=)."
+        raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
+    return count - len(names)
 
 
 def _is_number(x: Any) -> bool:

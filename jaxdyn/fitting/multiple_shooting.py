@@ -115,22 +115,12 @@ def estimate(
     system, c = model.scene(theta).system, len(model.columns)
     group = groups(system)
     counts = jnp.maximum(jnp.sum(segments.there, (0, 1)), 1.0)
-    mean = jnp.sum(segments.values * segments.there, (0, 1)) / counts
-    off = (segments.values - mean[None, None]) * segments.there
-    spread = jnp.sqrt(jnp.sum(off**2, (0, 1)) / counts)
-    spread = jnp.where(spread > 0, spread, jnp.where(mean != 0, jnp.abs(mean), 1.0))
+    spread = _spread(segments, counts)
     noise = jnp.ones(c) if sigma is not None else _FIRST_NOISE * spread
     given = jnp.ones_like(segments.values) if sigma is None else sigma
     weights = segments.there / given
-    if known is None:
-        sizes = _first_sizes(group, model, segments, start)
-        nodes, reach = _filter_starts(
-            model, segments, weights / noise[None, None], theta, start, sizes
-        )
-        sizes = group.sizes(reach)
-        sizes = jnp.where(sizes > 0, sizes, 1.0)
-    else:
-        nodes, sizes = known
+    first = weights / noise[None, None]
+    nodes, sizes = known or _filter_starts(group, model, segments, first, theta, start)
     p = theta.shape[0]
     parameter_sizes = jnp.where(theta != 0, jnp.abs(theta), 1.0)
     everything = jnp.concatenate([parameter_sizes, jnp.tile(sizes, len(nodes))])
@@ -167,6 +157,14 @@ def estimate(
     )
 
 
+def _spread(segments: Segments, counts: Array) -> Array:
+    """(c,) standard deviation of each column; its size where all values are the same."""
+    mean = jnp.sum(segments.values * segments.there, (0, 1)) / counts
+    off = (segments.values - mean[None, None]) * segments.there
+    spread = jnp.sqrt(jnp.sum(off**2, (0, 1)) / counts)
+    return jnp.where(spread > 0, spread, jnp.where(mean != 0, jnp.abs(mean), 1.0))
+
+
 def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) -> Array:
     """(k,) sizes of the entries of the state, from the guess and from columns that are entries."""
     most = jnp.max(jnp.abs(segments.values), (0, 1))
@@ -181,14 +179,15 @@ def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) 
 
 
 def _filter_starts(
-    model: Model, segments: Segments, weights: Array, theta: Array, start: Array, sizes: Array
+    group: Groups, model: Model, segments: Segments, weights: Array, theta: Array, start: Array
 ) -> tuple[Array, Array]:
-    """(m, k) initial states of the segments, one after another, and (k,) how far entries reach.
+    """(m, k) initial states of the segments, one after another, and (k,) sizes of the entries.
 
     The parameters are those of the guess. Each state is fitted to the data of its segment,
     beginning at the end of the previous segment, which also serves as a weak prior for what the
-    data do not determine.
+    data do not determine. The sizes are those that the motion reaches.
     """
+    sizes = _first_sizes(group, model, segments, start)
     c, k = len(model.columns), start.shape[0]
     every = (*model.columns, *(Column("", entry=i) for i in range(k)))
 
@@ -225,7 +224,8 @@ def _filter_starts(
         return end, (predicted + z * sizes, reach)
 
     nodes, reach = lax.scan(of_segment, start, (segments, weights))[1]
-    return nodes, jnp.max(reach, axis=0)
+    reached = group.sizes(jnp.max(reach, axis=0))
+    return nodes, jnp.where(reached > 0, reached, 1.0)
 
 
 def _linear(
