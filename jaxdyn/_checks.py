@@ -249,6 +249,7 @@ def _above_zero(name: str, x: Any, remedy: str, holds, wanted: str) -> Array:
 # made.
 
 _LONGEST = 60  # characters of a value in a message
+_BY_POSITION = "Arguments are passed by position: lambda x: function(name=x) passes one by name."
 F = TypeVar("F", bound=Callable)
 
 #: What to do with what was given instead, by the names of both kinds.
@@ -323,6 +324,21 @@ def _needs_arguments(function: Callable) -> bool:
         return False
     single = (p for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD))
     return any(p.default is p.empty for p in single)
+
+
+def check_callable(name: str, function: Any, *arguments: str, remedy: str = "") -> None:
+    """Raise ValueError unless a function can be called with these arguments, by position."""
+    wanted = f"a function of ({', '.join(arguments)})"
+    if not callable(function):
+        raise fail(name, wanted, repr(function)[:_LONGEST])
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # some builtins have none
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError as error:
+        raise fail(name, wanted, f"one of {signature}", remedy or _BY_POSITION) from error
 
 
 def check_functions(x: Any) -> None:

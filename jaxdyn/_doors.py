@@ -18,13 +18,9 @@ _Class = TypeVar("_Class", bound=type)
 _OURS = {"jaxdyn", "orbits", "equinox", "abc", "dataclasses", "lazy_loader", "importlib"}
 
 
-def _nothing(name: str) -> Any:
-    raise AttributeError(f"nothing is called {name!r} there")
-
-
 def attribute_getter(
     package: str,
-    listed: Callable[[str], Any] = _nothing,
+    listed: Callable[[str], Any] | None = None,
     *,
     moved: Mapping[str, str] | None = None,
     renamed: Mapping[str, str] | None = None,
@@ -35,7 +31,7 @@ def attribute_getter(
 
     Args:
       package: its name.
-      listed: finds the public names.
+      listed: finds the public names, where they are not attributes already.
       moved: the module, below the package, of each name that has moved.
       renamed: the new name of each name that has changed.
       modules: for each module that has moved, the module in which its names are now.
@@ -51,6 +47,8 @@ def attribute_getter(
             return importlib.import_module(f"{package}.{name}")
         if name not in new:
             try:
+                if listed is None:
+                    raise AttributeError(f"module {package!r} has no attribute {name!r}")
                 return listed(name)
             except AttributeError as error:
                 module = sys.modules.get(package)

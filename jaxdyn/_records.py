@@ -29,6 +29,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from jaxdyn._checks import check_callable
 from jaxdyn._text import fail
 
 # ---- What has been found out about a scene, and need not be found again
@@ -415,12 +416,15 @@ class Remembered(NamedTuple):
         return getattr(self.function, "__name__", type(self.function).__name__)
 
 
-def with_captures(name: str, function: Callable) -> Remembered:
-    """A function that makes scenes, with what it captures now.
+def with_captures(name: str, function: Callable, *arguments: str) -> Remembered:
+    """A function that makes scenes, with what it captures now; of these arguments if any are named.
 
     Raises:
-      ValueError: the function has been given so before, and what it captured has changed since.
+      ValueError: the function takes others, or has been given so before, and what it captured has
+        changed since.
     """
+    if arguments:
+        check_callable(name, function, *arguments)
     if not isinstance(function, Remembered):
         return Remembered(function, captures(name, function))
     if captures(name, function.function) != function.captured:

@@ -84,33 +84,64 @@ def place(name: str) -> Place:
     assert parts is not None
     path = Path(parts["path"])
     try:
-        body = ast.parse(path.read_text(encoding="utf-8")).body
+        body = ast.parse(path.read_text(encoding="utf-8"), str(path)).body
     except OSError as error:
         raise fail("scene", "a Python file that exists", str(path)) from error
     except (SyntaxError, ValueError) as error:
         raise fail("scene", "a Python file", f"{path}, which cannot be parsed: {error}") from error
-    functions = {node.name: node for node in body if isinstance(node, ast.FunctionDef)}
+    functions = {node.name: node for node in map(_as_function, body) if node is not None}
     if parts["function"] is None:
-        public = [key for key, x in functions.items() if key[0] != "_" and not _needs_more(x)]
-        if len(public) != 1:
-            names = ", ".join(f"{path}:{key}" for key in public)
-            remedy = f"Name one of {names}." if public else "Write a function that returns one."
-            raise fail("scene", "a file with one function that makes it", str(path), remedy)
-        (found,) = public
+        found = _only(functions, path)
     else:
         public = {key: x for key, x in functions.items() if key[0] != "_"}
         found = choice(f"function of {path}", parts["function"], public)
-    if _needs_more(functions[found]):
+    missing = _without_default(functions[found])
+    if missing:
+        got = f"{path}:{found}, where {', '.join(missing)} has no default"
         remedy = "Give each parameter a default, which --set changes."
-        raise fail("scene", "a function that needs no arguments", f"{path}:{found}", remedy)
+        raise fail("scene", "a function that needs no arguments", got, remedy)
     return Place(path, found, functions[found])
 
 
-def _needs_more(function: ast.FunctionDef) -> bool:
+def _only(functions: dict[str, ast.FunctionDef], path: Path) -> str:
+    """The one function that makes a scene: by its annotation, or since no other needs nothing."""
+    public = {key: x for key, x in functions.items() if key[0] != "_"}
+    ready = [key for key, x in public.items() if not _without_default(x)]
+    marked = [key for key in ready if _returns_scene(public[key])]
+    candidates = marked or ready or list(public)
+    if len(candidates) != 1:
+        names = ", ".join(f"{path}:{key}" for key in candidates)
+        remedy = f"Name one of {names}." if candidates else "Write a function that returns one."
+        raise fail("scene", "a file with one function that makes it", str(path), remedy)
+    return candidates[0]
+
+
+def _as_function(node: ast.stmt) -> ast.FunctionDef | None:
+    """The function that a statement defines, also as ``name = lambda ...``; None if it does not."""
+    if isinstance(node, ast.FunctionDef):
+        return node
+    if isinstance(node, ast.Assign) and isinstance(node.value, ast.Lambda):
+        target = node.targets[0]
+        if isinstance(target, ast.Name):
+            returned = ast.Return(node.value.body)
+            return ast.FunctionDef(target.id, node.value.args, [returned], [])
+    return None
+
+
+def _without_default(function: ast.FunctionDef) -> list[str]:
+    """The names of the parameters of a function that a call must give."""
     given = function.args
-    return len(given.defaults) < len(given.args) + len(given.posonlyargs) or (
-        None in given.kw_defaults
-    )
+    by_position = [x.arg for x in (*given.posonlyargs, *given.args)]
+    by_name = zip(given.kwonlyargs, given.kw_defaults, strict=True)
+    return [
+        *by_position[: len(by_position) - len(given.defaults)],
+        *(x.arg for x, default in by_name if default is None),
+    ]
+
+
+def _returns_scene(function: ast.FunctionDef) -> bool:
+    returned = "" if function.returns is None else ast.unparse(function.returns)
+    return returned.strip("\"'").rpartition(".")[2] == "Scene"
 
 
 def load(name: str) -> Callable[..., Any]:
@@ -137,6 +168,11 @@ def _module(path: Path, changed: int) -> Any:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
+    except SystemExit as error:
+        remedy = 'What is only for a program belongs below `if __name__ == "__main__":`.'
+        raise fail(
+            "scene", "a file that can be imported", f"{path}, which exits", remedy
+        ) from error
     finally:
         sys.path.remove(folder)
     return module

@@ -207,9 +207,13 @@ def record(x: Any, units: bool = True) -> str:
       >>> record(effects.UniformGravity(9.81)), record(effects.UniformGravity(9.81), units=False)
       ('UniformGravity(g = 9.81 m/s^2)', 'UniformGravity(g = 9.81)')
     """
-    parts = []
-    for field in filter(lambda field: field.init, dataclasses.fields(x)):
+    parts, entries = [], getattr(x, "parameter_names", dict)()
+    for field in filter(lambda field: field.init and field.repr, dataclasses.fields(x)):
         inner = getattr(x, field.name, None)
+        if field.name in entries:
+            named = zip(entries[field.name], inner, strict=True)
+            parts += [f"{name} = {part(one, '', units)}" for name, one in named]
+            continue
         # Options at their defaults, and unset fields, are omitted.
         if inner is None or (field.metadata.get("static") and inner == field.default):
             continue

@@ -76,6 +76,8 @@ def _texts(words: list[str]) -> dict[str, dict[str, str]]:
         found["problem"] |= {f"jaxdyn course {n}": x for n, x in topics.problems(word).items()}
         found["word"] |= topics.meanings(word)
         if not any([*found.values(), *topics.about(word, zoo)]):
+            found["guide of the site"] |= topics.guides(word, times=1)
+        if not any([*found.values(), *topics.about(word, zoo)]):
             choice("scene", word, zoo, "jaxdyn list")
     return found
 

@@ -30,7 +30,34 @@ _SYNONYMS = {
     "optimisation": ("design",),
     "optimization": ("design",),
     "frf": ("frequency response", "transfer function"),
+    "harmonic balance": ("frequency response", "backbone"),
     "mode": ("mode", "vibration", "backbone"),
+    "nnm": ("nonlinear normal mode", "backbone"),
+    "resonance": ("vibration", "frequency response", "force f cos", "driven"),
+    "flutter": ("vibration", "hopf"),
+    "floquet": ("find an orbit",),
+    "shooting": ("find an orbit",),
+    "limit cycle": ("find an orbit", "hopf"),
+    "poincare": ("section",),
+    "poincare map": ("section",),
+    "strange attractor": ("chao", "lorenz", "basin"),
+    "butterfly": ("lorenz",),
+    "tipping point": ("basin",),
+    "bifurcation": ("bifurcation", "fold", "hopf"),
+    "gyroscope": ("spinning top", "turns freely about", "precession"),
+    "kepler": ("two body", "power law", "central force", "circle about"),
+    "planet": ("planet", "n body", "two body", "central force"),
+    "slingshot": ("n body", "massless body", "libration"),
+    "gravity assist": ("n body", "massless body", "libration"),
+    "spacecraft": ("massless body", "libration"),
+    "elastic pendulum": ("spring mass",),
+    "spring pendulum": ("spring mass",),
+    "projectile": ("cannonball", "thrown"),
+    "robot": ("walk", "four bar", "cart"),
+    "walking robot": ("walk",),
+    "gait": ("walk",),
+    "impact": ("impact", "bounce"),
+    "collision": ("impact", "bounce", "encounter"),
 }
 
 _GUIDES = Path(__file__).parents[1] / "gallery" / "guides"
@@ -42,13 +69,18 @@ def about(word: str, zoo: Mapping[str, SceneText]) -> list[str]:
     return [name for name, scene in zoo.items() if _is_in(word, _text(name, scene))]
 
 
-def guides(word: str) -> dict[str, str]:
-    """The titles of the guides that are about a word, by their files in `jaxdyn/gallery/guides`."""
+def guides(word: str, times: int = _LINES) -> dict[str, str]:
+    """The titles of the guides that are about a word, by their files in `jaxdyn/gallery/guides`.
+
+    Args:
+      word: the word.
+      times: number of lines in which a guide about it has it, if no heading does.
+    """
     found = {}
     for path in sorted(_GUIDES.glob("*.md")):
         lines = path.read_text(encoding="utf-8").splitlines()
         headings = " ".join(line for line in lines if line.startswith("#"))
-        if _is_in(word, headings) or sum(_is_in(word, line, ()) for line in lines) >= _LINES:
+        if _is_in(word, headings) or sum(_is_in(word, line, ()) for line in lines) >= times:
             found[path.name] = lines[0].removeprefix("# ")
     return found
 

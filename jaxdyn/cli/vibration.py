@@ -122,7 +122,9 @@ def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) ->
     omega = [low * ratio**i for i in range(samples)]
     values = jaxdyn.vibration.receptance(scene, given, output, omega)
     top = int(abs(values).argmax())
-    peak = f"{brief(float(abs(values[top])))} at {brief(omega[top])}"
+    unit = second(scene.labels())
+    unit = unit and f"rad/{unit}"
+    peak = f"{brief(float(abs(values[top])))} at {brief(omega[top], unit)}"
     out.print(f"largest receptance of {output} by a force on {given}: {peak}")
     what = f"{output} / force on {given}"
     if plot:
@@ -134,7 +136,9 @@ def _response(scene: "jaxdyn.Scene", asked: tuple, files: tuple, out: Screen) ->
                 (w, abs(h), math.atan2(h.imag, h.real))
                 for w, h in zip(omega, values.tolist(), strict=True)
             ]
-            jaxdyn.files.tables.write_columns(csv, ["omega", what, "phase [rad]"], rows)
+            jaxdyn.files.tables.write_columns(
+                csv, [f"omega [{unit}]" if unit else "omega", what, "phase [rad]"], rows
+            )
 
 
 def _range(within: str | None, scene: "jaxdyn.Scene") -> tuple[float, float]:

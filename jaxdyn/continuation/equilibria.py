@@ -101,7 +101,7 @@ def continue_equilibria(
     members = _checks.whole("members", members)
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
-    make = with_captures("make", make)
+    make = with_captures("make", make, "parameter")
     first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
     return _follow(make, first, (step, members, within), report, path)
 

@@ -14,12 +14,15 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import fail
+from jaxdyn._checks import fail, is_traced
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.special import locate, pose
 from jaxdyn.continuation.units import Units
+
+#: Relative to the sizes of its unknowns: how far a known point may be from that of the numbers.
+_SAME = 1e-6
 
 
 class DifferentiablePoint(NamedTuple):
@@ -50,10 +53,11 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
     Returns:
       Its numbers, equal to those of `point`, with their first derivatives.
     Raises:
-      ValueError: `point` is neither a fold nor a Hopf point, or has no units, as from a file of an
-        early version.
-    Limits: first derivatives; the values are those of `point` whatever the numbers are. At points
-      of codimension two, such as a cusp, there is no derivative, and this is not finite.
+      ValueError: `point` is neither a fold nor a Hopf point, is one for other numbers, or has no
+        units, as from a file of an early version.
+    Limits: first derivatives. Where the numbers are traced, and are not those of the point, the
+      result is NaN. At points of codimension two, such as a cusp, there is no derivative, and this
+      is not finite.
     Example:
       >>> import jax, jaxdyn
       >>> from jaxdyn import continuation, scenes
@@ -75,8 +79,14 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
         return posed.system(scenes, u, posed.normal)
 
     u = jnp.asarray(posed.unknowns)
-    value, jacobian = miss(u), jax.lax.stop_gradient(jax.jacfwd(miss)(u))
-    u = u - jnp.linalg.solve(jacobian, value - jax.lax.stop_gradient(value))
+    step = jnp.linalg.solve(jax.lax.stop_gradient(jax.jacfwd(miss)(u)), miss(u))
+    known = jax.lax.stop_gradient(step)
+    away = jnp.max(jnp.abs(known))
+    if not is_traced(away) and _SAME < away < math.inf:
+        got = f"others, for which it is elsewhere by {float(away):.1g} of its size"
+        raise fail("make", "scenes with the numbers of the point", got, "Find it again with these.")
+    # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
+    u = u - jnp.where(away <= _SAME, 1.0, jnp.nan) * (step - known)
     k = len(point.state)
     hopf = point.kind == Kind.HOPF
     return DifferentiablePoint(

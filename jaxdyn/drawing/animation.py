@@ -11,6 +11,7 @@ Matplotlib's own method, which redraws the figure for each frame, takes several 
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,6 +48,7 @@ def animate(
     motion: Trajectory | HybridTrajectory,
     path,
     *,
+    entries: Sequence[str] | None = None,
     seconds: float | None = None,
     fps: float = 30,
     trail: float = 0.25,
@@ -56,6 +58,8 @@ def animate(
     Args:
       motion: result of `simulate` or `simulate_phases`.
       path: file to write, .gif or .mp4.
+      entries: names of two or three entries of the state to draw, instead of what moves in space or
+        of all entries of a plain rate.
       seconds: duration of the animation [s]; by default that of the motion if this is 1 to 10 s,
         otherwise a round fraction or multiple of it, which is shown in the picture.
       fps: frames per second; in a GIF rounded to whole hundredths of a second per frame.
@@ -66,7 +70,7 @@ def animate(
     """
     path = animation_path(path)
     _check_numbers(seconds, fps, trail)
-    drawn = paths(motion)
+    drawn = paths(motion, entries)
     if len(drawn.ts) < 2:
         raise _checks.fail(
             "motion", "at least 2 samples", len(drawn.ts), "Simulate with more, over a longer span."

@@ -16,6 +16,7 @@ from jaxdyn._text import second
 from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
+from jaxdyn.scene import Scene
 from jaxdyn.sketch import Kind
 
 _LOOKS = 100  # number of samples at which the extent of shapes is evaluated
@@ -56,7 +57,7 @@ class Paths(NamedTuple):
 
 
 @check_first
-def paths(motion: Trajectory | HybridTrajectory) -> Paths:
+def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None = None) -> Paths:
     """The contents of a picture of a motion, a chain of phases or the part of a run that stopped.
 
     Points move in a plane, in space or on a line; a system without points is drawn in its state
@@ -65,13 +66,19 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
 
     Args:
       motion: result of `simulate` or `simulate_phases`.
+      entries: names of two or three entries of the state that are drawn instead.
     Raises:
-      ValueError: `motion` is a batch, or has nothing to draw.
+      ValueError: `motion` is a batch, or has nothing to draw, or `entries` are others.
     """
     pieces = pieces_of(motion)
+    which = [indices_of(entries, piece.scene) for piece in pieces]
     good = [samples_reached(piece) for piece in pieces]
-    parts = [fine(piece, n, len(pieces)) for piece, n in zip(pieces, good, strict=True) if n]
-    parts = parts or [fine(pieces[0], 0, 1)]
+    parts = [
+        fine(piece, n, len(pieces), of)
+        for piece, n, of in zip(pieces, good, which, strict=True)
+        if n
+    ]
+    parts = parts or [fine(pieces[0], 0, 1, which[0])]
     ts = np.concatenate([part.ts for part in parts])
     points = np.concatenate([part.points for part in parts])
     n, d = points.shape[1:]
@@ -80,13 +87,14 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
             "motion",
             "material points, or a state of at most 3 entries",
             f"no points and a state of {d}",
-            "Draw its entries against time with drawing.time_series.",
+            "Choose with entries=, or draw them against time with drawing.time_series.",
         )
     outlines = _common(parts)
     marks = [(outline.name, at[:, 0]) for outline, at in outlines if outline.kind == "trace"]
     names = tuple(name for name, _ in marks) or tuple(f"body {i + 1}" for i in range(n) if n > 1)
     xyz = np.concatenate([at for _, at in marks], axis=1) if marks else points
-    symbols, second = _axis_labels(pieces[0], d)
+    named = _axes(pieces[0], d, which[0])
+    symbols, second = _axis_labels(pieces[0], named)
     shapes = [Moving(outline.kind, at) for outline, at in outlines if outline.kind != "trace"]
     if d == 1:
         xyz, symbols = _against(ts, xyz), (f"t [{second.strip()}]" if second else "t", *symbols)
@@ -97,7 +105,7 @@ def paths(motion: Trajectory | HybridTrajectory) -> Paths:
         names=names if any(names) else (),
         labels=symbols,
         second=second,
-        equal=d > 1 and not _is_phase_plane(pieces[0]),
+        equal=d > 1 and len({unit for _, unit in named}) == 1,
         stopped=why_stopped(motion, second),
         shapes=tuple(shapes),
         corners=tuple(np.cumsum([len(part.ts) for part in parts])[:-1].tolist()),
@@ -145,18 +153,35 @@ def _against(ts: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.concatenate([time, places], axis=-1)
 
 
-def _is_phase_plane(piece: Trajectory) -> bool:
-    """Whether the drawing shows a state of two entries with different units."""
-    units = [unit for _, unit in piece.scene.labels()]
-    return not piece.scene.has_points and len(units) == 2 and units[0] != units[1]
+def indices_of(entries: Sequence[str] | None, scene: Scene) -> list[int]:
+    """The indices of the entries of the state with these names; none for None.
+
+    Raises:
+      ValueError: they are not two or three names of entries.
+    """
+    if entries is None:
+        return []
+    names = [name for name, _ in scene.labels()]
+    if isinstance(entries, str) or len(entries) not in (2, 3):
+        raise _checks.fail(
+            "entries", "two or three names", repr(entries), f"Of {', '.join(names)}."
+        )
+    return [names.index(_checks.choice("entries", name, names)) for name in entries]
 
 
-def _axis_labels(piece: Trajectory, d: int) -> tuple[tuple[str, ...], str]:
-    """(d,) names and units of the directions, and the unit of time, from the state's labels."""
+def _axes(piece: Trajectory, d: int, which: Sequence[int]) -> list[tuple[str, str]]:
+    """(d,) names and units of the directions, from the state's labels."""
     labels = piece.scene.labels()
+    if which or not piece.scene.has_points:
+        return [labels[i] for i in which or range(len(labels))]
     units, length = dict(labels), (piece.scene.units or ("m",))[0]
-    named = [(x, units.get(x, units.get(x + "1", length))) for x in "xyz"[:d]]
-    named = named if piece.scene.has_points else labels
+    return [(x, units.get(x, units.get(x + "1", length))) for x in "xyz"[:d]]
+
+
+def _axis_labels(
+    piece: Trajectory, named: Sequence[tuple[str, str]]
+) -> tuple[tuple[str, ...], str]:
+    """(d,) labels of the axes, and the unit of time after a number."""
     plain = all(unit == "1" for _, unit in named)
-    time = "" if plain else f" {second(labels) or 's'}"
+    time = "" if plain else f" {second(piece.scene.labels()) or 's'}"
     return tuple(x if unit == "1" else f"{x} [{unit}]" for x, unit in named), time

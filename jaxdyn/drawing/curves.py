@@ -6,6 +6,7 @@ the radius with 6 samples per turn and 2e-3 with 3; fewer are not enough for a m
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -44,13 +45,16 @@ def samples_reached(piece: Trajectory) -> int:
     return len(good) if good.all() else int(np.argmin(good))
 
 
-def fine(piece: Trajectory, count: int, pieces: int) -> Part:
+def fine(piece: Trajectory, count: int, pieces: int, entries: Sequence[int] = ()) -> Part:
     """The curve through the first `count` samples of one of `pieces` pieces.
 
-    For a system without points it is a curve in its state space.
+    For a system without points it is a curve in its state space, as it is in some of the entries of
+    any state if these are given.
     """
     scene = piece.scene
     ts, ys = states(piece, count, pieces)
+    if entries:
+        return Part(ts, ys[:, None, list(entries)], {})
     points, *corners = (np.asarray(x) for x in _places(scene, ts, ys))
     return Part(ts, points, dict(zip(_outlines(scene), corners, strict=True)))
 

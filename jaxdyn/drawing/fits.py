@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from jaxdyn import _text
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import readable
@@ -27,7 +28,7 @@ def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
     """
     path = picture_path(path)
     predicted, table = found.predict(), found.table
-    second = " [s]" if any(unit != "1" for _, unit in found.scene.labels()) else ""
+    second = _text.second(found.scene.labels())
     columns = found.model.columns
     figure = blank(WIDTH, 0.8 + (_HIGH + _LOW) * len(columns))
     ratios = [_HIGH, _LOW] * len(columns)
@@ -53,7 +54,7 @@ def fit(found: Fit, path=None, *, title: str | None = None) -> Figure:
         lower.set_ylim(-1.1 * largest, 1.1 * largest)
         upper.margins(x=0)
         upper.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel(f"t{second}")
+    panels[-1].set_xlabel(f"t [{second}]" if second else "t")
     panels[0].set_title(_heading(found) if title is None else readable(title), fontsize=10)
     return finish(figure, path)
 

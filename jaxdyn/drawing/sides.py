@@ -1,5 +1,6 @@
 """A picture of a motion in space from three sides: its projections on the coordinate planes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,13 +23,18 @@ _ROOM = 1.6  # [in] space for labels, title and legend
 
 @check_first
 def projections(
-    motion: Trajectory | HybridTrajectory, path=None, *, title: str | None = None
+    motion: Trajectory | HybridTrajectory,
+    path=None,
+    *,
+    entries: Sequence[str] | None = None,
+    title: str | None = None,
 ) -> Figure:
     """The paths of a motion in space, projected on the x-z, y-z and x-y planes to one scale.
 
     Args:
       motion: result of `simulate` or `simulate_phases`.
       path: file to write, .png, .pdf or .svg.
+      entries: names of three entries of the state to draw, instead of what moves in space.
       title: title of the picture; by default the scene with its numbers, "" for none.
     Raises:
       ValueError: `motion` is not in space or is a batch, or `path` cannot be written.
@@ -39,7 +45,7 @@ def projections(
       [('x [m]', 'z [m]'), ('y [m]', 'z [m]'), ('x [m]', 'y [m]')]
     """
     path = picture_path(path)
-    drawn = paths(motion)
+    drawn = paths(motion, entries)
     if len(drawn.labels) != 3:
         got = f"one in {', '.join(drawn.labels)}"
         raise _checks.fail("motion", "a motion in space", got, "Use drawing.trajectory.")

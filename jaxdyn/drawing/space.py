@@ -47,6 +47,7 @@ def trajectory(
     motion: Trajectory | HybridTrajectory | Sequence[Trajectory | HybridTrajectory],
     path=None,
     *,
+    entries: Sequence[str] | None = None,
     title: str | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
@@ -59,13 +60,15 @@ def trajectory(
         early, which is marked by crosses and a line in the title. Several are drawn on the same
         axes, each in its own colour.
       path: file to write, .png, .pdf or .svg.
+      entries: names of two or three entries of the state to draw, instead of what moves in space or
+        of all entries of a plain rate.
       title: title of the picture; by default the scene with its numbers, "" for none.
       names: names of several motions, for the legend.
     Returns:
       The figure: a plane, a box (3-D) or x against t (1-D). A notebook shows it.
     Raises:
       ValueError: `path` cannot be written, `motion` is a batch, has nothing to draw, or several
-        do not fit on the same axes, or `names` has not one name for each.
+        do not fit on the same axes, `names` has not one name for each, or `entries` are others.
     Example:
       >>> from jaxdyn import scenes, simulate
       >>> throws = [simulate(scenes.cannonball(speed=v)) for v in (5.0, 10.0)]
@@ -75,7 +78,7 @@ def trajectory(
     """
     path = picture_path(path)
     motions = list(motion) if isinstance(motion, list | tuple) else [motion]
-    drawn = [paths(one) for one in motions]
+    drawn = [paths(one, entries) for one in motions]
     _check_together(drawn, names)
     box = limits(np.concatenate([places(one) for one in drawn]), drawn[0].equal)
     width, height = size(box, drawn[0].equal)
@@ -88,8 +91,8 @@ def trajectory(
         own = colours(one) if len(drawn) == 1 else [shade] * one.xyz.shape[1]
         _draw(ax, one, own, box, poses=len(drawn) == 1)
     if len(drawn) > 1:
-        entries = names or [f"motion {i + 1}" for i in range(len(drawn))]
-        handles = path_entries(entries, several)
+        numbered = names or [f"motion {i + 1}" for i in range(len(drawn))]
+        handles = path_entries(numbered, several)
     else:
         handles = path_entries(drawn[0].names, colours(drawn[0]))
     legend_below(figure, [*handles, *_marks(drawn)])

@@ -16,7 +16,7 @@ from jaxdyn.formulations.rigid import about_centre, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
-from jaxdyn.scene import Scene
+from jaxdyn.scene import Scene, System
 
 _CHARACTER = 0.078  # width of a character of a title in 10 points [in]
 _SPACE = "\0"  # stands for a space at which lines are not broken
@@ -118,10 +118,12 @@ def _numbers(part: eqx.Module | dict) -> dict[str, str]:
         named = [(str(key), x) for key, x in part.items()]
     else:
         named = [(field.name, getattr(part, field.name)) for field in dataclasses.fields(part)]
-    found = {}
+    found, entries = {}, part.parameter_names() if isinstance(part, System) else {}
     for name, x in named:
         if isinstance(x, MaterialPoints):
             found |= _inertia(x)
+        elif name in entries and eqx.is_array(x) and x.size <= _MOST:
+            found |= dict(zip(entries[name], map(_text_of, x), strict=True))
         elif isinstance(x, eqx.Module | dict):
             found |= _numbers(x)
         elif eqx.is_array(x) and x.size <= _MOST:

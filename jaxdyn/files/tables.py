@@ -12,6 +12,7 @@ import numpy as np
 from jaxdyn._checks import check_first
 from jaxdyn._labelled import Labelled
 from jaxdyn._text import fail, second
+from jaxdyn._units import measure
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
 from jaxdyn.files.input_files import MAX_BYTES, content
@@ -130,26 +131,39 @@ def write_labelled(path: str | Path, labelled: Labelled) -> Path:
 _TIMES = ("t", "time")
 #: The head of a column: a name, and its unit in brackets if there is one.
 _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
-#: Units of columns that are converted to SI units and radians.
-_UNITS = {"deg": math.pi / 180, "degrees": math.pi / 180, "cm": 0.01, "mm": 0.001, "ms": 0.001}
+#: Units of columns that are converted to SI units and radians, alone or in quotients such as deg/s.
+_CONVERTED = re.compile(r"deg(?:rees?)?|\N{DEGREE SIGN}|rpm|cm|mm|ms")
 #: How Fortran marks the exponent of a number, as in 1.5D-3.
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
-def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+class Columns(dict[str, np.ndarray]):
+    """Columns of a table by name.
+
+    Attributes:
+      units: the unit of each column by name, of those whose heads have one.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.units: dict[str, str] = {}
+
+
+def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:
     r"""The columns of a table in a text file, by name; from `write_csv` or other programs.
 
     Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
     spaces. Lines that begin with # or sep= are skipped, as are titles: lines before the names that
-    have another number of columns. A unit in brackets behind a name is taken off; degrees, cm, mm
-    and ms become radians, m and s. "time" is called "t".
+    have another number of columns. A unit in brackets behind a name is taken off: cm, mm, ms,
+    degrees and rpm, also in quotients such as mm/s, become m, s, radians and rad/s; others stay,
+    and `fit` converts them. "time" is called "t".
 
     Args:
       path: path of the file.
       names: names of the columns, for a file without a line of names.
     Returns:
-      Arrays (s,) by name; NaN for empty places.
+      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units.
     Raises:
       ValueError: `path` cannot be read, a line has another number of columns or something that is
         not a number, or two columns have one name.
@@ -181,7 +195,7 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
         first = first[:-1]
     rows = [row[:-1] if len(row) > len(first) and not row[-1] else row for row in rows]
     heads = [_HEAD.fullmatch(name.strip()) for name in first]
-    found = {}
+    found = Columns()
     for i, head in enumerate(heads):
         assert head is not None  # all text matches
         name = head["name"]
@@ -189,10 +203,25 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> dict[st
         if name in found:
             raise fail("names", "different ones", f"{name} twice")
         column = np.array([_number(row, i, len(first), path) for row in rows], float)
-        found[name] = column * _UNITS.get((head["unit"] or "").strip(), 1.0)
+        found[name], unit = _in_si(column, (head["unit"] or "").strip())
+        if unit:
+            found.units[name] = unit
+    if not rows:
+        raise fail("path", "lines of numbers below the names", f"none in {path}", _TABLE)
     if names is None and all(_is_number(name) for name in first):
         raise fail("path", "a line of names first", f"{lines[0][:40]!r}", "Pass names=[...].")
     return found
+
+
+def _in_si(column: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
+    """A column and its unit; both in SI units where its unit is made of such that are converted."""
+    parts = re.split(r"[\s/*^\d-]+", unit)
+    known = measure(unit)
+    if known is None or not any(_CONVERTED.fullmatch(part) for part in parts):
+        return column, unit
+    up = [f"{base}^{n}" if n > 1 else base for base, n in known.powers if n > 0]
+    down = [f"{base}^{-n}" if n < -1 else base for base, n in known.powers if n < 0]
+    return column * known.size, "/".join([" ".join(up) or "1", *down])
 
 
 def _titles(lines: Sequence[str]) -> int:

@@ -54,11 +54,14 @@ def fit(
       data: times "t" and measured columns by name, NaN for gaps: a mapping of arrays, a DataFrame,
         a Trajectory, or the result of `jaxdyn.read_csv`. A column is named after an entry of the
         state, or "x", "y", "z" for the scene's point ("x1", "y1", "x2", ... if there are several).
+        Units that `read_csv`, a DataFrame's ``attrs["units"]`` or a Trajectory state are converted
+        to those of the scene.
       start: names of entries of the initial state that are estimated too; by default all of them if
         no parameter changes the initial state of the scene, otherwise none.
       columns: the columns that are used; all by default.
-      noise: standard deviation of the measurements: one number, or one for each column by name,
-        each () or (s,). By default that of each column is estimated from the residuals.
+      noise: standard deviation of the measurements, in the units of the scene: one number, or one
+        for each column by name, each () or (s,). By default that of each column is estimated from
+        the residuals.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
       t0: time of the initial state; by default the first measured time if the whole initial state
         is estimated, otherwise 0.
@@ -87,17 +90,24 @@ def fit(
       >>> low < 9.7 < high
       True
     """
+    numbers = list(data.values()) if isinstance(data, Mapping) else data
+    _checks.check_untraced(
+        "fit", (guess, numbers, jnp.zeros(())), "Call it outside jit, grad and vmap."
+    )
     leaves, rest = eqx.partition(guess, _is_number)
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)
     if not flat:
         raise _checks.fail("guess", "numbers", repr(guess)[:60], 'For example {"g": 9.8}.')
     by_name = _by_name(make, guess)
+    if not by_name:
+        _checks.check_callable("make", make, "params")
     scene = make(**guess) if by_name else make(guess)
     check_kind("make(guess)", scene, (Scene,))
     check_scene(scene)
     table = measurements.read_measurements(data, columns)
     found = measurements.columns_of(scene, table.names, observe)
+    table = table.in_units_of(scene, found)
     model = Model(
         make=make,
         by_name=by_name,
@@ -117,18 +127,23 @@ def fit(
         _checks.whole("segments", segments, 1, max(len(table.ts) // 2, 1))
     sections = cut(table, t0, segments)
     names = _names(leaves, scene, model)
-    count = int(np.isfinite(table.values).sum())
     sigma = None if noise is None else _sigma(noise, table, sections)
-    dof = count - len(names)
-    if dof < (0 if sigma is not None else 1):
-        got = f"{count} of {len(names)} unknown: {', '.join(names)}"
-        remedy = "Measure more, or keep some of them at known values (start=)."
-        raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
+    dof = _degrees_of_freedom(table, names, 1 if sigma is None else 0)
     solution = _estimate(model, sections, sigma, theta, jnp.asarray(scene.y0, float))
     fitted = _report(model, sections, sigma, solution, names, table, dof)
     if throw and not fitted.ok:
         raise FitError(fitted.message)
     return fitted
+
+
+def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], least: int) -> int:
+    """Measured numbers minus unknown ones."""
+    count = int(np.isfinite(table.values).sum())
+    if count - len(names) < least:
+        got = f"{count} of {len(names)} unknown: {', '.join(names)}"
+        remedy = "Measure more, or keep some of them at known values (start=)."
+        raise _checks.fail("data", "more measured numbers than unknown ones", got, remedy)
+    return count - len(names)
 
 
 def _is_number(x: Any) -> bool:
@@ -242,7 +257,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     residuals = -_of_table(solution.residuals, table)
     sd = _of_table(weights, table)
     columns = zip(table.names, sd.T, strict=True)
-    noise = {name: float(np.mean(x[np.isfinite(x)] if finite else np.nan)) for name, x in columns}
+    noise = {name: _mean(x) if finite else np.nan for name, x in columns}
     good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
     return Fit(
         params=_as_given(model, theta),
@@ -263,6 +278,12 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
         sigma=weights,
         solution=solution,
     )
+
+
+def _mean(x: np.ndarray) -> float:
+    """The mean of the finite ones; NaN of none."""
+    kept = x[np.isfinite(x)]
+    return float(np.mean(kept)) if len(kept) else np.nan
 
 
 def _of_table(x, table: measurements.Measured) -> np.ndarray:

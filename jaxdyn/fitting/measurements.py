@@ -5,7 +5,7 @@ A column is identified by its name: the name of an entry of the state means that
 any other name needs a function (`observe=`). Gaps are NaN.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -13,11 +13,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._text import second
+from jaxdyn._units import conversion
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 TIME = "t"
 _AXES = "xyz"
+_NO_UNIT = "1"
 _REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
 
 
@@ -27,6 +30,7 @@ class Measured(NamedTuple):
     Attributes:
       rows: (s,) index of each row in the data, whose empty rows are left out.
       count: number of rows of the data.
+      units: units of the columns and of "t" by name, as far as they are known.
     """
 
     ts: np.ndarray
@@ -34,6 +38,25 @@ class Measured(NamedTuple):
     names: tuple[str, ...]
     rows: np.ndarray
     count: int
+    units: Mapping[str, str]
+
+    def in_units_of(self, scene: Scene, columns: Sequence["Column"]) -> "Measured":
+        """The table in the units of a scene, as far as both are known.
+
+        Raises:
+          ValueError: a unit of the table measures something else than that of the scene.
+        """
+        wanted = {column.name: column.unit for column in columns}
+        wanted |= {TIME: second(scene.labels()) or _NO_UNIT}
+        sizes = {name: self._size(name, unit) for name, unit in wanted.items()}
+        values = self.values * np.array([sizes[name] for name in self.names])
+        return self._replace(ts=self.ts * sizes[TIME], values=values)
+
+    def _size(self, name: str, wanted: str) -> float:
+        given = self.units.get(name, _NO_UNIT)
+        if _NO_UNIT in (given, wanted):
+            return 1.0
+        return conversion(f"column {name}", given, wanted)
 
 
 class Column(NamedTuple):
@@ -48,7 +71,7 @@ class Column(NamedTuple):
     """
 
     name: str
-    unit: str = "1"
+    unit: str = _NO_UNIT
     entry: int | None = None
     place: tuple[int, int] | None = None
     function: Callable | None = None
@@ -74,6 +97,7 @@ def read_measurements(data: Any, columns: Any = None) -> Measured:
       ValueError: there are no times or no columns, lengths differ, a time is not a number, or
         nothing is measured.
     """
+    units = _units(data)
     if isinstance(data, Trajectory):
         names = [name for name, _ in data.scene.labels()]
         data = {TIME: data.ts} | {name: data[name] for name in names}
@@ -96,7 +120,15 @@ def read_measurements(data: Any, columns: Any = None) -> Measured:
     if not np.isfinite(table).any():
         raise _checks.fail("data", "measured values", "NaN alone")
     kept = np.isfinite(table).any(axis=1)
-    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts))
+    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts), units)
+
+
+def _units(data: Any) -> dict[str, str]:
+    """The units that data state, by name: those of a motion, a file or a DataFrame."""
+    if isinstance(data, Trajectory):
+        labels = data.scene.labels()
+        return {TIME: second(labels) or _NO_UNIT} | dict(labels)
+    return dict(getattr(data, "units", None) or getattr(data, "attrs", {}).get("units", {}))
 
 
 def _numbers(name: str, given: Any, count: int) -> np.ndarray:
@@ -120,6 +152,7 @@ def columns_of(
     """
     labels, functions = scene.labels(), dict(observe or {})
     entries = {name: (i, unit) for i, (name, unit) in enumerate(labels)}
+    length = _NO_UNIT if not second(labels) else scene.units[0] if scene.units else "m"
     points = scene.points(jnp.zeros(()), scene.y0).r.shape if scene.has_points else (0, 0)
     places = {}
     for i in range(points[0]):
@@ -132,11 +165,14 @@ def columns_of(
         elif name in entries:
             found.append(Column(name, entries[name][1], entry=entries[name][0]))
         elif name in places:
-            found.append(Column(name, "m", place=places[name]))
+            found.append(Column(name, length, place=places[name]))
         else:
             try:
                 _checks.choice("column", name, {*entries, *places, *functions})
             except ValueError as error:
-                remedy = "Leave it out with columns=[...], or say what it is with observe={...}."
+                remedy = (
+                    "Rename it, leave it out with columns=[...], or say what it is with "
+                    "observe={...}."
+                )
                 raise ValueError(f"{error} {remedy}") from None
     return tuple(found)

@@ -17,6 +17,7 @@ from jax import lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array
 
+from jaxdyn.fitting.measurements import Column
 from jaxdyn.fitting.segments import Model, Segments
 from jaxdyn.scales import Groups, groups
 
@@ -97,7 +98,7 @@ def estimate(
     theta: Array,
     start: Array,
     pin: Array | None = None,
-    nodes: Array | None = None,
+    known: tuple[Array, Array] | None = None,
 ) -> Solution:
     """The best fit from a guess.
 
@@ -109,24 +110,18 @@ def estimate(
       start: (k,) guess of the start.
       pin: (p,) weights of a combination of parameters, relative to their sizes, that keeps its
         value; None for none.
-      nodes: (m, k) initial states of the segments, if they are known.
+      known: (m, k) initial states of the segments and (k,) sizes of the entries, if they are known.
     """
     system, c = model.scene(theta).system, len(model.columns)
     group = groups(system)
     counts = jnp.maximum(jnp.sum(segments.there, (0, 1)), 1.0)
-    mean = jnp.sum(segments.values * segments.there, (0, 1)) / counts
-    off = (segments.values - mean[None, None]) * segments.there
-    spread = jnp.sqrt(jnp.sum(off**2, (0, 1)) / counts)
-    spread = jnp.where(spread > 0, spread, jnp.where(mean != 0, jnp.abs(mean), 1.0))
+    spread = _spread(segments, counts)
     noise = jnp.ones(c) if sigma is not None else _FIRST_NOISE * spread
     given = jnp.ones_like(segments.values) if sigma is None else sigma
     weights = segments.there / given
-    if nodes is None:
-        sizes = _first_sizes(group, model, segments, start)
-        nodes = _filter_starts(model, segments, weights / noise[None, None], theta, start, sizes)
+    first = weights / noise[None, None]
+    nodes, sizes = known or _filter_starts(group, model, segments, first, theta, start)
     p = theta.shape[0]
-    sizes = group.sizes(jnp.max(jnp.abs(nodes), axis=0))
-    sizes = jnp.where(sizes > 0, sizes, 1.0)
     parameter_sizes = jnp.where(theta != 0, jnp.abs(theta), 1.0)
     everything = jnp.concatenate([parameter_sizes, jnp.tile(sizes, len(nodes))])
     q = p + sum(model.free)
@@ -162,6 +157,14 @@ def estimate(
     )
 
 
+def _spread(segments: Segments, counts: Array) -> Array:
+    """(c,) standard deviation of each column; its size where all values are the same."""
+    mean = jnp.sum(segments.values * segments.there, (0, 1)) / counts
+    off = (segments.values - mean[None, None]) * segments.there
+    spread = jnp.sqrt(jnp.sum(off**2, (0, 1)) / counts)
+    return jnp.where(spread > 0, spread, jnp.where(mean != 0, jnp.abs(mean), 1.0))
+
+
 def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) -> Array:
     """(k,) sizes of the entries of the state, from the guess and from columns that are entries."""
     most = jnp.max(jnp.abs(segments.values), (0, 1))
@@ -176,26 +179,30 @@ def _first_sizes(group: Groups, model: Model, segments: Segments, start: Array) 
 
 
 def _filter_starts(
-    model: Model, segments: Segments, weights: Array, theta: Array, start: Array, sizes: Array
-) -> Array:
-    """(m, k) initial states of the segments, one after another at the guessed parameters.
+    group: Groups, model: Model, segments: Segments, weights: Array, theta: Array, start: Array
+) -> tuple[Array, Array]:
+    """(m, k) initial states of the segments, one after another, and (k,) sizes of the entries.
 
-    Each is fitted to the data of its segment, beginning at the end of the previous segment, which
-    also serves as a weak prior for what the data do not determine.
+    The parameters are those of the guess. Each state is fitted to the data of its segment,
+    beginning at the end of the previous segment, which also serves as a weak prior for what the
+    data do not determine. The sizes are those that the motion reaches.
     """
+    sizes = _first_sizes(group, model, segments, start)
+    c, k = len(model.columns), start.shape[0]
+    every = (*model.columns, *(Column("", entry=i) for i in range(k)))
 
     def of_segment(predicted, one):
         segment, weight = one
 
         def rows(z):
-            seen, end = model.run(
-                theta, predicted + z * sizes, segment.begin, segment.end, segment.ts
-            )
-            d = model.misfit(seen, segment.values) * weight
-            return jnp.concatenate([d.ravel(), z]), end
+            begin = predicted + z * sizes
+            seen, end = model.run(theta, begin, segment.begin, segment.end, segment.ts, every)
+            d = model.misfit(seen[:, :c], segment.values) * weight
+            states = jnp.concatenate([begin[None], seen[:, c:], end[None]])
+            return jnp.concatenate([d.ravel(), z]), (end, jnp.max(jnp.abs(states), axis=0))
 
         def improved(carry, _):
-            z, trial, best, damping, gram, slope, end = carry
+            z, trial, best, damping, gram, slope, ended = carry
             jacobian, (value, there) = jax.jacfwd(lambda z: (rows(z)[0], rows(z)), has_aux=True)(
                 trial
             )
@@ -205,18 +212,20 @@ def _filter_starts(
             best = jnp.where(better, cost, best)
             gram = jnp.where(better, jacobian.T @ jacobian, gram)
             slope = jnp.where(better, jacobian.T @ value, slope)
-            end = jnp.where(better, there, end)
+            ended = jax.tree.map(lambda new, old: jnp.where(better, new, old), there, ended)
             damping = damping * jnp.where(better, _LESS, _MORE)
             held = gram + jnp.diag(damping * jnp.diag(gram))
-            return (z, z - jnp.linalg.solve(held, slope), best, damping, gram, slope, end), None
+            return (z, z - jnp.linalg.solve(held, slope), best, damping, gram, slope, ended), None
 
-        k = start.shape[0]
         zero = jnp.zeros(k)
-        first = (zero, zero, jnp.inf, jnp.asarray(1e-2), jnp.eye(k), zero, predicted)
-        (z, _, _, _, _, _, end), _ = lax.scan(improved, first, None, length=_FILTER)
-        return end, predicted + z * sizes
+        first = (zero, zero, jnp.inf, jnp.asarray(1e-2), jnp.eye(k), zero)
+        first = (*first, (predicted, jnp.abs(predicted)))
+        (z, _, _, _, _, _, (end, reach)), _ = lax.scan(improved, first, None, length=_FILTER)
+        return end, (predicted + z * sizes, reach)
 
-    return lax.scan(of_segment, start, (segments, weights))[1]
+    nodes, reach = lax.scan(of_segment, start, (segments, weights))[1]
+    reached = group.sizes(jnp.max(reach, axis=0))
+    return nodes, jnp.where(reached > 0, reached, 1.0)
 
 
 def _linear(

@@ -106,7 +106,8 @@ class Fit:
     Attributes:
       params: the estimates, in the structure of the guess.
       bars: half-widths of their 95 % intervals, likewise; NaN if the data do not determine them.
-      scene: the scene with the estimates, from the estimated initial state.
+      scene: the scene with the estimates, from the estimated initial state; where the fit did not
+        converge, that at which it stopped.
       names: of all estimated numbers: parameters, then entries of the start as "theta(t0)".
       covariance: (q, q) covariance of these.
       residuals: (s, c) measured minus fitted, NaN for gaps.
@@ -141,15 +142,24 @@ class Fit:
         return self.status == FitStatus.CONVERGED
 
     @property
+    def _solved(self) -> bool:
+        return self.status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
+
+    def _check_solved(self) -> None:
+        if not self._solved:
+            raise _checks.fail("fit", "one that converged", self.status.name, self.message)
+
+    @property
     def message(self) -> str:
         """What happened and what to do about it."""
         return " ".join([self.status.message, *self.undetermined])
 
     @property
     def values(self) -> np.ndarray:
-        """(q,) all estimated numbers, in the order of `names`."""
+        """(q,) all estimated numbers, in the order of `names`; NaN for those without a bar."""
         start = np.asarray(self.solution.x.nodes[0])[np.array(self.model.free)]
-        return np.concatenate([np.asarray(self.solution.x.theta), start])
+        found = np.concatenate([np.asarray(self.solution.x.theta), start])
+        return np.where(np.isfinite(np.diag(self.covariance)), found, np.nan)
 
     @property
     def correlations(self) -> np.ndarray:
@@ -178,6 +188,7 @@ class Fit:
         p = len(self.solution.x.theta)
         i = self.names.index(_checks.choice("name", name, self.names[:p]))
         _checks.whole("count", count, 5)
+        self._check_solved()
         var = float(np.sum(np.asarray(self.solution.factor[i]) ** 2))
         sd = np.sqrt(var) if var > 0 else float(self.solution.sizes[i])
         width = 1.5 * self.quantile * sd
@@ -199,7 +210,8 @@ class Fit:
         thetas = np.asarray(theta) + offsets[:, None] * along[:p]
         starts = np.asarray(nodes) + (offsets[:, None] * along[p:]).reshape(-1, *nodes.shape)
         pin = jnp.asarray(np.eye(p)[i])
-        costs, closed = _profile(self.model, self.segments, self.sigma, pin, thetas, starts)
+        sizes = self.solution.sizes[p : p + nodes.shape[1]]
+        costs, closed = _profile(self.model, self.segments, self.sigma, pin, thetas, starts, sizes)
         rise = 2.0 * np.asarray(costs - self.solution.cost)
         return thetas[:, i], np.where(np.asarray(closed), rise, np.nan)
 
@@ -227,6 +239,7 @@ class Fit:
         Args:
           ts: (s,) times, not before the start; 400 from the first to the last measurement by
             default. Beyond the last measurement the bands show what the data say about the future.
+            Where the fit did not converge, they are NaN.
         """
         first, last = self.t0, float(self.segments.end[-1])
         ts = np.linspace(first, last, 400) if ts is None else _checks.host_array("ts", ts, (None,))
@@ -250,6 +263,8 @@ class Fit:
         values, bars = _bands(self.model, self.segments, self.solution, padded, columns)
         flat = np.asarray(values).reshape(-1, len(columns))[places]
         widths = self.quantile * np.asarray(bars).reshape(-1, len(columns))[places]
+        if not self._solved:
+            widths = np.full_like(widths, np.nan)
         return Prediction(ts, tuple(column.name for column in columns), flat, widths)
 
     def propagate(
@@ -266,8 +281,10 @@ class Fit:
         Returns:
           Its value at the estimates, and the half-widths of its 95 % intervals.
         Raises:
-          ValueError: the function cannot be traced; the remedy is `draws`.
+          ValueError: the function cannot be traced (the remedy is `draws`), or the fit did not
+            converge.
         """
+        self._check_solved()
         p, k = len(self.solution.x.theta), len(self.scene.y0)
         z = jnp.concatenate([self.solution.x.theta, self.solution.x.nodes[0]])
         factor = np.asarray(self.solution.factor)[: p + k]
@@ -365,10 +382,10 @@ class Fit:
 
 
 @eqx.filter_jit
-def _profile(model, segments, sigma, pin, thetas, starts):
+def _profile(model, segments, sigma, pin, thetas, starts, sizes):
     def one(at):
         theta, nodes = at
-        found = estimate(model, segments, sigma, theta, nodes[0], pin, nodes)
+        found = estimate(model, segments, sigma, theta, nodes[0], pin, (nodes, sizes))
         return found.cost, found.converged
 
     # Not in parallel: there, batches of LAPACK in two of XLA's threads wait for each other for ever

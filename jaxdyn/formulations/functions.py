@@ -5,7 +5,6 @@ function is given. The numbers it depends on are passed to it as its last argume
 that new ones compile nothing and derivatives go through them.
 """
 
-import inspect
 import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -41,17 +40,9 @@ def call(function: Callable, params: Any, *args: Array) -> Any:
 
 def check_function(name: str, function: Any, params: Any, *args: str) -> Callable:
     """The function, if it can be called with these arguments and be part of a program."""
-    wanted = f"a function of ({', '.join((*args, 'params') if params is not None else args)})"
-    if not callable(function):
-        raise _checks.fail(name, wanted, repr(function))
-    try:
-        inspect.signature(function).bind(*args, *([] if params is None else [params]))
-    except TypeError as error:
-        remedy = "It gets `params` as its last argument if and only if params=... is given."
-        got = f"one of {inspect.signature(function)}"
-        raise _checks.fail(name, wanted, got, remedy) from error
-    except ValueError:  # some built-in functions have no signature
-        pass
+    given = args if params is None else (*args, "params")
+    remedy = "It gets `params` as its last argument if and only if params=... is given."
+    _checks.check_callable(name, function, *given, remedy=remedy)
     try:
         hash(function)
     except TypeError as error:

@@ -41,6 +41,7 @@ from jaxdyn.formulations.xpp_expressions import (
     CONSTANTS,
     DEEPEST,
     NAME,
+    BareNot,
     Expression,
     Function,
     NotARate,
@@ -109,7 +110,7 @@ class Written(System):
       params: (p,) values of the parameters in the order in which they are declared.
     """
 
-    text: str = eqx.field(static=True)
+    text: str = eqx.field(static=True, repr=False)
     params: Float[Array, " p"] = eqx.field(converter=as_float)
 
     def labels(self):
@@ -385,5 +386,9 @@ def _expression(text: str, line: str) -> Expression:
         return read(text)
     except NotARate as error:
         raise _refusal(line, str(error)) from None
+    except BareNot as error:
+        remedy = "Write (not(x))."
+        wanted = "`not` in parentheses behind an operator"
+        raise _checks.fail("text", wanted, repr(line), remedy) from error
     except ValueError as error:
         raise _refusal(line, "") from error

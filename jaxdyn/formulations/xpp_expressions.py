@@ -139,6 +139,10 @@ class NotARate(ValueError):
     """An expression that needs more than the state and the time; its text says what."""
 
 
+class BareNot(ValueError):
+    """``not`` behind an operator where XPPAUT applies it to more than what follows."""
+
+
 def read(text: str) -> Expression:
     """The expression that a text, in small letters, stands for.
 
@@ -178,7 +182,7 @@ class _Reader:
 
     def _refuse_not(self) -> None:
         if self._next == ("name", _NOT):
-            raise ValueError(_NOT)
+            raise BareNot(_NOT)
 
     def expect(self, wanted: str) -> None:
         """Pass a sign, a word, or the end of the text."""

@@ -8,15 +8,20 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn._checks import as_float, check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
 from jaxdyn.scenes.sections import DRAWN, RestrictedThreeBody, libration_points
 from jaxdyn.sketch import Shape, circle
 from jaxdyn.system import Points
+
+_MOON = 0.01215  # share of the Moon in the mass of Earth and Moon
+#: Largest entry of a start relative to the units of a pair: kilometres are beyond it.
+_MOST = 1e3
 
 
 class RestrictedThreeBodyInSpace(System):
@@ -27,7 +32,7 @@ class RestrictedThreeBodyInSpace(System):
     (without the term mu (1 - mu) that some authors add).
     """
 
-    mu: Array = eqx.field(converter=as_float, default=0.01215)
+    mu: Array = eqx.field(converter=as_float, default=_MOON)
     singular: ClassVar[str] = "The attraction is infinite at the two masses."
 
     def labels(self):
@@ -123,7 +128,7 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
 
 @ready_made(but=("system",))
 def restricted_three_body_in_space(
-    *, mu=0.01215, x=0.8234, y=0.0, z=0.0224, vx=0.0, vy=0.1343, vz=0.0, t1=2.75, system=""
+    *, mu=_MOON, x=0.8234, y=0.0, z=0.0224, vx=0.0, vy=0.1343, vz=0.0, t1=2.75, system=""
 ) -> Scene:
     """A massless body near two that circle each other, in and out of their plane.
 
@@ -141,12 +146,19 @@ def restricted_three_body_in_space(
       t1: span [1]; the two masses turn once in 2 pi.
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
         "jupiter-europa" or "saturn-enceladus" for the same scene in km and days, with the mu of
-        that pair.
+        that pair. The numbers above remain relative to the distance and the angular velocity of
+        the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day, and a span in days.
     """
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:
         return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
     pair = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
+    if not _checks.is_traced(mu) and float(mu) != _MOON:
+        raise _checks.fail("mu", f"none beside {system}, which has its own", mu, "Leave it out.")
+    if not _checks.is_traced(y0) and float(jnp.abs(y0).max()) > _MOST:
+        wanted = "a start relative to the distance and the angular velocity of the two bodies"
+        remedy = "scene.starting(y0) takes one in km and km/day."
+        raise _checks.fail("y0", wanted, _text.brief(np.asarray(y0)), remedy)
     days = pair.time / _DAY
     made = RestrictedThreeBodyInKilometres(pair.mu, pair.distance, days)
     return Scene(made, y0=y0 * made.units, t1=t1 * days)

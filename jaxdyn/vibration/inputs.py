@@ -84,8 +84,13 @@ class Force(Input):
         system, names = scene.system, [name for name, _ in scene.labels()]
         if isinstance(self.on, str):
             if not is_second_order(scene, scene.y0):
-                got, remedy = type(system).__name__, "vibration.Parameter takes any scene."
-                raise _checks.fail("Force", "a scene with a state [q, v]", got, remedy)
+                got = f"{type(system).__name__} of {', '.join(names)}"[:100]
+                wanted = "a scene whose state is [q, v], with dq/dt = v"
+                remedy = (
+                    "Coordinates come first, then their rates; a dictionary is sorted by its keys. "
+                    "vibration.Parameter takes any scene."
+                )
+                raise _checks.fail("Force", wanted, got, remedy)
             _checks.choice("Force.on", self.on, names[: len(names) // 2])
             if self.direction is not None:
                 raise _checks.fail("Force.direction", "none for a coordinate", self.direction)
@@ -136,8 +141,8 @@ class Parameter(Input):
         return self.make(self.value + u[0]).rate(t, y)
 
     def check(self, scene):
-        made = self.make(self.value)
-        _check_made("Parameter", scene, made)
+        _checks.check_callable("Parameter.make", self.make, "value")
+        _check_made("Parameter", scene, self.make(self.value))
 
 
 class Motion(Input):
@@ -155,6 +160,7 @@ class Motion(Input):
         return self.make(u[0], u[1]).rate(t, y)
 
     def check(self, scene):
+        _checks.check_callable("Motion.make", self.make, "displacement", "velocity")
         _check_made("Motion", scene, self.make(jnp.zeros(()), jnp.zeros(())))
 
 

@@ -156,12 +156,18 @@ def in_step(scene: Scene, period: float) -> float:
     if drive is None:
         check_drive(scene, period)
         return period
-    turns = max(round(period / drive), 1)
-    if abs(period - turns * drive) > _NEAR * drive:
-        near = f"{turns * drive:.15g}"
+    turns = turns_in(period, drive)
+    if not turns:
+        near = f"{max(round(period / drive), 1) * drive:.15g}"
         got = f"{period}, between two of them"
         raise fail("period", f"a multiple of the drive's, {drive:.15g}", got, f"Say {near}?")
     return turns * drive
+
+
+def turns_in(period: float, drive: float) -> int:
+    """How often the period of a drive fits into a period; 0 if that lies between two multiples."""
+    turns = max(round(period / drive), 1)
+    return turns if abs(period - turns * drive) <= _NEAR * drive else 0
 
 
 def drive_period(scene: Scene) -> float | None:

@@ -28,6 +28,7 @@ from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.settling import (
     CHAOTIC,
     CHUNK,
+    CONTRACTS,
     EQUILIBRIUM,
     LAYOUT,
     NEWTON,
@@ -179,7 +180,9 @@ class _Motions(Settling):
                     return None  # it is still on its way
                 known = stability(orbit)
                 size = np.abs(np.asarray(known.nontrivial))
-                if (size + np.asarray(known.bars) < 1).all():  # not only stable: it attracts
+                # Not only stable: it attracts, and is not one of a family, as by an integral.
+                alone = known.unit == (1 if self.turn is None else 0)
+                if alone and (size + np.asarray(known.bars) < 1).all():
                     return self._of_orbit(orbit, size, np.asarray(known.bars))
         return self._chaotic(self.beside(y)) if last else None
 
@@ -218,7 +221,8 @@ class _Motions(Settling):
         scene = self.scene.starting(start, self.span)
         found = lyapunov_exponents(scene, _EXPONENT_SPANS * self.span, throw=False)
         exponents, bars = np.asarray(found.exponents), np.asarray(found.bars)
-        if not exponents[0] - bars[0] > 0:
+        # Where volumes are kept, nothing attracts.
+        if not (exponents[0] - bars[0] > 0 and exponents.sum() < -CONTRACTS * exponents[0]):
             return None
         if self.turn is None:
             time = _EXPONENT_SPANS * self.span

@@ -23,6 +23,7 @@ from jaxdyn.system import check_value
 from orbits.discovery.settling import (
     CHAOTIC,
     CHUNK,
+    CONTRACTS,
     CYCLE,
     FIXED,
     LAYOUT,
@@ -212,6 +213,8 @@ class _Iterates(Settling):
         blocks = growth.reshape(_BLOCKS, -1, growth.shape[1]).mean(axis=1)
         exponents = blocks.mean(axis=0)
         bars = _BAR * blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
-        if not exponents[0] - bars[0] > 0:
+        # Where volumes are kept, nothing attracts; where a map is not invertible, they may grow.
+        kept = abs(exponents.sum()) <= CONTRACTS * np.abs(exponents).max()
+        if not exponents[0] - bars[0] > np.finfo(float).eps or (kept and len(exponents) > 1):
             return None
         return Attractor(CHAOTIC, points, None, exponents, bars)

@@ -16,6 +16,8 @@ from orbits.orbit import Orbit
 #: Relative to the sizes of the entries: the distance within which an attractor is reached.
 REACHED = 1e-3
 NEWTON = 0.05  # the same for an attractor that Newton's method finds from the end of a motion
+#: Relative to the largest exponent: the least sum of the exponents of a chaotic attractor.
+CONTRACTS = 1e-6
 _CLOUD_SPACING = 4.0  # the same for a chaotic one, relative to its largest gaps
 _TRIES = 6  # ends of a round without a new attractor before the search stops
 _SD = 1.96  # standard deviations of a 95 % interval
@@ -94,7 +96,8 @@ class Basins:
     @_text.never_raising
     def __repr__(self) -> str:
         rows = []
-        said = [*(f"{i}: {a.said}" for i, a in enumerate(self.attractors)), "none"]
+        said = [f"{i}: {a.said}" for i, a in enumerate(self.attractors)]
+        said.append(f"none within {self._time}")
         for text, share, bar in zip(said, self.fractions, self.bars, strict=True):
             rows.append((f"{100 * share:.2f} +- {100 * bar:.2f} %", text))
         shape = " x ".join(map(str, self.labels.shape))
@@ -102,6 +105,12 @@ class Basins:
         return _text.table(head, rows)
 
     _repr_html_ = _text.html
+
+    @property
+    def _time(self) -> str:
+        if self.scene is None:
+            return _text.number_of(int(self.time), "step")
+        return _text.brief(self.time, _text.second(self.scene.labels()))
 
     @property
     def entries(self) -> tuple[tuple[str, str], ...]:

@@ -122,6 +122,7 @@ def basin_fractions(
     if not (len(at) and (np.diff(at) > 0).all()):
         raise _checks.fail("values", "ascending ones, at least one", at)
     _checks.positive("within", within)
+    _checks.check_callable("find", find, "value")
     found, tracks = [], []
     for i, value in enumerate(at.tolist()):
         basins = find(value)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxdyn import _checks, simulate
-from jaxdyn.drawing.contents import paths
+from jaxdyn.drawing.contents import indices_of, paths
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, mark, path_entries
 from jaxdyn.drawing.panels import (
     apart,
@@ -44,6 +44,7 @@ def orbits(
     path=None,
     titles: Sequence[str] | None = None,
     *,
+    entries: Sequence[str] | None = None,
     title: str | None = None,
 ) -> Figure:
     """A row of pictures of orbits, each over one period and all to one scale.
@@ -56,6 +57,8 @@ def orbits(
         [s].
       path: file to write, .png, .pdf or .svg.
       titles: title of each orbit; it may have several lines.
+      entries: names of two or three entries of the state to draw, instead of what moves in space or
+        of all entries of a plain rate.
       title: title of the figure; by default the scene with the numbers that all orbits share, ""
         for none.
     Raises:
@@ -66,7 +69,7 @@ def orbits(
     path = picture_path(path)
     titles = _check_titles(found, titles)
     motions = [_one_period(orbit) for orbit in found]
-    drawn = [paths(motion) for motion in motions]
+    drawn = [paths(motion, entries) for motion in motions]
     if len({one.labels for one in drawn}) > 1:
         raise _checks.fail(
             "found", "orbits in one space", "orbits in several", "Draw them separately."
@@ -74,7 +77,7 @@ def orbits(
     equal = drawn[0].equal
     places = np.concatenate([one.xyz.reshape(-1, len(one.labels)) for one in drawn])
     width = np.ptp(places, axis=0).max()
-    arrows = [_velocities(orbit, width) if equal else None for orbit in found]
+    arrows = [_velocities(orbit, width, entries) if equal else None for orbit in found]
     tips = [sum(arrow) for arrow in arrows if arrow is not None]
     box = limits(np.concatenate([places, *tips]), equal)
     width, height = _row(len(drawn), box, equal)
@@ -101,8 +104,7 @@ def orbits(
         marks.append(mark(r"$\rightarrow$", "velocity there"))
     if any(map(jumps, drawn)) or any(back):
         marks.append(Line2D([], [], color=INK, lw=1.0, ls="--", label="jump"))
-    entries = path_entries(most.names, colours(most))
-    legend_below(figure, [*entries, *marks])
+    legend_below(figure, [*path_entries(most.names, colours(most)), *marks])
     fill(figure)
     return finish(figure, path)
 
@@ -162,14 +164,19 @@ def _row(count: int, box: np.ndarray, equal: bool) -> tuple[float, float]:
     return count * scale * width, scale * (height - 1) + 1
 
 
-def _velocities(orbit, width: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _velocities(
+    orbit, width: float, entries: Sequence[str] | None
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Positions (n, d) of the bodies at the start, and their velocities scaled to arrows.
 
-    A scene without bodies is drawn by its state, whose velocity is the rate.
+    A scene without bodies is drawn by its state, whose velocity is the rate; so are its entries.
     """
     scene, t = first_scene(orbit), jnp.zeros(())
     y0 = jnp.asarray(orbit.y0)
-    start = scene.points(t, y0)[:2] if scene.has_points else (y0[None], scene.rate(t, y0)[None])
+    drawn = indices_of(entries, scene) or range(len(y0))
+    start = (y0[None, list(drawn)], scene.rate(t, y0)[None, list(drawn)])
+    if scene.has_points and entries is None:
+        start = scene.points(t, y0)[:2]
     r, v = map(np.asarray, start)
     fastest = np.linalg.norm(v, axis=1).max()
     # A velocity that is only rounding, at a start at rest, has no direction.

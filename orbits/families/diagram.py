@@ -330,7 +330,7 @@ def load(path: str | Path, make: Make) -> Diagram:
       ValueError: the file is of another kind, was edited or damaged, has a family without a
         parameter or with conditions, or does not hold equilibria and orbits of these scenes.
     """
-    make = with_captures("make", make)
+    make = with_captures("make", make, "parameter")
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
     equilibria = tuple(equilibria_of(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]

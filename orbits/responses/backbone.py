@@ -179,6 +179,9 @@ def backbone(
         positive("amplitude", amplitude, "It is a displacement.")
     rest = np.asarray(scene.y0)
     small = modes(scene, rest, 1.0)
+    if not small:
+        remedy = "Leave damping out: a backbone is of free vibrations."
+        raise fail("scene", "modes that oscillate without damping", "none", remedy)
     if mode > len(small):
         raise fail("mode", f"at most {len(small)}, the modes that oscillate", mode)
     orbit = _first(scene, small[mode - 1], amplitude)

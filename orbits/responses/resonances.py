@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene
+from jaxdyn import Scene, _text
 from jaxdyn.analysis.energy import energy
 from orbits.families.bifurcations import zero_between
 from orbits.families.family import Family, Member
@@ -48,7 +48,7 @@ class Resonance:
 
     @property
     def frequency(self) -> float:
-        """Angular frequency of the orbit [rad/s]."""
+        """Angular frequency of the orbit."""
         return 2 * math.pi / self.member.orbit.period
 
     @property
@@ -58,7 +58,9 @@ class Resonance:
 
     def __repr__(self) -> str:
         ratio = f"{self.ratio.numerator}:{self.ratio.denominator}"
-        return f"{ratio} with mode {self.mode} at {self.frequency:.6g} rad/s"
+        second = _text.second(self.member.orbit.scene.labels())
+        at = _text.brief(self.frequency, f"rad/{second}" if second else "")
+        return f"{ratio} with mode {self.mode} at {at}"
 
 
 def ratios(family: Family, linear: np.ndarray) -> np.ndarray:

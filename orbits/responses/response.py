@@ -19,7 +19,7 @@ from jaxtyping import Array
 from scipy.optimize import minimize_scalar
 
 from jaxdyn import Scene, _labelled, _text
-from jaxdyn._checks import array, check_kind, check_untraced, fail, positive, whole
+from jaxdyn._checks import array, check_callable, check_kind, check_untraced, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
@@ -30,6 +30,7 @@ from jaxdyn.vibration.inputs import Input, Output, check_input
 from jaxdyn.vibration.signals import Harmonic
 from jaxdyn.vibration.transfer import transfer_function
 from orbits.analysis.quantities import amplitude, phase
+from orbits.closing.given import drive_period, is_driven, turns_in
 from orbits.families.bifurcations import zero_between
 from orbits.families.continuation import continue_family
 from orbits.families.family import Family, Member
@@ -107,7 +108,7 @@ class FrequencyResponse:
     def table(self, output: Output | None = None) -> Labelled:
         """A row for each response and each special point, in order along each curve.
 
-        The columns are level, frequency [rad/s], amplitude and phase lag [rad] of an output,
+        The columns are level, angular frequency, amplitude and phase lag [rad] of an output,
         verdict, and the kind of special points.
 
         Args:
@@ -131,7 +132,9 @@ class FrequencyResponse:
             for member in in_order(curve)
         ]
         unit = labels.get(output, "1") if isinstance(output, str) else "1"
-        units = {"level": "", "frequency": "rad/s", "amplitude": unit, "phase": "rad"}
+        second = _text.second(tuple(labels.items()))
+        frequency = f"rad/{second}" if second else "1"
+        units = {"level": "", "frequency": frequency, "amplitude": unit, "phase": "rad"}
         units |= {"verdict": "", "kind": ""}
         columns = zip(*rows, strict=True)
         named = {
@@ -424,7 +427,7 @@ def _by_input(drive, scene: Scene) -> _Forced:
 
 
 def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
-    alone = len(inspect.signature(drive).parameters) == 1
+    alone = _takes_omega_alone(drive)
 
     def forced(omega, level) -> Scene:
         made = drive(omega) if alone else drive(omega, level)
@@ -450,6 +453,15 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
     return _Forced(forced, make, linear, None if alone else over_levels)
 
 
+def _takes_omega_alone(drive: Callable[..., Scene]) -> bool:
+    try:
+        check_callable("drive", drive, "omega")
+    except ValueError:
+        check_callable("drive", drive, "omega", "level")
+        return False
+    return len(inspect.signature(drive).parameters) == 1
+
+
 _SAMPLES = 64  # per period of the forcing, for its first harmonic
 
 
@@ -472,6 +484,7 @@ def _whole(t: Array, y: Array) -> Array:
 def _first(forced: _Forced, level: float, ends: tuple[float, float]) -> tuple[Orbit, Make, float]:
     """A response at one end of the range, the family that it belongs to, and that frequency."""
     for omega in ends:
+        _check_forced(forced.scene(omega, level), omega)
         orbit = _near(forced, omega, level)
         # If the response is far from linear, start from responses to weaker forcing.
         for part in () if orbit.ok else _PARTS:
@@ -479,6 +492,20 @@ def _first(forced: _Forced, level: float, ends: tuple[float, float]) -> tuple[Or
         if orbit.ok:
             return orbit, forced.make(level), omega
     raise SearchError(_NO_FIRST)
+
+
+def _check_forced(scene: Scene, omega: float) -> None:
+    """Raise ValueError unless the rate of a scene has the period of this angular frequency."""
+    period = 2 * np.pi / omega
+    wanted = f"a scene whose rate has the period 2 pi / omega, {period:.6g} for omega = {omega:g}"
+    if not is_driven(scene):
+        raise fail(
+            "drive", wanted, "one that does not depend on time", "Does the forcing enter it?"
+        )
+    found = drive_period(scene)
+    if found is not None and not turns_in(period, found):
+        remedy = "omega is an angular frequency, 2 pi times the number of cycles per unit of time."
+        raise fail("drive", wanted, f"one of period {found:.6g}", remedy)
 
 
 def _near(forced: _Forced, omega: float, level: float, beside: Orbit | None = None) -> Orbit:

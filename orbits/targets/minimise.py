@@ -10,11 +10,12 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, fail, positive, whole
+from jaxdyn._checks import array, check_callable, check_untraced, fail, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -118,10 +119,13 @@ def minimise(
       >>> round(float(found.numbers[0]), 6)  # 1 / sqrt(12)
       0.288675
     """
+    check_untraced("minimise", (guess, jnp.zeros(())), "Call it outside jit, grad and vmap.")
     numbers = np.asarray(array("guess", guess, (None,)))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
+    check_callable("make", make, "numbers")
+    check_callable("quantity", quantity, "found")
     followed, known = follow(make, near, hold)
     found = _Search(followed, quantity, low, high, goal).run(numbers, known, steps)
     if throw and not found.ok:

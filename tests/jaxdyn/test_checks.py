@@ -89,6 +89,14 @@ def test_positive_lets_good_numbers_and_tracers_pass():
     assert jax.jit(lambda x: _checks.positive("m", x))(-1.0) == -1.0
 
 
+def test_a_function_must_take_its_arguments_by_position():
+    _checks.check_callable("make", lambda x, y=1.0: x, "parameter")
+    _checks.check_callable("make", max, "parameter")  # has no signature
+    for function in (lambda *, x: x, lambda x, y: x, lambda: 0, 3.0):
+        with pytest.raises(ValueError, match=r"make: expected a function of \(parameter\), got"):
+            _checks.check_callable("make", function, "parameter")
+
+
 def test_choice_suggests_the_nearest():
     assert _checks.choice("label", "x", ["y", "x"]) == "x"
     message = r"^label: expected one of apple, pear, got 'appel'\. Did you mean 'apple'\?$"

@@ -60,6 +60,16 @@ def test_words_of_the_field_find_scenes(jaxdyn):
         ("damper", "oscillator"),
         ("boundary condition", "closing"),
         ("cannonballs", "jaxdyn course 27"),
+        ("resonance", "23_vibrations.md"),
+        ("NNM", "23_vibrations.md"),
+        ("limit cycle", "11_orbits.md"),
+        ("poincare", "12_families_and_manifolds.md"),
+        ("gyroscope", "jaxdyn course 61"),
+        ("walking robot", "simplest_walker"),
+        ("slingshot", "n_body"),
+        ("Kepler", "two_body"),
+        ("spring pendulum", "spring_mass"),
+        ("optax", "28_neural_terms.md"),  # in fewer lines than a guide about it has
     ],
 )
 def test_words_of_the_field_find_guides_problems_and_words(jaxdyn, word, shown):

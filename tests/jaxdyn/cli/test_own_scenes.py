@@ -43,6 +43,15 @@ def three(x):
 """
 
 
+SHORT = """
+import jaxdyn
+scale = lambda x=1.0: x
+def fall(k=2.0) -> jaxdyn.Scene:
+    return decay(k)
+decay = lambda k=1.0: jaxdyn.ode(lambda t, y, p: [-p * y[0]], [1.0], 1.0, params=k)
+"""
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -50,6 +59,9 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "shared.py").write_text("CONSTANT = 0.2")
     (tmp_path / "several.py").write_text(SEVERAL)
     (tmp_path / "broken.py").write_text("def f(:")
+    (tmp_path / "needy.py").write_text("def f(k, c=1, *, m, n=1): return k")
+    (tmp_path / "exits.py").write_text("import sys\ndef f(): return 1\nsys.exit(3)")
+    (tmp_path / "short.py").write_text(SHORT)
     (tmp_path / "empty.py").write_text("raise RuntimeError")
     return tmp_path
 
@@ -64,6 +76,14 @@ def test_a_scene_of_a_file_runs_with_its_numbers_set(folder, command):
     assert [one["t"][-1] for one in ends] == [50, 2]
     code, out, _ = command("jaxdyn", "run", "mine.py", "--set", "c=2.5", "--t1", "2", "--json")
     assert np.array_equal(json.loads(out)["y"][-1], ends[1]["y"][-1])
+
+
+@pytest.mark.parametrize(("name", "k"), [("short.py", 2.0), ("short.py:decay", 1.0)])
+def test_a_lambda_is_a_function_and_an_annotation_chooses_one(folder, command, name, k):
+    del folder
+    code, out, err = command("jaxdyn", "run", name, "--json")
+    assert code == 0, err
+    assert json.loads(out)["y"][-1][0] == pytest.approx(np.exp(-k), abs=1e-9)
 
 
 def test_an_orbit_of_it_is_found_and_what_no_file_holds_is_said_before(folder, command):
@@ -116,10 +136,13 @@ def test_a_word_finds_scenes(command):
     [
         (["nine.py"], "scene: expected a Python file that exists, got nine.py"),
         (["broken.py"], "scene: expected a Python file, got broken.py, which cannot be parsed"),
+        (["broken.py"], "(broken.py, line 1)"),
         (["empty.py"], "got empty.py. Write a function that returns one."),
         (["several.py"], "got several.py. Name one of several.py:one, several.py:two."),
         (["several.py:tree"], "expected one of one, three, two, got 'tree'. Did you mean 'three'?"),
-        (["several.py:three"], "Give each parameter a default, which --set changes."),
+        (["several.py:three"], "got several.py:three, where x has no default. Give each"),
+        (["needy.py"], "got needy.py:f, where k, m has no default"),
+        (["exits.py"], "exits.py, which exits. What is only for a program belongs below"),
         (["several.py:two"], "several.py:two: expected a function that returns a Scene, got int"),
         (["mine.py:_helper"], "function of mine.py: expected one of roessler, got '_helper'"),
         (["mine.py", "--set", "d=1"], "parameter of mine.py: expected one of a, b, c, t1, got 'd'"),

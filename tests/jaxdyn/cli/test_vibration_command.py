@@ -37,7 +37,7 @@ def test_a_response_is_drawn_and_written(vibration, tmp_path):
     assert picture.stat().st_size > 10_000
     with open(table, encoding="utf-8") as file:
         head, *rows = csv.reader(file)
-    assert head == ["omega", "x / force on x", "phase [rad]"]
+    assert head == ["omega [rad/s]", "x / force on x", "phase [rad]"]
     omega, size, phase = np.array(rows, float).T
     assert_allclose(omega, np.geomspace(1, 3, 5), rtol=1e-12)
     assert_allclose(size * np.exp(1j * phase), 1 / (4 - omega**2 + 0.4j * omega), rtol=1e-12)

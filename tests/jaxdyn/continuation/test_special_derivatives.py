@@ -52,6 +52,19 @@ def test_a_hopf_point_by_a_number_of_its_scene():
     assert by_sigma.frequency == pytest.approx(slope / (2 * np.sqrt(square)), abs=1e-11)
 
 
+def test_a_point_for_other_numbers_is_refused_or_nan():
+    family = jaxdyn.continue_equilibria(cubic(1.5), -1.0, [-1.4], within=(-2, 2), members=20)
+    fold = family.special[0]
+
+    def at(q):
+        return continuation.differentiable(cubic(q), fold).parameter
+
+    with pytest.raises(ValueError, match="make: expected scenes with the numbers of the point"):
+        at(1.6)
+    values = jax.vmap(jax.value_and_grad(at))(jnp.array([1.5, 1.6]))
+    assert np.isfinite(values).all(axis=0).tolist() == [True, False]
+
+
 def test_points_without_such_derivatives_are_refused():
     def lorenz(rho):
         return scenes.lorenz(rho=rho)

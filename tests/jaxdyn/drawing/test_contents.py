@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from helpers import EXACT, gap
 
-from jaxdyn import Trajectory, effects, scenes, simulate
+import jaxdyn
+from jaxdyn import Trajectory, drawing, effects, scenes, simulate
 from jaxdyn.analysis import work_by_effect
 from jaxdyn.analysis.regularized import LogarithmicTime
 from jaxdyn.drawing.contents import in_time, paths
@@ -284,3 +285,28 @@ def test_even_times_of_uneven_samples():
 def test_a_satellite_of_no_known_name_is_refused_where_it_is_drawn():
     with pytest.raises(ValueError, match="name: expected one of A, B, C, got 'Z'"):
         SatelliteSketch("Z")(np.zeros((6, 3)))
+
+
+def test_chosen_entries_of_a_state_are_drawn():
+    def rate(t, y):
+        return [y[1], -y[0], y[3], -4.0 * y[2]]
+
+    labels = [("a", "m"), ("va", "m/s"), ("b", "m"), ("vb", "m/s")]
+    scene = jaxdyn.ode(rate, [1.0, 0.0, 0.5, 0.0], 3.0, names=labels)
+    motion = simulate(scene, samples=50)
+    with pytest.raises(ValueError, match="Choose with entries="):
+        drawing.trajectory(motion)
+    (panel,) = drawing.trajectory(motion, entries=("a", "b")).axes
+    assert [panel.get_xlabel(), panel.get_ylabel()] == ["a [m]", "b [m]"]
+    assert panel.get_aspect() == 1.0
+    xyz = paths(motion, ("a", "b")).xyz[:, 0]
+    ts = paths(motion, ("a", "b")).ts
+    assert np.abs(xyz - np.stack([np.cos(ts), 0.5 * np.cos(2 * ts)], axis=1)).max() < 1e-8
+    assert drawing.trajectory(motion, entries=("a", "va")).axes[0].get_aspect() == "auto"
+    assert len(drawing.projections(motion, entries=("a", "b", "va")).axes) == 3
+    swing = simulate(scenes.pendulum(), samples=20)
+    (panel,) = drawing.trajectory(swing, entries=("theta", "theta_dot")).axes
+    assert panel.get_xlabel() == "theta [rad]"
+    for entries in (("a",), ("a", "c"), "ab", ("a", "b", "va", "vb")):
+        with pytest.raises(ValueError, match="entries: expected"):
+            drawing.trajectory(motion, entries=entries)

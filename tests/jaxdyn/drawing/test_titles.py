@@ -11,6 +11,7 @@ from jaxdyn import Scene, drawing, scenes, simulate
 from jaxdyn.drawing.titles import describe, readable
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.formulations.xpp import Maker
 from jaxdyn.scenes import catalogue
 
 
@@ -53,3 +54,10 @@ def test_dollar_signs_of_a_title_are_drawn_where_they_are_no_formula(title):
     assert shown == (plain.replace("$", r"\$") if "frac" in plain else plain)
     figure = drawing.time_series(simulate(scenes.oscillator()), title=title).figure
     figure.draw_without_rendering()
+
+
+def test_parameters_of_a_text_are_named():
+    swing = Maker("par k=4, c=0.1; x'=v; v'=-k*x-c*v", name="swing")
+    assert describe(swing()) == "swing (k = 4, c = 0.1)"
+    assert describe(swing(), swing(k=3.0)) == "swing (c = 0.1)"
+    assert "Written(k = 4, c = 0.1)" in repr(swing())

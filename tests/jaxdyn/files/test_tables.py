@@ -106,6 +106,20 @@ def test_other_tables_are_refused(tmp_path):
     assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names
     assert "got 'NA'" in refused("title\nt,x\nNA,1\n0.5,2\n")
     assert "without lines" in refused("# nothing\n")
+    assert "expected lines of numbers below the names" in refused("t,x\n")
     path.write_bytes(b"\xff\xfe\x00")
     assert "a table as text" in refusal(lambda: jaxdyn.read_csv(path))
     assert "readable file" in refusal(lambda: jaxdyn.read_csv(tmp_path / "none.csv"))
+
+
+def test_units_of_columns_are_kept_or_become_si_units(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text(
+        "t (min),x (km),v [mm/s^2],omega (rpm),turn (deg/s),u (V),n\n1,2,3,60,180,5,6\n"
+    )
+    back = jaxdyn.read_csv(path)
+    assert {name: float(column[0]) for name, column in back.items()} == pytest.approx(
+        {"t": 1, "x": 2, "v": 0.003, "omega": 2 * np.pi, "turn": np.pi, "u": 5, "n": 6}
+    )
+    units = {"t": "min", "x": "km", "v": "m/s^2", "omega": "rad/s", "turn": "rad/s", "u": "V"}
+    assert back.units == units

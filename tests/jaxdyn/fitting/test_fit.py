@@ -11,7 +11,7 @@ from scipy import optimize
 import jaxdyn
 from benchmarks import coverage
 from jaxdyn import scenes
-from jaxdyn.fitting import FitError, FitStatus, fit
+from jaxdyn.fitting import FitError, FitStatus, fit, multiple_shooting
 
 TS = np.linspace(0.0, 6.0, 60)
 
@@ -198,6 +198,17 @@ def test_a_motion_that_cannot_be_computed_is_said():
     assert np.isnan(found.params["a"])
 
 
+def test_a_fit_that_does_not_converge_has_no_numbers(track, monkeypatch):
+    monkeypatch.setattr(multiple_shooting, "_ITERATIONS", 1)
+    found = jaxdyn.fit(lambda slope: straight(slope), {"slope": 1.0}, track, throw=False)
+    assert found.status == FitStatus.NOT_CONVERGED
+    assert np.isnan(found.values).all()
+    assert np.isnan(found.predict([1.0]).bars).all()
+    assert "nan +- nan" in repr(found)
+    assert "one that converged" in refusal(lambda: found.profile("slope"))
+    assert "one that converged" in refusal(lambda: found.propagate(lambda scene: scene.y0[0]))
+
+
 @pytest.mark.slow
 def test_a_network_is_a_guess_too():
     class Slope(eqx.Module):
@@ -311,3 +322,48 @@ def test_intervals_contain_the_truth(name):
     assert (found.inside > 0.83).all()
     assert (np.abs(found.bias) < 4 / np.sqrt(60)).all()
     assert (np.abs(found.spread - 1) < 0.4).all()
+
+
+def fall(t, y, p):
+    return [y[1], -p["g"] + 0.0 * y[0]]
+
+
+def falling(g, length="m", time="s"):
+    labels = [("x", length), ("v", f"{length}/{time}")]
+    return jaxdyn.ode(fall, [0.0, 0.0], names=labels, params={"g": g})
+
+
+@pytest.mark.parametrize(
+    ("table", "units", "g"),
+    [
+        ("t (ms),x (cm)\n{t:.9f},{cm:.9f}\n", ("m", "s"), 9.81),
+        ("t (min),x (km)\n{minutes:.12f},{km:.12f}\n", ("m", "s"), 9.81),
+        ("t (ms),x (mm)\n{t:.9f},{mm:.9f}\n", ("mm", "min"), 9810.0 * 3600),
+    ],
+)
+def test_units_of_a_table_are_those_of_the_scene(tmp_path, table, units, g):
+    path = tmp_path / "fall.csv"
+    head, row = table.splitlines()
+    ts = np.linspace(0.0, 2.0, 12)
+    x = -0.5 * 9.81 * ts**2
+    numbers = zip(1e3 * ts, 100 * x, ts / 60, 1e-3 * x, 1e3 * x, strict=True)
+    names = ("t", "cm", "minutes", "km", "mm")
+    rows = [row.format(**dict(zip(names, one, strict=True))) for one in numbers]
+    path.write_text("\n".join([head, *rows]))
+    found = jaxdyn.fit(lambda g: falling(g, *units), {"g": 0.7 * g}, jaxdyn.read_csv(path))
+    assert found.params["g"] == pytest.approx(g, rel=1e-6)
+
+
+def test_units_that_do_not_fit_are_refused():
+    table = jaxdyn.files.tables.Columns()
+    table |= {"t": TS, "x": TS}
+    for unit in ("px", "s", "Hz"):
+        table.units = {"x": unit}
+        said = refusal(lambda: jaxdyn.fit(falling, {"g": 9.0}, table))
+        assert (
+            f"column x: expected values in m, or a unit that is converted to it, got {unit}."
+            in said
+        )
+    assert "Call it outside jit" in refusal(
+        lambda: jax.jit(lambda g: jaxdyn.fit(falling, {"g": g}, {"t": TS, "x": TS}).params)(9.0)
+    )

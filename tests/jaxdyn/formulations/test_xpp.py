@@ -210,7 +210,7 @@ def test_its_scenes_survive_their_file(tmp_path):
         ("x[k]'=1", "got a part of a row"),
         ("x[1..2]'=[2*j]", "got a part of a row"),
         ("x[1..2]'=x[jj]", "got a part of a row"),
-        ("x'=2*not(x)", "expected parameters, starts and rates"),
+        ("x'=2*not(x)", r"`not` in parentheses behind an operator, .* Write \(not\(x\)\)"),
         ("x'=1\n@ total=3, dt=-.1", "got a run backwards in time"),
         ("par total=3\nx'=total", "one meaning of each name, got two of total"),
         ("par pi=3\nx'=pi", "one meaning of each name, got two of pi"),

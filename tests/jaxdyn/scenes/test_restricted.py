@@ -185,3 +185,7 @@ def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
     assert [orbits.analysis.quantities.unit(x, scene) for x in ("period", "energy")] == ["day", "1"]
     with pytest.raises(ValueError, match="system: expected one of earth-moon"):
         scenes.restricted_three_body_in_space(system="moon")
+    with pytest.raises(ValueError, match="mu: expected none beside earth-moon"):
+        scenes.restricted_three_body_in_space(system="earth-moon", mu=0.1)
+    with pytest.raises(ValueError, match="takes one in km and km/day"):
+        scenes.restricted_three_body_in_space(system="earth-moon", x=326149.0)

@@ -147,6 +147,27 @@ def test_responses_are_differentiable_and_run_under_jit_and_vmap():
     assert_allclose(many, [1 / (1 + C**2), 1 / (d**2 + C**2)], rtol=1e-12)
 
 
+def test_numbers_of_a_plain_ode_may_be_traced():
+    def rate(t, y, p):
+        return {"q": y["v"], "v": -(p["k"] * y["q"] + C * y["v"]) / M}
+
+    def scene(k):
+        return jaxdyn.ode(rate, {"q": [0.0], "v": [0.0]}, params={"k": k})
+
+    def at(k):  # a force per mass
+        return jnp.abs(vibration.receptance(scene(k), "q[0]", "q[0]", 1.0)) ** 2
+
+    d = K - M
+    slope = -2 * d * M**2 / (d**2 + C**2) ** 2
+    assert_allclose([jax.grad(at)(K), jax.jit(jax.grad(at))(K)], slope, rtol=1e-12)
+    assert_allclose(
+        jax.vmap(at)(jnp.array([1.0, K])), M**2 / (np.array([1 - M, d]) ** 2 + C**2), rtol=1e-12
+    )
+    assert_allclose(
+        jax.jit(lambda k: vibration.modes(scene(k)).stiffness)(K), [[K / M]], rtol=1e-14
+    )
+
+
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -175,7 +196,7 @@ def test_responses_are_differentiable_and_run_under_jit_and_vmap():
             lambda: vibration.receptance(
                 jaxdyn.ode(lambda t, y: -y, [0.0]), vibration.Force("y0"), "y0", 1.0
             ),
-            "Force: expected a scene with a state",
+            "Force: expected a scene whose state is",
         ),
         (
             lambda: vibration.transmissibility(quarter_car(0.0, 0.0), [1.0], 1.0),

@@ -180,6 +180,30 @@ def test_a_start_on_a_saddle_is_no_chaos():
     assert found.labels.tolist() == [0, -1, 1]
 
 
+@pytest.mark.slow
+def test_orbits_of_a_conservative_scene_attract_nothing():
+    swing = jaxdyn.scenes.pendulum(t1=10.0)
+    found = orbits.basins(swing, {"theta": [0.1, 0.7]}, rounds=2)
+    assert found.attractors == ()
+    assert found.labels.tolist() == [-1, -1]
+    assert "none within 20 s" in repr(found)
+
+
+def test_a_map_that_keeps_areas_has_no_attractor():
+    def turn(y):
+        return [np.cos(1) * y[0] - np.sin(1) * y[1], np.sin(1) * y[0] + np.cos(1) * y[1]]
+
+    def standard(y):  # chaotic, but a sea and not an attractor
+        v = y[1] + 3.0 * jnp.sin(y[0])
+        return [jnp.mod(y[0] + v, 2 * np.pi), jnp.mod(v, 2 * np.pi)]
+
+    side = np.linspace(-1.0, 1.0, 3)
+    for step in (turn, standard):
+        found = orbits.map_basins(step, {"x": side, "y": side + 2.0}, steps=500)
+        assert found.attractors == ()
+        assert "none within 1500 steps" in repr(found)
+
+
 def newton(y):
     """A step of Newton's method for z^3 = 1."""
     z = jax.lax.complex(y[0], y[1])
@@ -282,6 +306,7 @@ def test_misuse_of_maps_is_refused():
     assert "values: expected ascending" in along(lambda p: None, [1.0, 0.0])
     assert "find: expected a function that returns basins" in along(lambda p: None, [0.0])
     assert "within" in along(lambda p: None, [0.0], within=0.0)
+    assert "find: expected a function of (value)" in along(lambda *, p: None, [0.0])
 
     def other(p):
         grid = {"x": [0.5]} if p < 0.5 else {"y": [0.5]}

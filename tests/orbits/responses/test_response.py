@@ -147,12 +147,26 @@ def test_the_table_has_a_row_for_each_response_and_the_outputs_asked_for(found):
         ({"drive": "z"}, "Force.on: expected"),
         ({"scene": duffing().starting([1.0, 0.0])}, "y: expected an equilibrium"),
         ({"step": 0.0}, "step: expected > 0"),
+        ({"drive": lambda *, omega, level: duffing()}, "drive: expected a function of"),
+        ({"drive": lambda omega, level: duffing()}, "got one that does not depend on time"),
+        (
+            {"drive": lambda f: vibration.drive(duffing(), "x", vibration.Harmonic(1.0, 0.7 * f))},
+            "got one of period",
+        ),
     ],
 )
 def test_misuse_is_refused_with_what_to_do(options, said):
     given = {"scene": duffing(), "drive": "x", "frequencies": (1.0, 2.0)} | options
     with pytest.raises(ValueError, match=said):
         orbits.frequency_response(**given)
+
+
+@pytest.mark.slow
+def test_units_are_those_of_the_scene():
+    labels = [("x", "km"), ("v", "km/day")]
+    slow = jaxdyn.ode(rate, [0.0, 0.0], names=labels, params=0.25)
+    table = orbits.frequency_response(slow, "x", (1.2, 1.3), levels=0.1).table().variables
+    assert [table[name].unit for name in ("frequency", "amplitude")] == ["rad/day", "km"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,94 @@
+"""Units as text, such as "mm/s" or "kg m^2": their size in SI units, and what they measure.
+
+Angles are a quantity of their own, in radians: a unit of an angular velocity is not one of a
+frequency. "Hz" is therefore not known here, since it may mean turns or radians.
+"""
+
+import math
+import re
+from collections import Counter
+from typing import NamedTuple
+
+from jaxdyn._text import fail
+
+_DAY = 86_400.0
+#: Size in SI units, and the power of each base unit.
+_KNOWN: dict[str, tuple[float, dict[str, int]]] = {
+    **{name: (size, {"m": 1}) for name, size in {"m": 1.0, "km": 1e3, "dm": 0.1}.items()},
+    **{name: (size, {"m": 1}) for name, size in {"cm": 1e-2, "mm": 1e-3, "um": 1e-6}.items()},
+    **{name: (size, {"m": 1}) for name, size in {"in": 0.0254, "ft": 0.3048}.items()},
+    **dict.fromkeys(("AU", "au"), (149_597_870_700.0, {"m": 1})),
+    **{name: (size, {"s": 1}) for name, size in {"s": 1.0, "ms": 1e-3, "us": 1e-6}.items()},
+    **dict.fromkeys(("sec", "second", "seconds"), (1.0, {"s": 1})),
+    **dict.fromkeys(("min", "minute", "minutes"), (60.0, {"s": 1})),
+    **dict.fromkeys(("h", "hr", "hour", "hours"), (3600.0, {"s": 1})),
+    **dict.fromkeys(("d", "day", "days"), (_DAY, {"s": 1})),
+    **dict.fromkeys(("yr", "year", "years"), (365.25 * _DAY, {"s": 1})),
+    **dict.fromkeys(("kg",), (1.0, {"kg": 1})),
+    **dict.fromkeys(("g",), (1e-3, {"kg": 1})),
+    **{name: (size, {"rad": 1}) for name, size in {"rad": 1.0, "mrad": 1e-3}.items()},
+    **dict.fromkeys(("deg", "degree", "degrees", "\N{DEGREE SIGN}"), (math.pi / 180, {"rad": 1})),
+    **dict.fromkeys(("rev", "turn", "turns"), (2 * math.pi, {"rad": 1})),
+    "rpm": (2 * math.pi / 60, {"rad": 1, "s": -1}),
+    "N": (1.0, {"kg": 1, "m": 1, "s": -2}),
+    "J": (1.0, {"kg": 1, "m": 2, "s": -2}),
+    "W": (1.0, {"kg": 1, "m": 2, "s": -3}),
+    "1": (1.0, {}),
+}
+_FACTOR = re.compile(r"(?P<name>[^\W\d]+|\N{DEGREE SIGN}|1)(?:\^?(?P<power>[+-]?\d+))?")
+_SQUARES = str.maketrans({"\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3"})
+
+
+class Measure(NamedTuple):
+    """What a unit measures.
+
+    Attributes:
+      size: its size in SI units.
+      powers: the powers of the base units that are not 0, sorted by name.
+    """
+
+    size: float
+    powers: tuple[tuple[str, int], ...]
+
+
+def measure(unit: str) -> Measure | None:
+    """The measure of a unit; None where a part of it is not known.
+
+    Example:
+      >>> measure("km/h").size, measure("m s^-1").powers == measure("km/h").powers
+      (0.2777777777777778, True)
+    """
+    size, powers = 1.0, Counter()
+    for i, part in enumerate(unit.translate(_SQUARES).split("/")):
+        for word in re.split(r"[\s*.\N{MIDDLE DOT}]+", part.strip(" ()")):
+            found = _FACTOR.fullmatch(word)
+            if found is None or found["name"] not in _KNOWN:
+                return None
+            power = int(found["power"] or 1) * (-1 if i else 1)
+            one, bases = _KNOWN[found["name"]]
+            size *= one**power
+            for base, exponent in bases.items():
+                powers[base] += power * exponent
+    return Measure(size, tuple(sorted((base, n) for base, n in powers.items() if n)))
+
+
+def conversion(name: str, given: str, wanted: str) -> float:
+    """The size of a unit in another one of the same quantity.
+
+    Args:
+      name: what messages call what is converted.
+      given: the unit that it has.
+      wanted: the other one.
+    Raises:
+      ValueError: one of them is not known, or they measure different quantities.
+    Example:
+      >>> conversion("x", "mm", "km")
+      1e-06
+    """
+    if given == wanted:
+        return 1.0
+    one, other = measure(given), measure(wanted)
+    if one is None or other is None or one.powers != other.powers:
+        remedy = "Convert the numbers, and leave the unit out of the name of the column."
+        raise fail(name, f"values in {wanted}, or a unit that is converted to it", given, remedy)
+    return one.size / other.size
