@@ -120,7 +120,7 @@ class Plan:
         """The period of the rate in time; None where it has none that can be read."""
         return period_of(self._program, system)
 
-    # Traced once for all its uses in a program, which are some hundred: a third of the operations of
+    # Traced once for all its uses in a program, some hundred: a third of the operations of
     # Python until a first motion (Chua's circuit: 3.2 million, not 9.8). XLA inlines the calls.
     @functools.partial(jax.jit, static_argnums=0)
     def evaluate(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
