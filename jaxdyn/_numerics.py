@@ -37,6 +37,18 @@ def smooth(function: Callable) -> Callable:
     return functools.wraps(function)(jax.jit(named))
 
 
+def nan_unless(known: Array, x: Array) -> Array:
+    """x where it is known, and NaN elsewhere, with derivatives of NaN.
+
+    Those of ``jnp.where(known, x, jnp.nan)`` would be 0: a finite wrong number.
+
+    Args:
+      known: () or in the shape of x.
+      x: the numbers.
+    """
+    return x * jnp.where(known, 1.0, jnp.nan)
+
+
 def safe_sqrt(x: Array) -> Array:
     """Square root with derivative 0, not infinity, at 0.
 

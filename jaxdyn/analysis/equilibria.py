@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn._numerics import nan_unless
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.completeness import bisect, judge
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
@@ -203,8 +204,7 @@ def _equilibrium(field: Field, y: Array, t: Array) -> Array:
     regular = jnp.trace(spread) * _SINGULAR < 1.0
     sizes = _coupled_sizes(field, a, jnp.maximum(jnp.abs(end), jnp.abs(end - start)))
     settled = jnp.all(jnp.abs(step) <= _MAX_LAST_STEP * (spread @ sizes))
-    # A factor, not jnp.where: the derivative of where with a NaN branch is 0.
-    return y * jnp.where(settled & regular, 1.0, jnp.nan)
+    return nan_unless(settled & regular, y)
 
 
 def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:

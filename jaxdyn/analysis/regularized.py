@@ -24,6 +24,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _doors
 from jaxdyn._checks import check_first
+from jaxdyn._numerics import nan_unless
 from jaxdyn.analysis.energy import energy
 from jaxdyn.formulations.extended import Extended
 from jaxdyn.integrate.events import Reaches, Stop, until
@@ -182,7 +183,7 @@ def solve_regularized(
     end = solve(near, t1, t0=run.y1[-1], rtol=rtol, max_steps=max_steps)
     status = jnp.where(run.status == Status.OK, end.status, run.status)
     return SolveResult(
-        y1=jnp.where(status == Status.OK, end.y1, jnp.nan),
+        y1=nan_unless(status == Status.OK, end.y1),
         ys=end.ys,
         steps=run.steps + end.steps,
         rejected=run.rejected + end.rejected,
@@ -198,7 +199,7 @@ def logarithmic_span(
     """() the span of logarithmic time [J s] in which a motion comes near t1; NaN if it does not."""
     slow = regularize(scene, t0)
     stop = _until(slow, t0, t1, SolverOptions(rtol=rtol, max_steps=max_steps))
-    return jnp.where(stop.event >= 0, stop.t, jnp.nan)
+    return nan_unless(stop.event >= 0, stop.t)
 
 
 def _until(slow: Scene, t0, t1, options: SolverOptions) -> Stop:

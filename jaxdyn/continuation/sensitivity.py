@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._checks import fail, is_traced
+from jaxdyn._numerics import nan_unless
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium
 from jaxdyn.continuation.kinds import Kind
@@ -86,7 +87,7 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
         got = f"others, for which it is elsewhere by {float(away):.1g} of its size"
         raise fail("make", "scenes with the numbers of the point", got, "Find it again with these.")
     # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    u = u - jnp.where(away <= _SAME, 1.0, jnp.nan) * (step - known)
+    u = u - nan_unless(away <= _SAME, step - known)
     k = len(point.state)
     hopf = point.kind == Kind.HOPF
     return DifferentiablePoint(

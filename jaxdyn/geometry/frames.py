@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import _checks, _doors
 from jaxdyn._arguments import arrays
+from jaxdyn._numerics import nan_unless
 from jaxdyn.geometry.vectors import cross, dot
 
 Matrix = Float[Array, "3 3"]
@@ -64,7 +65,7 @@ def orthonormalize(A: Matrix, iterations: int = 10) -> Matrix:
 
     Reference: Higham (1986), Computing the polar decomposition.
     """
-    X = jnp.where(_inverse_transpose(A)[1] > 0, A, jnp.nan)
+    X = nan_unless(_inverse_transpose(A)[1] > 0, A)
     for _ in range(iterations):
         Y, _ = _inverse_transpose(X)
         s = jnp.sqrt(jnp.sqrt(jnp.sum(Y * Y) / jnp.sum(X * X)))
@@ -81,7 +82,7 @@ def check_rotation(name: str, R: Matrix) -> Matrix:
     """
     off = _off_rotation(R)
     if _checks.is_traced(R):
-        return jnp.where(off <= _MAX_ORTHOGONALITY_DEFECT, R, jnp.nan)
+        return nan_unless(off <= _MAX_ORTHOGONALITY_DEFECT, R)
     off = float(off)
     if off > _MAX_ORTHOGONALITY_DEFECT:
         raise _checks.fail(

@@ -19,6 +19,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
+from jaxdyn._numerics import nan_unless
 from jaxdyn._progress import report_progress
 from jaxdyn.integrate.events import stop_of
 from jaxdyn.integrate.phase import END, Exit, HybridTrajectory, Phase
@@ -250,7 +251,7 @@ def follow(
         if i + 1 < len(path):
             following = way.names.index(_checks.choice("path", path[i + 1][0], way.names))
             as_expected = as_expected & (_following(phases, name, way, t, y) == following)
-        t, y = jnp.where(as_expected, t, jnp.nan), jnp.where(as_expected, y, jnp.nan)
+        t, y = nan_unless(as_expected, t), nan_unless(as_expected, y)
         if not _checks.is_traced(as_expected) and not as_expected:
             break  # a start of NaN would raise
     return t, y

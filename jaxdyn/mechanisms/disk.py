@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import as_float
-from jaxdyn._numerics import smooth
+from jaxdyn._numerics import nan_unless, smooth
 from jaxdyn.formulations.mechanism import Mechanism
 from jaxdyn.formulations.rigid import Pose
 from jaxdyn.geometry.euler import matrix_from_euler, omega_b_from_euler
@@ -26,13 +26,10 @@ _RIM = ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0))
 FLAT = 1e-4
 
 
-@smooth  # its value differs from 1 only where there is no motion
-def _one_above_flat(height: Array) -> Array:
-    """1, or NaN beyond flat, where the disk would continue below the ground.
-
-    It is used as a factor; if it chose between two values, the derivatives of NaN would be 0.
-    """
-    return jnp.where(height > FLAT, 1.0, jnp.nan)
+@smooth  # its condition matters only where there is no motion
+def _above_flat(height: Array) -> Array:
+    """The height, or NaN beyond flat, where the disk would continue below the ground."""
+    return nan_unless(height > FLAT, height)
 
 
 class Disk(Mechanism):
@@ -75,7 +72,7 @@ class Disk(Mechanism):
     def constraints(self, t, q):
         del t
         height = jnp.sin(q[4])
-        return (q[2] - self.radius * height * _one_above_flat(height))[None]
+        return (q[2] - self.radius * _above_flat(height))[None]
 
     def rolling(self, t, q):
         """(2, 6) the rows of the velocity of the disk's contact point along x and y.

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import nan_unless
 
 _NEWTON_STEPS = 7  # from the starts below five steps reach rounding; derivatives need one more
 
@@ -75,7 +76,7 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
         gone, rest = -jnp.expm1(-s), _exp_remainder(s)
         # (s / gone - 1 - p) over its slope, both multiplied by gone^2.
         s = s - gone * (rest - p * gone) / (s * gone - rest)
-    return jnp.where(up, tau * s, jnp.nan)
+    return nan_unless(up, tau * s)
 
 
 def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:

@@ -24,6 +24,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail, is_traced
+from jaxdyn._numerics import nan_unless
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.chain import differentiable_return_map
@@ -255,7 +256,7 @@ class Linearization(NamedTuple):
         step = jnp.abs(self.inverse @ value) / self.units
         closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= within
         # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-        return x - jnp.where(closes, 1.0, jnp.nan) * (self.inverse @ (miss - value))
+        return x - nan_unless(closes, self.inverse @ (miss - value))
 
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
@@ -350,7 +351,7 @@ def _multipliers(linear: Stability, basis: np.ndarray, m: Array) -> Array:
     fixed = jax.lax.stop_gradient(m)
     off = jnp.abs(jnp.sum(left * (fixed.astype(right.dtype) @ right).T, axis=1) - values)
     same = off <= _APART * linear.bars + _SAME_MAP * np.maximum(np.abs(values), 1.0)
-    change = jnp.where(same, 1.0, jnp.nan)[:, None] * left
+    change = nan_unless(same[:, None], left)
     return jnp.asarray(values) + jnp.sum(
         change * ((m - fixed).astype(right.dtype) @ right).T, axis=1
     )

@@ -360,8 +360,13 @@ class _Runs(NamedTuple):
 
 
 def _leaves(run: Returned) -> bool:
-    """Whether a run over the period leaves the orbit by so much that segments are better."""
-    return run.status == Status.OK and not (norm(run.m) <= _GROWN and run.gap <= _APART)
+    """Whether a run over the period ends at its limit of steps, or far from the orbit.
+
+    Segments are then better: each has that limit, and they join.
+    """
+    if run.status != Status.OK:
+        return run.status == Status.STEP_LIMIT
+    return not (norm(run.m) <= _GROWN and run.gap <= _APART)
 
 
 _NO_MAP = (

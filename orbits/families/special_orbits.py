@@ -27,6 +27,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail, is_traced
+from jaxdyn._numerics import nan_unless
 from jaxdyn.analysis.energy import integrals
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import (
@@ -166,7 +167,7 @@ def special_parameter(
         zero = _zero(known)
     is_special = jnp.abs(fixed.value).max() <= zero
     # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    value = value - jnp.where(is_special, 1.0, jnp.nan) * step
+    value = value - nan_unless(is_special, step)
     if is_traced(value):
         return value
     if np.isnan(step):

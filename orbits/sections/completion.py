@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import check_first, fail, finite, is_traced, numbers
+from jaxdyn._numerics import nan_unless
 from jaxdyn.analysis.energy import energy as energy_of
 from jaxdyn.integrate.event_search.event_values import evaluate
 from jaxdyn.integrate.events import Event, Reaches, as_events
@@ -192,7 +193,7 @@ def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index:
         v = v - jnp.where(solved, _over(excess(v), slope(v)), 0.0)
     why = jnp.where(below < 0, int(Status.FORBIDDEN), int(Status.NOT_COMPLETED))
     status = jnp.where(solved, int(Status.OK), why)
-    return jnp.where(solved, y.at[index].set(v), jnp.nan), status
+    return nan_unless(solved, y.at[index].set(v)), status
 
 
 def _over(a: Array, b: Array) -> Array:

@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import as_float, check_first, check_shape, fail, finite, numbers, whole
+from jaxdyn._numerics import nan_unless
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, Every, Reaches, as_events
 from jaxdyn.integrate.spans import MAX_STEPS
@@ -100,9 +101,9 @@ class PoincareMap(eqx.Module):
         failed = jnp.where(few == Status.OK, int(Status.OK), failed)
         status = jnp.where(status == Status.OK, failed, status)
         right = status == Status.OK
-        y1 = jnp.where(right, found.ys[-1], jnp.nan)
+        y1 = nan_unless(right, found.ys[-1])
         entries = jnp.array([entry(self.scene, "names", name) for name in self.names])
-        t = jnp.where(right, found.ts[-1] - t0, jnp.nan)
+        t = nan_unless(right, found.ts[-1] - t0)
         return Mapped(q=y1[entries], y=y1, t=t, status=status)
 
     def jacobian(self, q) -> Array:

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status
+from jaxdyn._numerics import nan_unless
 from jaxdyn.solvers.gauss import collocation
 from orbits.shooting.segment import Make, Piece, scene_of
 
@@ -157,7 +158,7 @@ def _step(scene: Scene, make: Make | None, piece: Piece, end: Array, rule: Rule)
     reached = piece.start + rule.d @ (nodes - piece.start[None])
     solved = (change < _ACCEPTED) & jnp.isfinite(reached).all()
     status = jnp.where(solved, Status.OK, Status.STEP_TOO_LONG)
-    return Step(end=jnp.where(solved, reached, jnp.nan), nodes=nodes, status=status)
+    return Step(end=nan_unless(solved, reached), nodes=nodes, status=status)
 
 
 def _slopes(scene: Scene, make: Make | None, piece: Piece, nodes: Array, rule: Rule) -> Piece:

@@ -64,7 +64,8 @@ def cut_into_segments(
         if growth <= _GROWTH_MOST or not (math.isfinite(growth) or attracts(equations.scene)):
             segments = least
         else:
-            segments = max(least, segments_needed(equations, x, rtol, limits))
+            few = least if math.isfinite(growth) else max(least, _NUMBERS[1])
+            segments = max(few, segments_needed(equations, x, rtol, limits))
         if limits.over():
             return equations
     if whole("segments", segments, most=_SEGMENTS_GIVEN_MOST) == 1:

@@ -10,6 +10,7 @@ import pytest
 from jaxdyn._numerics import (
     in_one_kernel,
     materialize,
+    nan_unless,
     rough_power,
     runtime_one,
     safe_norm,
@@ -36,6 +37,16 @@ def test_safe_sqrt_is_the_root_with_a_finite_slope_at_zero(jac):
 def test_safe_sqrt_hides_no_bad_argument(x):
     assert jnp.isnan(safe_sqrt(jnp.array(x)))
     assert jnp.isnan(jax.grad(safe_sqrt)(x))
+
+
+@pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])
+def test_what_is_not_known_has_no_finite_derivative(jac):
+    def inverse(x):
+        return nan_unless(x > 0, 1 / x)
+
+    x = jnp.array([2.0, -2.0])
+    np.testing.assert_array_equal(inverse(x), [0.5, np.nan])
+    np.testing.assert_array_equal(jnp.diagonal(jac(inverse)(x)), [-0.25, np.nan])
 
 
 @pytest.mark.parametrize("jac", [jax.jacfwd, jax.jacrev])

@@ -130,6 +130,7 @@ def test_points_without_an_image_are_nan_with_a_status():
     assert short.status == Status.FEW_CROSSINGS
     assert np.isnan(short.q).all()
     assert np.isnan(short.t)
+    assert np.isnan(P.jacobian([0.9, 0.0])).all()
 
 
 def test_misuse_is_refused():

@@ -242,9 +242,27 @@ def test_derivatives_are_those_of_plain_time():
 
 @pytest.mark.slow
 def test_an_end_that_is_not_reached_is_nan_with_a_status():
-    run = ended(0.9, 5.0, max_steps=3)
+    def end(y):
+        return solve_regularized(kepler(0.9).starting(y), SPAN, 5.0, rtol=1e-13, max_steps=3)
+
+    run = end(kepler(0.9).y0)
     assert int(run.status) == Status.STEP_LIMIT
     assert np.isnan(run.y1).all()
+    # Derivatives of 0 would look like a motion that forgets its start.
+    assert np.isnan(jax.jacfwd(lambda y: end(y).y1)(kepler(0.9).y0)).all()
+
+
+@pytest.mark.slow
+def test_a_motion_of_too_many_steps_in_one_piece_is_cut():
+    # I.B^ic_189 of the same tables: its tangents take over 200,000 steps at this tolerance.
+    scene, seed = orbits.discovery.seeds.row(0.3942881027, 0.0792702101, 196.8942769930)
+    orbit = orbits.find(scene, seed.y0, seed.period)
+    assert abs(orbit.period / seed.period - 1) < 1e-9
+    linear = orbits.stability(orbit)
+    assert linear.unit == 8
+    pair = linear.nontrivial[np.argmax(linear.nontrivial.imag)]
+    # By heyoka's variational equations in long doubles.
+    assert abs(pair - (0.7314251 + 0.6819218j)) < 1e-6
 
 
 @pytest.mark.slow
