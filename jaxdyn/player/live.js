@@ -30,6 +30,9 @@
   const STEADY = 1e-9; // relative to a rate: one that changes less is constant
   const NARROW = 760; // [px] width below which everything is in one column
   const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "both ways"]];
+  // The bounds of numbers, in the words of the library's checks.
+  const BOUNDS = { "": () => true, "> 0": (x) => x > 0, ">= 0": (x) => x >= 0, "between 0 and 1": (x) => x >= 0 && x <= 1 };
+  const SMALLEST = 1e-3; // relative to the range of a slider whose numbers are above zero
 
   const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const short = (x, digits = 6) => {
@@ -212,7 +215,8 @@
 
     // Continue from the current state with other parameters or effects.
     goOn() {
-      if (this.t === 0) { this.start = this.consistent(this.start); this.fields(); this.reset(); return; }
+      if (this.t === 0) { this.begin(this.start); return; }
+      this.fields();
       this.runs.forEach((run, i) => { const p = this.numbersOf(i); run.begin(this.t, this.consistent(run.now, this.t, p), p); });
       this.say(this.failure());
       this.draw();
@@ -299,14 +303,16 @@
 
     set(name, value) {
       const i = this.data.parameters.findIndex((one) => one.name === name);
-      if (i < 0 || !Number.isFinite(value)) return;
+      if (i < 0 || !this.fits(value, this.data.parameters[i].bound)) return;
       this.p[i] = value;
       this.changed.add(i);
       this.goOn();
     }
 
+    fits(value, bound = "") { return Number.isFinite(value) && BOUNDS[bound](value); }
+
     enter(i, value) {
-      if (!Number.isFinite(value)) return;
+      if (!this.fits(value)) return;
       this.start[i] = value;
       this.begin(this.start);
     }
@@ -527,25 +533,43 @@
       return panel;
     }
 
+    // Calls `does` with each number that is typed into a field and fits a bound. When the field is
+    // left, it shows the number in use again, and why another text was not taken.
+    typed(input, said, bound, does, used) {
+      const valid = () => input.value !== "" && this.fits(+input.value, bound);
+      input.addEventListener("input", () => { input.setAttribute("aria-invalid", !valid()); if (valid()) does(+input.value); });
+      const settle = () => {
+        if (!valid()) this.say(`${said}: a number${bound && ` ${bound}`} is expected; it is still ${short(used())}.`);
+        input.value = short(used());
+        input.setAttribute("aria-invalid", false);
+      };
+      for (const name of ["change", "blur"]) input.addEventListener(name, settle);
+    }
+
     // A slider and a field for one number; `set` shows another one.
-    field({ name, unit }, value, does, parent) {
+    field({ name, unit, bound = "" }, value, does, parent) {
       const row = this.make("div", { className: "field" }, parent), id = `live-${ids++}`;
       const said = unit ? `${name} [${unit}]` : name;
       this.make("label", { htmlFor: id, textContent: said }, row);
       const slider = this.make("input", { type: "range", step: "any" }, row), number = this.make("input", { type: "number", step: "any", id, value: short(value) }, row);
       slider.setAttribute("aria-label", `${said}, slider`);
+      let used = value;
       const set = (x) => {
+        used = x;
         if (+slider.min > x) slider.min = x;
         if (+slider.max < x) slider.max = x;
         slider.value = x;
         slider.setAttribute("aria-valuetext", `${short(x, 4)} ${unit}`);
         if (document.activeElement !== number) number.value = short(x);
       };
-      slider.addEventListener("input", () => { number.value = short(+slider.value, 6); slider.setAttribute("aria-valuetext", `${number.value} ${unit}`); does(+number.value); });
-      number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(+number.value)) { does(+number.value); set(+number.value); } });
+      slider.addEventListener("input", () => does(+short(+slider.value)));
+      this.typed(number, said, bound, does, () => used);
       const range = (low, high) => { slider.min = low; slider.max = high; };
       // For a number that keeps its sign, up to a round one that is twice as large.
-      const around = (x) => { const far = x ? round(2 * Math.abs(x)) : 1; range(x > 0 ? 0 : -far, x < 0 ? 0 : far); };
+      const around = (x) => {
+        const far = bound.startsWith("between") ? 1 : x ? round(2 * Math.abs(x)) : 1, least = bound === "> 0" ? SMALLEST * far : 0;
+        range(x > 0 || bound ? least : -far, x < 0 ? 0 : far);
+      };
       return { row, set, range, around };
     }
 
@@ -603,7 +627,7 @@
       // Parameters without effect in this scene are not shown, such as the phase of a constant force.
       this.numbers = parameters.map((one, i) => {
         if (!one.used) return { set() {}, around() {} };
-        const field = this.field({ name: one.label, unit: one.unit }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
+        const field = this.field({ name: one.label, unit: one.unit, bound: one.bound }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
         field.around(this.p[i]);
         field.set(this.p[i]);
         return field;
@@ -642,7 +666,7 @@
       this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), this.offset.entry, (i) => { this.offset.entry = +i; this.reset(); }, row);
       const apart = this.make("input", { type: "number", step: "any", value: this.offset.size }, row);
       apart.setAttribute("aria-label", "how far apart they start");
-      apart.addEventListener("input", () => { if (apart.value !== "" && Number.isFinite(+apart.value)) { this.offset.size = +apart.value; this.reset(); } });
+      this.typed(apart, "How far apart they start", "", (x) => { this.offset.size = x; this.reset(); }, () => this.offset.size);
       this.apart = this.make("p", { className: "said" }, panel);
     }
 
@@ -822,8 +846,8 @@
       }
       if (spins) {
         const flat = this.model.spin(t, y, this.p), d = this.flat, size = d === 3 ? 3 : 1;
-        found[after] = [[new Array(d).fill(0), flat.slice(0, size)]];
-        found[after + 1] = [[flat.slice(size, size + d), flat.slice(size + d)]];
+        const about = [[new Array(d).fill(0), flat.slice(0, size)], [flat.slice(size, size + d), flat.slice(size + d)]];
+        data.spins.forEach((_, i) => { found[after + i] = [about[i]]; });
       }
       return found;
     }
@@ -982,7 +1006,7 @@
       this.select("section: what passes a level", [...entries.map(([i, name]) => [i, `${name} passes`]), [-1, "t is a multiple of"]], section.entry, (i) => this.cut({ entry: +i }), bar);
       const level = this.make("input", { type: "number", step: "any", value: section.level }, bar);
       level.setAttribute("aria-label", "section: level");
-      level.addEventListener("input", () => { if (level.value !== "" && Number.isFinite(+level.value)) this.cut({ level: +level.value }); });
+      this.typed(level, "The level of the section", "", (x) => this.cut({ level: x }), () => this.section.level);
       this.select("section: which way", WAYS, section.way, (way) => this.cut({ way: +way }), bar);
       box.addEventListener("toggle", () => this.resize());
       const said = this.make("p", { className: "said" }, box);
