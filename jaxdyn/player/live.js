@@ -27,6 +27,7 @@
   const SEEN = 200, SEEN_WHOLE = 600; // samples of the look ahead, and of a path that is drawn
   const LOOKS = 8, HALVINGS = 60; // evaluations of a section within a step; bisections of a crossing
   const MOST_CROSSINGS = 20000; // of a motion
+  const MOST_PROJECTIONS = 20, ON = 1e-14; // onto constraints; relative to a state: one that moves less is on them
   const STEADY = 1e-9; // relative to a rate: one that changes less is constant
   const NARROW = 760; // [px] width below which everything is in one column
   const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "both ways"]];
@@ -177,7 +178,16 @@
     // The functions of the model with the current parameters and effects.
     rate(t, y) { return this.runs[0].motion.phase.rate(t, y, this.p); }
     energies(t, y, p = this.p) { return this.data.terms.length ? JaxdynMotion.variant(this.model, this.on).energies(t, y, p) : []; }
-    consistent(y, t = 0, p = this.p) { return this.model.consistent ? this.model.consistent(t, y, p) : y; }
+
+    // The nearest state on the constraints; each call of the function is a few steps of Newton's method.
+    consistent(y, t = 0, p = this.p) {
+      for (let n = 0, moved = Infinity; this.model.consistent && n < MOST_PROJECTIONS && moved > ON; n++) {
+        const next = this.model.consistent(t, y, p);
+        moved = distance(next, y) / Math.hypot(...next);
+        y = next;
+      }
+      return y;
+    }
 
     // The marked points and the corners of all shapes.
     places(t, y, p = this.p) {
