@@ -120,8 +120,8 @@ class Plan:
         """The period of the rate in time; None where it has none that can be read."""
         return period_of(self._program, system)
 
-    # Traced once for all its uses in a program, which are some hundred: a third of the operations of
-    # Python until a first motion (Chua's circuit: 3.2 million, not 9.8). XLA inlines the calls.
+    # Traced once for all its uses in a program, which are some hundred: a third of the operations
+    # of Python until a first motion (Chua's circuit: 3.2 million, not 9.8). XLA inlines the calls.
     @functools.partial(jax.jit, static_argnums=0)
     def evaluate(self, system: PyTree, t: Array, y: Array, branch: Array | None = None):
         """The rate (k,) of a system of this kind in a branch (e,), and its `Conditions` there.

@@ -503,7 +503,7 @@ def _parameters(scene: Scene) -> list[dict]:
 
 
 def _bound(scene: Scene, i: int) -> str:
-    """The bound of a parameter, in the words with which a negative value is refused; "" for none."""
+    """The bound of a parameter, in the words by which a negative one is refused; "" for none."""
     values = parameters(scene).values.copy()
     values[i] = -abs(values[i]) or -1.0
     try:

@@ -1,9 +1,9 @@
 """The forces of constraints as formulas, by Newton's law for each body cut free.
 
-The bodies and what holds them are those of `System.bodies` and `System.joints`. A body with only one
-unknown joint gives the force in it, and with this the next one has one unknown joint less, as from
-the tip of a pendulum to its pivot. Closed loops, and bodies held at several places, stay without
-formulas: there the law of moments is needed as well, and the result fills pages.
+The bodies and what holds them are those of `System.bodies` and `System.joints`. A body with only
+one unknown joint gives the force in it, and with this the next one has one unknown joint less, as
+from the tip of a pendulum to its pivot. Closed loops, and bodies held at several places, stay
+without formulas: there the law of moments is needed as well, and the result fills pages.
 """
 
 import itertools
@@ -51,6 +51,8 @@ def holding_forces(
       found: its symbols.
       by_time: the derivative of an expression by time, along a motion.
     """
+    if any("generalized" in effect.acts for effect in scene.effects):
+        return ()  # a force on a coordinate acts at no place
     t, y = jnp.zeros(()), jnp.asarray(scene.y0)
     bodies, joints = scene.system.bodies(t, y), scene.system.joints(t, y)
     m, rows = np.asarray(scene.system.points(t, y).m), [np.asarray(j.directions) for j in joints]
@@ -73,7 +75,9 @@ def holding_forces(
     named = _symbols([len(x) for x in rows])
     open_, values = set(range(len(joints))), {}
     while True:
-        of = {b: [i for i in open_ if b in (joints[i].on, joints[i].by)] for b in range(len(bodies))}
+        of = {
+            b: [i for i in open_ if b in (joints[i].on, joints[i].by)] for b in range(len(bodies))
+        }
         ready = [(b, of[b][0]) for b in of if len(of[b]) == 1 and whole[b]]
         if not ready:
             break
@@ -156,8 +160,17 @@ def only_multiplier(
     left, right = simplify(left), simplify(right)
     if not left:
         return None
+    for square, length in lengths.items():
+        quotient = _quotient(left, square)
+        if not (left - quotient * square).expand():
+            left = simplify(quotient) * length * length
     content, common, inner = split_common(left)
-    if inner in lengths:
-        inner = lengths[inner] * lengths[inner]
     found = simplify(right / Expression({common: content}) / inner)
     return found if _terms(found) <= _MOST_TERMS else None
+
+
+def _quotient(x: Expression, by: Expression) -> Expression:
+    """The quotient of a sum by another one of which it is a multiple."""
+    first, c = next(iter(by.terms.items()))
+    of_first = (m for m in x.terms if all(dict(m).get(a) == e for a, e in first))
+    return total(Expression({m: x.terms[m]}) / Expression({first: c}) for m in of_first)
