@@ -461,10 +461,15 @@
       return { entry, level: drive === undefined ? this.middle[entry] : 0, way: 1, angle: entries[entry].unit === "rad", across: 1 + one, up: 1 + pair };
     }
 
-    // A thousandth, rounded, of the first entry that moves.
+    // A thousandth, rounded, of the first entry that moves, in a direction that is not beyond a stop.
     aside() {
       const entry = Math.max(0, this.moves.indexOf(true)), size = Math.min(this.size(entry), this.data.groups.most[entry] ?? Infinity);
-      return { entry, size: 10 ** (Math.floor(Math.log10(size || 1)) - 3) };
+      const apart = 10 ** (Math.floor(Math.log10(size || 1)) - 3);
+      const moves = (way) => {
+        const y = this.consistent(this.start.map((x, i) => (i === entry ? x + way * apart : x)));
+        return !new JaxdynMotion(this.model, this.p, this.on, 0, y, { span: this.span }).pending;
+      };
+      return { entry, size: apart * ([1, -1].find(moves) ?? 1) };
     }
 
     // The largest entry of a kind in the look ahead.
@@ -897,7 +902,7 @@
       }
       if (runs[0].motion.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
       this.said.textContent = entries.join("; ") + (this.late ? " (slower than requested, since it takes longer to compute)" : "");
-      const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
+      const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `${this.offset.size < 0 ? "-" : "+"} ${short(i * Math.abs(this.offset.size), 3)}` : "start")) : data.marks;
       this.showLegend(this.legend, named.length > 8 ? [] : named.filter(Boolean));
       this.apart.textContent = runs.length > 1 && !this.together ? `The distance of the second motion from the first is ${distance(runs[1].now, now).toExponential(2)}; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
     }

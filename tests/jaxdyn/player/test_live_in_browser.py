@@ -233,6 +233,7 @@ def test_the_vector_of_the_momentum_of_a_single_point(window, tmp_path):
     assert window.get_log("browser") == []
 
 
+@pytest.mark.slow
 def test_several_motions_begin_beside_each_other(window, tmp_path):
     scene = scenes.double_pendulum()
     opened(window, scene, tmp_path)
@@ -242,6 +243,17 @@ def test_several_motions_begin_beside_each_other(window, tmp_path):
     for i, y in enumerate(now):
         other = scene.starting(scene.y0.at[0].add(1e-3 * i))
         np.testing.assert_allclose(y, ends(other, 2.0), rtol=0, atol=1e-10)
+
+
+def test_motions_beside_one_that_begins_at_a_stop_are_before_it(window, tmp_path):
+    opened(window, scenes.impact_oscillator(), tmp_path)
+    live(window, "several(2)")
+    live(window, "seek(1)")
+    state = live(window, "state()")
+    assert (state["t"], state["failure"]) == (1.0, "")
+    assert live(window, "offset.size") < 0
+    legend = window.find_element("css selector", ".live .scene .legend").text
+    assert legend.split() == ["start", "-", "0.001"]
 
 
 def test_a_section_is_drawn_while_it_runs(window, tmp_path):
