@@ -220,8 +220,9 @@ def code_reads(code: types.CodeType) -> _Read:
     kept = {x.argval for x in lines if x.opname == "STORE_ATTR"}
     kept |= {x.argval for x in lines if x.opname in _ATTRIBUTES and x.offset in grown}
     inner = [code_reads(x) for x in code.co_consts if isinstance(x, types.CodeType)]
+    own = set(code.co_cellvars)  # its own variables, which functions inside it read
     return _Read(
-        frozenset({x.argval for x in outer} - changed).union(*(x.names for x in inner)),
+        frozenset({x.argval for x in outer} - changed).union(*(x.names for x in inner)) - own,
         frozenset(attributes - kept).union(*(x.attributes for x in inner)),
     )
 

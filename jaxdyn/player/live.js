@@ -27,9 +27,13 @@
   const SEEN = 200, SEEN_WHOLE = 600; // samples of the look ahead, and of a path that is drawn
   const LOOKS = 8, HALVINGS = 60; // evaluations of a section within a step; bisections of a crossing
   const MOST_CROSSINGS = 20000; // of a motion
+  const MOST_PROJECTIONS = 20, ON = 1e-14; // onto constraints; relative to a state: one that moves less is on them
   const STEADY = 1e-9; // relative to a rate: one that changes less is constant
   const NARROW = 760; // [px] width below which everything is in one column
   const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "both ways"]];
+  // The bounds of numbers, in the words of the library's checks.
+  const BOUNDS = { "": () => true, "> 0": (x) => x > 0, ">= 0": (x) => x >= 0, "between 0 and 1": (x) => x >= 0 && x <= 1 };
+  const SMALLEST = 1e-3; // relative to the range of a slider whose numbers are above zero
 
   const wrapped = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const short = (x, digits = 6) => {
@@ -174,7 +178,16 @@
     // The functions of the model with the current parameters and effects.
     rate(t, y) { return this.runs[0].motion.phase.rate(t, y, this.p); }
     energies(t, y, p = this.p) { return this.data.terms.length ? JaxdynMotion.variant(this.model, this.on).energies(t, y, p) : []; }
-    consistent(y, t = 0, p = this.p) { return this.model.consistent ? this.model.consistent(t, y, p) : y; }
+
+    // The nearest state on the constraints; each call of the function is a few steps of Newton's method.
+    consistent(y, t = 0, p = this.p) {
+      for (let n = 0, moved = Infinity; this.model.consistent && n < MOST_PROJECTIONS && moved > ON; n++) {
+        const next = this.model.consistent(t, y, p);
+        moved = distance(next, y) / Math.hypot(...next);
+        y = next;
+      }
+      return y;
+    }
 
     // The marked points and the corners of all shapes.
     places(t, y, p = this.p) {
@@ -212,7 +225,8 @@
 
     // Continue from the current state with other parameters or effects.
     goOn() {
-      if (this.t === 0) { this.start = this.consistent(this.start); this.fields(); this.reset(); return; }
+      if (this.t === 0) { this.begin(this.start); return; }
+      this.fields();
       this.runs.forEach((run, i) => { const p = this.numbersOf(i); run.begin(this.t, this.consistent(run.now, this.t, p), p); });
       this.say(this.failure());
       this.draw();
@@ -299,14 +313,16 @@
 
     set(name, value) {
       const i = this.data.parameters.findIndex((one) => one.name === name);
-      if (i < 0 || !Number.isFinite(value)) return;
+      if (i < 0 || !this.fits(value, this.data.parameters[i].bound)) return;
       this.p[i] = value;
       this.changed.add(i);
       this.goOn();
     }
 
+    fits(value, bound = "") { return Number.isFinite(value) && BOUNDS[bound](value); }
+
     enter(i, value) {
-      if (!Number.isFinite(value)) return;
+      if (!this.fits(value)) return;
       this.start[i] = value;
       this.begin(this.start);
     }
@@ -445,10 +461,15 @@
       return { entry, level: drive === undefined ? this.middle[entry] : 0, way: 1, angle: entries[entry].unit === "rad", across: 1 + one, up: 1 + pair };
     }
 
-    // A thousandth, rounded, of the first entry that moves.
+    // A thousandth, rounded, of the first entry that moves, in a direction that is not beyond a stop.
     aside() {
       const entry = Math.max(0, this.moves.indexOf(true)), size = Math.min(this.size(entry), this.data.groups.most[entry] ?? Infinity);
-      return { entry, size: 10 ** (Math.floor(Math.log10(size || 1)) - 3) };
+      const apart = 10 ** (Math.floor(Math.log10(size || 1)) - 3);
+      const moves = (way) => {
+        const y = this.consistent(this.start.map((x, i) => (i === entry ? x + way * apart : x)));
+        return !new JaxdynMotion(this.model, this.p, this.on, 0, y, { span: this.span }).pending;
+      };
+      return { entry, size: apart * ([1, -1].find(moves) ?? 1) };
     }
 
     // The largest entry of a kind in the look ahead.
@@ -527,25 +548,43 @@
       return panel;
     }
 
+    // Calls `does` with each number that is typed into a field and fits a bound. When the field is
+    // left, it shows the number in use again, and why another text was not taken.
+    typed(input, said, bound, does, used) {
+      const valid = () => input.value !== "" && this.fits(+input.value, bound);
+      input.addEventListener("input", () => { input.setAttribute("aria-invalid", !valid()); if (valid()) does(+input.value); });
+      const settle = () => {
+        if (!valid()) this.say(`${said}: a number${bound && ` ${bound}`} is expected; it is still ${short(used())}.`);
+        input.value = short(used());
+        input.setAttribute("aria-invalid", false);
+      };
+      for (const name of ["change", "blur"]) input.addEventListener(name, settle);
+    }
+
     // A slider and a field for one number; `set` shows another one.
-    field({ name, unit }, value, does, parent) {
+    field({ name, unit, bound = "" }, value, does, parent) {
       const row = this.make("div", { className: "field" }, parent), id = `live-${ids++}`;
       const said = unit ? `${name} [${unit}]` : name;
       this.make("label", { htmlFor: id, textContent: said }, row);
       const slider = this.make("input", { type: "range", step: "any" }, row), number = this.make("input", { type: "number", step: "any", id, value: short(value) }, row);
       slider.setAttribute("aria-label", `${said}, slider`);
+      let used = value;
       const set = (x) => {
+        used = x;
         if (+slider.min > x) slider.min = x;
         if (+slider.max < x) slider.max = x;
         slider.value = x;
         slider.setAttribute("aria-valuetext", `${short(x, 4)} ${unit}`);
         if (document.activeElement !== number) number.value = short(x);
       };
-      slider.addEventListener("input", () => { number.value = short(+slider.value, 6); slider.setAttribute("aria-valuetext", `${number.value} ${unit}`); does(+number.value); });
-      number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(+number.value)) { does(+number.value); set(+number.value); } });
+      slider.addEventListener("input", () => does(+short(+slider.value)));
+      this.typed(number, said, bound, does, () => used);
       const range = (low, high) => { slider.min = low; slider.max = high; };
       // For a number that keeps its sign, up to a round one that is twice as large.
-      const around = (x) => { const far = x ? round(2 * Math.abs(x)) : 1; range(x > 0 ? 0 : -far, x < 0 ? 0 : far); };
+      const around = (x) => {
+        const far = bound.startsWith("between") ? 1 : x ? round(2 * Math.abs(x)) : 1, least = bound === "> 0" ? SMALLEST * far : 0;
+        range(x > 0 || bound ? least : -far, x < 0 ? 0 : far);
+      };
       return { row, set, range, around };
     }
 
@@ -603,7 +642,7 @@
       // Parameters without effect in this scene are not shown, such as the phase of a constant force.
       this.numbers = parameters.map((one, i) => {
         if (!one.used) return { set() {}, around() {} };
-        const field = this.field({ name: one.label, unit: one.unit }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
+        const field = this.field({ name: one.label, unit: one.unit, bound: one.bound }, one.value, (x) => this.set(one.name, x), one.of > SHOWN_ALONE ? rest : panel);
         field.around(this.p[i]);
         field.set(this.p[i]);
         return field;
@@ -642,7 +681,7 @@
       this.select("entry in which they start apart", this.data.entries.map((one, i) => [i, one.name]), this.offset.entry, (i) => { this.offset.entry = +i; this.reset(); }, row);
       const apart = this.make("input", { type: "number", step: "any", value: this.offset.size }, row);
       apart.setAttribute("aria-label", "how far apart they start");
-      apart.addEventListener("input", () => { if (apart.value !== "" && Number.isFinite(+apart.value)) { this.offset.size = +apart.value; this.reset(); } });
+      this.typed(apart, "How far apart they start", "", (x) => { this.offset.size = x; this.reset(); }, () => this.offset.size);
       this.apart = this.make("p", { className: "said" }, panel);
     }
 
@@ -822,8 +861,8 @@
       }
       if (spins) {
         const flat = this.model.spin(t, y, this.p), d = this.flat, size = d === 3 ? 3 : 1;
-        found[after] = [[new Array(d).fill(0), flat.slice(0, size)]];
-        found[after + 1] = [[flat.slice(size, size + d), flat.slice(size + d)]];
+        const about = [[new Array(d).fill(0), flat.slice(0, size)], [flat.slice(size, size + d), flat.slice(size + d)]];
+        data.spins.forEach((_, i) => { found[after + i] = [about[i]]; });
       }
       return found;
     }
@@ -863,7 +902,7 @@
       }
       if (runs[0].motion.phases.length > 1) entries.push(`phase: ${runs[0].motion.ended ? "end" : runs[0].motion.phase.name}`);
       this.said.textContent = entries.join("; ") + (this.late ? " (slower than requested, since it takes longer to compute)" : "");
-      const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `+ ${short(i * this.offset.size, 3)}` : "start")) : data.marks;
+      const named = this.together ? this.starts.map((one) => one.name) : runs.length > 1 ? runs.map((_, i) => (i ? `${this.offset.size < 0 ? "-" : "+"} ${short(i * Math.abs(this.offset.size), 3)}` : "start")) : data.marks;
       this.showLegend(this.legend, named.length > 8 ? [] : named.filter(Boolean));
       this.apart.textContent = runs.length > 1 && !this.together ? `The distance of the second motion from the first is ${distance(runs[1].now, now).toExponential(2)}; at the start it was ${Math.abs(this.offset.size).toExponential(2)}.` : "";
     }
@@ -982,7 +1021,7 @@
       this.select("section: what passes a level", [...entries.map(([i, name]) => [i, `${name} passes`]), [-1, "t is a multiple of"]], section.entry, (i) => this.cut({ entry: +i }), bar);
       const level = this.make("input", { type: "number", step: "any", value: section.level }, bar);
       level.setAttribute("aria-label", "section: level");
-      level.addEventListener("input", () => { if (level.value !== "" && Number.isFinite(+level.value)) this.cut({ level: +level.value }); });
+      this.typed(level, "The level of the section", "", (x) => this.cut({ level: x }), () => this.section.level);
       this.select("section: which way", WAYS, section.way, (way) => this.cut({ way: +way }), bar);
       box.addEventListener("toggle", () => this.resize());
       const said = this.make("p", { className: "said" }, box);

@@ -31,7 +31,7 @@ from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.scenes.corners import has_corners, phases_of
 from jaxdyn.symbolic.code import code
-from jaxdyn.symbolic.parameters import leaves, parameters, rebuild
+from jaxdyn.symbolic.parameters import leaves, parameters, rebuild, with_parameters
 from jaxdyn.symbolic.symbols import places
 from jaxdyn.system import Effect, Points, System
 
@@ -43,6 +43,8 @@ _SAMPLES = 16  # states and parameters at which that is tested
 #: The conditions of a rate.
 _CONDITIONS = re.compile(r"\?|%|Math\.(?:sign|floor|ceil|max|min)\(")
 _PARAMETER = re.compile(r"\bp\[(\d+)\]")
+#: How a check words the bound of a number.
+_BOUND = re.compile(r"expected (> 0|>= 0|between 0 and 1)")
 _REMEDY = "Play a computed motion instead: jaxdyn.simulate(scene).play(path)."
 
 
@@ -92,7 +94,7 @@ def model(
     scene, choices = check_scene(scene), choices or Choices({"": scene})
     outlines, marks, drawn = _drawing(scene)
     switches = _switches(scene)
-    corners = _corners(scene)
+    corners, phases = _corners(scene), _phases(scene)
     variants = [_variant(scene, off, corners, choices.ends) for off in _choices_of(switches)]
     rough = any(_CONDITIONS.search(text) for text in _functions([v["phases"] for v in variants]))
     found = {
@@ -108,11 +110,13 @@ def model(
         "places": _javascript(scene, drawn),
         "forces": _javascript(scene, _forces) if any(map(_pulls, scene.effects)) else None,
         "spin": _spin(scene),
-        "consistent": None if has_corners(scene) else _consistent(scene, frozenset(), ""),
+        # A start off the constraints of one of several phases belongs to another one.
+        "consistent": _consistent(scene, frozenset(), *phases) if len(phases) == 1 else None,
     }
     used = set(_PARAMETER.findall("".join(_functions(found))))
     for i, one in enumerate(found["data"]["parameters"]):
         one["used"] = str(i) in used
+        one["bound"] = _bound(scene, i) if one["used"] else ""
     functions: dict[str, int] = {}
     text = _expression(found, functions)
     return f"((f) => ({text}))([\n{','.join(functions)}])"
@@ -496,6 +500,18 @@ def _parameters(scene: Scene) -> list[dict]:
         {"name": name, "label": _label(name, place, words), "value": float(value), **one}
         for name, place, value, one in zip(known.names, at, known.values, found, strict=True)
     ]
+
+
+def _bound(scene: Scene, i: int) -> str:
+    """The bound of a parameter, in the words by which a negative one is refused; "" for none."""
+    values = parameters(scene).values.copy()
+    values[i] = -abs(values[i]) or -1.0
+    try:
+        with_parameters(scene, values).check()
+    except ValueError as error:
+        found = _BOUND.search(str(error))
+        return found[1] if found else ""
+    return ""
 
 
 def _label(name: str, place: str, effects: list[str]) -> str:

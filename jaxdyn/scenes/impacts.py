@@ -20,7 +20,7 @@ from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.joints import Load, particles
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.sketch import Shape
+from jaxdyn.sketch import Shape, rectangle
 from jaxdyn.system import Points
 
 
@@ -155,6 +155,11 @@ def flight_phases(scene: Scene) -> dict[str, Phase]:
 # ---- An oscillator with a stop
 
 
+def _level(x: Array) -> Array:
+    """(2,) a vector along the x axis."""
+    return jnp.stack([x, jnp.zeros_like(x)])
+
+
 class ImpactOscillator(System):
     """A mass on a spring with a damper and a force F cos(phase), to the left of a stop.
 
@@ -197,15 +202,39 @@ class ImpactOscillator(System):
             "damper": -self.c * v,
             "drive": self.force * jnp.cos(phase),
         }
-        return tuple(Load(name, 0, force[None], x[None]) for name, force in forces.items())
+        return tuple(Load(name, 0, _level(force), _level(x)) for name, force in forces.items())
 
     def points(self, t, y):
         del t
-        return Points(y[None, :1], y[None, 1:2], self.m[None])
+        return Points(_level(y[0])[None], _level(y[1])[None], self.m[None])
 
     def energies(self, t, y, effects):
         del effects
         return self.kinetic(t, y), 0.5 * self.k * y[0] ** 2
+
+    def sketch(self, t, y):
+        del t
+        # The point of the mass is its right face; the wall stands where the mass rarely comes.
+        known = self.k > 0
+        static = jnp.abs(jnp.where(known, self.force / jnp.where(known, self.k, 1.0), 0.0))
+        size = static + jnp.abs(self.stop)
+        size = jnp.where(size > 0, size, 1.0)
+        wide, high, wall, face = 0.3 * size, 0.5 * size, -2.0 * size, y[0] - 0.3 * size
+
+        ends = jnp.stack([_level(wall), _level(face)])
+
+        def plate(left):
+            return rectangle("solid", (0.1 * size, 1.5 * high), _level(left + 0.05 * size))
+
+        floor = jnp.stack([jnp.stack([end, -0.5 * high]) for end in (wall, self.stop)])
+        return (
+            Shape("ground", floor),
+            plate(wall - 0.1 * size),
+            plate(self.stop),
+            Shape("spring", ends),
+            Shape("dashpot", ends),
+            rectangle("area", (wide, high), _level(y[0] - 0.5 * wide)),
+        )
 
     def check(self, t, y):
         del t, y

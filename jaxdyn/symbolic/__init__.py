@@ -1,9 +1,10 @@
 """The equations of a scene, for people and for other programs: `jaxdyn.equations`.
 
 `equations` prints the equations of motion of a scene, `deriving` derives them for each kind of
-system, `following` those of a linkage described by its crank angle; `sections` has lines of print
-under titles. `linear` and `matrices` have their derivatives. The equations consist of expressions
-of `algebra`, which `reading` extracts from the programs of a scene; `symbols` names its quantities.
+system, `following` those of a linkage described by its crank angle, `holding` the forces of
+constraints; `sections` has lines of print under titles. `linear` and `matrices` have their
+derivatives. The equations consist of expressions of `algebra`, which `reading` extracts from the
+programs of a scene; `symbols` names its quantities.
 `trigonometry` and `simplifying` shorten them, `arranging` puts them in a readable order,
 `typesetting` writes them as text, LaTeX and MathML, and `to_sympy` converts them to SymPy.
 

@@ -56,6 +56,7 @@ from jaxdyn.symbolic.following import (
     find_followers,
     opened_coordinates,
 )
+from jaxdyn.symbolic.holding import HoldingForce, holding_forces, only_multiplier
 from jaxdyn.symbolic.reading import read
 from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
@@ -74,7 +75,9 @@ class DerivedEquations(NamedTuple):
       forces: the parts of the first equations that are forces without a potential; these are
         printed on the right-hand side.
       energies: T and V, or L, by name, where there are any.
+      steady: the energy as a sum if it is constant; None if it is not, or if that is unknown.
       conserved: conserved momenta by name, "p_x" or "H_z".
+      holding: forces of constraints that have formulas.
       conditions: the constraints on positions and velocities, as sums that are zero.
       values: values of symbols that stand for functions of the parameters, such as moments of
         inertia.
@@ -91,7 +94,9 @@ class DerivedEquations(NamedTuple):
     multipliers: tuple[Symbol, ...] = ()
     forces: tuple[Expression, ...] = ()
     energies: dict[str, Expression] = {}  # noqa: RUF012 never changed
+    steady: Expression | None = None
     conserved: dict[str, Expression] = {}  # noqa: RUF012 never changed
+    holding: tuple[HoldingForce, ...] = ()
     conditions: tuple[tuple[Expression, ...], tuple[Expression, ...]] = ((), ())
     values: dict[Symbol, float] = {}  # noqa: RUF012 never changed
     solved: bool = False
@@ -151,11 +156,13 @@ def _newton(scene: Scene) -> DerivedEquations:
     for mass, acceleration, g, f in zip(m, a, gravity.ravel(), force.ravel(), strict=True):
         whole = mass if mass else number(1)  # nothing but gravity moves a test particle
         equations.append(whole * acceleration - whole * g - f)
+    energies = _energies(scene, found)
     return DerivedEquations(
         found,
         "Newton's law",
         tuple(equations),
-        energies=_energies(scene, found),
+        energies=energies,
+        steady=_steady(scene, found, energies),
         conserved=_of_free_points(found, masses, masses[:, None] * gravity + force),
         alone=True,
     )
@@ -183,6 +190,13 @@ def _vanishes(parts: Iterable[Expression]) -> bool:
         for m, c in x.expand().terms.items():
             found[m] = found.get(m, 0) + c
     return not any(found.values())
+
+
+def _steady(scene: Scene, found: Symbols, energies: dict[str, Expression]) -> Expression | None:
+    """The sum of the energies, if all effects have a potential and time does not occur."""
+    whole = total(energies.values())
+    driven = found.time in whole.symbols() or _with_potential(scene, scene)[1]
+    return None if driven else whole
 
 
 def _energies(scene: Scene, found: Symbols) -> dict[str, Expression]:
@@ -235,15 +249,27 @@ def _lagrange(scene: Scene) -> DerivedEquations:
         others.append(simplify(force))
         if not conditions and not L.differentiate(x) and not force:
             conserved[f"p_{x.name}"] = simplify(momentum)
+    equations += map(simplify, second)
+    holding: tuple[HoldingForce, ...] = ()
+    if len(multipliers) == 1:
+        value = only_multiplier(equations, found.unknowns, multipliers[0], lengths)
+        holding = (HoldingForce(multipliers[0], value, _MULTIPLIERS),) if value else ()
+    elif not multipliers and isinstance(scene.system, MechanismSystem):
+        holding = holding_forces(scene, found, by_time)
+    steady = None
+    if not any(others) and not any(found.time in x.symbols() for x in (L, *conditions)):
+        steady = simplify(total(as_expression(s) * L.differentiate(s) for s in v) - L)
     return DerivedEquations(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
-        (*equations, *map(simplify, second)),
+        tuple(equations),
         multipliers=tuple(multipliers),
         notes=(Note(as_expression(_any_of(multipliers)), _MULTIPLIERS),) if multipliers else (),
         forces=tuple(others),
         energies=energies,
+        steady=steady,
         conserved=conserved,
+        holding=holding,
         values=values,
         conditions=(tuple(map(simplify, phi)), tuple(map(simplify, rolling))),
     )
@@ -284,12 +310,14 @@ def _linkage(scene: Scene) -> DerivedEquations:
         for q, v, force in zip(of.q, of.v, forces.tolist(), strict=True)
     ]
     phi = ties.tolist()
+    driven = any(forces.tolist()) or any(found.time in x.symbols() for x in (L, *phi))
     followers = find_followers(scene, of, phi, [by_time(by_time(x)) for x in phi])
     return DerivedEquations(
         found,
         "Lagrange's equations",
         eliminate_followers(of, followers, laws),
         energies={"T": kinetic, "V": potential},
+        steady=None if driven else kinetic + potential,
         conditions=(tuple(map(simplify, phi)), ()),
         followers=followers,
     )
@@ -438,12 +466,14 @@ def _polar(scene: Scene) -> DerivedEquations:
         m * ar - m * radius * as_expression(omega) ** 2 - along,
         m * radius * alpha + 2 * m * speed * omega - across,
     )
+    energies = _energies(scene, found)
     return DerivedEquations(
         found,
         "Newton's law in polar coordinates",
         equations,
         forces=(along, across),
-        energies=_energies(scene, found),
+        energies=energies,
+        steady=_steady(scene, found, energies),
         conserved={} if across else {"p_theta": m * radius**2 * as_expression(omega)},
     )
 
@@ -458,7 +488,7 @@ def _rigid(scene: Scene) -> DerivedEquations:
     omega = [as_expression(s) for s in found.state[-3:]]
     turn = [as_expression(s) for s in found.rates[-3:]]
     matter = _Matter(system.matter)
-    force, torque, potential = _loads(scene, found, matter)
+    R, force, torque, potential = _loads(scene, found, matter)
     momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
     equations = [
         matter.mass * as_expression(found.rates[n - 6 + i]) - force[i] for i in range(free)
@@ -481,6 +511,20 @@ def _rigid(scene: Scene) -> DerivedEquations:
         + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
         "V": potential,
     }
+    conserved = {
+        f"p_{axis}": matter.mass * as_expression(v)
+        for axis, v, f in zip("xyz", velocity, force, strict=False)
+        if not f
+    }
+    for i, axis in enumerate("xyz"):
+        if _vanishes(R[i, j] * torque[j] for j in range(3)):
+            conserved[f"H_{axis}"] = total(R[i, j] * momentum[j] for j in range(3))
+    about = "angular momentum about the " + ("mass centre" if free else "fixed point")
+    about += ", along the fixed axes x, y, z"
+    turned = momentum[0] * omega[1] - momentum[1] * omega[0]
+    if torque[2] == number(0) and not _vanishes([momentum[2]]) and _vanishes([turned]):
+        conserved["H_3"] = momentum[2]
+        about += " and along the third axis of the body"
     law = "Newton's law and Euler's equations" if free else "Euler's equations"
     return DerivedEquations(
         found,
@@ -488,11 +532,16 @@ def _rigid(scene: Scene) -> DerivedEquations:
         (*equations, *kinematic),
         forces=(*force[:free], *torque),
         energies=energies,
+        steady=_steady(scene, found, energies),
+        conserved=conserved,
         values=matter.values,
-        notes=tuple(
-            Note(as_expression(Symbol(stem, "coordinate")), meaning)
-            for stem, meaning in _ATTITUDE
-            if any(s.stem == stem for s in found.state)
+        notes=(
+            *(
+                Note(as_expression(Symbol(stem, "coordinate")), meaning)
+                for stem, meaning in _ATTITUDE
+                if any(s.stem == stem for s in found.state)
+            ),
+            *([Note(_H, about)] if any(name.startswith("H") for name in conserved) else ()),
         ),
         kinematic=len(kinematic),
         alone=True,
@@ -555,8 +604,10 @@ def _attitude(field, y):
     return y[:-3] if field.system.pivoted else y[3:-6]
 
 
-def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, Expression]:
-    """Force on a body, torque in its axes, and potential energy."""
+def _loads(
+    scene: Scene, found: Symbols, matter: _Matter
+) -> tuple[np.ndarray, list, list, Expression]:
+    """Rotation matrix of a body, force on it, torque in its axes, and potential energy."""
     free = not scene.system.pivoted
     force, torque, potential = [number(0)] * 3, [number(0)] * 3, number(0)
     heavy = [isinstance(e, UniformGravity) for e in scene.effects]
@@ -596,13 +647,14 @@ def _loads(scene: Scene, found: Symbols, matter: _Matter) -> tuple[list, list, E
         return whole, potential_energy(effects, t, r, m)
 
     if all(heavy):
-        return force, torque, potential
+        return R, force, torque, potential
     more, energy = read(scene, found, others)
     force = [a + b for a, b in zip(force, more[:3], strict=True)]
     torque = [a + b for a, b in zip(torque, more[3:], strict=True)]
-    return force, torque, potential + energy.item()
+    return R, force, torque, potential + energy.item()
 
 
+_H = as_expression(Symbol("H", "short"))
 _CONTACT = ("normal force of the surface", "friction, along the surface")
 #: Notes for a body with a quaternion.
 _ATTITUDE = (
@@ -632,6 +684,7 @@ def _cylinder(scene: Scene) -> DerivedEquations:
         forces = (forces[0], ratio.item() * forces[0])
     reactions = [total(f * row[i] for f, row in zip(forces, rows, strict=False)) for i in range(3)]
     laws = [weights[i] * a[i] - load[i] - reactions[i] for i in range(3)]
+    energies, slips = _energies(scene, found), touching == 1 and ratio.item()
     conditions = [total(rows[k, i] * a[i] for i in range(3)) - bends[k] for k in range(touching)]
     return DerivedEquations(
         found,
@@ -639,7 +692,8 @@ def _cylinder(scene: Scene) -> DerivedEquations:
         tuple(map(simplify, (*laws, *conditions))),
         multipliers=(N, F)[:touching],
         notes=tuple(map(Note, map(as_expression, (N, F)[:touching]), _CONTACT)),
-        energies=_energies(scene, found),
+        energies=energies,
+        steady=None if slips else _steady(scene, found, energies),
         alone=True,
     )
 
@@ -666,4 +720,16 @@ def _as_given(scene: Scene) -> DerivedEquations:
         both = [x.item() for x in terms]
         energies = {"T": both[0], "V": both[1]} if len(both) == 2 else {"E": total(both)}
     law = "Prescribed motion" if prescribed else "Equations of motion"
-    return DerivedEquations(found, law, equations, energies=energies, solved=True, alone=True)
+    whole = total(energies.values())
+    rate = [x.replace(names.get) for x in rates.tolist()]
+    slopes = [whole.differentiate(s) * x for s, x in zip(found.state, rate, strict=True)]
+    steady = energies and _vanishes([*slopes, whole.differentiate(found.time)])
+    return DerivedEquations(
+        found,
+        law,
+        equations,
+        energies=energies,
+        steady=whole if steady else None,
+        solved=True,
+        alone=True,
+    )

@@ -37,7 +37,7 @@ from jaxdyn.symbolic.code import code
 from jaxdyn.symbolic.deriving import derive
 from jaxdyn.symbolic.linear import Linear, jacobian
 from jaxdyn.symbolic.matrices import Matrices, index_of
-from jaxdyn.symbolic.sections import Line, Printed, Section, functions_in
+from jaxdyn.symbolic.sections import Line, Note, Printed, Section, functions_in
 from jaxdyn.symbolic.to_sympy import ToSympy
 
 #: From this many coordinates on, a mass matrix that is not diagonal is shown by its entries.
@@ -57,8 +57,9 @@ class Equations(Printed):
 
     Attributes:
       scene: the scene.
-      sections: "motion", "constraints", "lengths" (names for lengths and ratios), "energies",
-        "momenta", "symbols" (meanings of symbols and functions) and "parameters".
+      sections: "motion", "constraints", "lengths" (names for lengths and ratios), "reactions"
+        (forces of constraints that have short formulas), "energies", "momenta", "symbols" (meanings
+        of symbols and functions) and "parameters".
       parameters: the symbols of parameters in print, and their values in the scene.
     """
 
@@ -82,6 +83,11 @@ class Equations(Printed):
             Line(_named(name), of_energy(complete_squares(short(x))))
             for name, x in found.energies.items()
         ]
+        energies += self._steady()
+        holding = [
+            Line(as_expression(one.symbol), factor_common(short(one.value)))
+            for one in found.holding
+        ]
         momenta = [
             Line(_named(*name.split("_", 1)), (of_points if found.alone else of_momentum)(short(x)))
             for name, x in found.conserved.items()
@@ -90,11 +96,16 @@ class Equations(Printed):
             self._motion(),
             Section("constraints", "Constraints", tuple(conditions)),
             Section("lengths", "with", tuple(definitions)),
+            Section("reactions", "Forces of constraints", tuple(holding)),
             Section("energies", "Energies", tuple(energies)),
             Section("momenta", "Conserved momenta", tuple(momenta)),
         ]
         lines = [line for part in sections for line in part.lines]
         notes = (*functions_in(lines), *found.notes)
+        if found.steady is not None and found.energies:
+            notes += (Note(_named("E"), "the energy, which is constant"),)
+        if not found.multipliers:
+            notes += tuple(Note(as_expression(one.symbol), one.meaning) for one in found.holding)
         sections.append(Section("symbols", "Symbols", notes=notes))
         used = {s for part in sections for line in part.lines for x in line for s in x.symbols()}
         in_order = sorted(used & known.keys(), key=lambda s: s.key)
@@ -102,6 +113,18 @@ class Equations(Printed):
         values = [Line(as_expression(s), Expression({(): known[s]})) for s in in_order]
         sections.append(Section("parameters", "Parameters", tuple(values)))
         super().__init__(part for part in sections if part.lines or part.notes)
+
+    def _steady(self) -> list[Line]:
+        """The energy, if it is constant: T + V, or what is constant instead of that."""
+        found = self._derived
+        if found.steady is None or not found.energies:
+            return []
+        of = found.energies
+        if "E" in of:
+            return []
+        if of.keys() == {"T", "V"} and not (found.steady - of["T"] - of["V"]).expand():
+            return [Line(_named("E"), _named("T") + _named("V"))]
+        return [Line(_named("E"), of_energy(self._lengths(found.steady)))]
 
     def _motion(self) -> Section:
         found = self._derived
@@ -377,8 +400,8 @@ def equations(scene: Scene) -> Equations:
 
     Free points obey Newton's law, mechanisms Lagrange's equations, with multipliers for constraints
     and rolling conditions, rigid bodies Euler's equations; the equations of other systems are their
-    rates. The constraints, the energies, the conserved momenta and the values of the symbols are
-    printed as well.
+    rates. The constraints, their forces, the energies, whether their sum is constant, the conserved
+    momenta and the values of the symbols are printed as well.
 
     Terms with a parameter that is 0 in the scene are left out. Isolated points where a formula is
     undefined, such as the direction of a spring of length 0, are ignored. Quaternions have length
@@ -393,7 +416,9 @@ def equations(scene: Scene) -> Equations:
     Raises:
       ValueError: the scene is invalid, or its rate contains something without formulas: a loop of
         unknown length, a callback, a function without a known derivative in an energy.
-    Limits: the equations of many hinged bars fill pages.
+    Limits: the equations of many hinged bars fill pages. Forces of constraints have formulas where
+      they follow from Newton's law for one body after the other, or there is a single multiplier;
+      several multipliers are unknowns of the equations.
     Example:
       >>> import jaxdyn
       >>> from jaxdyn import scenes

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jaxdyn
+from jaxdyn import _records
 from jaxdyn._records import captures
 
 STIFFNESS = 2.0
@@ -219,3 +220,11 @@ def test_a_function_that_is_put_into_a_list_later_is_seen():
     rates.append(lambda y: -stiffness * y)
     with pytest.raises(ValueError, match="another value of 'stiffness'"):
         system.check_functions()
+
+
+def test_variables_of_a_function_that_functions_inside_it_read_are_its_own():
+    def law(y):
+        return sum((lambda a: a * y)(a) for a in (1.0, 2.0))
+
+    read = _records.code_reads(law.__code__)
+    assert "y" not in read.names

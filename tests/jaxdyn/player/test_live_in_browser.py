@@ -186,6 +186,54 @@ def test_parameters_start_and_effects_are_changed_in_their_fields(window, tmp_pa
     np.testing.assert_allclose(live(window, "state()")["now"][0], wanted, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("text", ["\ue017", "abc", "-1", "1e"])
+def test_what_is_not_a_number_of_its_kind_is_refused(window, tmp_path, text):
+    opened(window, scenes.spring_mass(), tmp_path)
+    type_into(window, "m [kg]", text)
+    field = window.switch_to.active_element
+    assert field.get_attribute("aria-invalid") == "true"
+    field.send_keys("\ue004")  # Tab: the field is left
+    said = window.find_element("css selector", ".live .status").text
+    assert said == "m [kg]: a number >= 0 is expected; it is still 1."
+    assert (field.get_attribute("value"), field.get_attribute("aria-invalid")) == ("1", "false")
+    bounds = {one["name"]: one["bound"] for one in live(window, "data.parameters")}
+    assert bounds["k"] == ""
+    live(window, "set('m[0]', -1)")
+    assert live(window, "state()")["parameters"][0] == 1.0
+
+
+def test_a_start_is_shown_on_the_constraints(window, tmp_path):
+    opened(window, scenes.pendulum(formulation="constrained"), tmp_path)
+    type_into(window, "x [m]", "0.5\ue004")
+    x, y, *_ = live(window, "state()")["start"]
+    assert x**2 + y**2 == pytest.approx(1.0, abs=1e-14)
+    (label,) = [x for x in window.find_elements("css selector", "label") if x.text == "x [m]"]
+    shown = window.find_element("id", label.get_attribute("for")).get_attribute("value")
+    assert float(shown) == pytest.approx(x, abs=1e-6)
+    assert abs(x - 0.5) > 1e-3
+
+
+def test_the_start_of_a_car_stays_on_its_constraint(window, tmp_path):
+    scene = scenes.car()
+    opened(window, scene, tmp_path)
+    live(window, "enter(2, 0.3)")
+    start = jnp.asarray(live(window, "state()")["start"])
+    assert start[2] == pytest.approx(0.3, abs=0.1)
+    scene.starting(start).check()
+
+
+def test_the_vector_of_the_momentum_of_a_single_point(window, tmp_path):
+    opened(window, scenes.cannonball(), tmp_path)
+    window.find_element("xpath", "//summary[text()='Vectors']").click()
+    window.find_elements("css selector", ".live .check")[-1].click()
+    live(window, "seek(0.5)")
+    y = live(window, "state()")["now"][0]
+    ((_, spin),) = live(window, "arrows().at(-1)")
+    np.testing.assert_allclose(spin, [y[0] * y[3] - y[1] * y[2]], rtol=1e-14)
+    assert window.get_log("browser") == []
+
+
+@pytest.mark.slow
 def test_several_motions_begin_beside_each_other(window, tmp_path):
     scene = scenes.double_pendulum()
     opened(window, scene, tmp_path)
@@ -195,6 +243,17 @@ def test_several_motions_begin_beside_each_other(window, tmp_path):
     for i, y in enumerate(now):
         other = scene.starting(scene.y0.at[0].add(1e-3 * i))
         np.testing.assert_allclose(y, ends(other, 2.0), rtol=0, atol=1e-10)
+
+
+def test_motions_beside_one_that_begins_at_a_stop_are_before_it(window, tmp_path):
+    opened(window, scenes.impact_oscillator(), tmp_path)
+    live(window, "several(2)")
+    live(window, "seek(1)")
+    state = live(window, "state()")
+    assert (state["t"], state["failure"]) == (1.0, "")
+    assert live(window, "offset.size") < 0
+    legend = window.find_element("css selector", ".live .scene .legend").text
+    assert legend.split() == ["start", "-", "0.001"]
 
 
 def test_a_section_is_drawn_while_it_runs(window, tmp_path):
