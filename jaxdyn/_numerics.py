@@ -40,7 +40,8 @@ def smooth(function: Callable) -> Callable:
 def nan_unless(known: Array, x: Array) -> Array:
     """x where it is known, and NaN elsewhere, with derivatives of NaN.
 
-    Those of ``jnp.where(known, x, jnp.nan)`` would be 0: a finite wrong number.
+    Those of ``jnp.where(known, x, jnp.nan)`` would be 0: a finite wrong number. Derivatives in what
+    x does not depend on remain 0.
 
     Args:
       known: () or in the shape of x.

@@ -103,12 +103,17 @@ def place(name: str) -> Place:
     return Place(path, found, functions[found])
 
 
+#: Mark of a function that is defined as ``name = lambda ...``: a helper, if there are others.
+_LAMBDA = "lambda"
+
+
 def _only(functions: dict[str, ast.FunctionDef], path: Path) -> str:
     """The one function that makes a scene: by its annotation, or since no other needs nothing."""
     public = {key: x for key, x in functions.items() if key[0] != "_"}
     ready = [key for key, x in public.items() if not _without_default(x)]
     marked = [key for key in ready if _returns_scene(public[key])]
-    candidates = marked or ready or list(public)
+    defined = [key for key in ready if public[key].type_comment != _LAMBDA]
+    candidates = marked or defined or ready or list(public)
     if len(candidates) != 1:
         names = ", ".join(f"{path}:{key}" for key in candidates)
         remedy = f"Name one of {names}." if candidates else "Write a function that returns one."
@@ -124,7 +129,7 @@ def _as_function(node: ast.stmt) -> ast.FunctionDef | None:
         target = node.targets[0]
         if isinstance(target, ast.Name):
             returned = ast.Return(node.value.body)
-            return ast.FunctionDef(target.id, node.value.args, [returned], [])
+            return ast.FunctionDef(target.id, node.value.args, [returned], [], type_comment=_LAMBDA)
     return None
 
 

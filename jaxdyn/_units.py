@@ -17,6 +17,7 @@ _KNOWN: dict[str, tuple[float, dict[str, int]]] = {
     **{name: (size, {"m": 1}) for name, size in {"m": 1.0, "km": 1e3, "dm": 0.1}.items()},
     **{name: (size, {"m": 1}) for name, size in {"cm": 1e-2, "mm": 1e-3, "um": 1e-6}.items()},
     **{name: (size, {"m": 1}) for name, size in {"in": 0.0254, "ft": 0.3048}.items()},
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), (1.0, {"m": 1})),
     **dict.fromkeys(("AU", "au"), (149_597_870_700.0, {"m": 1})),
     **{name: (size, {"s": 1}) for name, size in {"s": 1.0, "ms": 1e-3, "us": 1e-6}.items()},
     **dict.fromkeys(("sec", "second", "seconds"), (1.0, {"s": 1})),
@@ -27,6 +28,7 @@ _KNOWN: dict[str, tuple[float, dict[str, int]]] = {
     **dict.fromkeys(("kg",), (1.0, {"kg": 1})),
     **dict.fromkeys(("g",), (1e-3, {"kg": 1})),
     **{name: (size, {"rad": 1}) for name, size in {"rad": 1.0, "mrad": 1e-3}.items()},
+    **dict.fromkeys(("rads", "radian", "radians"), (1.0, {"rad": 1})),
     **dict.fromkeys(("deg", "degree", "degrees", "\N{DEGREE SIGN}"), (math.pi / 180, {"rad": 1})),
     **dict.fromkeys(("rev", "turn", "turns"), (2 * math.pi, {"rad": 1})),
     "rpm": (2 * math.pi / 60, {"rad": 1, "s": -1}),
@@ -36,7 +38,14 @@ _KNOWN: dict[str, tuple[float, dict[str, int]]] = {
     "1": (1.0, {}),
 }
 _FACTOR = re.compile(r"(?P<name>[^\W\d]+|\N{DEGREE SIGN}|1)(?:\^?(?P<power>[+-]?\d+))?")
-_SQUARES = str.maketrans({"\N{SUPERSCRIPT TWO}": "^2", "\N{SUPERSCRIPT THREE}": "^3"})
+_PLAIN = str.maketrans(
+    {
+        "\N{SUPERSCRIPT TWO}": "^2",
+        "\N{SUPERSCRIPT THREE}": "^3",
+        "\N{MICRO SIGN}": "u",
+        "\N{GREEK SMALL LETTER MU}": "u",
+    }
+)
 
 
 class Measure(NamedTuple):
@@ -59,17 +68,23 @@ def measure(unit: str) -> Measure | None:
       (0.2777777777777778, True)
     """
     size, powers = 1.0, Counter()
-    for i, part in enumerate(unit.translate(_SQUARES).split("/")):
+    for i, part in enumerate(unit.translate(_PLAIN).split("/")):
         for word in re.split(r"[\s*.\N{MIDDLE DOT}]+", part.strip(" ()")):
             found = _FACTOR.fullmatch(word)
-            if found is None or found["name"] not in _KNOWN:
+            known = None if found is None else _known(found["name"])
+            if found is None or known is None:
                 return None
             power = int(found["power"] or 1) * (-1 if i else 1)
-            one, bases = _KNOWN[found["name"]]
+            one, bases = known
             size *= one**power
             for base, exponent in bases.items():
                 powers[base] += power * exponent
     return Measure(size, tuple(sorted((base, n) for base, n in powers.items() if n)))
+
+
+def _known(word: str) -> tuple[float, dict[str, int]] | None:
+    """A unit's size and powers; words of three letters and more, as "Sec", in any case."""
+    return _KNOWN.get(word) or (_KNOWN.get(word.lower()) if len(word) > 2 else None)
 
 
 def conversion(name: str, given: str, wanted: str) -> float:

@@ -38,7 +38,7 @@ class Measured(NamedTuple):
     names: tuple[str, ...]
     rows: np.ndarray
     count: int
-    units: Mapping[str, str]
+    units: dict[str, str]
 
     def in_units_of(self, scene: Scene, columns: Sequence["Column"]) -> "Measured":
         """The table in the units of a scene, as far as both are known.
@@ -50,11 +50,11 @@ class Measured(NamedTuple):
         wanted |= {TIME: second(scene.labels()) or _NO_UNIT}
         sizes = {name: self._size(name, unit) for name, unit in wanted.items()}
         values = self.values * np.array([sizes[name] for name in self.names])
-        return self._replace(ts=self.ts * sizes[TIME], values=values)
+        return self._replace(ts=self.ts * sizes[TIME], values=values, units=self.units | wanted)
 
     def _size(self, name: str, wanted: str) -> float:
         given = self.units.get(name, _NO_UNIT)
-        if _NO_UNIT in (given, wanted):
+        if wanted == _NO_UNIT or given in ("", "-", _NO_UNIT):
             return 1.0
         return conversion(f"column {name}", given, wanted)
 
@@ -128,7 +128,13 @@ def _units(data: Any) -> dict[str, str]:
     if isinstance(data, Trajectory):
         labels = data.scene.labels()
         return {TIME: second(labels) or _NO_UNIT} | dict(labels)
-    return dict(getattr(data, "units", None) or getattr(data, "attrs", {}).get("units", {}))
+    columns = isinstance(data, dict)  # not a DataFrame, where `units` may be a column
+    stated = getattr(data, "units", None) if columns else getattr(data, "attrs", {}).get("units")
+    known = {} if stated is None else stated
+    if not (isinstance(known, Mapping) and all(isinstance(x, str) for x in known.values())):
+        remedy = 'Write data.attrs["units"] = {"theta": "deg"}.'
+        raise _checks.fail("data", "units by the name of the column", stated, remedy)
+    return dict(known)
 
 
 def _numbers(name: str, given: Any, count: int) -> np.ndarray:

@@ -217,7 +217,7 @@ class Fit:
 
     def _crossings(self, values: np.ndarray, rise: np.ndarray) -> tuple[float, float]:
         """Where the rise exceeds its limit, by its square root, which is linear for a parabola."""
-        limit, best = self.quantile, self.values[0] * 0 + np.mean(values)
+        limit, best = self.quantile, np.mean(values)
         found = []
         for side in (-1.0, 1.0):
             take = (side * (values - best) >= 0) & np.isfinite(rise)

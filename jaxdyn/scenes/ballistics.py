@@ -70,13 +70,13 @@ def flight_time(*, speed=10.0, angle=math.pi / 4, m=1.0, g=9.81, linear=1.0) -> 
     tau = _relaxation(m, g, linear)
     p = jnp.asarray(speed, dtype=float) * jnp.sin(angle) / (g * tau)
     up = p > 0
-    p = jnp.where(up, p, 1.0)
+    p = nan_unless(up, p)
     s = jnp.minimum(2 * p, 1 + p)
     for _ in range(_NEWTON_STEPS):
         gone, rest = -jnp.expm1(-s), _exp_remainder(s)
         # (s / gone - 1 - p) over its slope, both multiplied by gone^2.
         s = s - gone * (rest - p * gone) / (s * gone - rest)
-    return nan_unless(up, tau * s)
+    return tau * s
 
 
 def best_angle(*, speed=10.0, m=1.0, g=9.81, linear=1.0) -> Array:

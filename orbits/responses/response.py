@@ -8,7 +8,6 @@ responses begin.
 """
 
 import dataclasses
-import inspect
 import itertools
 from collections.abc import Callable, Sequence
 
@@ -455,11 +454,14 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
 
 def _takes_omega_alone(drive: Callable[..., Scene]) -> bool:
     try:
-        check_callable("drive", drive, "omega")
-    except ValueError:
         check_callable("drive", drive, "omega", "level")
-        return False
-    return len(inspect.signature(drive).parameters) == 1
+    except ValueError as refused:
+        try:
+            check_callable("drive", drive, "omega")
+        except ValueError:
+            raise refused from None
+        return True
+    return False
 
 
 _SAMPLES = 64  # per period of the forcing, for its first harmonic

@@ -52,6 +52,9 @@ decay = lambda k=1.0: jaxdyn.ode(lambda t, y, p: [-p * y[0]], [1.0], 1.0, params
 """
 
 
+PLAIN = SHORT.replace(" -> jaxdyn.Scene", "")
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -62,6 +65,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "needy.py").write_text("def f(k, c=1, *, m, n=1): return k")
     (tmp_path / "exits.py").write_text("import sys\ndef f(): return 1\nsys.exit(3)")
     (tmp_path / "short.py").write_text(SHORT)
+    (tmp_path / "plain.py").write_text(PLAIN)
     (tmp_path / "empty.py").write_text("raise RuntimeError")
     return tmp_path
 
@@ -78,8 +82,10 @@ def test_a_scene_of_a_file_runs_with_its_numbers_set(folder, command):
     assert np.array_equal(json.loads(out)["y"][-1], ends[1]["y"][-1])
 
 
-@pytest.mark.parametrize(("name", "k"), [("short.py", 2.0), ("short.py:decay", 1.0)])
-def test_a_lambda_is_a_function_and_an_annotation_chooses_one(folder, command, name, k):
+@pytest.mark.parametrize(
+    ("name", "k"), [("short.py", 2.0), ("plain.py", 2.0), ("short.py:decay", 1.0)]
+)
+def test_a_lambda_is_a_function_and_an_annotation_or_def_chooses_one(folder, command, name, k):
     del folder
     code, out, err = command("jaxdyn", "run", name, "--json")
     assert code == 0, err

@@ -11,6 +11,8 @@ from scipy import optimize
 import jaxdyn
 from benchmarks import coverage
 from jaxdyn import scenes
+from jaxdyn._units import measure
+from jaxdyn.files.tables import Columns
 from jaxdyn.fitting import FitError, FitStatus, fit, multiple_shooting
 
 TS = np.linspace(0.0, 6.0, 60)
@@ -355,7 +357,7 @@ def test_units_of_a_table_are_those_of_the_scene(tmp_path, table, units, g):
 
 
 def test_units_that_do_not_fit_are_refused():
-    table = jaxdyn.files.tables.Columns()
+    table = Columns()
     table |= {"t": TS, "x": TS}
     for unit in ("px", "s", "Hz"):
         table.units = {"x": unit}
@@ -367,3 +369,38 @@ def test_units_that_do_not_fit_are_refused():
     assert "Call it outside jit" in refusal(
         lambda: jax.jit(lambda g: jaxdyn.fit(falling, {"g": g}, {"t": TS, "x": TS}).params)(9.0)
     )
+
+
+def test_units_are_a_mapping_of_texts():
+    for units in ("SI", {"x": None}):
+        data = Columns()
+        data |= {"t": TS, "x": TS}
+        data.units = units
+        assert 'data.attrs["units"] = {"theta": "deg"}' in refusal(
+            lambda data=data: jaxdyn.fit(falling, {"g": 9.0}, data)
+        )
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [("Sec", 1.0), ("radians", 1.0), ("\N{MICRO SIGN}m", 1e-6), ("DEG/s", np.pi / 180)],
+)
+def test_units_as_people_write_them(unit, size):
+    assert measure(unit).size == pytest.approx(size, rel=1e-15)
+
+
+def test_a_profile_does_not_need_the_first_parameter():
+    def decays(t, y, p):
+        return [-p["a"] * p["b"] * y[0], -p["c"] * y[1]]
+
+    def make(**p):
+        return jaxdyn.ode(decays, [1.0, 1.0], params=p)
+
+    ts = np.linspace(0.0, 3.0, 20)
+    noise = 0.003 * np.random.default_rng(0).standard_normal((2, 20))
+    data = {"t": ts, "y0": np.exp(-0.5 * ts) + noise[0], "y1": np.exp(-0.7 * ts) + noise[1]}
+    guess = {"a": 1.0, "b": 0.6, "c": 0.6}
+    found = jaxdyn.fit(make, guess, data, start=[], throw=False)
+    assert np.isnan(found.params["a"])  # only a b is known
+    profile = found.profile("c", 7)
+    assert profile.low < 0.7 < profile.high < profile.low + 0.02
