@@ -40,6 +40,7 @@ from jaxdyn.balls.field import BallField
 _BITS = 64
 _ACROSS = 10  # squares across the disc
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
+_ROUNDS = 30  # towards an estimate of that radius
 _DEFECT_BITS = 34  # Q^p is about 2^-34, so that the polynomial's defect is small
 _LEAST_Q = 0.5  # least Q, at low orders
 #: eps over the defect, in parts of the entry's size on the disc: nearby motions must not be far
@@ -123,13 +124,17 @@ def _convergence(about: About) -> float:
     """An estimate of the radius of convergence; infinite for polynomials."""
     series = [[x / s for x in row] for row, s in zip(about.series, about.sizes, strict=True)]
     order = len(series[0]) - 1
-    found = [math.inf]
-    sizes = [max((_log(x) for x in row[: order // 2]), default=-math.inf) for row in series]
-    largest = max(sizes)
+    logs = [max(_log(row[n]) for row in series) for n in range(order + 1)]
+    first, found = logs[: order // 2], [math.inf]
     for n in (order - 1, order):
-        last = max(_log(row[n]) for row in series)
-        if last > -math.inf and n:
-            found.append(math.exp((largest - last) / n))
+        if min(logs[n], max(first)) > -math.inf:
+            # At the radius r the last terms are as large as the largest of the first half, whatever
+            # the unit of time. Each round halves the error of log r.
+            log_r = 0.0
+            for _ in range(_ROUNDS):
+                largest = max(x + m * log_r for m, x in enumerate(first))
+                log_r = (largest - logs[n]) / n
+            found.append(math.exp(log_r))
     return min(found)
 
 

@@ -13,6 +13,7 @@ import orbits
 from orbits.proof import checking
 
 UNITS = [([2.0**40, 2.0**-30], 2.0**50), ([2.0**-50, 2.0**20], 2.0**-40)]
+PICO = ([1.0, 1.0], 2.0**-40)  # about picoseconds
 SLOW = [UNITS[0], pytest.param(UNITS[1], marks=pytest.mark.slow)]
 ONE = ([1.0, 1.0], 1.0)
 DIGITS = 30
@@ -24,6 +25,10 @@ def van_der_pol(y):
 
 def duffing(y):
     return [y[1], -y[0] - y[0] ** 3]
+
+
+def brusselator(y):
+    return [1 + y[0] ** 2 * y[1] - 4 * y[0], 3 * y[0] - y[0] ** 2 * y[1]]
 
 
 def level(t, y, numbers):
@@ -64,6 +69,18 @@ def test_a_cycle_without_an_integral(units):
     assert float(theirs.radius) == float(ours.radius)
     assert checking.certificate_mismatch(orbit, theirs.as_json()) == ""
     assert checking.refined_mismatch(orbit, there.as_json()) == ""
+
+
+@pytest.mark.slow
+def test_a_cycle_in_picoseconds():
+    # Coefficients of its series grow by 1e12 each: the radius of convergence has to follow.
+    of = brusselator, [3.24037263990900873, 1.864318195868502], 7.15691992117988
+    ours, theirs = (orbits.prove(orbit_of(of[0], units, *of[1:])) for units in (ONE, PICO))
+    assert ours.proved
+    assert theirs.proved
+    with mpmath.workdps(DIGITS + 10):
+        one, pico = (mpmath.mpf(x.period.mid) for x in (ours, theirs))
+        assert abs(pico / mpmath.mpf(PICO[1]) - one) < 1e-25
 
 
 @pytest.mark.parametrize("units", SLOW)
