@@ -164,7 +164,7 @@ def indices_of(entries: Sequence[str] | None, scene: Scene) -> list[int]:
     names = [name for name, _ in scene.labels()]
     if isinstance(entries, str) or len(entries) not in (2, 3):
         raise _checks.fail(
-            "entries", "two or three names", repr(entries), f"Of {', '.join(names)}."
+            "entries", "two or three names", repr(entries), f"Choose from {', '.join(names)}."
         )
     return [names.index(_checks.choice("entries", name, names)) for name in entries]
 

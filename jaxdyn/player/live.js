@@ -582,7 +582,7 @@
       const range = (low, high) => { slider.min = low; slider.max = high; };
       // For a number that keeps its sign, up to a round one that is twice as large.
       const around = (x) => {
-        const far = bound.startsWith("between") ? 1 : x ? round(2 * Math.abs(x)) : 1, least = bound === "> 0" ? SMALLEST * far : 0;
+        const twice = x ? round(2 * Math.abs(x)) : 1, far = bound.startsWith("between") ? Math.min(1, twice) : twice, least = bound === "> 0" ? SMALLEST * far : 0;
         range(x > 0 || bound ? least : -far, x < 0 ? 0 : far);
       };
       return { row, set, range, around };

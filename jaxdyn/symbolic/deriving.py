@@ -257,7 +257,8 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     elif not multipliers and isinstance(scene.system, MechanismSystem):
         holding = holding_forces(scene, found, by_time)
     steady = None
-    if not any(others) and not any(found.time in x.symbols() for x in (L, *conditions)):
+    # A constraint that moves does work, though its derivative may not contain the time.
+    if not any(others) and not any(found.time in x.symbols() for x in (L, *phi, *rolling)):
         steady = simplify(total(as_expression(s) * L.differentiate(s) for s in v) - L)
     return DerivedEquations(
         found,

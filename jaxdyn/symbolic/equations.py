@@ -83,7 +83,8 @@ class Equations(Printed):
             Line(_named(name), of_energy(complete_squares(short(x))))
             for name, x in found.energies.items()
         ]
-        energies += self._steady()
+        steady, constant = self._steady()
+        energies += steady
         holding = [
             Line(as_expression(one.symbol), factor_common(short(one.value)))
             for one in found.holding
@@ -102,8 +103,7 @@ class Equations(Printed):
         ]
         lines = [line for part in sections for line in part.lines]
         notes = (*functions_in(lines), *found.notes)
-        if found.steady is not None and found.energies:
-            notes += (Note(_named("E"), "the energy, which is constant"),)
+        notes += constant
         if not found.multipliers:
             notes += tuple(Note(as_expression(one.symbol), one.meaning) for one in found.holding)
         sections.append(Section("symbols", "Symbols", notes=notes))
@@ -114,17 +114,19 @@ class Equations(Printed):
         sections.append(Section("parameters", "Parameters", tuple(values)))
         super().__init__(part for part in sections if part.lines or part.notes)
 
-    def _steady(self) -> list[Line]:
-        """The energy, if it is constant: T + V, or what is constant instead of that."""
-        found = self._derived
-        if found.steady is None or not found.energies:
-            return []
-        of = found.energies
+    def _steady(self) -> tuple[list[Line], tuple[Note, ...]]:
+        """T + V if it is constant, or Jacobi's integral; and the note that says so."""
+        found, of = self._derived, self._derived.energies
+        taken = {s.name for s in (*found.symbols.state, *found.symbols.values, *found.values)}
+        if found.steady is None or not of or taken & {"E", "h"}:
+            return [], ()
+        constant = (Note(_named("E"), "the energy, which is constant"),)
         if "E" in of:
-            return []
+            return [], constant
         if of.keys() == {"T", "V"} and not (found.steady - of["T"] - of["V"]).expand():
-            return [Line(_named("E"), _named("T") + _named("V"))]
-        return [Line(_named("E"), of_energy(self._lengths(found.steady)))]
+            return [Line(_named("E"), _named("T") + _named("V"))], constant
+        constant = (Note(_named("h"), "Jacobi's integral, which is constant"),)
+        return [Line(_named("h"), of_energy(self._lengths(found.steady)))], constant
 
     def _motion(self) -> Section:
         found = self._derived

@@ -73,6 +73,9 @@ def holding_forces(
     needed = [[total(inertial[p][d] for p in b.points) for d in range(r.shape[1])] for b in bodies]
     whole = [np.array_equal(np.asarray(b.m), m[list(b.points)]) for b in bodies]
     named = _symbols([len(x) for x in rows])
+    taken = {s.name for s in (*found.state, *found.values)}
+    if taken & {str(s.stem) + str(s.index) for row in named for s in row}:
+        return ()
     open_, values = set(range(len(joints))), {}
     while True:
         of = {
@@ -124,7 +127,8 @@ def _meanings(joint: Joint, body: str) -> list[str]:
     if len(rows) > 1:
         return [f"{what}, along {axis}" for axis, _ in zip(_AXES, rows, strict=False)]
     k = int(np.abs(rows[0]).argmax())
-    return [f"{what}; it points along {'+' if rows[0][k] > 0 else '-'}{_AXES[k]} at the start"]
+    side = f"{'+' if rows[0][k] > 0 else '-'}{_AXES[k]}"
+    return [f"normal {what}; positive on the side of {side} at the start"]
 
 
 def _terms(x: Expression) -> int:

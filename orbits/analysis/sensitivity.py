@@ -255,7 +255,6 @@ class Linearization(NamedTuple):
         value = jax.lax.stop_gradient(miss)
         step = jnp.abs(self.inverse @ value) / self.units
         closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= within
-        # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
         return x - nan_unless(closes, self.inverse @ (miss - value))
 
 

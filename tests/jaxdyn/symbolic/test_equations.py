@@ -958,3 +958,26 @@ def test_momenta_of_a_body_in_fixed_axes_are_conserved(make, names):
         values = [line.right.value(found.at(0.0, y)) for y in motion.ys]
         assert np.ptp(values) < 1e-11 * (1e-3 + np.abs(values).max())
     assert "angular momentum about the" in found.text("symbols")
+
+
+def test_a_driven_frame_has_jacobis_integral_and_no_constant_energy():
+    def kinetic(t, q, v, p):  # of a bead on a hoop that is turned about its diameter
+        return 0.5 * p["m"] * (v[0] ** 2 + p["w"] ** 2 * jnp.sin(q[0]) ** 2)
+
+    def potential(t, q, p):
+        return -p["m"] * p["g"] * jnp.cos(q[0])
+
+    numbers = {"m": 1.0, "w": 2.0, "g": 9.81}
+    turned = jaxdyn.lagrangian((kinetic, potential), [0.3], [0.1], params=numbers)
+    text = str(jaxdyn.equations(turned))
+    assert "h: Jacobi's integral, which is constant" in text
+    assert "the energy" not in text
+
+
+def test_no_name_stands_for_two_things():
+    def L(t, q, v, p):
+        return 0.5 * p["m"] * v[0] ** 2 - 0.5 * p["E"] * q[0] ** 2
+
+    text = str(jaxdyn.equations(jaxdyn.lagrangian(L, [0.3], [0.1], params={"m": 1.0, "E": 3.0})))
+    assert "E q0^2" in text
+    assert "E = " not in text.split("Parameters")[0]
