@@ -41,6 +41,7 @@ _BITS = 64
 _ACROSS = 10  # squares across the disc
 _OUTER = 0.6  # first trial of R' as a part of the series' radius of convergence
 _ROUNDS = 30  # towards an estimate of that radius
+_FAR_BELOW_ONE = math.log(1e-3)  # of log r; elsewhere proofs of earlier versions are kept
 _DEFECT_BITS = 34  # Q^p is about 2^-34, so that the polynomial's defect is small
 _LEAST_Q = 0.5  # least Q, at low orders
 #: eps over the defect, in parts of the entry's size on the disc: nearby motions must not be far
@@ -128,10 +129,10 @@ def _convergence(about: About) -> float:
     first, found = logs[: order // 2], [math.inf]
     for n in (order - 1, order):
         if min(logs[n], max(first)) > -math.inf:
-            # At the radius r the last terms are as large as the largest of the first half, whatever
-            # the unit of time. Each round halves the error of log r.
-            log_r = 0.0
-            for _ in range(_ROUNDS):
+            log_r = (max(first) - logs[n]) / n
+            # In a unit of time far above r, the largest of the first half is not the first term: at
+            # the radius r the last one is as large as it. Each round halves the error of log r.
+            for _ in range(_ROUNDS if log_r < _FAR_BELOW_ONE else 0):
                 largest = max(x + m * log_r for m, x in enumerate(first))
                 log_r = (largest - logs[n]) / n
             found.append(math.exp(log_r))

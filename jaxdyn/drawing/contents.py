@@ -87,7 +87,7 @@ def paths(motion: Trajectory | HybridTrajectory, entries: Sequence[str] | None =
             "motion",
             "material points, or a state of at most 3 entries",
             f"no points and a state of {d}",
-            "Choose with entries=, or draw them against time with drawing.time_series.",
+            "Choose some with entries=, or draw them against time with drawing.time_series.",
         )
     outlines = _common(parts)
     marks = [(outline.name, at[:, 0]) for outline, at in outlines if outline.kind == "trace"]

@@ -231,11 +231,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     ]
     second = [by_time(by_time(x)) for x in squares] + [by_time(x) for x in rolling]
     lengths = {d[0]: d[1] for d in distances if d}
-    numbers = [str(k + 1) if len(second) > 1 else "" for k in range(len(second))]
-    multipliers = [
-        Symbol(f"lambda{k}", "multiplier", stem="lambda", index=k, rank=i)
-        for i, k in enumerate(numbers)
-    ]
+    multipliers = _multipliers(len(second))
     forces = _forces(scene, found)
     equations, others, conserved = [], [], {}
     for x, velocity, force in zip(q, v, forces, strict=True):
@@ -250,12 +246,12 @@ def _lagrange(scene: Scene) -> DerivedEquations:
         if not conditions and not L.differentiate(x) and not force:
             conserved[f"p_{x.name}"] = simplify(momentum)
     equations += map(simplify, second)
-    holding: tuple[HoldingForce, ...] = ()
     if len(multipliers) == 1:
         value = only_multiplier(equations, found.unknowns, multipliers[0], lengths)
         holding = (HoldingForce(multipliers[0], value, _MULTIPLIERS),) if value else ()
-    elif not multipliers and isinstance(scene.system, MechanismSystem):
-        holding = holding_forces(scene, found, by_time)
+    else:
+        tied = bool(multipliers) or not isinstance(scene.system, MechanismSystem)
+        holding = () if tied else holding_forces(scene, found, by_time)
     steady = None
     # A constraint that moves does work, though its derivative may not contain the time.
     if not any(others) and not any(found.time in x.symbols() for x in (L, *phi, *rolling)):
@@ -274,6 +270,15 @@ def _lagrange(scene: Scene) -> DerivedEquations:
         values=values,
         conditions=(tuple(map(simplify, phi)), tuple(map(simplify, rolling))),
     )
+
+
+def _multipliers(n: int) -> list[Symbol]:
+    """lambda, or lambda1, lambda2 and so on."""
+    numbers = [str(k + 1) if n > 1 else "" for k in range(n)]
+    return [
+        Symbol(f"lambda{k}", "multiplier", stem="lambda", index=k, rank=i)
+        for i, k in enumerate(numbers)
+    ]
 
 
 _MULTIPLIERS = "the force or the moment of each constraint, in their order"
@@ -498,13 +503,11 @@ def _rigid(scene: Scene) -> DerivedEquations:
         gyroscopic = omega[j] * momentum[k] - omega[k] * momentum[j]
         turning = total(matter.inertia[i][p] * turn[p] for p in range(3))
         equations.append(turning + gyroscopic - torque[i])
-    attitude = _row(
-        read(
-            scene,
-            found,
-            lambda field, t, y: field.system.attitude.rate(_attitude(field, y), y[-3:]),
-        )
-    )
+
+    def turning_rate(field, t, y):
+        return field.system.attitude.rate(_attitude(field, y), y[-3:])
+
+    attitude = _row(read(scene, found, turning_rate))
     rates = found.rates[free : n - 3 - free]
     kinematic = [as_expression(rate) - x for rate, x in zip(rates, attitude, strict=True)]
     energies = {
@@ -512,20 +515,15 @@ def _rigid(scene: Scene) -> DerivedEquations:
         + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
         "V": potential,
     }
-    conserved = {
+    linear = {
         f"p_{axis}": matter.mass * as_expression(v)
         for axis, v, f in zip("xyz", velocity, force, strict=False)
         if not f
     }
-    for i, axis in enumerate("xyz"):
-        if _vanishes(R[i, j] * torque[j] for j in range(3)):
-            conserved[f"H_{axis}"] = total(R[i, j] * momentum[j] for j in range(3))
+    angular = _angular_momenta(R, momentum, omega, torque)
     about = "angular momentum about the " + ("mass centre" if free else "fixed point")
     about += ", along the fixed axes x, y, z"
-    turned = momentum[0] * omega[1] - momentum[1] * omega[0]
-    if torque[2] == number(0) and not _vanishes([momentum[2]]) and _vanishes([turned]):
-        conserved["H_3"] = momentum[2]
-        about += " and along the third axis of the body"
+    about += " and along the third axis of the body" if "H_3" in angular else ""
     law = "Newton's law and Euler's equations" if free else "Euler's equations"
     return DerivedEquations(
         found,
@@ -534,7 +532,7 @@ def _rigid(scene: Scene) -> DerivedEquations:
         forces=(*force[:free], *torque),
         energies=energies,
         steady=_steady(scene, found, energies),
-        conserved=conserved,
+        conserved=linear | angular,
         values=matter.values,
         notes=(
             *(
@@ -542,11 +540,24 @@ def _rigid(scene: Scene) -> DerivedEquations:
                 for stem, meaning in _ATTITUDE
                 if any(s.stem == stem for s in found.state)
             ),
-            *([Note(_H, about)] if any(name.startswith("H") for name in conserved) else ()),
+            *([Note(_H, about)] if angular else ()),
         ),
         kinematic=len(kinematic),
         alone=True,
     )
+
+
+def _angular_momenta(R, momentum: list, omega: list, torque: list) -> dict[str, Expression]:
+    """Those that are conserved: along fixed axes, and along the third axis of a symmetric body."""
+    found = {
+        f"H_{axis}": total(R[i, j] * momentum[j] for j in range(3))
+        for i, axis in enumerate("xyz")
+        if _vanishes(R[i, j] * torque[j] for j in range(3))
+    }
+    turned = momentum[0] * omega[1] - momentum[1] * omega[0]
+    if torque[2] == number(0) and not _vanishes([momentum[2]]) and _vanishes([turned]):
+        found["H_3"] = momentum[2]
+    return found
 
 
 class _Matter:

@@ -246,7 +246,7 @@ def test_a_state_is_drawn_and_written_by_its_names(tmp_path):
     assert columns(motion) == ["q", "v [1/s]"]
     assert write_csv(tmp_path / "turn.csv", motion).read_text().startswith("t [s],q,v [1/s]\n0.0,")
     many = simulate(jaxdyn.ode(fade, np.ones(4), params={"k": 1.0}), samples=5)
-    with pytest.raises(ValueError, match=r"got no points and a state of 4\. Draw.*time_series"):
+    with pytest.raises(ValueError, match=r"got no points and a state of 4\. .*time_series"):
         contents.paths(many)
     assert len(time_series(many).axes) > 0
     with pytest.raises(ValueError, match="scene: expected one with material points, got Ode"):
