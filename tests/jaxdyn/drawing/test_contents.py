@@ -294,7 +294,7 @@ def test_chosen_entries_of_a_state_are_drawn():
     labels = [("a", "m"), ("va", "m/s"), ("b", "m"), ("vb", "m/s")]
     scene = jaxdyn.ode(rate, [1.0, 0.0, 0.5, 0.0], 3.0, names=labels)
     motion = simulate(scene, samples=50)
-    with pytest.raises(ValueError, match="Choose with entries="):
+    with pytest.raises(ValueError, match="Choose some with entries="):
         drawing.trajectory(motion)
     (panel,) = drawing.trajectory(motion, entries=("a", "b")).axes
     assert [panel.get_xlabel(), panel.get_ylabel()] == ["a [m]", "b [m]"]
