@@ -89,9 +89,10 @@ def place(name: str) -> Place:
         raise fail("scene", "a Python file that exists", str(path)) from error
     except (SyntaxError, ValueError) as error:
         raise fail("scene", "a Python file", f"{path}, which cannot be parsed: {error}") from error
+    defined = [node.name for node in body if isinstance(node, ast.FunctionDef)]
     functions = {node.name: node for node in map(_as_function, body) if node is not None}
     if parts["function"] is None:
-        found = _only(functions, path)
+        found = _only(functions, defined, path)
     else:
         public = {key: x for key, x in functions.items() if key[0] != "_"}
         found = choice(f"function of {path}", parts["function"], public)
@@ -103,17 +104,15 @@ def place(name: str) -> Place:
     return Place(path, found, functions[found])
 
 
-#: Mark of a function that is defined as ``name = lambda ...``: a helper, if there are others.
-_LAMBDA = "lambda"
+def _only(functions: dict[str, ast.FunctionDef], defined: list[str], path: Path) -> str:
+    """The one function that makes a scene: by its annotation, or since no other needs nothing.
 
-
-def _only(functions: dict[str, ast.FunctionDef], path: Path) -> str:
-    """The one function that makes a scene: by its annotation, or since no other needs nothing."""
+    A lambda counts if no function is `defined` by ``def``: it may be a helper.
+    """
     public = {key: x for key, x in functions.items() if key[0] != "_"}
     ready = [key for key, x in public.items() if not _without_default(x)]
     marked = [key for key in ready if _returns_scene(public[key])]
-    defined = [key for key in ready if public[key].type_comment != _LAMBDA]
-    candidates = marked or defined or ready or list(public)
+    candidates = marked or [key for key in ready if key in defined] or ready or list(public)
     if len(candidates) != 1:
         names = ", ".join(f"{path}:{key}" for key in candidates)
         remedy = f"Name one of {names}." if candidates else "Write a function that returns one."
@@ -129,7 +128,7 @@ def _as_function(node: ast.stmt) -> ast.FunctionDef | None:
         target = node.targets[0]
         if isinstance(target, ast.Name):
             returned = ast.Return(node.value.body)
-            return ast.FunctionDef(target.id, node.value.args, [returned], [], type_comment=_LAMBDA)
+            return ast.FunctionDef(target.id, node.value.args, [returned], [])
     return None
 
 

@@ -1,7 +1,7 @@
 """The equations of a scene, for people and for other programs: `jaxdyn.equations`.
 
 `equations` prints the equations of motion of a scene, `deriving` derives them for each kind of
-system, `following` those of a linkage described by its crank angle, `holding` the forces of
+system, `following` those of a linkage described by its crank angle, `reactions` the forces of
 constraints; `sections` has lines of print under titles. `linear` and `matrices` have their
 derivatives. The equations consist of expressions of `algebra`, which `reading` extracts from the
 programs of a scene; `symbols` names its quantities.

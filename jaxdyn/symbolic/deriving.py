@@ -56,7 +56,7 @@ from jaxdyn.symbolic.following import (
     find_followers,
     opened_coordinates,
 )
-from jaxdyn.symbolic.holding import HoldingForce, holding_forces, only_multiplier
+from jaxdyn.symbolic.reactions import Reaction, only_multiplier, reactions_of
 from jaxdyn.symbolic.reading import read
 from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
@@ -75,9 +75,9 @@ class DerivedEquations(NamedTuple):
       forces: the parts of the first equations that are forces without a potential; these are
         printed on the right-hand side.
       energies: T and V, or L, by name, where there are any.
-      steady: the energy as a sum if it is constant; None if it is not, or if that is unknown.
+      constant_energy: the energy as a sum if it is constant; None if not, or if that is unknown.
       conserved: conserved momenta by name, "p_x" or "H_z".
-      holding: forces of constraints that have formulas.
+      reactions: forces of constraints that have formulas.
       conditions: the constraints on positions and velocities, as sums that are zero.
       values: values of symbols that stand for functions of the parameters, such as moments of
         inertia.
@@ -94,9 +94,9 @@ class DerivedEquations(NamedTuple):
     multipliers: tuple[Symbol, ...] = ()
     forces: tuple[Expression, ...] = ()
     energies: dict[str, Expression] = {}  # noqa: RUF012 never changed
-    steady: Expression | None = None
+    constant_energy: Expression | None = None
     conserved: dict[str, Expression] = {}  # noqa: RUF012 never changed
-    holding: tuple[HoldingForce, ...] = ()
+    reactions: tuple[Reaction, ...] = ()
     conditions: tuple[tuple[Expression, ...], tuple[Expression, ...]] = ((), ())
     values: dict[Symbol, float] = {}  # noqa: RUF012 never changed
     solved: bool = False
@@ -162,7 +162,7 @@ def _newton(scene: Scene) -> DerivedEquations:
         "Newton's law",
         tuple(equations),
         energies=energies,
-        steady=_steady(scene, found, energies),
+        constant_energy=_constant_energy(scene, found, energies),
         conserved=_of_free_points(found, masses, masses[:, None] * gravity + force),
         alone=True,
     )
@@ -192,7 +192,9 @@ def _vanishes(parts: Iterable[Expression]) -> bool:
     return not any(found.values())
 
 
-def _steady(scene: Scene, found: Symbols, energies: dict[str, Expression]) -> Expression | None:
+def _constant_energy(
+    scene: Scene, found: Symbols, energies: dict[str, Expression]
+) -> Expression | None:
     """The sum of the energies, if all effects have a potential and time does not occur."""
     whole = total(energies.values())
     driven = found.time in whole.symbols() or _with_potential(scene, scene)[1]
@@ -248,14 +250,14 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     equations += map(simplify, second)
     if len(multipliers) == 1:
         value = only_multiplier(equations, found.unknowns, multipliers[0], lengths)
-        holding = (HoldingForce(multipliers[0], value, _MULTIPLIERS),) if value else ()
+        reactions = (Reaction(multipliers[0], value, _MULTIPLIERS),) if value else ()
     else:
         tied = bool(multipliers) or not isinstance(scene.system, MechanismSystem)
-        holding = () if tied else holding_forces(scene, found, by_time)
-    steady = None
+        reactions = () if tied else reactions_of(scene, found, by_time)
+    constant = None
     # A constraint that moves does work, though its derivative may not contain the time.
     if not any(others) and not any(found.time in x.symbols() for x in (L, *phi, *rolling)):
-        steady = simplify(total(as_expression(s) * L.differentiate(s) for s in v) - L)
+        constant = simplify(total(as_expression(s) * L.differentiate(s) for s in v) - L)
     return DerivedEquations(
         found,
         "Lagrange's equations" + (" with multipliers" if second else ""),
@@ -264,9 +266,9 @@ def _lagrange(scene: Scene) -> DerivedEquations:
         notes=(Note(as_expression(_any_of(multipliers)), _MULTIPLIERS),) if multipliers else (),
         forces=tuple(others),
         energies=energies,
-        steady=steady,
+        constant_energy=constant,
         conserved=conserved,
-        holding=holding,
+        reactions=reactions,
         values=values,
         conditions=(tuple(map(simplify, phi)), tuple(map(simplify, rolling))),
     )
@@ -323,7 +325,7 @@ def _linkage(scene: Scene) -> DerivedEquations:
         "Lagrange's equations",
         eliminate_followers(of, followers, laws),
         energies={"T": kinetic, "V": potential},
-        steady=None if driven else kinetic + potential,
+        constant_energy=None if driven else kinetic + potential,
         conditions=(tuple(map(simplify, phi)), ()),
         followers=followers,
     )
@@ -479,7 +481,7 @@ def _polar(scene: Scene) -> DerivedEquations:
         equations,
         forces=(along, across),
         energies=energies,
-        steady=_steady(scene, found, energies),
+        constant_energy=_constant_energy(scene, found, energies),
         conserved={} if across else {"p_theta": m * radius**2 * as_expression(omega)},
     )
 
@@ -531,7 +533,7 @@ def _rigid(scene: Scene) -> DerivedEquations:
         (*equations, *kinematic),
         forces=(*force[:free], *torque),
         energies=energies,
-        steady=_steady(scene, found, energies),
+        constant_energy=_constant_energy(scene, found, energies),
         conserved=linear | angular,
         values=matter.values,
         notes=(
@@ -705,7 +707,7 @@ def _cylinder(scene: Scene) -> DerivedEquations:
         multipliers=(N, F)[:touching],
         notes=tuple(map(Note, map(as_expression, (N, F)[:touching]), _CONTACT)),
         energies=energies,
-        steady=None if slips else _steady(scene, found, energies),
+        constant_energy=None if slips else _constant_energy(scene, found, energies),
         alone=True,
     )
 
@@ -735,13 +737,13 @@ def _as_given(scene: Scene) -> DerivedEquations:
     whole = total(energies.values())
     rate = [x.replace(names.get) for x in rates.tolist()]
     slopes = [whole.differentiate(s) * x for s, x in zip(found.state, rate, strict=True)]
-    steady = energies and _vanishes([*slopes, whole.differentiate(found.time)])
+    constant = energies and _vanishes([*slopes, whole.differentiate(found.time)])
     return DerivedEquations(
         found,
         law,
         equations,
         energies=energies,
-        steady=whole if steady else None,
+        constant_energy=whole if constant else None,
         solved=True,
         alone=True,
     )

@@ -83,11 +83,11 @@ class Equations(Printed):
             Line(_named(name), of_energy(complete_squares(short(x))))
             for name, x in found.energies.items()
         ]
-        steady, constant = self._steady()
-        energies += steady
-        holding = [
+        lines, constant = self._constant_energy()
+        energies += lines
+        reactions = [
             Line(as_expression(one.symbol), factor_common(short(one.value)))
-            for one in found.holding
+            for one in found.reactions
         ]
         momenta = [
             Line(_named(*name.split("_", 1)), (of_points if found.alone else of_momentum)(short(x)))
@@ -97,7 +97,7 @@ class Equations(Printed):
             self._motion(),
             Section("constraints", "Constraints", tuple(conditions)),
             Section("lengths", "with", tuple(definitions)),
-            Section("reactions", "Forces of constraints", tuple(holding)),
+            Section("reactions", "Forces of constraints", tuple(reactions)),
             Section("energies", "Energies", tuple(energies)),
             Section("momenta", "Conserved momenta", tuple(momenta)),
         ]
@@ -105,7 +105,7 @@ class Equations(Printed):
         notes = (*functions_in(lines), *found.notes)
         notes += constant
         if not found.multipliers:
-            notes += tuple(Note(as_expression(one.symbol), one.meaning) for one in found.holding)
+            notes += tuple(Note(as_expression(one.symbol), one.meaning) for one in found.reactions)
         sections.append(Section("symbols", "Symbols", notes=notes))
         used = {s for part in sections for line in part.lines for x in line for s in x.symbols()}
         in_order = sorted(used & known.keys(), key=lambda s: s.key)
@@ -114,19 +114,19 @@ class Equations(Printed):
         sections.append(Section("parameters", "Parameters", tuple(values)))
         super().__init__(part for part in sections if part.lines or part.notes)
 
-    def _steady(self) -> tuple[list[Line], tuple[Note, ...]]:
+    def _constant_energy(self) -> tuple[list[Line], tuple[Note, ...]]:
         """T + V if it is constant, or Jacobi's integral; and the note that says so."""
         found, of = self._derived, self._derived.energies
         taken = {s.name for s in (*found.symbols.state, *found.symbols.values, *found.values)}
-        if found.steady is None or not of or taken & {"E", "h"}:
+        if found.constant_energy is None or not of or taken & {"E", "h"}:
             return [], ()
         constant = (Note(_named("E"), "the energy, which is constant"),)
         if "E" in of:
             return [], constant
-        if of.keys() == {"T", "V"} and not (found.steady - of["T"] - of["V"]).expand():
+        if of.keys() == {"T", "V"} and not (found.constant_energy - of["T"] - of["V"]).expand():
             return [Line(_named("E"), _named("T") + _named("V"))], constant
         constant = (Note(_named("h"), "Jacobi's integral, which is constant"),)
-        return [Line(_named("h"), of_energy(self._lengths(found.steady)))], constant
+        return [Line(_named("h"), of_energy(self._lengths(found.constant_energy)))], constant
 
     def _motion(self) -> Section:
         found = self._derived

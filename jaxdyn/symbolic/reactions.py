@@ -27,7 +27,7 @@ _MOST_TERMS = 16
 _AXES = "xyz"
 
 
-class HoldingForce(NamedTuple):
+class Reaction(NamedTuple):
     """A force of a constraint.
 
     Attributes:
@@ -41,9 +41,9 @@ class HoldingForce(NamedTuple):
     meaning: str
 
 
-def holding_forces(
+def reactions_of(
     scene: Scene, found: Symbols, by_time: Callable[[Expression], Expression]
-) -> tuple[HoldingForce, ...]:
+) -> tuple[Reaction, ...]:
     """The forces in the joints of a scene that follow from one body after the other.
 
     Args:
@@ -97,7 +97,7 @@ def holding_forces(
                     needed[other] = [x - f for x, f in zip(needed[other], pull, strict=True)]
         open_.remove(i)
     said = [
-        HoldingForce(symbol, values[symbol], meaning)
+        Reaction(symbol, values[symbol], meaning)
         for i, joint in enumerate(joints)
         if i not in open_
         for symbol, meaning in zip(named[i], _meanings(joint, bodies[joint.on].name), strict=True)
