@@ -153,8 +153,10 @@ def restricted_three_body_in_space(
     if not system:
         return Scene(RestrictedThreeBodyInSpace(mu), y0=y0, t1=t1)
     pair = SYSTEMS[_checks.choice("system", system, list(SYSTEMS))]
-    if not _checks.is_traced(mu) and float(mu) != _MOON:
-        raise _checks.fail("mu", f"none beside {system}, which has its own", mu, "Leave it out.")
+    if _checks.is_traced(mu) or float(mu) != _MOON:
+        raise _checks.fail(
+            "mu", f'none with system="{system}", which has its own', mu, "Leave it out."
+        )
     if not _checks.is_traced(y0) and float(jnp.abs(y0).max()) > _MOST:
         wanted = "a start relative to the distance and the angular velocity of the two bodies"
         remedy = "scene.starting(y0) takes one in km and km/day."

@@ -1,5 +1,6 @@
 """Massless bodies in rotating frames: published orbits, closed forms, and the scenes they limit."""
 
+import jax
 import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
@@ -185,7 +186,12 @@ def test_units_of_a_scene_are_those_of_its_tables(tmp_path):
     assert [orbits.analysis.quantities.unit(x, scene) for x in ("period", "energy")] == ["day", "1"]
     with pytest.raises(ValueError, match="system: expected one of earth-moon"):
         scenes.restricted_three_body_in_space(system="moon")
-    with pytest.raises(ValueError, match="mu: expected none beside earth-moon"):
+    said = 'mu: expected none with system="earth-moon", which has its own'
+    with pytest.raises(ValueError, match=said):
         scenes.restricted_three_body_in_space(system="earth-moon", mu=0.1)
+    with pytest.raises(ValueError, match=said):  # its derivative would be 0
+        jax.grad(
+            lambda mu: scenes.restricted_three_body_in_space(mu=mu, system="earth-moon").y0[0]
+        )(0.3)
     with pytest.raises(ValueError, match="takes one in km and km/day"):
         scenes.restricted_three_body_in_space(system="earth-moon", x=326149.0)
