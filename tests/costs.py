@@ -4,14 +4,21 @@ A test that takes more than `LIMIT` is marked `slow`. Of a test with many cases 
 take a sample: `@pytest.mark.sample("top", "pendulum")` names the cases that it keeps, and marks
 the others `slow`. At the end of a run the tests above the limit that are not marked are listed:
 their processor time, which a busy machine doubles, so nothing fails unless `--cost-limit` asks.
+
+A run of everything also leaves out the tests of `further.txt`, which get the mark `further`: some
+of what is left still takes long, and reaches no line of the packages that other tests do not
+(`references/further.py` chooses them). Whoever names a file or folder to test gets them, too.
 """
 
+import json
 import os
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 
 LIMIT = 3.0  # [s] of processor time
+FURTHER = Path("tests/further.txt")  # in the root folder
 
 _START = pytest.StashKey[float]()
 _LEFT_OUT = {"slow", "long"}
@@ -23,6 +30,12 @@ def pytest_addoption(parser):
         type=float,
         metavar="SECONDS",
         help="fail if a test that is not marked slow takes more processor time than this",
+    )
+    parser.addoption(
+        "--costs",
+        type=Path,
+        metavar="FILE",
+        help="write the processor time of each test to a file, as JSON",
     )
 
 
@@ -39,6 +52,8 @@ def pytest_collection_modifyitems(config, items):
             sampled[item.nodeid.partition("[")[0]].append(item.callspec.id)
             if item.callspec.id not in mark.args:
                 item.add_marker(pytest.mark.slow)
+    if set(config.args) == set(config.getini("testpaths")):
+        _mark_further(items, config.rootpath / FURTHER)
     if any("[" in arg for arg in config.args):
         return  # single cases were asked for
     for item in items:
@@ -46,6 +61,20 @@ def pytest_collection_modifyitems(config, items):
             name = item.nodeid.partition("[")[0]
             if unknown := set(mark.args).difference(sampled[name]):
                 raise pytest.UsageError(f"{name} has no cases {sorted(unknown)} to sample.")
+
+
+def _mark_further(items, file):
+    """Mark the tests that a file names; each has to exist, where its file is not skipped."""
+    further = set(file.read_text(encoding="utf-8").splitlines())
+    for item in items:
+        if item.nodeid in further:
+            item.add_marker(pytest.mark.further)
+    files = {item.nodeid.partition("::")[0] for item in items}
+    further -= {item.nodeid for item in items}
+    if further := {test for test in further if test.partition("::")[0] in files}:
+        raise pytest.UsageError(
+            f"{FURTHER}: there is no test {min(further)}. Correct its line, or take it out."
+        )
 
 
 def _processor_time() -> float:
@@ -73,6 +102,7 @@ class _Report:
 
     def __init__(self, config):
         self.limit = config.getoption("--cost-limit")
+        self.file = config.getoption("--costs")
         self.costs = {}
 
     def pytest_runtest_logreport(self, report):
@@ -85,6 +115,8 @@ class _Report:
         return limit, sorted(above.items(), key=lambda pair: -pair[1])
 
     def pytest_sessionfinish(self, session):
+        if self.file is not None:
+            self.file.write_text(json.dumps(self.costs, indent=0), encoding="utf-8")
         if self.limit is not None and self._above()[1] and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 

@@ -1,5 +1,6 @@
 """What the default run leaves out and reports, seen in small runs of pytest."""
 
+import json
 import os
 import subprocess
 import sys
@@ -27,8 +28,12 @@ def test_busy():
 def run(tmp_path):
     """A function that runs tests with the plugin, in a process of its own."""
 
-    def run(tests, *options):
-        (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n  slow\n  sample\n")
+    def run(tests, *options, further=""):
+        (tmp_path / "pytest.ini").write_text(
+            "[pytest]\ntestpaths = test_it.py\nmarkers =\n  slow\n  sample\n  further\n"
+        )
+        (tmp_path / "tests").mkdir(exist_ok=True)
+        (tmp_path / "tests" / "further.txt").write_text(further)
         (tmp_path / "test_it.py").write_text(tests)
         command = [sys.executable, "-m", "pytest", "-p", "costs", *options]
         settings = {
@@ -67,3 +72,24 @@ def test_what_costs_more_than_the_limit_is_listed_and_fails_if_asked(run):
     marked = TESTS.replace("def test_busy", "@pytest.mark.slow\ndef test_busy")
     assert run(marked, "--cost-limit", "0.05").returncode == pytest.ExitCode.OK
     assert "processor time" not in run(TESTS).stdout
+
+
+def test_a_run_of_everything_leaves_further_ones_out(run):
+    further = "test_it.py::test_letters[a]\ntest_it.py::test_busy\n"
+    assert "2 passed, 2 deselected" in run(TESTS, "-m", "not further", further=further).stdout
+    assert "2 passed, 2 deselected" in run(TESTS, "-m", "further", further=further).stdout
+    for named in ("test_it.py::test_busy", "."):
+        assert "deselected" not in run(TESTS, named, "-m", "not further", further=further).stdout
+
+
+def test_a_further_one_that_is_not_there_is_refused(run):
+    done = run(TESTS, further="test_it.py::test_lazy\n")
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR
+    assert "further.txt: there is no test test_it.py::test_lazy. Correct its line" in done.stderr
+
+
+def test_costs_are_written(run, tmp_path):
+    run(TESTS, "--costs", "costs.json")
+    costs = json.loads((tmp_path / "costs.json").read_text())
+    assert costs.keys() == {"test_it.py::test_letters[b]", "test_it.py::test_busy"}  # not slow
+    assert costs["test_it.py::test_busy"] > 0.05

@@ -122,6 +122,7 @@ FILES = sorted(
     for package in ("jaxdyn", "orbits")
     for path in (ROOT / package).rglob("*.py")
 )
+_ALL = frozenset(FILES)
 #: They gather names for the outside, or start a command line.
 DOORS = {
     f"{package}/{file}.py" for package in ("jaxdyn", "orbits") for file in ("__init__", "__main__")
@@ -141,12 +142,13 @@ def _imports(tree: ast.AST) -> list[tuple[str, ast.AST]]:
     return found
 
 
+@functools.cache
 def _file(name: str) -> str | None:
     """The file of ours that a dotted name lies in: `a.b.c` is a/b/c.py, or c of a/b.py."""
     parts = HOMES.get(name, name).split(".")
     for n in range(len(parts), 0, -1):
         for file in ("/".join(parts[:n]) + ".py", "/".join([*parts[:n], "__init__.py"])):
-            if file in FILES:
+            if file in _ALL:
                 return file
     return None
 
@@ -161,6 +163,7 @@ def _parse(file: str) -> ast.Module:
     return ast.parse((ROOT / file).read_text())
 
 
+@functools.cache
 def _targets(file: str) -> list[tuple[str, int]]:
     """(file, line) of what a file imports from its own package."""
     tree = _parse(file)
@@ -175,9 +178,10 @@ def _targets(file: str) -> list[tuple[str, int]]:
     return [(x, n) for x, n in found if x and x != file and x.split("/")[0] == file.split("/")[0]]
 
 
-def _closure(folder: str) -> set[str]:
+@functools.cache
+def _closure(folder: str) -> frozenset[str]:
     """What a folder may import: its entries, and theirs."""
-    return {folder}.union(*(_closure(below) for below in BELOW[folder]))
+    return frozenset({folder}).union(*(_closure(below) for below in BELOW[folder]))
 
 
 #: Public names of the packages whose parts wait for their first use, and where they come from.

@@ -177,8 +177,8 @@ def columns_of(
                 _checks.choice("column", name, {*entries, *places, *functions})
             except ValueError as error:
                 remedy = (
-                    "Rename it, leave it out with columns=[...], or say what it is with "
-                    "observe={...}."
+                    "Rename it, name the columns to use (columns=[...], or --column), or say what "
+                    "it is with observe={...}."
                 )
                 raise ValueError(f"{error} {remedy}") from None
     return tuple(found)
