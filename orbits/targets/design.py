@@ -18,7 +18,8 @@ from jaxdyn._checks import array, check_callable, check_untraced, positive, whol
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
-from orbits.targets.followed import At, Followed, Near, bounds, follow
+from orbits.shooting.strategy import SECONDS
+from orbits.targets.followed import At, Followed, Near, TimeLimit, bounds, follow
 
 #: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
@@ -45,6 +46,7 @@ class DesignOutcome(Code):
         "a fold on the way. Start elsewhere, or require less.",
     )
     STEP_LIMIT = 3, "The search reached its step limit. Continue from here, or increase steps."
+    TIME_LIMIT = 4, "The time is up. Continue from here, or increase seconds."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,6 +93,7 @@ def design(
     hold: Hold = (),
     goal: float = 1e-10,
     steps: int = 50,
+    seconds: float = SECONDS,
     throw: bool = True,
 ) -> Design:
     """Parameters of a scene for which an orbit, or a special point, meets a requirement.
@@ -114,6 +117,7 @@ def design(
       hold: conditions on the orbit, as for `find`; they select a member of a family.
       goal: largest residual at which the requirement is met.
       steps: largest number of steps.
+      seconds: time limit, without that of compiling; what is being computed then is completed.
       throw: raise unless it is met; with False check `Design.outcome`.
     Returns:
       The parameters, and the orbit or the point (for a special orbit, see
@@ -141,10 +145,11 @@ def design(
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
+    limit = TimeLimit(seconds)
     check_callable("make", make, "numbers")
     check_callable("wanted", wanted, "found")
     followed, known = follow(make, near, hold)
-    found = _Search(followed, wanted, low, high, goal).run(numbers, known, steps)
+    found = _Search(followed, wanted, low, high, goal, limit).run(numbers, known, steps)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -159,6 +164,7 @@ class _Search:
     low: np.ndarray
     high: np.ndarray
     goal: float
+    limit: TimeLimit
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Design:
         here = self.followed.at(numbers, near, self.wanted)
@@ -170,7 +176,9 @@ class _Search:
                 return self._design(here, n, DesignOutcome.LEAST)
             new = self._closer(here, step)
             if new is None:
-                return self._design(here, n, DesignOutcome.LOST)
+                over = self.limit.over
+                lost = DesignOutcome.TIME_LIMIT if over else DesignOutcome.LOST
+                return self._design(here, n, lost)
             here = new
         held = np.abs(here.value).max() <= self.goal
         outcome = DesignOutcome.FOUND if held else DesignOutcome.STEP_LIMIT
@@ -200,6 +208,8 @@ class _Search:
     def _closer(self, here: At, step: np.ndarray) -> At | None:
         """The state after the step, or after a part of it that comes closer."""
         for _ in range(_HALVINGS):
+            if self.limit.over:
+                break
             new = self.followed.move(here, here.numbers + step, self.wanted)
             if new is not None:
                 before, after = (float(at.value @ at.value) for at in (here, new))

@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
 from jaxdyn.continuation.kinds import Kind
@@ -37,9 +38,29 @@ from orbits.hybrid.search import find_hybrid
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import find
 
+#: Newton steps to find an orbit again: one that takes more is too far for its prediction.
+_ITERATIONS = 30
+
 #: What can be followed.
 Near = Orbit | HybridOrbit | Equilibrium | Member | SpecialOrbit
 Make = Callable[[Array], Any]
+
+
+class TimeLimit:
+    """A time limit for all that is found on the way, which begins now.
+
+    It is asked before each search for the next one, which is completed. Compiling does not count.
+    """
+
+    def __init__(self, seconds: float):
+        if not seconds > 0:
+            raise fail("seconds", "> 0", seconds, "It limits the time of the search.")
+        self._clock, self._seconds = Clock(), seconds
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is up."""
+        return self._clock.seconds - self._clock.compiling > self._seconds
 
 
 class Followed(abc.ABC):
@@ -152,7 +173,13 @@ class _OfOrbits(Followed):
         y0, period = guess
         scene = self.make(jnp.asarray(numbers))
         return find(
-            scene, y0, period, closing=known.closing, hold=self.hold, rtol=known.rtol, throw=True
+            scene,
+            y0,
+            period,
+            closing=known.closing,
+            hold=self.hold,
+            rtol=known.rtol,
+            max_iterations=_ITERATIONS,
         )
 
 
@@ -171,7 +198,9 @@ class _OfChains(Followed):
     def again(self, numbers, known: HybridOrbit, guess):
         y0, spans = guess
         legs = legs_of(self.make(jnp.asarray(numbers)), known.path)
-        found = find_hybrid(legs, y0, spans, closes=known.closes, rtol=known.rtol)
+        found = find_hybrid(
+            legs, y0, spans, closes=known.closes, rtol=known.rtol, max_iterations=_ITERATIONS
+        )
         return dataclasses.replace(found, path=known.path)
 
 

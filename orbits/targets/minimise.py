@@ -19,7 +19,8 @@ from jaxdyn._checks import array, check_callable, check_untraced, fail, positive
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
-from orbits.targets.followed import At, Followed, Near, bounds, follow
+from orbits.shooting.strategy import SECONDS
+from orbits.targets.followed import At, Followed, Near, TimeLimit, bounds, follow
 
 _HALVINGS = 12  # of a step before the search gives up
 _LONGEST = 0.3  # longest step, in units of the parameters
@@ -37,6 +38,7 @@ class OptimumOutcome(Code):
         "fold on the way. Start elsewhere, or give bounds.",
     )
     STEP_LIMIT = 2, "The search reached its step limit. Continue from here, or increase steps."
+    TIME_LIMIT = 3, "The time is up. Continue from here, or increase seconds."
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,6 +85,7 @@ def minimise(
     hold: Hold = (),
     goal: float = 1e-8,
     steps: int = 50,
+    seconds: float = SECONDS,
     throw: bool = True,
 ) -> Optimum:
     """Parameters of a scene for which a quantity of an orbit, or a special point, is least.
@@ -101,6 +104,7 @@ def minimise(
       goal: largest derivative with respect to the logarithm of a parameter, relative to the
         quantity, at which the quantity counts as least; bounds may hold larger ones.
       steps: largest number of steps.
+      seconds: time limit, without that of compiling; what is being computed then is completed.
       throw: raise unless it is least; with False check `Optimum.outcome`.
     Returns:
       The parameters, the quantity, and what is followed.
@@ -124,10 +128,11 @@ def minimise(
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
     positive("goal", goal)
+    limit = TimeLimit(seconds)
     check_callable("make", make, "numbers")
     check_callable("quantity", quantity, "found")
     followed, known = follow(make, near, hold)
-    found = _Search(followed, quantity, low, high, goal).run(numbers, known, steps)
+    found = _Search(followed, quantity, low, high, goal, limit).run(numbers, known, steps)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -145,6 +150,7 @@ class _Search:
     low: np.ndarray
     high: np.ndarray
     goal: float
+    limit: TimeLimit
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Optimum:
         here = self.followed.at(numbers, near, self.quantity)
@@ -164,7 +170,9 @@ class _Search:
             step *= min(1.0, _LONGEST / np.abs(step).max())
             new = self._lower(here, step * units)
             if new is None:
-                return self._optimum(here, n, OptimumOutcome.LOST)
+                over = self.limit.over
+                lost = OptimumOutcome.TIME_LIMIT if over else OptimumOutcome.LOST
+                return self._optimum(here, n, lost)
             moved = (new.numbers - here.numbers) / units
             curvature = _update(curvature, moved, new.slopes[0] * units - gradient)
             here = new
@@ -178,6 +186,8 @@ class _Search:
     def _lower(self, here: At, step: np.ndarray) -> At | None:
         """The state after the step, or after a part of it, where the quantity is smaller."""
         for _ in range(_HALVINGS):
+            if self.limit.over:
+                break
             numbers = np.clip(here.numbers + step, self.low, self.high)
             new = self.followed.move(here, numbers, self.quantity)
             if new is not None:

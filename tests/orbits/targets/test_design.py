@@ -89,6 +89,20 @@ def test_what_cannot_be_reached_is_said(hopf):
     assert one.outcome == DesignOutcome.STEP_LIMIT
 
 
+def test_a_search_ends_when_its_time_is_up(swing):
+    def wanted(orbit):
+        return orbit.period - 7.0
+
+    asked = {"hold": "theta", "throw": False}
+    short = design(pendulum, wanted, [1.0], swing, seconds=1e-9, **asked)
+    assert short.outcome == DesignOutcome.TIME_LIMIT
+    np.testing.assert_array_equal(short.numbers, [1.0])
+    assert short.found is swing
+    assert "increase seconds" in short.message
+    with pytest.raises(ValueError, match="seconds: expected > 0, got 0"):
+        design(pendulum, wanted, [1.0], swing, seconds=0.0, **asked)
+
+
 def van_der_pol(t, y, n):
     del t
     return [y[1], n[0] * (1 - y[0] ** 2) * y[1] - n[1] * y[0]]
@@ -226,6 +240,12 @@ def test_the_shortest_period_of_a_swinging_rod(swing):
     assert few.outcome == OptimumOutcome.STEP_LIMIT
     with pytest.raises(orbits.SearchError, match="The search reached its step limit"):
         minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x", steps=1)
+
+    short = minimise(
+        rod, lambda orbit: orbit.period, [0.4], known, hold="x", seconds=1e-9, throw=False
+    )
+    assert short.outcome == OptimumOutcome.TIME_LIMIT
+    np.testing.assert_array_equal(short.numbers, [0.4])
 
     # A slope that does not lead to smaller values.
     def wrong(orbit):
