@@ -28,6 +28,7 @@
   const LOOKS = 8, HALVINGS = 60; // evaluations of a section within a step; bisections of a crossing
   const MOST_CROSSINGS = 20000; // of a motion
   const MOST_PROJECTIONS = 20, ON = 1e-14; // onto constraints; relative to a state: one that moves less is on them
+  const OFF = 1e-9; // relative to a state: one that projection moves more is off the constraints
   const STEADY = 1e-9; // relative to a rate: one that changes less is constant
   const NARROW = 760; // [px] width below which everything is in one column
   const WAYS = [[1, "upwards"], [-1, "downwards"], [0, "both ways"]];
@@ -125,6 +126,7 @@
       this.p = p;
       this.crossings = this.crossings.filter((one) => one.t <= t); // steps run ahead of the picture
       this.motion = new JaxdynMotion(model, p, on, t, y, { span, passed: (from, to) => this.cross(from, to) });
+      if (!this.scene.isConsistent(t, y, p)) this.motion.failed = "off constraints";
       this.now = y;
     }
 
@@ -179,14 +181,23 @@
     rate(t, y) { return this.runs[0].motion.phase.rate(t, y, this.p); }
     energies(t, y, p = this.p) { return this.data.terms.length ? JaxdynMotion.variant(this.model, this.on).energies(t, y, p) : []; }
 
-    // The nearest state on the constraints; each call of the function is a few steps of Newton's method.
-    consistent(y, t = 0, p = this.p) {
+    // The nearest state on the constraints, or the given one if none is found; each call of the function
+    // is a few steps of Newton's method.
+    consistent(given, t = 0, p = this.p) {
+      let y = given;
       for (let n = 0, moved = Infinity; this.model.consistent && n < MOST_PROJECTIONS && moved > ON; n++) {
         const next = this.model.consistent(t, y, p);
         moved = distance(next, y) / Math.hypot(...next);
         y = next;
       }
-      return y;
+      return this.isConsistent(t, y, p) ? y : given;
+    }
+
+    // Whether a state satisfies the constraints.
+    isConsistent(t, y, p) {
+      if (!this.model.consistent) return true;
+      const next = this.model.consistent(t, y, p);
+      return distance(next, y) <= OFF * (Math.hypot(...next) || 1);
     }
 
     // The marked points and the corners of all shapes.
@@ -255,6 +266,7 @@
     failure() {
       const motions = this.runs.map((run) => run.motion), failed = motions.find((motion) => motion.failed);
       const rough = motions.find((motion) => motion.crawled !== null), ended = motions.find((motion) => motion.ended && motion.ended.t <= this.t);
+      if (failed?.failed === "off constraints") return "No state near this one satisfies the constraints, so nothing moves. Change the start or a parameter.";
       if (failed) {
         const why = { "not a number": "the rate is not a number there", "impacts without end": "impacts follow each other faster and faster" }[failed.failed] || "a singularity is near";
         return `The motion ends at t = ${short(failed.t, 4)}: ${why}. ${this.data.singular} Change the start or a parameter.`;

@@ -213,6 +213,27 @@ def test_a_start_is_shown_on_the_constraints(window, tmp_path):
     assert abs(x - 0.5) > 1e-3
 
 
+def test_where_constraints_cannot_be_satisfied_nothing_moves(window, tmp_path):
+    bars = {"m": [1.0, 1.0, 1.0], "length": [1.0, 2.0, 2.0]}
+    start = scenes.four_bar(angle=2.0, formulation="loop").y0[:3]
+    chain = scenes.pinned_chain(**bars, rates=[0.0] * 3, angles=start, span=2.0)
+    opened(window, chain, tmp_path)
+    before = live(window, "state()")["start"]
+    type_into(window, "end x [m]", "9\ue004")  # the bars have 5 m
+    status = window.find_element("css selector", ".live [role=status]")
+    assert status.text.startswith("No state near this one satisfies the constraints")
+    window.find_element("css selector", ".live .controls button").click()
+    time.sleep(0.2)
+    state = live(window, "state()")
+    assert state["t"] == 0
+    assert state["start"] == state["now"][0] == before
+    type_into(window, "end x [m]", "2\ue004")
+    live(window, "seek(0.1)")
+    state = live(window, "state()")
+    assert state["start"] == pytest.approx(before, abs=1e-13)
+    np.testing.assert_allclose(state["now"][0], ends(chain, 0.1), atol=1e-9)
+
+
 def test_the_start_of_a_car_stays_on_its_constraint(window, tmp_path):
     scene = scenes.car()
     opened(window, scene, tmp_path)
