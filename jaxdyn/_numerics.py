@@ -14,6 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxdyn._programs import size
+
 #: Entries of a state up to which loops over steps write out what is summed or compared over them: a
 #: reduction would keep XLA from fusing the loop.
 UNROLLED_ENTRIES = 32
@@ -158,8 +160,21 @@ def materialize(x: Array, one: Array) -> Array:
     return x / one
 
 
+#: Operations of a program beyond which it is left in many functions. XLA takes longer than
+#: proportionally to compile a single one (CPU, JAX 0.10, one search for events and a run of it):
+#:
+#:   operations   compile in one, as it is   run in one, as it is
+#:     11,100          7.6 s,  7.2 s           .38 ms,  .52 ms   (top)
+#:     14,500         13.3 s, 11.6 s         14.0 ms,  7.9 ms    (four-bar linkage)
+#:     23,600         23.1 s, 13.9 s          6.1 ms,  6.5 ms    (rolling disk)
+#:     21,800          120 s, 23.5 s                           (three events of a cylinder)
+#:
+#: No integration without events has as many.
+_LARGEST_KERNEL = 12_000
+
+
 def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
-    """fn(*args), compiled so that XLA on CPU runs all of it as one function.
+    """fn(*args), compiled so that XLA on CPU runs all of it as one function, unless it is large.
 
     Every operation outside a folded loop is launched separately, from a pool of threads once
     there are more than a few; a short solve spends most of its time there (measured: 60 us for
@@ -178,7 +193,10 @@ def in_one_kernel(fn: Callable, args: tuple, unknown: Array) -> Any:
     numbers, rest = eqx.partition(args, eqx.is_inexact_array)
     # This also removes the weak type of Python numbers, which would not survive the first sum.
     numbers = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), numbers)
-    shapes = jax.eval_shape(fn, *eqx.combine(numbers, rest))
+    given = eqx.combine(numbers, rest)
+    program, shapes = jax.make_jaxpr(fn, return_shape=True)(*given)
+    if size(program.jaxpr) > _LARGEST_KERNEL:
+        return fn(*given)
     empty = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
     def body(carry):

@@ -6,7 +6,7 @@ or closed, under several names. Whatever interprets a program asks here, so that
 to follow a new version; an operation that it does not know is left as it is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax.extend
@@ -33,6 +33,22 @@ def bind(eqn, args: list) -> Sequence[Any]:
     with np.errstate(all="ignore"):  # known numbers are NumPy's
         found = eqn.primitive.bind(*functions, *args, **params)
     return found if eqn.primitive.multiple_results else [found]
+
+
+def programs(jaxpr: Any) -> Iterator[Any]:
+    """A program and all that its operations call, as often as they occur in it."""
+    yield jaxpr
+    for eqn in jaxpr.eqns:
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else (value,):
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns"):
+                    yield from programs(inner)
+
+
+def size(jaxpr: Any) -> int:
+    """Number of operations of a program, with those of all that it calls."""
+    return sum(len(program.eqns) for program in programs(jaxpr))
 
 
 def live_operations(jaxpr: Any) -> list[Any]:

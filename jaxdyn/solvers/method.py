@@ -8,7 +8,7 @@ import abc
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import ClassVar, NamedTuple, NoReturn, TypeVar
 
 import jax
@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._numerics import two_sum
+from jaxdyn._programs import size
 
 #: A rate (t, y) -> dy/dt.
 Rate = Callable[[Array, Array], Array]
@@ -221,15 +222,4 @@ def trace_once(look: Callable) -> Callable:
 
 def operations(rate: Callable, t0: Array, y0: Array) -> int:
     """Number of operations of one rate evaluation."""
-    return sum(len(jaxpr.eqns) for jaxpr in programs(jax.make_jaxpr(rate)(t0, y0).jaxpr))
-
-
-def programs(jaxpr) -> Iterator:
-    """A program and all that its operations call, as often as they occur in it."""
-    yield jaxpr
-    for eqn in jaxpr.eqns:
-        for value in eqn.params.values():
-            for inner in value if isinstance(value, tuple | list) else (value,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns"):
-                    yield from programs(inner)
+    return size(jax.make_jaxpr(rate)(t0, y0).jaxpr)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxdyn import _numerics
 from jaxdyn._numerics import (
     in_one_kernel,
     materialize,
@@ -119,6 +120,20 @@ def test_in_one_kernel_is_the_plain_call(unknown):
 def test_in_one_kernel_is_a_loop_that_the_compiler_keeps():
     fn = jax.jit(lambda x: in_one_kernel(lambda x: jnp.sin(x) * 2, (x,), x[0] > 0))
     assert " while(" in fn.lower(jnp.ones(3)).compile().as_text()
+
+
+def test_in_one_kernel_leaves_large_functions_as_they_are(monkeypatch):
+    def fn(x):
+        return jnp.sin(x) * 2 + 1
+
+    def loops():
+        program = jax.make_jaxpr(lambda x: in_one_kernel(fn, (x,), x[0] > 0))(jnp.ones(3))
+        return "while" in str(program)
+
+    assert loops()
+    monkeypatch.setattr(_numerics, "_LARGEST_KERNEL", 2)
+    assert not loops()
+    np.testing.assert_array_equal(in_one_kernel(fn, (jnp.ones(3),), True), fn(jnp.ones(3)))
 
 
 def test_in_one_kernel_traces_a_function_once():

@@ -25,7 +25,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, PyTree
 
-from jaxdyn._programs import CALLS, Loop, inner_program, loop
+from jaxdyn._programs import CALLS, Loop, inner_program, loop, programs
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
     FUNCTIONS,
@@ -41,7 +41,7 @@ from jaxdyn.solvers.formulas.graph import (
     constant,
     value,
 )
-from jaxdyn.solvers.method import Rate, programs
+from jaxdyn.solvers.method import Rate
 
 # ---- Functions composed of others, for an arithmetic in which cancellation does not matter
 #
