@@ -62,7 +62,8 @@ def choice(name: str, x: str, choices: Iterable[str], listed_by: str = "") -> st
     """
     choices = sorted(choices)
     if x not in choices:
-        near = difflib.get_close_matches(str(x), choices, n=1)
+        near = [c for c in choices if c.lower() == str(x).lower()]
+        near = near or difflib.get_close_matches(str(x), choices, n=1)
         hint = f"Did you mean {near[0]!r}?" if near else ""
         which = f"one of {', '.join(choices)}" if choices else "no name, since there is none"
         which = f"one that `{listed_by}` shows" if listed_by else which

@@ -101,8 +101,12 @@ def continue_equilibria(
     members = _checks.whole("members", members)
     if not (len(within) == 2 and within[0] < within[1]):
         raise _checks.fail("within", "two bounds, the lower one first", within)
+    parameter = float(_checks.array("parameter", parameter, ()))
+    if not within[0] <= parameter <= within[1]:
+        wanted = f"one within the bounds {within[0]:g} and {within[1]:g}"
+        raise _checks.fail("parameter", wanted, f"{parameter:g}")
     make = with_captures("make", make, "parameter")
-    first = _first(make, float(_checks.array("parameter", parameter, ())), start, down)
+    first = _first(make, parameter, start, down)
     return _follow(make, first, (step, members, within), report, path)
 
 

@@ -11,7 +11,15 @@ from jaxdyn import _checks
 from jaxdyn.scene import Scene
 from jaxdyn.solvers.formulas.formulas import objects, topological_order, trace
 from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementary, Number
-from jaxdyn.symbolic.algebra import Expression, Symbol, as_expression, function, number
+from jaxdyn.symbolic.algebra import (
+    Call,
+    Expression,
+    Group,
+    Symbol,
+    as_expression,
+    function,
+    number,
+)
 from jaxdyn.symbolic.parameters import rebuild
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols
@@ -19,6 +27,8 @@ from jaxdyn.symbolic.trigonometry import shorten_deeply
 
 #: Largest number of operations of a program that is read; longer equations would be unreadable.
 _MOST_NODES = 20_000
+#: Functions that are constant in regions.
+_STEPPED = frozenset({"ceil", "floor", "max", "min", "round", "select", "sign", "step"})
 
 
 def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -> list[np.ndarray]:
@@ -105,24 +115,55 @@ def _expression(
             return shorten_deeply(args[0]) ** exponent.number
         return function("pow", *args)
     if op == "select":
-        return _select(node, values, *args)
+        return _select(node.args[0], meant, values, *args[1:])
     if op == "real":
-        return _select(node, values, args[0], number(0), number(1))
+        return _select(node.args[0], meant, values, number(0), number(1))
+    if op in ("eq", "ne"):
+        condition, opposite = _condition_in(node)
+        if condition is not node:
+            found = _meaning(condition, meant)
+            return function("not", found) if opposite else found
     return function(op, *args)
 
 
+def _condition_in(condition: Number) -> tuple[Number, bool]:
+    """The condition that a comparison of its number, 1 or 0, tests, and whether it must fail.
+
+    Rates as text compare in this way: ``if(x > 1)then(...)`` tests whether the number of x > 1 is
+    not 0.
+    """
+    opposite = False
+    while isinstance(condition, Node) and condition.op in ("eq", "ne"):
+        a, b = condition.args
+        if isinstance(b, Node):
+            a, b = b, a
+        if isinstance(b, Node) or not isinstance(a, Node) or a.op not in ("real", "select"):
+            break
+        inner, no, yes = (a.args[0], 0.0, 1.0) if a.op == "real" else a.args
+        if isinstance(no, Node) or isinstance(yes, Node) or (no == b) == (yes == b):
+            break
+        opposite ^= (yes == b) != (condition.op == "eq")
+        condition = inner
+    return condition, opposite
+
+
 def _select(
-    node: Node,
+    condition: Number,
+    meant: dict[Node, Expression],
     values: Mapping[Symbol, float],
-    which: Expression,
     no: Expression,
     yes: Expression,
 ) -> Expression:
-    condition = node.args[0]
+    condition, opposite = _condition_in(condition)
+    if opposite:
+        no, yes = yes, no
+    which = _meaning(condition, meant)
     op = condition.op if isinstance(condition, Node) else ""
     if op in ("eq", "ne") and which.symbols() <= values.keys():
         # A law of its own for one value of a parameter: log r, where r^(n + 1) / (n + 1) has none.
         return yes if which.value(values) else no
+    if op in ("eq", "ne") and _has_steps(which):  # true, or false, in whole regions
+        return function("select", which, yes, no)
     if op == "eq" or _is_nan(yes):  # true at isolated points only, or nowhere
         return no
     if op == "ne" or _is_nan(no):
@@ -132,6 +173,15 @@ def _select(
         a, b = call.args
         return yes * function("step", a - b if op in ("gt", "ge") else b - a)
     return function("select", which, yes, no)
+
+
+def _has_steps(x: Expression) -> bool:
+    """Whether there is a function in it that can be constant in regions."""
+    atoms = [atom for monomial in x.terms for atom, _ in monomial]
+    inner = [part for a in atoms if isinstance(a, Call) for part in a.args]
+    inner += [a.sum for a in atoms if isinstance(a, Group)]
+    own = any(isinstance(a, Call) and a.op in _STEPPED for a in atoms)
+    return own or any(map(_has_steps, inner))
 
 
 def _is_nan(x: Expression) -> bool:

@@ -21,6 +21,7 @@ import numpy as np
 
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
+from jaxdyn._text import number_of
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
@@ -263,6 +264,11 @@ def _check(orbit, make, parameter, step, members) -> None:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
     if (make is None) != (parameter is None):
         raise fail("parameter", "make and its value for the orbit, or neither", "only one")
+    if callable(make) and isinstance(orbit, Orbit):
+        entries = [len(scene.y0) for scene in (orbit.scene, make(parameter))]
+        if entries[0] != entries[1]:
+            wanted, got = (number_of(n, "entry", "entries") for n in entries)
+            raise fail("make(parameter)", f"the orbit's scene, with {wanted}", f"one with {got}")
     positive("step", step, "It is a length in the space of the unknowns.")
     whole("members", members)
 

@@ -73,6 +73,9 @@ def family_command(
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = _maker(name, values, parameter)
+        if value is not None and not limits[0] <= value <= limits[1]:
+            remedy = f"Use --set {parameter}=, or other bounds."
+            raise fail("--within", f"bounds around {parameter} = {value:g}", within, remedy)
         orbit = _first(name, values, period, from_orbit, out)
         _check_outputs(orbit, quantity if plot else None, save_to)
         if not orbit.ok:
@@ -128,9 +131,13 @@ def _first(
     name: str, values: dict, period: float | None, from_orbit: Path | None, out: Screen
 ) -> "orbits.Orbit":
     """The first orbit of the family."""
-    if from_orbit is not None:
-        return orbits.load(from_orbit)[0]
     scene = jaxdyn.scenes.catalogue.entry(name).make(**values)
+    if from_orbit is not None:
+        orbit = orbits.load(from_orbit)[0]
+        if orbit.scene.labels() != scene.labels():
+            got = f"one of {orbit.scene.name or 'another scene'}, whose state has other entries"
+            raise fail("--from-orbit", f"an orbit of {name}", got)
+        return orbit
     return orbits.discovery.nearby.search_near(scene, period, report=printer(out))
 
 

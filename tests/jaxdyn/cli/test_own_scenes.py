@@ -121,6 +121,11 @@ def test_a_text_of_xppaut_is_read(folder, command):
     motion = json.loads(out)
     assert motion["t"][-1] == 5
     assert motion["y"][-1][0] == pytest.approx(np.cos(5.0), abs=1e-9)
+    (folder / "capital.ode").write_text(text.upper().replace("# A SWING", "# A swing"))
+    again = command("jaxdyn", "run", "capital.ode", "--set", "K=1", "--json")[1]
+    assert json.loads(again)["y"] == motion["y"]
+    err = command("orbits", "family", "capital.ode", "--parameter", "K", "--within", "1,2")[2]
+    assert "--parameter: expected one of k, total, v, x, got 'K'. Did you mean 'k'?" in err
     code, out, _ = command("jaxdyn", "list", "swing.ode", "--json")
     assert json.loads(out)["swing.ode"]["summary"] == "A swing"
     code, _, err = command("jaxdyn", "run", "swing.ode", "--set", "m=1")

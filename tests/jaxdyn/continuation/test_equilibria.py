@@ -151,6 +151,8 @@ def test_driven_scenes_and_wrong_arguments_are_refused():
         jaxdyn.continue_equilibria(CUBIC, -5.0, [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="the lower one first"):
         jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], within=(1, 0))
+    with pytest.raises(ValueError, match="parameter: expected one within the bounds 0 and 1, got"):
+        jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], within=(0, 1))
     with pytest.raises(ValueError, match="a regular point"):
         jaxdyn.continue_equilibria(_of(_transcritical, 2), 0.0, [0.0, 0.0])
     family = jaxdyn.continue_equilibria(CUBIC, -5.0, [-2.5], members=2)

@@ -149,6 +149,24 @@ def test_what_says_nothing_about_rates_is_left_out():
     assert Maker(text).defaults == {"x": 0.0, "total": 3.0}
 
 
+@pytest.mark.parametrize(
+    ("rate", "printed"),
+    [
+        ("if(t>2)then(1)else(0)", "H(t - 2)"),
+        ("if(x>2)then(7)else(3)", "(7 if x > 2 else 3)"),
+        ("if(not(x>2))then(7)else(3)", "(7 if not(x > 2) else 3)"),
+        ("if(x>2&t<1)then(7)else(3)", "(7 if and(x > 2, t < 1) else 3)"),
+        ("if((x>2)==0)then(7)else(3)", "(3 if x > 2 else 7)"),
+        ("if(max(x-2,0))then(7)else(3)", "(7 if max(x - 2, 0) != 0 else 3)"),
+        ("if(flr(x)==2)then(7)else(3)", "(7 if floor(x) = 2 else 3)"),
+        ("if(x==2)then(7)else(3)", "3"),  # true at an isolated point only
+    ],
+)
+def test_conditions_are_printed_as_such(rate, printed):
+    scene = Maker(f"x'={rate}")()
+    assert f"  x' = {printed}" in str(jaxdyn.equations(scene)).splitlines()
+
+
 @pytest.mark.slow
 def test_numbers_are_arguments_and_have_derivatives():
     make = Maker("par k=4, c=0\nx'=v\nv'=-k*x-c*v\ninit x=1")

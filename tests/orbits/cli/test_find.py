@@ -11,7 +11,7 @@ from rich.console import Console
 from scipy.special import ellipk
 
 from jaxdyn import scenes
-from orbits import PLAIN, find
+from orbits import PLAIN, find, save
 from orbits.analysis.identity import identify
 from orbits.analysis.report import report
 from orbits.cli import figure_eight as figure_eight_module
@@ -180,12 +180,22 @@ def test_misuse_is_exit_code_2_and_one_line(orbits, words, message):
         (["--energies", "nan,1"], "--energies: expected two bounds, the lower one first"),
         (["--step", "0"], "--step: expected > 0"),
         (["--members", "0"], "--members: expected a whole number, at least 1"),
+        (["--parameter", "length", "--within", "5,6"], "--within: expected bounds around length"),
     ],
 )
 def test_a_family_without_sense_is_refused_before_its_orbit_is_sought(orbits, words, message):
     code, out, err = orbits("family", "pendulum", *words)
     assert (code, out) == (2, "")
     assert err.startswith(f"error: {message}")
+
+
+def test_a_family_of_an_orbit_of_another_scene_is_refused(orbits, tmp_path):
+    path = tmp_path / "swing.json"
+    save(path, find(scenes.pendulum(angle=2.0), period=2.7, hold="theta"))
+    words = ("henon_heiles", "--from-orbit", path)
+    code, _, err = orbits("family", *words)
+    assert code == 2
+    assert "--from-orbit: expected an orbit of henon_heiles, got one of pendulum" in err
 
 
 @pytest.mark.slow

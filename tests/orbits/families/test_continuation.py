@@ -195,6 +195,8 @@ def test_misuse(forks):
         orbits.continue_family(cycle_, make, -0.3, within=(1.0, 0.0))
     with pytest.raises(ValueError, match="energies: expected two bounds"):
         orbits.continue_family(cycle_, make, -0.3, energies=(1.0, 1.0))
+    with pytest.raises(ValueError, match="the orbit's scene, with 3 entries, got one with 4 "):
+        orbits.continue_family(cycle_, lambda x: scenes.henon_heiles(x=x), 1.0)
     with pytest.raises(ValueError, match="a member of a family, got an isolated one"):
         orbits.continue_family(cycle_)
     with pytest.raises(ValueError, match=r"special: expected one of family\.special"):

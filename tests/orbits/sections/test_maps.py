@@ -131,6 +131,12 @@ def test_points_without_an_image_are_nan_with_a_status():
     assert np.isnan(short.q).all()
     assert np.isnan(short.t)
     assert np.isnan(P.jacobian([0.9, 0.0])).all()
+    short = poincare_map(HENON, PLANE, energy=E, span=1.0)
+    for poincare, q in [(P, [0.9, 0.0]), (short, [0.1, 0.0])]:
+        value = lambda q, poincare: poincare(q)[0]  # noqa: E731
+        d_q, d_map = jax.grad(value, argnums=(0, 1), allow_int=True)(jnp.array(q), poincare)
+        assert np.isnan(d_q).all()
+        assert np.isnan(d_map.energy)
 
 
 def test_misuse_is_refused():
