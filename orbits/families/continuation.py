@@ -25,6 +25,7 @@ from jaxdyn._text import number_of
 from jaxdyn.continuation.branch import BranchProblem, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.scene import Scene
 from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Hold, conditions
 from orbits.families import checkpoint
@@ -265,7 +266,10 @@ def _check(orbit, make, parameter, step, members) -> None:
     if (make is None) != (parameter is None):
         raise fail("parameter", "make and its value for the orbit, or neither", "only one")
     if callable(make) and isinstance(orbit, Orbit):
-        entries = [len(scene.y0) for scene in (orbit.scene, make(parameter))]
+        made = make(parameter)
+        if not isinstance(made, Scene):
+            raise fail("make(parameter)", "a Scene", type(made).__name__)
+        entries = [len(scene.y0) for scene in (orbit.scene, made)]
         if entries[0] != entries[1]:
             wanted, got = (number_of(n, "entry", "entries") for n in entries)
             raise fail("make(parameter)", f"the orbit's scene, with {wanted}", f"one with {got}")

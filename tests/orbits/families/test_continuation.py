@@ -197,6 +197,8 @@ def test_misuse(forks):
         orbits.continue_family(cycle_, make, -0.3, energies=(1.0, 1.0))
     with pytest.raises(ValueError, match="the orbit's scene, with 3 entries, got one with 4 "):
         orbits.continue_family(cycle_, lambda x: scenes.henon_heiles(x=x), 1.0)
+    with pytest.raises(ValueError, match="expected a Scene, got float"):
+        orbits.continue_family(cycle_, lambda x: x, -0.3)
     with pytest.raises(ValueError, match="a member of a family, got an isolated one"):
         orbits.continue_family(cycle_)
     with pytest.raises(ValueError, match=r"special: expected one of family\.special"):
