@@ -73,9 +73,7 @@ def family_command(
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = _maker(name, values, parameter)
-        if value is not None and not limits[0] <= value <= limits[1]:
-            remedy = f"Use --set {parameter}=, or other bounds."
-            raise fail("--within", f"bounds around {parameter} = {value:g}", within, remedy)
+        _check_within(limits, parameter, value)
         orbit = _first(name, values, period, from_orbit, out)
         _check_outputs(orbit, quantity if plot else None, save_to)
         if not orbit.ok:
@@ -114,6 +112,14 @@ def _check_walk(members: int, step: float) -> None:
     whole("--members", members)
     if not 0 < step < math.inf:
         raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
+
+
+def _check_within(limits: tuple[float, float], parameter: str | None, value: float | None) -> None:
+    """Refuse bounds on the parameter that the first orbit is not within."""
+    if value is not None and not limits[0] <= value <= limits[1]:
+        remedy = f"Use --set {parameter}=, or other bounds."
+        got = f"{limits[0]:g},{limits[1]:g}"
+        raise fail("--within", f"bounds around {parameter} = {value:g}", got, remedy)
 
 
 def _check_outputs(
