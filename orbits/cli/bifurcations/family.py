@@ -72,8 +72,7 @@ def family_command(
     part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
-        make, value = _maker(name, values, parameter)
-        _check_within(limits, parameter, value)
+        make, value = _maker(name, values, parameter, limits)
         orbit = _first(name, values, period, from_orbit, out)
         _check_outputs(orbit, quantity if plot else None, save_to)
         if not orbit.ok:
@@ -101,25 +100,26 @@ def family_command(
                 orbits.drawing.family(family, plot, quantity=quantity, title=title)
 
 
-def _maker(name: str, values: dict, parameter: str | None) -> tuple:
-    """The scene as a function of its parameter, and that parameter's value; None without one."""
+def _maker(name: str, values: dict, parameter: str | None, limits: tuple[float, float]) -> tuple:
+    """The scene as a function of its parameter, and that parameter's value; None without one.
+
+    Raises:
+      ValueError: the value is not within the limits.
+    """
     if parameter is None:
         return None, None
-    return orbits.families.parameters.maker(name, values, parameter)
+    make, value = orbits.families.parameters.maker(name, values, parameter)
+    if not limits[0] <= value <= limits[1]:
+        remedy = f"Use --set {parameter}=, or other bounds."
+        got = f"{limits[0]:g},{limits[1]:g}"
+        raise fail("--within", f"bounds around {parameter} = {value:g}", got, remedy)
+    return make, value
 
 
 def _check_walk(members: int, step: float) -> None:
     whole("--members", members)
     if not 0 < step < math.inf:
         raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
-
-
-def _check_within(limits: tuple[float, float], parameter: str | None, value: float | None) -> None:
-    """Refuse bounds on the parameter that the first orbit is not within."""
-    if value is not None and not limits[0] <= value <= limits[1]:
-        remedy = f"Use --set {parameter}=, or other bounds."
-        got = f"{limits[0]:g},{limits[1]:g}"
-        raise fail("--within", f"bounds around {parameter} = {value:g}", got, remedy)
 
 
 def _check_outputs(
