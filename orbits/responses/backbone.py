@@ -223,12 +223,16 @@ def _first(scene: Scene, small: Seed, amplitude: float | None) -> Orbit:
 def _shorter(orbit: Orbit, rest: np.ndarray, step: float) -> bool:
     """Whether periods become shorter away from the equilibrium."""
     ends = continue_family(orbit, step=step, members=2).members
-    return len(ends) < 2 or not _size(ends[1], rest) > _size(ends[0], rest)
+    if len(ends) < 2:
+        return True
+    units = ends[0].point.sizes  # those of a member follow its own size
+    near, far = (_size(member, rest, units) for member in ends)
+    return not far > near
 
 
-def _size(member: Member, rest: np.ndarray) -> float:
+def _size(member: Member, rest: np.ndarray, units: np.ndarray) -> float:
     """The size of a vibration: its energy, or the distance of its start from the equilibrium."""
-    off = (np.asarray(member.orbit.y0) - rest) / member.point.sizes
+    off = (np.asarray(member.orbit.y0) - rest) / units
     return float(np.linalg.norm(off)) if math.isnan(member.energy) else member.energy
 
 

@@ -89,8 +89,8 @@ def crossings(
       t1: () end of the span [s]; the scene's own by default.
       t0: () start time [s].
       most: number of rows of the result: no further crossings are found, and rows that are not
-        needed are NaN. It is required under jit, grad and vmap; without it the result has one row
-        for each crossing.
+        needed are NaN, with derivatives of 0, so that sums over the other rows have theirs. It is
+        required under jit, grad and vmap; without it the result has one row for each crossing.
       rtol: see `simulate`.
       atol: see `simulate`.
       solver: see `simulate`.

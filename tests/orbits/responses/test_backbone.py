@@ -68,6 +68,20 @@ def test_duffings_backbone_is_the_elliptic_integral():
     assert np.isnan(without.energies).all()
 
 
+def test_without_an_energy_a_softening_backbone_grows_as_well():
+    def softening(t, y):
+        return [y[1], -y[0] + y[0] ** 3]
+
+    plain = jaxdyn.ode(softening, [0.0, 0.0], names=["x", "v"])
+    found = orbits.backbone(plain, frequencies=(0.7, 2.0))
+    a = found.amplitudes("x")
+    square = 1 - a**2 / 2
+    assert_allclose(
+        found.frequencies, np.pi * np.sqrt(square) / (2 * ellipk(a**2 / 2 / square)), rtol=1e-10
+    )
+    assert found.frequencies[-1] <= 0.7
+
+
 @pytest.mark.slow
 def test_a_softening_backbone_goes_to_lower_frequencies():
     found = orbits.backbone(scenes.pendulum(angle=0.0, g=1.0, length=1.0), frequencies=(0.5, 2.0))
