@@ -123,7 +123,7 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     """
     found = _by_name(texts or ())
     if _scene_files.is_in_file(name):
-        if name.endswith(_scene_files.TEXT):  # XPPAUT's names have no capital letters of their own
+        if name.endswith(_scene_files.TEXT):  # names are case-insensitive there
             found = {key.lower(): value for key, value in found.items()}
         for key in found:
             _scene_files.check_parameter(name, f"parameter of {name}", key)

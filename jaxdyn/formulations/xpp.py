@@ -11,11 +11,11 @@ A text declares parameters, starts and rates; nothing in it is run, so it may co
     @ total=50
     done
 
-Capital letters mean the same as small ones, so that names are in small letters. The reader
-understands ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed quantities,
-functions, also of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``. Fixed quantities
-may be declared in any order; XPPAUT computes one that is used before it is declared from the
-previous state. Expressions mean what they mean in XPPAUT, see
+Names are case-insensitive, as in XPPAUT; the scene has them in lower case. The reader understands
+``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed quantities, functions, also
+of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``. Fixed quantities may be declared
+in any order; XPPAUT computes one that is used before it is declared from the previous state.
+Expressions mean what they mean in XPPAUT, see
 `jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be expressions of
 parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. The reader skips ``aux``,
 boundary conditions, and the options for drawing and integration other than ``total``. It refuses
