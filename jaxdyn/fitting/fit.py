@@ -3,6 +3,7 @@
 import dataclasses
 import difflib
 import inspect
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -98,7 +99,7 @@ def fit(
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)
     if not flat:
-        raise _checks.fail("guess", "numbers", repr(guess)[:60], 'For example {"g": 9.8}.')
+        raise _checks.fail("guess", "numbers", reprlib.repr(guess), 'For example {"g": 9.8}.')
     by_name = _by_name(make, guess)
     if not by_name:
         _checks.check_callable("make", make, "params")

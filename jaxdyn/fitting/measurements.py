@@ -5,6 +5,7 @@ A column is identified by its name: the name of an entry of the state means that
 any other name needs a function (`observe=`). Gaps are NaN.
 """
 
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -141,7 +142,7 @@ def _numbers(name: str, given: Any, count: int) -> np.ndarray:
     try:
         values = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise _checks.fail(f"column {name}", "numbers", repr(given)[:60]) from error
+        raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given)) from error
     _checks.check_shape(f"column {name}", values.shape, (count,), "One for each time.")
     if np.isinf(values).any():
         raise _checks.fail(f"column {name}", "numbers, or NaN for gaps", "infinity")
