@@ -52,6 +52,16 @@ def nan_unless(known: Array, x: Array) -> Array:
     return x * jnp.where(known, 1.0, jnp.nan)
 
 
+def zero_of(tree: Any) -> Array:
+    """() 0 as a function of all finite numbers of a tree.
+
+    Added to an x that does not depend on them, it gives `nan_unless` derivatives of NaN in them.
+    """
+    found = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
+    finite = [jnp.where(jnp.isfinite(x), x, 0.0) for x in found]
+    return sum((jnp.sum(0.0 * x) for x in finite), jnp.zeros(()))
+
+
 def safe_sqrt(x: Array) -> Array:
     """Square root with derivative 0, not infinity, at 0.
 

@@ -49,6 +49,11 @@ class Clock:
         return self._heard.seconds - self._before
 
     @property
+    def computing(self) -> float:
+        """The rest of `seconds`, which time limits count [s]."""
+        return self.seconds - self.compiling
+
+    @property
     def busy(self) -> bool:
         """Whether a program is being compiled now."""
         return self._heard.busy

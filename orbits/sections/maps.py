@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
 from jaxdyn._checks import as_float, check_first, check_shape, fail, finite, numbers, whole
-from jaxdyn._numerics import nan_unless
+from jaxdyn._numerics import nan_unless, zero_of
 from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, Every, Reaches, as_events
 from jaxdyn.integrate.spans import MAX_STEPS
@@ -102,7 +102,7 @@ class PoincareMap(eqx.Module):
         status = jnp.where(status == Status.OK, failed, status)
         right = status == Status.OK
         # Rows without a crossing have derivatives of 0, in reverse mode even after `nan_unless`.
-        nothing = _zero_of((self, q))
+        nothing = zero_of((self, q))
         y1 = nan_unless(right, found.ys[-1] + nothing)
         entries = jnp.array([entry(self.scene, "names", name) for name in self.names])
         t = nan_unless(right, found.ts[-1] - t0 + nothing)
@@ -140,13 +140,6 @@ class PoincareMap(eqx.Module):
             given[names_of(self.scene)[self.event.entry]] = self.event.level
         y = jnp.stack([given[name] for name in names_of(self.scene)])
         return y, jnp.asarray(int(Status.OK))
-
-
-def _zero_of(tree) -> Array:
-    """() 0 as a function of all finite numbers of a tree: a factor of NaN reaches each of them."""
-    numbers_in = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
-    finite_in = [jnp.where(jnp.isfinite(x), x, 0.0) for x in numbers_in]
-    return sum((jnp.sum(0.0 * x) for x in finite_in), jnp.zeros(()))
 
 
 @eqx.filter_jit

@@ -57,7 +57,7 @@ class Effort:
 
         This is asked between integrations, which are not interrupted. Compiling does not count.
         """
-        return self.clock.seconds - self.clock.compiling > self.seconds
+        return self.clock.computing > self.seconds
 
     def limits(self, max_steps: int = MAX_STEPS) -> Limits:
         """The limits of the evaluations that it pays for."""
@@ -65,13 +65,12 @@ class Effort:
 
     def share(self, part: float) -> "Effort":
         """The same effort, limited to a part of the time that is left."""
-        took = self.clock.seconds - self.clock.compiling
+        took = self.clock.computing
         return dataclasses.replace(self, seconds=took + part * (self.seconds - took))
 
     def __str__(self) -> str:
         """What was tried, and for how long."""
-        compiling = self.clock.compiling
-        took = f"{self.clock.seconds - compiling:.3g} s, and {compiling:.3g} s of compiling"
+        took = f"{self.clock.computing:.3g} s, and {self.clock.compiling:.3g} s of compiling"
         return f"Tried: {'; '.join(self.tried)}. In {took}."
 
     def check(self) -> None:

@@ -60,7 +60,7 @@ class TimeLimit:
     @property
     def over(self) -> bool:
         """Whether the time is up."""
-        return self._clock.seconds - self._clock.compiling > self._seconds
+        return self._clock.computing > self._seconds
 
 
 class Followed(abc.ABC):
