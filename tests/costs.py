@@ -5,8 +5,8 @@ take a sample: `@pytest.mark.sample("top", "pendulum")` names the cases that it 
 the others `slow`. At the end of a run the tests above the limit that are not marked are listed:
 their processor time, which a busy machine doubles, so nothing fails unless `--cost-limit` asks.
 
-A run of everything also leaves out the tests of `further.txt`, which get the mark `further`: some
-of what is left still takes long, and reaches no line of the packages that other tests do not
+A run of everything also leaves out the tests of `further.txt`, which get the mark `further`: they
+take long, and together reach four in a thousand lines that the others do not
 (`references/further.py` chooses them). Whoever names a file or folder to test gets them, too.
 """
 
