@@ -166,7 +166,6 @@ def ends_at(chain: ConnectionEquations, x) -> tuple[SpectralSplit, Array, Spectr
 _FIRST = 1e-2  # first distance of the ends; all distances are in the sizes of the entries
 _SHORTER = 4.0  # ratio of successive distances
 _LEVELS = 14  # most distances that are tried
-_LEFT = 0.1  # share of the largest distance from the first equilibrium at which it has been left
 _STRAND = 4000  # samples of the strand in which the approach is sought
 _LONGEST = 10.0  # slowest e-folding times that a strand lasts, by default, after leaving
 _SAMPLES = 16  # samples of each link
@@ -255,21 +254,17 @@ def _approach(posed: ConnectionEquations, p: float, longest: float) -> tuple | C
     start = scene.starting(a + _FIRST * posed.along)
     ts = np.linspace(0.0, longest, _STRAND)
     ys = np.asarray(quick_solve(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
-    gone, off = (
-        np.linalg.norm(
-            np.asarray(_apart(scene, jnp.asarray(ys), y)) / np.asarray(posed.each), axis=1
-        )
-        for y in (a, b)
-    )
+    apart = np.asarray(_apart(scene, jnp.asarray(ys), b)) / np.asarray(posed.each)
     known = np.isfinite(ys).all(axis=1)
-    left = int(np.argmax(known & (gone > _LEFT * np.max(gone[known]))))
-    off = np.where(known, off, np.inf)
-    m = left + int(np.argmin(off[left:]))
+    off = np.where(known, np.linalg.norm(apart, axis=1), np.inf)
+    # The strand may begin at the equilibrium itself, and may go to infinity after it has passed.
+    passed = 1 + np.flatnonzero((off[1:] < off[:-1]) & (off[1:] <= np.append(off[2:], np.inf)))
+    m = int(passed[np.argmin(off[passed])]) if len(passed) else 0
     d = max(2 * off[m], _FIRST)
-    before = np.flatnonzero(off[left:m] >= d)
+    before = np.flatnonzero(off[:m] >= d)
     if not len(before):
         return ConnectionOutcome.NO_APPROACH if known.all() else ConnectionOutcome.MOTION_ENDS
-    end = left + int(before[-1])
+    end = int(before[-1])
     nodes = ts[end] * np.arange(1, posed.segments) / posed.segments
     return posed.pack(ts[end], p, _interpolate(nodes, ts[:m], ys[:m])), np.array([_FIRST, d])
 
