@@ -47,5 +47,6 @@ __getattr__ = attribute_getter(
     __name__,
     _listed,
     moved=_MOVED,
-    folders=("balls", "course", "gallery", "hard", "player", "studies", "symbolic"),
+    modules={"balls": "jaxdyn.ball_arithmetic"},
+    folders=("ball_arithmetic", "course", "gallery", "hard", "player", "studies", "symbolic"),
 )

@@ -21,7 +21,7 @@ except ImportError:
     compiler = None
 
 # Loops over numbers of any length, which the checks would make several times slower.
-_UNCHECKED = {"jaxdyn.balls", "orbits.proof"}
+_UNCHECKED = {"jaxdyn.ball_arithmetic", "orbits.proof"}
 
 
 def _checked_modules(package: str) -> set[str]:

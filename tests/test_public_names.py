@@ -205,6 +205,7 @@ def test_importing_the_packages_loads_nothing():
 
 def test_modules_that_moved_are_found_and_warn():
     for package, old, new in (
+        (jaxdyn, "balls", "jaxdyn.ball_arithmetic"),
         (jaxdyn.studies, "upright", "jaxdyn.hard.cases.shaken"),
         (orbits.hybrid, "hopping", "jaxdyn.course.eccentric_cylinder"),
         (jaxdyn.files, "image_files", "jaxdyn.files.output_files"),

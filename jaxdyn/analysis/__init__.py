@@ -8,7 +8,7 @@ decides it, for orbits from the `monodromy` matrix. `equilibria` finds equilibri
 `equilibrium_search` searches for them and proves that there are no others. `_roots` finds zeros of
 functions of one variable, each in its bracket.
 
-May import: `integrate`, `formulations`, `balls`.
+May import: `integrate`, `formulations`, `ball_arithmetic`.
 
 To add an analysis, write a file with a function of a `Scene` or a `Trajectory`, and a line in
 ``__init__.pyi``.

@@ -22,7 +22,7 @@ tolerance is absolute by default), `pairs` (with corrections of rounded tables),
 `compositions`, `gauss`, `radau`, `stoermer`, the folder `taylor`, and `exchange` (with diffrax);
 `side_by_side` steps several motions at once, `perturbed` magnifies rounding errors.
 `enclosures` bounds the values of formulas over boxes in doubles (`jaxdyn.intervals`), for
-equilibria; proofs of orbits use `balls`.
+equilibria; proofs of orbits use `ball_arithmetic`.
 
 May import: `jaxdyn`, that is the files at the top level.
 

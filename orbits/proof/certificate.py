@@ -7,7 +7,7 @@ from typing import Any
 
 from jaxdyn import _text
 from jaxdyn._checks import fail
-from jaxdyn.balls.enclosed import Enclosed
+from jaxdyn.ball_arithmetic.enclosed import Enclosed
 from jaxdyn.files.codec import decode_fields
 from orbits.orbit import Orbit
 

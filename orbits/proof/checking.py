@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import arb, precision
+from jaxdyn.ball_arithmetic.arithmetic import arb, precision
 from orbits.orbit import Orbit
 from orbits.proof.certificate import Certificate
 from orbits.proof.closing_equations import ClosingEquations

@@ -25,11 +25,11 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import COMPLEX, REAL, arb, arb_mat, column, midpoints
-from jaxdyn.balls.derivative import gradients
-from jaxdyn.balls.field import BallField
-from jaxdyn.balls.motion import End, follow
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.arithmetic import COMPLEX, REAL, arb, arb_mat, column, midpoints
+from jaxdyn.ball_arithmetic.derivative import gradients
+from jaxdyn.ball_arithmetic.field import BallField
+from jaxdyn.ball_arithmetic.motion import End, follow
+from jaxdyn.ball_arithmetic.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import Number
 

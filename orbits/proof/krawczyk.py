@@ -1,12 +1,15 @@
-"""Krawczyk's test (`krawczyk` of `jaxdyn.balls`) of the closing equations, in the orbit's units."""
+"""Krawczyk's test of the closing equations, in the orbit's units.
+
+The theorem is that of `krawczyk` in `jaxdyn.ball_arithmetic`.
+"""
 
 import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, float_matrix, precision
-from jaxdyn.balls.krawczyk import Krawczyk, is_inside
-from jaxdyn.balls.tube import Tube, tube
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, float_matrix, precision
+from jaxdyn.ball_arithmetic.krawczyk import Krawczyk, is_inside
+from jaxdyn.ball_arithmetic.tube import Tube, tube
 from orbits.proof.closing_equations import ClosingEquations
 
 #: Most steps X -> K with the D of the first X; each narrows K, by the contraction at first.

@@ -13,8 +13,8 @@ from jaxtyping import Array
 from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.analysis import energy as energies
-from jaxdyn.balls.arithmetic import arb, float_matrix, precision
-from jaxdyn.balls.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.arithmetic import arb, float_matrix, precision
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
 from jaxdyn.solvers.formulas.formulas import Formulas, topological_order
 from jaxdyn.solvers.formulas.graph import Node, Number
 from jaxdyn.system import System

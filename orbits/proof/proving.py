@@ -9,10 +9,10 @@ from jaxdyn import Scene, _checks
 from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
 from jaxdyn.analysis.monodromy import symplectic_form
-from jaxdyn.balls.arithmetic import arb, precision
-from jaxdyn.balls.decimals import decimal
-from jaxdyn.balls.motion import bits_of
-from jaxdyn.balls.tube import SLOPE_DIGITS, NotEnclosed, tube
+from jaxdyn.ball_arithmetic.arithmetic import arb, precision
+from jaxdyn.ball_arithmetic.decimals import decimal
+from jaxdyn.ball_arithmetic.motion import bits_of
+from jaxdyn.ball_arithmetic.tube import SLOPE_DIGITS, NotEnclosed, tube
 from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.closings import choreography
 from orbits.orbit import Orbit, SearchError
@@ -112,9 +112,9 @@ def prove(orbit: Orbit, digits: int = 30, *, throw: bool = False) -> Certificate
     a periodic solution within the enclosures of the certificate, and that this is the only one
     within its radius with the held numbers. The test is Krawczyk's (`krawczyk`) on closing
     equations that integrals make square (`closing_equations`), over tubes of Taylor series whose
-    remainders are bounded by Cauchy's estimates (`enclosure`, `tube` in ``jaxdyn/balls/``);
-    integrals and symmetries are proved as identities (`theorems`); no step rests on a rounded
-    number.
+    remainders are bounded by Cauchy's estimates (`enclosure` and `tube` of
+    ``jaxdyn/ball_arithmetic/``); integrals and symmetries are proved as identities (`theorems`); no
+    step rests on a rounded number.
 
     Args:
       orbit: what `find` returned.

@@ -8,9 +8,16 @@ from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._progress import report_progress
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.balls.arithmetic import arb, arb_mat, column, float_matrix, midpoints, precision
-from jaxdyn.balls.motion import End, bits_of
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.arithmetic import (
+    arb,
+    arb_mat,
+    column,
+    float_matrix,
+    midpoints,
+    precision,
+)
+from jaxdyn.ball_arithmetic.motion import End, bits_of
+from jaxdyn.ball_arithmetic.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import ROUGH_DIGITS, equations_of

@@ -1,21 +1,22 @@
 """What a proof needs to know exactly: that integrals are conserved and symmetries are symmetries.
 
-All are identities between the formulas of a rate, proved by algebra (`jaxdyn/balls/identities.py`),
-not tested at points.
+All are identities between the formulas of a rate, proved by algebra
+(`jaxdyn/ball_arithmetic/identities.py`), not tested at points.
 
 A rate may have another case where two quantities are exactly equal, such as a distance and 0. The
-discs about the steps of a tube prove that they differ all along its motions (`balls.arithmetic`);
-identities of symmetries also need that the symmetry keeps the differences, up to their order.
+discs about the steps of a tube prove that they differ all along its motions (see
+`ball_arithmetic.arithmetic`); identities of symmetries also need that the symmetry keeps the
+differences, up to their order.
 """
 
 import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.derivative import gradients
-from jaxdyn.balls.field import BallField
-from jaxdyn.balls.identities import NoPolynomial, Polynomials
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.derivative import gradients
+from jaxdyn.ball_arithmetic.field import BallField
+from jaxdyn.ball_arithmetic.identities import NoPolynomial, Polynomials
+from jaxdyn.ball_arithmetic.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas
 from jaxdyn.solvers.formulas.graph import Number
 from orbits.proof.closing_equations import ClosingEquations

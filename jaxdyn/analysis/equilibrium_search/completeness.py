@@ -26,11 +26,11 @@ from jaxdyn.solvers.formulas.graph import Node, NotElementary
 #
 #     K = c - Y f(c) + (1 - Y J(X)) (X - c),    Y about the inverse of J in the middle c of X,
 #
-# maps the box X into its inside holds exactly one; where K misses X it holds none (`balls.krawczyk`
-# has the theorem and its proof). Any other box is bisected. What remains when boxes are tiny, or
-# too many, is undecided: a zero at which the Jacobian is singular, a curve of zeros, or a place
-# where the field has no derivative. Everything else is proved, since bounds allow for rounding
-# (`intervals`).
+# maps the box X into its inside holds exactly one; where K misses X it holds none (the theorem and
+# its proof are in `ball_arithmetic.krawczyk`). Any other box is bisected. What remains when boxes
+# are tiny, or too many, is undecided: a zero at which the Jacobian is singular, a curve of zeros,
+# or a place where the field has no derivative. Everything else is proved, since bounds allow for
+# rounding (`intervals`).
 
 _MIN_BOX = 1e-9  # part of the box: smaller boxes are not bisected
 _MAX_WORK = 4_000_000  # boxes times operations: one to two seconds

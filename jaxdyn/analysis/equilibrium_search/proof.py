@@ -5,7 +5,7 @@ from typing import Any
 
 from jaxdyn import _text
 from jaxdyn._text import number_of
-from jaxdyn.balls.enclosed import Enclosed
+from jaxdyn.ball_arithmetic.enclosed import Enclosed
 
 
 @dataclasses.dataclass(frozen=True)

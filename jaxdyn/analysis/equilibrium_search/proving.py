@@ -1,4 +1,4 @@
-"""The proof that a list of equilibria is complete, by ball arithmetic (`balls.zeros`)."""
+"""The proof that a list of equilibria is complete, by ball arithmetic (`ball_arithmetic.zeros`)."""
 
 from collections.abc import Sequence
 
@@ -7,10 +7,10 @@ import numpy as np
 from jaxdyn._text import number_of
 from jaxdyn.analysis.equilibrium_search.proof import EquilibriaProof
 from jaxdyn.analysis.equilibrium_search.search import Box
-from jaxdyn.balls.decimals import decimal
-from jaxdyn.balls.enclosed import Enclosed
-from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.balls.zeros import BITS, zeros
+from jaxdyn.ball_arithmetic.decimals import decimal
+from jaxdyn.ball_arithmetic.enclosed import Enclosed
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.zeros import BITS, zeros
 from jaxdyn.scene import Scene
 
 _NAMED = 5  # most undecided boxes that are named in words

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import acb, acb_poly, arb, arb_mat
+from jaxdyn.ball_arithmetic.arithmetic import acb, acb_poly, arb, arb_mat
 from orbits.proof.closing_equations import inverse
 
 _NEWTON_STEPS = 30

@@ -16,8 +16,8 @@ import dataclasses
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import acb, arb_mat, precision
-from jaxdyn.balls.tube import NotEnclosed
+from jaxdyn.ball_arithmetic.arithmetic import acb, arb_mat, precision
+from jaxdyn.ball_arithmetic.tube import NotEnclosed
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.krawczyk import enclosing_tube
 from orbits.proof.stability import multipliers

@@ -29,8 +29,8 @@ from flint import fmpq, fmpq_mat
 
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import WEIGHTS, invariant_forms
-from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
-from jaxdyn.balls.identities import NoPolynomial
+from jaxdyn.ball_arithmetic.arithmetic import acb, arb, arb_mat, precision
+from jaxdyn.ball_arithmetic.identities import NoPolynomial
 from jaxdyn.solvers.formulas.graph import Number
 from orbits.proof.closing_equations import ClosingEquations, product
 from orbits.proof.posing import pivots, points_near

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import orbits
-from jaxdyn.balls.arithmetic import arb
-from jaxdyn.balls.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.arithmetic import arb
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
 from jaxdyn.effects import PowerLaw
 from orbits.proof.posing import equations_of
 from orbits.proof.theorems import Theorems, missing

@@ -14,8 +14,8 @@ from helpers import forge, run_python
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import arb, precision
-from jaxdyn.balls.decimals import decimal
+from jaxdyn.ball_arithmetic.arithmetic import arb, precision
+from jaxdyn.ball_arithmetic.decimals import decimal
 from orbits.proof import checking
 from orbits.proof.posing import equations_of
 from orbits.proof.proving import certify

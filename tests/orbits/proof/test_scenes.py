@@ -10,9 +10,9 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import arb, precision
-from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.balls.tube import tube
+from jaxdyn.ball_arithmetic.arithmetic import arb, precision
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.tube import tube
 
 #: Viswanathan 2004, Physica D 190, 115: periods of cycles of the Lorenz system by their words. Here
 #: 8/3 is a float, so that 13 digits can agree.

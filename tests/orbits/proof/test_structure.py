@@ -14,8 +14,8 @@ import jaxdyn
 import orbits
 from benchmarks import proofs
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import acb, arb, arb_mat, precision
-from jaxdyn.balls.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.arithmetic import acb, arb, arb_mat, precision
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
 from orbits.proof import posing, proving
 from orbits.proof.posing import equations_of
 from orbits.proof.stability import multipliers, structure

@@ -10,8 +10,8 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from jaxdyn.balls.arithmetic import acb, arb, precision
-from jaxdyn.balls.field import scene_formulas
+from jaxdyn.ball_arithmetic.arithmetic import acb, arb, precision
+from jaxdyn.ball_arithmetic.field import scene_formulas
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.system import Effect
 from orbits.proof import posing, proving

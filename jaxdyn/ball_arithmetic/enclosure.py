@@ -33,8 +33,16 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from jaxdyn.balls.arithmetic import COMPLEX, Undecided, acb, acb_poly, arb, arb_mat, precision
-from jaxdyn.balls.field import BallField
+from jaxdyn.ball_arithmetic.arithmetic import (
+    COMPLEX,
+    Undecided,
+    acb,
+    acb_poly,
+    arb,
+    arb_mat,
+    precision,
+)
+from jaxdyn.ball_arithmetic.field import BallField
 
 #: Bits of the bounds, which are enclosures at any precision.
 _BITS = 64

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.balls.arithmetic import Undecided, arb, arb_mat, float_matrix, precision
-from jaxdyn.balls.directions import excludes_zero, lengths
-from jaxdyn.balls.field import BallField
-from jaxdyn.balls.krawczyk import Krawczyk, is_inside
+from jaxdyn.ball_arithmetic.arithmetic import Undecided, arb, arb_mat, float_matrix, precision
+from jaxdyn.ball_arithmetic.directions import excludes_zero, lengths
+from jaxdyn.ball_arithmetic.field import BallField
+from jaxdyn.ball_arithmetic.krawczyk import Krawczyk, is_inside
 
 BITS = 160  # precision of the calculation
 _WIDENED = 0.1  # share by which a box is widened to each side, so that it contains its boundary

@@ -18,7 +18,7 @@ that z = w.
 
 from typing import NamedTuple
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, column, unit_matrix
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, column, unit_matrix
 
 
 class Krawczyk(NamedTuple):

@@ -8,9 +8,9 @@ they would grow as products of norms, much faster than errors do.
 import math
 from typing import NamedTuple
 
-from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, arb_mat, midpoints, precision
-from jaxdyn.balls.field import BallField
+from jaxdyn.ball_arithmetic import series
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, midpoints, precision
+from jaxdyn.ball_arithmetic.field import BallField
 
 #: Terms per digit. A step is then a seventh of the radius of convergence, at which a motion costs
 #: least if its cost is proportional to the square of the order (Jorba, Zou 2005).

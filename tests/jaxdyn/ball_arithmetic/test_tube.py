@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import COMPLEX, acb, arb, precision
-from jaxdyn.balls.enclosure import About, Disc, disc
-from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.balls.tube import NotEnclosed, tube
+from jaxdyn.ball_arithmetic import series
+from jaxdyn.ball_arithmetic.arithmetic import COMPLEX, acb, arb, precision
+from jaxdyn.ball_arithmetic.enclosure import About, Disc, disc
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.tube import NotEnclosed, tube
 
 BITS, DIGITS = 240, 30
 REFERENCE_DIGITS = 50

@@ -7,11 +7,11 @@ import pytest
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.derivative import gradients
-from jaxdyn.balls.field import ball_field, scene_formulas
-from jaxdyn.balls.motion import follow
+from jaxdyn.ball_arithmetic import series
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, precision
+from jaxdyn.ball_arithmetic.derivative import gradients
+from jaxdyn.ball_arithmetic.field import ball_field, scene_formulas
+from jaxdyn.ball_arithmetic.motion import follow
 
 BITS = 200
 

@@ -10,9 +10,9 @@ the same box; or it has no value, since it divides by 0, and so is not 0 there e
 import math
 from typing import NamedTuple
 
-from jaxdyn.balls.arithmetic import Undecided, arb
-from jaxdyn.balls.field import BallField
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.arithmetic import Undecided, arb
+from jaxdyn.ball_arithmetic.field import BallField
+from jaxdyn.ball_arithmetic.program import Program
 from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, Graph, Node, Number
 
 _MOST_ARCS = 512  # most arcs that are tried for a box

@@ -13,7 +13,7 @@ from typing import Any
 
 import flint
 
-from jaxdyn.balls.arithmetic import REAL, Functions, Undecided, arb, arb_series
+from jaxdyn.ball_arithmetic.arithmetic import REAL, Functions, Undecided, arb, arb_series
 from jaxdyn.solvers.formulas.formulas import topological_order
 from jaxdyn.solvers.formulas.graph import COMPARISONS, LOGIC, TESTS, Graph, Node, Number
 

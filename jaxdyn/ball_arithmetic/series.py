@@ -13,8 +13,8 @@ that it is given.
 
 import dataclasses
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, arb_series, unit_matrix
-from jaxdyn.balls.field import BallField
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, arb_series, unit_matrix
+from jaxdyn.ball_arithmetic.field import BallField
 
 #: To find a motion alone, coefficients of the derivative are computed up to this fraction of the
 #: order, 1 / 4: more of them save evaluations of the rate, each of which costs less [measured: flat

@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxdyn.balls import series
-from jaxdyn.balls.arithmetic import (
+from jaxdyn.ball_arithmetic import series
+from jaxdyn.ball_arithmetic.arithmetic import (
     Undecided,
     arb,
     arb_mat,
@@ -32,8 +32,8 @@ from jaxdyn.balls.arithmetic import (
     precision,
     unit_matrix,
 )
-from jaxdyn.balls.enclosure import About, Disc, disc
-from jaxdyn.balls.field import BallField
+from jaxdyn.ball_arithmetic.enclosure import About, Disc, disc
+from jaxdyn.ball_arithmetic.field import BallField
 
 #: Largest step as a part of the disc's radius; a smaller one takes more steps, a larger one higher
 #: orders.

@@ -1,7 +1,7 @@
 """Balls as decimal strings that enclose them."""
 
-from jaxdyn.balls.arithmetic import arb, precision
-from jaxdyn.balls.enclosed import Enclosed
+from jaxdyn.ball_arithmetic.arithmetic import arb, precision
+from jaxdyn.ball_arithmetic.enclosed import Enclosed
 
 _DIGITS = 30.0  # digits of exact numbers
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.balls.arithmetic import REAL, Functions
-from jaxdyn.balls.derivative import gradients
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.arithmetic import REAL, Functions
+from jaxdyn.ball_arithmetic.derivative import gradients
+from jaxdyn.ball_arithmetic.program import Program
 from jaxdyn.solvers.formulas.formulas import Formulas, exact_formulas
 from jaxdyn.solvers.formulas.graph import Graph, Node, NotElementary, Number
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_mpoly_ctx
 
-from jaxdyn.balls.program import Program
+from jaxdyn.ball_arithmetic.program import Program
 from jaxdyn.solvers.formulas.graph import LOGIC, Node, Number
 
 #: Number of generators for functions; with more functions nothing is proved.

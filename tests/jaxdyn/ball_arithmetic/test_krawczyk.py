@@ -1,7 +1,7 @@
 """Krawczyk's theorem on equations whose zeros are known."""
 
-from jaxdyn.balls.arithmetic import arb, arb_mat, precision
-from jaxdyn.balls.krawczyk import Krawczyk, is_inside
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, precision
+from jaxdyn.ball_arithmetic.krawczyk import Krawczyk, is_inside
 
 
 def _root_of_two(centre: float, radius: float) -> tuple[bool, arb]:
