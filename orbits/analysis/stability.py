@@ -75,8 +75,9 @@ _WIDE = (
 )
 _OPEN = (
     "Multipliers lie on the unit circle, or meet there, to all digits: linear terms do not decide "
-    "the stability. An integral or a symmetry that forces them to be there can be named in the "
-    "scene (energy=, integrals=)."
+    "the stability. Those that only come very near are told apart by still more digits, such as "
+    "orbits.refine(orbit, 60).stability(); an integral or a symmetry that forces them to be there "
+    "can be named in the scene (energy=, integrals=)."
 )
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing

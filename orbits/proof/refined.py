@@ -13,7 +13,7 @@ from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
 
 _SPARE = 3  # digits that two multipliers which nearly meet may have lost
-_ROUNDING = 1e-14  # rounding of multipliers as doubles
+_ROUNDING = 1e-15  # rounding of multipliers as doubles, with some to spare
 
 
 @dataclasses.dataclass(frozen=True)

@@ -102,7 +102,8 @@ def _energy(system: ClosingEquations, energy, start: list, digits: int) -> str:
 
 def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     """The non-trivial multipliers and their rotation numbers as decimal strings."""
-    unit = multipliers.multiplicity(matrix, 10.0 ** -(ROUGH_DIGITS if digits > 30 else digits / 2))
+    # A pair 1 +- e adds e^2 to a remainder, so digits beyond those of doubles have to count.
+    unit = multipliers.multiplicity(matrix, 10.0 ** -(digits / 2))
     exact = midpoints(matrix)
     coefficients = [c.mid() for c in multipliers.deflate(exact, unit)]
     error = arb(10) ** -(digits + _SPARE)

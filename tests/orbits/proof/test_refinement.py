@@ -12,6 +12,8 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
+from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, precision
+from orbits.proof import refinement
 from orbits.proof.refined import Refined
 
 DIGITS = 60
@@ -83,10 +85,27 @@ def test_a_multiplier_that_is_one_besides_those_that_must_be_decides_nothing():
     linear = orbits.stability(circle)
     assert (linear.verdict, len(linear.nontrivial)) == ("undecided", 2)
     assert "to all digits" in linear.message
+    assert "orbits.refine(orbit, 60).stability()" in linear.message
     # `refine` counts them as those that must be 1.
     blank = {"period": "", "y0": (), "held": (), "residual": "0"}
     found = Refined(orbit=circle, digits=30, multipliers=(), exponents=(), **blank)
     assert found.stability().verdict == "undecided"
+
+
+def test_multipliers_that_only_come_near_are_told_apart_by_more_digits():
+    # As of I.A^ic_47 in the tables of Li and Liao, two of whose multipliers are exp(+-1.4e-14 i).
+    angle = 1.4e-14
+    with precision(300):
+        c, s = arb(angle).cos(), arb(angle).sin()
+        near = arb_mat([[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, c, -s], [0, 0, s, c]])
+        assert refinement._multipliers(near, 30) == ((), ())
+        values, exponents = refinement._multipliers(near, 60)
+    assert [float(z[1]) for z in values] == pytest.approx([angle, -angle], rel=1e-12)
+    assert float(exponents[0]) == pytest.approx(angle / (2 * np.pi), rel=1e-12)
+    circle = orbits.find(scenes.power_law(n=-2.0, speed=1.0), period=6.28, hold=["x", "vy"])
+    blank = {"period": "", "y0": (), "held": (), "residual": "0"}
+    found = Refined(orbit=circle, digits=60, multipliers=values, exponents=exponents, **blank)
+    assert found.stability().verdict == "stable"
 
 
 @pytest.mark.parametrize("digits", [14, 1001, 20.5])
