@@ -17,6 +17,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn._numerics import nan_unless
 from jaxdyn.analysis.eigenvalues import rate_eigenvalues
 from jaxdyn.analysis.linearize import check_equilibrium, is_second_order, jacobian, mass_matrix
 from jaxdyn.scene import Scene, check_scene
@@ -57,7 +58,7 @@ class NaturalModes:
     def damping_ratios(self) -> Array:
         """(m,) damping ratios [1]; negative if a mode grows, NaN at frequency 0."""
         w = self.frequencies
-        return jnp.where(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0), jnp.nan)
+        return nan_unless(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0))
 
     @property
     def shapes(self) -> Array:
@@ -155,7 +156,8 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
     if traced:
         order = jnp.argsort(-values.imag)[: len(y) // 2][::-1]
         values, vectors = values[order], vectors[:, order]
-        values = jnp.where(values.imag > 0, values, jnp.nan)
+        turning = values.imag > 0
+        values, vectors = nan_unless(turning, values), nan_unless(turning[None], vectors)
     else:
         values = _clear_noise(np.asarray(values), np.asarray(a))
         upper = [i for i in range(len(values)) if values[i].imag >= 0]
