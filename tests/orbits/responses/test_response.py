@@ -92,6 +92,15 @@ def test_a_linear_scene_responds_by_its_receptance():
 
 
 @pytest.mark.slow
+def test_a_scene_without_damping_responds_beside_its_resonance():
+    found = orbits.frequency_response(scenes.oscillator(x=0.0), "x", (1.5, 2.0), step=0.3)
+    (curve,) = found.curves
+    assert curve.end.startswith("the bounds")
+    for member in curve.members:
+        height = quantities.amplitude(member.orbit, "x")
+        assert_allclose(height, 1 / (member.parameter**2 - 1), rtol=1e-11)
+
+
 def test_a_function_that_drives_a_scene_gives_the_same(found):
     def forced(t, y, p):
         omega, level = p
