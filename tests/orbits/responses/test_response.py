@@ -101,6 +101,16 @@ def test_a_scene_without_damping_responds_beside_its_resonance():
         assert_allclose(height, 1 / (member.parameter**2 - 1), rtol=1e-11)
 
 
+@pytest.mark.slow
+def test_a_resonance_without_damping_ends_where_the_drive_is_rounding():
+    found = orbits.frequency_response(scenes.oscillator(x=0.0), "x", (0.9, 1.5), step=0.5)
+    assert len(found.curves) == 2
+    for curve in found.curves:
+        assert curve.end == "a motion so large that its drive is rounding beside it"
+        turns = np.array([m.parameter * m.orbit.period / (2 * np.pi) for m in curve.members])
+        assert_allclose(turns, 1, rtol=1e-9)
+
+
 def test_a_function_that_drives_a_scene_gives_the_same(found):
     def forced(t, y, p):
         omega, level = p
