@@ -57,3 +57,11 @@ def test_the_period_of_a_switched_drive_is_seen_between_its_switches(scale):
     for period, closes in ((math.pi, True), (math.pi * (1 + 1e-6), False), (2 * math.pi, True)):
         off = drive(scene, jnp.asarray(scene.y0), jnp.asarray(scale * period))
         assert (float(jnp.abs(off).max()) < 1e-9) == closes
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [1e-17, 3e-17], [0.0, 1e-9]])
+def test_a_guess_almost_at_rest_is_as_good_as_one_at_rest(start):
+    rest = scenes.oscillator(k=9.0, c=0.6, x=0.0).starting(start)
+    driven = jaxdyn.vibration.drive(rest, "x", jaxdyn.vibration.Harmonic(1.0, 3.0))
+    found = orbits.find(driven, period=2 * math.pi)
+    assert found.y0 == pytest.approx([0.0, 1 / 0.6], abs=1e-11)
