@@ -104,6 +104,19 @@ def test_what_is_not_known_under_jit_has_no_derivative_and_no_shape():
     assert np.isnan(slope(100.0))
 
 
+@pytest.mark.parametrize("k", [1e-9, 1.0, 1e12])
+def test_under_jit_the_rounding_of_a_free_motion_is_no_frequency(k):
+    def free(t, y, p):
+        pull = p * (y[0] - y[1])
+        return [y[2], y[3], -pull, 0.5 * pull]
+
+    def frequencies(k):
+        return vibration.modes(jaxdyn.ode(free, [0.0] * 4, params=k)).frequencies
+
+    assert_allclose(jax.jit(frequencies)(k), [np.nan, np.sqrt(1.5 * k)], rtol=1e-12)
+    assert_allclose(frequencies(k), [0.0, 0.0, np.sqrt(1.5 * k)], rtol=1e-12)
+
+
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
     h = receptance(OMEGA)
     assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)
