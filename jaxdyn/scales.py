@@ -82,6 +82,9 @@ _NOISE_LOOKS, MARGIN = 8, 1 / 8
 _TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
+#: Part of the size that its rate gives to a group, in the time that others show, up to which the
+#: group counts as zero.
+_TURNING = 2.0**-6
 #: Part of what the other entries make of an entry at rest below which its own value is rounding.
 _ROUNDING = 1e-9
 #: Part of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is at 0.
@@ -474,6 +477,12 @@ def _by_its_change(
         way = jnp.finfo(y0.dtype).eps * horizon * moves
         there = lax.select(here > way, here, jnp.zeros_like(here))
         speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
+        # Near a turning point a velocity is as good as zero: by itself it would give a time as
+        # short as the way to that point, in which nothing else happens.
+        others = _of_other_groups(groups, speeds)
+        turned = (others > 0) & (there * others < _TURNING * moves)
+        there = lax.select(turned, jnp.zeros_like(there), there)
+        speeds = lax.select(turned, jnp.zeros_like(speeds), speeds)
         begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
         speed = lax.reduce_max(lax.max(speeds, begins), (0,))
         tau = 1 / lax.max(speed, 1 / span)
@@ -513,6 +522,17 @@ def _by_its_change(
     (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(10))
     tau, sizes = motion(f, then, noise, horizon)
     return Scales(sizes, tau, most), f
+
+
+def _of_other_groups(groups: Groups, x: Array) -> Array:
+    """(k,) for each entry the largest of the numbers x (k,) of other groups; 0 without others."""
+    first = [groups.group_of.index(group) for group in range(max(groups.group_of) + 1)]
+    of_groups = [x[i] for i in first]
+    found = [
+        _maximum([jnp.zeros_like(x[0]), *of_groups[:group], *of_groups[group + 1 :]])
+        for group in range(len(first))
+    ]
+    return jnp.stack(found)[np.array(groups.group_of)]
 
 
 class _Round(NamedTuple):

@@ -386,7 +386,13 @@ class Scene(Record):
         if _checks.is_traced(self):
             check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
-        t, y = np.zeros(()), np.asarray(self.y0, float)
+        # Within a jit that has captured the scene, its numbers would become traced ones.
+        with jax.ensure_compile_time_eval():
+            self._check_values(np.zeros(()), np.asarray(self.y0, float))
+
+    def _check_values(self, t: np.ndarray, y: np.ndarray) -> None:
+        """The part of `check` for which numbers are needed, at the start."""
+        system = self.system
         system.check(t, y)
         try:
             points, depends, second_order = properties_at(self.field, t, y)

@@ -90,6 +90,8 @@ def linearize(scene: Scene | Field, y: Array, t=0.0) -> Linearization:
       >>> linearize(oscillator(c=0.1), [0.0, 0.0]).portrait
       'spiral'
     """
+    remedy = "Call it outside of jit, grad and vmap; `vibration.modes` takes traced numbers."
+    _checks.check_untraced("linearize", (scene, y, t, jnp.zeros(())), remedy)
     scene = scene if isinstance(scene, Field) else check_scene(scene)
     _checks.float64()
     y = _checks.array("y", y, (len(scene.system.labels()),))
@@ -230,7 +232,7 @@ def modes(scene: Scene, y: Array | None = None) -> Modes:
             "`vibration.modes` takes any system.",
         )
     mass, stiffness, acceleration = _matrices(scene, y)
-    if not _checks.is_traced((scene, y)):
+    if not _checks.is_traced((mass, stiffness, acceleration)):
         _check_modes(scene, *(np.asarray(x) for x in (y, mass, stiffness, acceleration)))
     # M = L L^T reduces it to a standard symmetric problem, which jax can differentiate.
     lower = jnp.linalg.cholesky(mass)

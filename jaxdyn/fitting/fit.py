@@ -61,8 +61,8 @@ def fit(
         no parameter changes the initial state of the scene, otherwise none.
       columns: the columns that are used; all by default.
       noise: standard deviation of the measurements, in the units of the scene: one number, or one
-        for each column by name, each () or (s,). By default that of each column is estimated from
-        the residuals.
+        for each column by name, each () or (s,), NaN at gaps. By default that of each column is
+        estimated from the residuals.
       observe: further columns by name, functions (scene, t, y) -> () of a state y.
       t0: time of the initial state; by default the first measured time if the whole initial state
         is estimated, otherwise 0.
@@ -206,7 +206,10 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
         missing = [name for name in table.names if name not in noise]
         if missing:
             raise _checks.fail("noise", "one for each column", f"none for {', '.join(missing)}")
-        each = [_checks.positive(f"noise of {name}", noise[name]) for name in table.names]
+        each = [
+            _checks.positive(f"noise of {name}", _of_measured(noise[name], table, i))
+            for i, name in enumerate(table.names)
+        ]
     else:
         each = [_checks.positive("noise", noise)] * c
     s, n = len(table.ts), table.count
@@ -218,6 +221,15 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
     for i, part in enumerate(np.array_split(np.arange(s), len(sections.begin))):
         found[i, : len(part)] = values[part]
     return jnp.asarray(found)
+
+
+def _of_measured(noise: Any, table: measurements.Measured, column: int) -> Any:
+    """The noise of a column, with 1 in place of NaN where nothing was measured."""
+    if np.shape(noise) != (table.count,) or np.asarray(noise).dtype.kind != "f":
+        return noise
+    gaps = np.ones(table.count, bool)
+    gaps[table.rows] = np.isnan(table.values[:, column])
+    return np.where(gaps & np.isnan(noise), 1.0, noise)
 
 
 def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
@@ -271,7 +283,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
         dof=dof,
         status=status,
         undetermined=words if good else (),
-        warning=result.doubts(residuals, sd, dof, known, table.names) if good else "",
+        warning=result.doubts(residuals, sd, dof, known, table) if good else "",
         table=table,
         quantile=quantile,
         model=model,

@@ -25,7 +25,8 @@ _WIDENINGS = 4  # how often its range is doubled
 _NAMED = 0.1  # relative to the largest weight: parameters that a combination names
 _CORRELATED = 4.0  # standard errors of the correlation of residuals in time
 _WIDE = 0.25  # relative to an estimate: an interval over which the Jacobian may change
-_UNLIKELY = 1e-3  # probability of the misfit below which the model is doubted
+_UNLIKELY = 1e-3  # probability of the misfit, or of an outlier, below which it is doubted
+_EXACT = 1e-9  # relative to the largest value: residuals of the integration, of data without noise
 
 
 class FitStatus(Code):
@@ -452,7 +453,7 @@ def undetermined(names: Sequence[str], solution: Solution) -> tuple[np.ndarray, 
     return which, tuple(words)
 
 
-def doubts(residuals: np.ndarray, noise: np.ndarray, dof: int, known: bool, names) -> str:
+def doubts(residuals: np.ndarray, noise: np.ndarray, dof: int, known: bool, table: Measured) -> str:
     """Warnings about the model: residuals that are not noise."""
     parts = []
     chi = np.nansum((residuals / noise) ** 2)
@@ -461,14 +462,22 @@ def doubts(residuals: np.ndarray, noise: np.ndarray, dof: int, known: bool, name
             f"The misfit is {np.sqrt(chi / dof):.3g} times the given noise: the model lacks "
             "something, or the noise is larger than given. The bars do not hold."
         )
-    for name, column in zip(names, residuals.T, strict=True):
-        x = column[np.isfinite(column)]
-        if len(x) < 20 or not np.any(x):
+    for i, name in enumerate(table.names):
+        there = np.isfinite(residuals[:, i])
+        x, share = residuals[there, i], (residuals / noise)[there, i]
+        if len(x) < 20 or not np.abs(x).max() > _EXACT * np.abs(table.values[there, i]).max():
             continue
         r = float(np.sum(x[1:] * x[:-1]) / np.sum(x * x))
         if r * np.sqrt(len(x)) > _CORRELATED:
             parts.append(
                 f"The residuals of {name} are correlated in time ({r:.2f}): the model lacks "
                 "something, and the bars are too small."
+            )
+        far = np.abs(share)
+        if 2 * len(x) * special.ndtr(-far.max()) < _UNLIKELY:
+            at = _text.brief(table.ts[there][np.argmax(far)])
+            parts.append(
+                f"At t = {at} the residual of {name} is {far.max():.1f} standard deviations. If "
+                "this is an outlier, replace it by NaN."
             )
     return " ".join(parts)

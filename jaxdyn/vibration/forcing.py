@@ -4,6 +4,7 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -70,7 +71,8 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
       The same scene with the input. `jax.grad` and `jax.vmap` apply to its parameters and to those
       of the signal.
     Raises:
-      ValueError: the input does not suit the scene, or a number of the signal is invalid.
+      ValueError: the input does not suit the scene, a number of the signal is invalid, or a signal
+        with a jump acts by its rate.
     Example:
       >>> import jaxdyn
       >>> from jaxdyn import scenes, vibration
@@ -81,9 +83,27 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
     """
     check_scene(scene)
     found, signal = check_input(scene, input), check_signal(signal)
+    _check_jump(scene, found, signal)
     t1 = scene.t1 if t1 is None else _checks.array("t1", t1, ())
     system = Driven(scene.system, found, signal)
     return dataclasses.replace(scene, system=system, t1=t1)
+
+
+def _check_jump(scene: Scene, found: Input, signal: Signal) -> None:
+    """Raise ValueError if a signal with a jump acts by its rate, which would be an impulse."""
+    if not (signal.jumps and found.order):
+        return
+
+    def rate(u):
+        return found.rate(scene.field, jnp.zeros(()), jnp.asarray(scene.y0), u)
+
+    by_rates = jax.jacfwd(rate)(jnp.ones(found.order + 1))[:, 1:]
+    if not _checks.is_traced(by_rates) and np.any(np.asarray(by_rates)):
+        wanted = (
+            f"one without a jump, since the scene of {type(found).__name__} depends on its rate"
+        )
+        remedy = "Use a vibration.Table with a short ramp."
+        raise _checks.fail("signal", wanted, f"vibration.{type(signal).__name__}", remedy)
 
 
 @check_first

@@ -17,7 +17,8 @@ from jaxtyping import Array
 
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
-from jaxdyn.analysis.eigenvalues import rate_eigenvalues
+from jaxdyn._numerics import nan_unless
+from jaxdyn.analysis.eigenvalues import ERROR_SAFETY, ROUNDING, rate_eigenvalues
 from jaxdyn.analysis.linearize import check_equilibrium, is_second_order, jacobian, mass_matrix
 from jaxdyn.scene import Scene, check_scene
 
@@ -57,7 +58,7 @@ class NaturalModes:
     def damping_ratios(self) -> Array:
         """(m,) damping ratios [1]; negative if a mode grows, NaN at frequency 0."""
         w = self.frequencies
-        return jnp.where(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0), jnp.nan)
+        return nan_unless(w > 0, -jnp.real(self.eigenvalues) / jnp.where(w > 0, w, 1.0))
 
     @property
     def shapes(self) -> Array:
@@ -154,8 +155,9 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
     )
     if traced:
         order = jnp.argsort(-values.imag)[: len(y) // 2][::-1]
+        turning = (values.imag > _bars(a, vectors))[order]
         values, vectors = values[order], vectors[:, order]
-        values = jnp.where(values.imag > 0, values, jnp.nan)
+        values, vectors = nan_unless(turning, values), nan_unless(turning[None], vectors)
     else:
         values = _clear_noise(np.asarray(values), np.asarray(a))
         upper = [i for i in range(len(values)) if values[i].imag >= 0]
@@ -172,3 +174,21 @@ def _clear_noise(values: np.ndarray, a: np.ndarray) -> np.ndarray:
     re = np.where(np.abs(values.real) > bars, values.real, 0.0)
     im = np.where(np.abs(values.imag) > bars, values.imag, 0.0)
     return re + 1j * im
+
+
+def _bars(a: Array, vectors: Array) -> Array:
+    """(k,) the error bars of `rate_eigenvalues`, for eigenvectors (k, k) inside a trace."""
+    a, vectors = jax.lax.stop_gradient((a, vectors))
+    size, k = jnp.abs(a), len(a)
+    radius = jnp.max(jnp.abs(jnp.linalg.eigvals(size)))
+    shares = jnp.where(radius > 0, size / jnp.where(radius > 0, radius, 1.0), 0.0)
+
+    def further(_, d):
+        return jnp.maximum(d, jnp.max(shares * d[None], axis=1))
+
+    d = jnp.exp2(jnp.round(jnp.log2(jax.lax.fori_loop(0, k, further, jnp.ones(k)))))[:, None]
+    norm, right = jnp.linalg.norm(a * d.T / d, 2), vectors / d.astype(vectors.dtype)
+    left = jnp.linalg.inv(right)  # infinite or NaN for parallel eigenvectors
+    condition = jnp.linalg.norm(left, axis=1) * jnp.linalg.norm(right, axis=0)
+    wrong = ERROR_SAFETY * ROUNDING * norm
+    return jnp.fmin(condition * wrong, (2 * norm) ** (1 - 1 / k) * wrong ** (1 / k))

@@ -1,6 +1,7 @@
 """Signals, which inputs follow: a sine, a step, a pulse, a sweep, a table of measured values."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +14,13 @@ from jaxdyn._records import Record
 
 
 class Signal(Record):
-    """A function of time."""
+    """A function of time.
+
+    Attributes:
+      jumps: whether its value jumps, so that its rate would be an impulse.
+    """
+
+    jumps: ClassVar[bool] = False
 
     @abc.abstractmethod
     def __call__(self, t: Array) -> Array:
@@ -39,6 +46,7 @@ class Step(Signal):
 
     height: Array = eqx.field(converter=as_float)
     t_on: Array = eqx.field(converter=as_float, default=0.0)
+    jumps: ClassVar[bool] = True
 
     def __call__(self, t):
         return jnp.where(t >= self.t_on, self.height, 0.0)

@@ -10,6 +10,7 @@ of the complex amplitudes of z and u in a forced vibration with e^(i omega t).
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
@@ -149,7 +150,11 @@ def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) 
       0.333333333333
     """
     along = _checks.array("direction", direction, (None,))
+    if not _checks.is_traced(along) and not np.any(np.asarray(along)):
+        raise _checks.fail("direction", "one along which the base moves", "one of length 0")
     along = along / jnp.linalg.norm(along)
+    check_input(scene, Base(along))
+    _checks.whole("point", point, 0, len(scene.points(jnp.zeros(()), scene.y0).m) - 1)
 
     def place(t, y):
         return scene.points(t, y).r[point] @ along

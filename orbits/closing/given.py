@@ -11,6 +11,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, System
 from jaxdyn._checks import array, array_of_shape, check_untraced, fail, positive
 from jaxdyn.plan import plan_of
+from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.scene import check_scene
 from orbits.closing.closings import EXACT, PLAIN, Closing, Condition, Hold, conditions
 from orbits.closing.sizes import PHASES, SPREAD, alike, rates_at, sizes
@@ -25,6 +26,8 @@ _BESIDE = 1e-3
 _NEAR = 0.25
 #: Rates below this share of the sizes per radian of the span are rounding.
 _ROUNDING = 1e-6
+#: Change over a period, as a part of that within one, up to which a condition on time repeats.
+_REPEATS = 0.1
 #: Relative changes of a rate up to this, in units of the machine epsilon, are rounding.
 _RATE_ROUNDINGS = 64.0
 
@@ -215,7 +218,8 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
 
     It is taken at the phases at which the rate changes fastest, since a drive may act for a small
-    part of its period.
+    part of its period. A drive that is switched is the same at other times too, so how far its
+    switches are from changing is added.
     """
     known = jax.lax.stop_gradient(period)
     many = known * jnp.asarray(SPREAD)
@@ -232,4 +236,25 @@ def drive(scene: Scene, y: Array, period: Array) -> Array:
     # What varies only by rounding is not a drive.
     rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
-    return ((later - now) / varies[None]).ravel()
+    return ((later - now) / varies[None] + _switches(scene, ts, period)[:, None]).ravel()
+
+
+def _switches(scene: Scene, ts: Array, period: Array) -> Array:
+    """(p,) the change over a period of how far conditions on time are from changing.
+
+    Those that do not nearly repeat are left out, such as one on a time at which a drive begins.
+    """
+    plan = plan_of(scene.field, len(scene.y0))
+    if not plan.of_time.any():
+        return jnp.zeros_like(ts)
+    field = without_wrappers(scene.field)
+
+    def margins(t):
+        return plan.time_conditions(field, t, None).margins
+
+    now, later = (jax.vmap(margins)(t) for t in (ts, ts + period))
+    within = jax.vmap(margins)(jax.lax.stop_gradient(period) * jnp.asarray(SPREAD))
+    size = jax.lax.stop_gradient(jnp.ptp(within, axis=0))
+    off = jax.lax.stop_gradient(jnp.abs(later - now).max(axis=0))
+    change = (later - now) / jnp.where(size > 0, size, 1.0)[None]
+    return jnp.where((off < _REPEATS * size)[None], change, 0.0).sum(axis=1)

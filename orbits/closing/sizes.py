@@ -10,6 +10,7 @@ of one group (`jaxdyn.scales`) have the same size. Where units do not give the g
 an entry is at least the effect that the others can have on it: near an equilibrium their effects
 cancel, and a velocity that is small there has no size of its own. Where units do give them, a small
 share of that effect is enough; it matters near an equilibrium far from the origin, as L4 in km.
+A start almost at rest is measured as one at rest, by what moves it.
 Without units an entry that is hardly more than what rounding makes of it, as a mode that symmetry
 keeps at zero, has no size of its own either: it has the size that it would have if it were zero.
 """
@@ -35,6 +36,8 @@ _ROUNDING = 1e-9
 _RESOLVED = 1e12
 #: Where units are known, an entry's size is at least this share of what the others make of it.
 _SHARE = 0.01
+#: Part of what its rate makes of a group up to which the group is almost at rest.
+_REST = 1e-3
 #: Numbers that differ by less than this, relatively, count as equally large.
 _ALIKE = 1e-6
 #: Times, as fractions of the span, at which the rate is evaluated, spread by the golden section: a
@@ -69,11 +72,17 @@ def times(scene: Scene) -> np.ndarray:
 def _sizes(scene: Scene) -> np.ndarray:
     y0, span = np.asarray(scene.y0), float(scene.t1)
     radian = span / (2 * math.pi * _HARMONIC)
-    rates = np.abs(np.asarray(rates_at(scene, times(scene), y0)))
-    rates = np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
-    place, moved = alike(scene, np.abs(y0)), alike(scene, radian * rates)
+
+    def most(y: np.ndarray) -> np.ndarray:
+        rates = np.abs(np.asarray(rates_at(scene, times(scene), y)))
+        return np.where(np.isfinite(rates), rates, 0.0).max(axis=0)
+
+    place, moved = alike(scene, np.abs(y0)), alike(scene, radian * most(y0))
     found = np.maximum(place, moved)
     if groups(scene.system).known:
+        if ((0 < place) & (place < _REST * moved)).any():
+            # What is moved by a group that is almost at rest is small at the start alone.
+            found = np.maximum(found, alike(scene, radian * most(y0 + found)))
         # The Jacobian takes a program of its own, and is rarely of use here.
         if (moved < _SHARE * place).any():
             found = coupled_sizes(scene, found, _SHARE)

@@ -28,6 +28,7 @@ from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
 from orbits.analysis.same import same_orbit
 from orbits.closing.closings import Hold, conditions
+from orbits.closing.given import drive_period, repeats
 from orbits.families import checkpoint
 from orbits.families.bifurcations import special_points, zero_between
 from orbits.families.chains import ChainSurface
@@ -93,6 +94,7 @@ _ENDS = {
     Kind.GRAZING: "a grazed event, beyond which the chains are not motions",
 }
 _PASSED = "a bound of a leg, which the chains pass"
+_UNBOUNDED = "a motion so large that its drive is rounding beside it"
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
@@ -318,8 +320,23 @@ class _Problem(BranchProblem[Member]):
 
     def end_before(self, new: Member, special: list[Member]) -> str:
         ends = [_ENDS[x.kind] for x in special if x.kind in _ENDS]
-        passed = new.orbit.outcome == Outcome.BOUND_PASSED
-        return ends[0] if ends else _PASSED if passed else ""
+        if ends:
+            return ends[0]
+        if new.orbit.outcome == Outcome.BOUND_PASSED:
+            return _PASSED
+        return _UNBOUNDED if self._loses_drive(new.orbit) else ""
+
+    def _loses_drive(self, orbit: Orbit | HybridOrbit) -> bool:
+        """Whether the period is no multiple of the drive's.
+
+        Near a resonance without damping the drive is soon rounding beside the rate of the motion,
+        and then any period closes.
+        """
+        equations = self.surface.equations
+        if isinstance(equations, ChainEquations) or not equations.driven:
+            return False
+        known = drive_period(orbit.scene)
+        return known is not None and not repeats(orbit.scene, float(orbit.period))
 
     def end_after(self, new: Member) -> str:
         if not self.within[0] <= _measure(self.surface, new.point) <= self.within[1]:

@@ -47,6 +47,8 @@ class Trouble:
         self.equations, self.guess = equations, guess
         self.sizes = sizes_at(equations, guess)
         self.size, self.path = self._size_and_path(equations, guess)
+        if equations.driven and self.size > 0:  # a guess almost at rest, where a drive moves it
+            self.size = max(self.size, 1.0)
 
     def __call__(self, equations: Equations, x: np.ndarray) -> Outcome | None:
         """The outcome of an iteration that ends at x; None if x is acceptable.

@@ -54,6 +54,14 @@ def test_the_time_is_that_of_the_fastest_rate():
         assert time == pytest.approx(k**-0.5, rel=0.3)
 
 
+def test_a_motion_that_is_about_to_turn_has_the_scales_of_one_that_turns():
+    turning = start(scenes.oscillator(v=0.0))
+    for v in (1e-14, -1e-9, 1e-4, -1e-2):
+        sizes, time = start(scenes.oscillator(v=v))
+        np.testing.assert_allclose(sizes, turning[0], rtol=1e-3)
+        assert time == pytest.approx(turning[1], rel=1e-3)
+
+
 def test_nothing_that_depends_on_the_state_leaves_the_span():
     sizes, time = start(jaxdyn.ode(lambda t, y: [3.0, 0.0], [0.0, 0.0], 5.0))
     assert time == 5.0

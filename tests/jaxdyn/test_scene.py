@@ -500,6 +500,15 @@ def test_check_passes_what_is_traced():
         jax.jit(lambda y: _ball().starting(y).check())(jnp.zeros(3))
 
 
+def test_a_scene_that_a_jit_has_captured_is_checked_by_its_values():
+    scene = scenes.oscillator(k=4.0, x=0.0)  # nothing has checked it before
+    found = jax.jit(lambda w: jaxdyn.vibration.receptance(scene, "x", "x", w))(1.0)
+    assert found == pytest.approx(1 / 3, rel=1e-12)
+    wrong = scenes.pendulum(length=-1.0)
+    with pytest.raises(ValueError, match="expected > 0"):
+        jax.jit(lambda w: jaxdyn.vibration.receptance(wrong, "theta", "theta", w))(1.0)
+
+
 def test_where_gravity_has_no_units_the_state_has_none():
     assert dict(scenes.three_body().labels())["x1"] == "1"
     assert dict(scenes.two_body(G=6.674e-11).labels())["x1"] == "m"

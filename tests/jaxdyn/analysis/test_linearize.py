@@ -220,3 +220,11 @@ class WithoutValue(Effect):
 )
 def test_what_cannot_be_linearised_is_refused_by_name(call, message):
     assert message in refusal(call)
+
+
+def test_within_jit_modes_are_those_of_a_captured_scene_and_linearize_is_refused():
+    rest = oscillator(k=9.0, x=0.0)
+    found = jax.jit(lambda w: w * linearize.modes(rest).frequencies)(2.0)
+    np.testing.assert_allclose(found, [6.0], rtol=1e-14)
+    with pytest.raises(ValueError, match="linearize: expected numbers, got values traced"):
+        jax.jit(lambda v: linearize.linearize(rest, jnp.stack([0.0, v])).bars)(0.0)

@@ -69,7 +69,7 @@ def test_a_straight_line_is_that_of_linear_regression(track, fitted):
 @pytest.mark.slow
 def test_gaps_and_known_noise_weigh_the_rows(track):
     x, noise = track["x"].copy(), np.linspace(0.05, 0.2, len(TS))
-    x[10:30] = np.nan
+    x[10:30] = noise[10:30] = np.nan
     found = jaxdyn.fit(straight, {"slope": 1.0}, {"t": TS, "x": x}, noise={"x": noise})
     there = np.isfinite(x)
     line, cov = np.polyfit(TS[there], x[there], 1, w=1 / noise[there], cov="unscaled")
@@ -183,6 +183,22 @@ def test_a_model_that_lacks_something_is_doubted():
     assert "correlated in time" in jaxdyn.fit(straight, {"slope": 1.0}, bent).warning
     known = jaxdyn.fit(straight, {"slope": 1.0}, bent, noise=0.01).warning
     assert "times the given noise" in known
+
+
+def test_an_outlier_is_named(track, fitted):
+    assert not fitted.warning
+    x = track["x"].copy()
+    x[7] += 3.0
+    found = jaxdyn.fit(straight, {"slope": 1.0}, {"t": TS, "x": x})
+    assert f"At t = {TS[7]:.6g} the residual of x is 7" in found.warning
+    assert "replace it by NaN" in found.warning
+
+
+def test_residuals_of_the_integration_are_no_doubt(fitted):
+    del fitted  # the same program
+    exact = jaxdyn.fit(straight, {"slope": 1.0}, {"t": TS, "x": 0.5 + 1.7 * TS})
+    assert 0 < np.abs(exact.residuals).max() < 1e-9
+    assert not exact.warning
 
 
 @pytest.mark.slow
@@ -383,7 +399,13 @@ def test_units_are_a_mapping_of_texts():
 
 @pytest.mark.parametrize(
     ("unit", "size"),
-    [("Sec", 1.0), ("radians", 1.0), ("\N{MICRO SIGN}m", 1e-6), ("DEG/s", np.pi / 180)],
+    [
+        ("Sec", 1.0),
+        ("radians", 1.0),
+        ("\N{MICRO SIGN}m", 1e-6),
+        ("nm/ns", 1.0),
+        ("DEG/s", np.pi / 180),
+    ],
 )
 def test_units_as_people_write_them(unit, size):
     assert measure(unit).size == pytest.approx(size, rel=1e-15)

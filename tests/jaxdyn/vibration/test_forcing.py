@@ -112,6 +112,18 @@ def test_a_driven_scene_is_what_it_was_otherwise():
     )
 
 
+def test_a_step_moves_a_base_without_a_damper():
+    def moved(t, y, u):
+        return [y[1], -K / M * (y[0] - u)]
+
+    def base(u, du):
+        return jaxdyn.ode(moved, [0.0, 0.0], params=u, names=["x", "v"])
+
+    rise = vibration.drive(base(0.0, 0.0), vibration.Motion(base), vibration.Step(0.1))
+    known = 0.1 * (1 - np.cos(np.sqrt(K / M)))
+    assert_allclose(jaxdyn.simulate(rise, 1.0)["x"][-1], known, rtol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -131,6 +143,12 @@ def test_a_driven_scene_is_what_it_was_otherwise():
         (
             lambda: vibration.drive(one(), "x", vibration.Table([0.0, 1.0], [1.0])),
             "Table.values: expected shape",
+        ),
+        (
+            lambda: vibration.drive(
+                quarter_car(0.0, 0.0), vibration.Motion(quarter_car), vibration.Step(0.1)
+            ),
+            "signal: expected one without a jump, since the scene of Motion depends on its rate",
         ),
         (
             lambda: vibration.strike(quarter_car(0.0, 0.0), vibration.Motion(quarter_car), 1.0),

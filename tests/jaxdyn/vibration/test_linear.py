@@ -92,6 +92,31 @@ def test_modes_are_differentiable_and_run_under_vmap():
     assert_allclose(jax.grad(stretch)(1.0), (low[1] - low[0]) / 2e-6, rtol=1e-7)
 
 
+def test_what_is_not_known_under_jit_has_no_derivative_and_no_shape():
+    def ratio(c):
+        return vibration.modes(one(c=c)).damping_ratios[0]
+
+    assert np.isnan(jax.value_and_grad(ratio)(100.0)).all()
+    found = jax.jit(lambda c: vibration.modes(one(c=c)))(100.0)
+    assert np.isnan(found.frequencies).all()
+    assert np.isnan(np.abs(found.shapes)).all()
+    slope = jax.grad(lambda c: vibration.modes(one(c=c)).frequencies[0])
+    assert np.isnan(slope(100.0))
+
+
+@pytest.mark.parametrize("k", [1e-9, 1.0, 1e12])
+def test_under_jit_the_rounding_of_a_free_motion_is_no_frequency(k):
+    def free(t, y, p):
+        pull = p * (y[0] - y[1])
+        return [y[2], y[3], -pull, 0.5 * pull]
+
+    def frequencies(k):
+        return vibration.modes(jaxdyn.ode(free, [0.0] * 4, params=k)).frequencies
+
+    assert_allclose(jax.jit(frequencies)(k), [np.nan, np.sqrt(1.5 * k)], rtol=1e-12)
+    assert_allclose(frequencies(k), [0.0, 0.0, np.sqrt(1.5 * k)], rtol=1e-12)
+
+
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
     h = receptance(OMEGA)
     assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)
@@ -201,6 +226,14 @@ def test_numbers_of_a_plain_ode_may_be_traced():
         (
             lambda: vibration.transmissibility(quarter_car(0.0, 0.0), [1.0], 1.0),
             "Base: expected a scene with material points",
+        ),
+        (
+            lambda: vibration.transmissibility(one(), [1.0], 1.0, point=1),
+            "point: expected at most 0",
+        ),
+        (
+            lambda: vibration.transmissibility(one(), [0.0], 1.0),
+            "direction: expected one along which the base moves",
         ),
         (
             lambda: vibration.receptance(one(), vibration.Parameter(lambda u: u), "x", 1.0),

@@ -2,11 +2,13 @@
 
 import math
 
+import jax.numpy as jnp
 import pytest
 
+import jaxdyn
 import orbits
 from jaxdyn import scenes
-from orbits.closing.given import is_driven
+from orbits.closing.given import drive, is_driven
 
 
 @pytest.mark.parametrize(
@@ -44,3 +46,22 @@ def test_the_rest_of_a_driven_scene_is_an_orbit():
 def test_a_condition_that_is_no_equation_is_refused(hold, message):
     with pytest.raises(ValueError, match=message):
         orbits.find(scenes.oscillator(), period=6.0, hold=hold)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
+def test_the_period_of_a_switched_drive_is_seen_between_its_switches(scale):
+    def pushed(t, y, p):
+        return [y[1], -y[0] + jnp.sign(jnp.sin(p * t + 0.3)) + jnp.where(t > -5.0, 1.0, 0.0)]
+
+    scene = jaxdyn.ode(pushed, [0.0, 0.0], names=["x", "v"], params=2.0 / scale)
+    for period, closes in ((math.pi, True), (math.pi * (1 + 1e-6), False), (2 * math.pi, True)):
+        off = drive(scene, jnp.asarray(scene.y0), jnp.asarray(scale * period))
+        assert (float(jnp.abs(off).max()) < 1e-9) == closes
+
+
+@pytest.mark.parametrize("start", [[0.0, 0.0], [1e-17, 3e-17], [0.0, 1e-9]])
+def test_a_guess_almost_at_rest_is_as_good_as_one_at_rest(start):
+    rest = scenes.oscillator(k=9.0, c=0.6, x=0.0).starting(start)
+    driven = jaxdyn.vibration.drive(rest, "x", jaxdyn.vibration.Harmonic(1.0, 3.0))
+    found = orbits.find(driven, period=2 * math.pi)
+    assert found.y0 == pytest.approx([0.0, 1 / 0.6], abs=1e-11)

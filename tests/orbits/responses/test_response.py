@@ -92,6 +92,47 @@ def test_a_linear_scene_responds_by_its_receptance():
 
 
 @pytest.mark.slow
+def test_a_scene_without_damping_responds_beside_its_resonance():
+    found = orbits.frequency_response(scenes.oscillator(x=0.0), "x", (1.5, 2.0), step=0.3)
+    (curve,) = found.curves
+    assert curve.end.startswith("the bounds")
+    for member in curve.members:
+        height = quantities.amplitude(member.orbit, "x")
+        assert_allclose(height, 1 / (member.parameter**2 - 1), rtol=1e-11)
+
+
+@pytest.mark.slow
+def test_a_square_wave_drives_a_linear_scene_as_its_harmonics_do():
+    def pushed(t, y, p):
+        omega, level = p
+        x, v = y
+        return [v, -9 * x - 0.6 * v + level * jnp.sign(jnp.sin(omega * t + 0.3))]
+
+    def forced(omega, level):
+        params = jnp.stack([omega, level])
+        return jaxdyn.ode(pushed, [0.0, 0.0], names=["x", "v"], params=params)
+
+    rest = forced(jnp.asarray(1.0), jnp.asarray(0.0))
+    found = orbits.frequency_response(rest, forced, (0.9, 1.2), step=0.5)
+    (curve,) = found.curves
+    n, phase = np.arange(1, 4001, 2), np.linspace(0, 2 * np.pi, 4001)[:, None]
+    for member in curve.members:
+        w = member.parameter
+        terms = np.exp(1j * n * phase) / n / (9 - (n * w) ** 2 + 0.6j * n * w)
+        known = np.abs(4 / np.pi * terms.imag.sum(axis=1)).max()
+        assert_allclose(quantities.amplitude(member.orbit, "x"), known, rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_resonance_without_damping_ends_where_the_drive_is_rounding():
+    found = orbits.frequency_response(scenes.oscillator(x=0.0), "x", (0.9, 1.5), step=0.5)
+    assert len(found.curves) == 2
+    for curve in found.curves:
+        assert curve.end == "a motion so large that its drive is rounding beside it"
+        turns = np.array([m.parameter * m.orbit.period / (2 * np.pi) for m in curve.members])
+        assert_allclose(turns, 1, rtol=1e-9)
+
+
 def test_a_function_that_drives_a_scene_gives_the_same(found):
     def forced(t, y, p):
         omega, level = p
