@@ -133,6 +133,7 @@ def test_a_resonance_without_damping_ends_where_the_drive_is_rounding():
         assert_allclose(turns, 1, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_function_that_drives_a_scene_gives_the_same(found):
     def forced(t, y, p):
         omega, level = p
