@@ -14,6 +14,9 @@ from jaxdyn.ball_arithmetic.arithmetic import acb, acb_poly, arb, arb_mat
 from orbits.proof.closing_equations import inverse
 
 _NEWTON_STEPS = 30
+#: Bits with which roots may be sought. Those that nearly meet need more than coefficients have,
+#: whose midpoints are exact.
+_MOST_BITS = 20_000
 
 
 def reduce(matrix: arb_mat, rows: list[list], directions: list[list]) -> arb_mat:
@@ -69,7 +72,7 @@ def roots(coefficients: list[arb], error: arb | None = None) -> list[acb]:
         return []
     polynomial = acb_poly(coefficients)
     try:
-        found = polynomial.roots(tol=error)
+        found = polynomial.roots(tol=error, maxprec=_MOST_BITS)
     except (ValueError, ZeroDivisionError):
         return []
     return [_sharpen(polynomial, z) for z in found]

@@ -13,6 +13,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.ball_arithmetic.arithmetic import arb, arb_mat, precision
+from jaxdyn.ball_arithmetic.motion import bits_of
 from orbits.proof import refinement
 from orbits.proof.refined import Refined
 
@@ -94,14 +95,20 @@ def test_a_multiplier_that_is_one_besides_those_that_must_be_decides_nothing():
 
 def test_multipliers_that_only_come_near_are_told_apart_by_more_digits():
     # As of I.A^ic_47 in the tables of Li and Liao, two of whose multipliers are exp(+-1.4e-14 i).
-    angle = 1.4e-14
-    with precision(300):
-        c, s = arb(angle).cos(), arb(angle).sin()
-        near = arb_mat([[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, c, -s], [0, 0, s, c]])
-        assert refinement._multipliers(near, 30) == ((), ())
+    angles = 1.3, 1.4e-14
+    with precision(bits_of(68)):
+        blocks = [[[1, 1], [0, 1]]]
+        blocks += [[[arb(a).cos(), -arb(a).sin()], [arb(a).sin(), arb(a).cos()]] for a in angles]
+        rows = np.full((6, 6), 0, object)
+        for n, block in enumerate(blocks):
+            rows[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] = block
+        near = arb_mat(rows.tolist())
+        assert len(refinement._multipliers(near, 30)[0]) == 2
         values, exponents = refinement._multipliers(near, 60)
-    assert [float(z[1]) for z in values] == pytest.approx([angle, -angle], rel=1e-12)
-    assert float(exponents[0]) == pytest.approx(angle / (2 * np.pi), rel=1e-12)
+    found = [complex(*map(float, z)) for z in values]
+    np.testing.assert_allclose(np.angle(found), [*angles, *np.negative(angles)[::-1]], rtol=1e-12)
+    np.testing.assert_allclose([float(x) for x in exponents], np.array(angles) / (2 * np.pi))
+    values, exponents = values[1:3], exponents[1:]
     circle = orbits.find(scenes.power_law(n=-2.0, speed=1.0), period=6.28, hold=["x", "vy"])
     blank = {"period": "", "y0": (), "held": (), "residual": "0"}
     found = Refined(orbit=circle, digits=60, multipliers=values, exponents=exponents, **blank)
