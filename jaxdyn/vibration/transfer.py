@@ -141,7 +141,7 @@ def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) 
     Returns:
       (...) complex.
     Raises:
-      ValueError: see `transfer_function`.
+      ValueError: there is no such point, or see `transfer_function`.
     Example:
       >>> from jaxdyn import scenes, vibration
       >>> found = vibration.transmissibility(scenes.oscillator(k=4.0, x=0.0), [1.0], 4.0)
@@ -150,6 +150,8 @@ def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) 
     """
     along = _checks.array("direction", direction, (None,))
     along = along / jnp.linalg.norm(along)
+    if check_scene(scene).has_points:
+        _checks.whole("point", point, 0, len(scene.points(jnp.zeros(()), scene.y0).m) - 1)
 
     def place(t, y):
         return scene.points(t, y).r[point] @ along

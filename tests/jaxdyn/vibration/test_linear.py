@@ -92,6 +92,19 @@ def test_modes_are_differentiable_and_run_under_vmap():
     assert_allclose(jax.grad(stretch)(1.0), (low[1] - low[0]) / 2e-6, rtol=1e-7)
 
 
+def test_modes_have_the_same_order_under_jit():
+    # The damped frequency of the first is 1.3, below that of the second.
+    def rate(t, y, c):
+        return [y[2], y[3], -9 * y[0] - c * y[2], -4 * y[1]]
+
+    def frequencies(c):
+        rest = jaxdyn.ode(rate, np.zeros(4), names=["a", "b", "u", "v"], params=c)
+        return vibration.modes(rest).frequencies
+
+    assert_allclose(frequencies(5.4), [2.0, 3.0], rtol=1e-12)
+    assert_allclose(jax.jit(frequencies)(5.4), [2.0, 3.0], rtol=1e-12)
+
+
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
     h = receptance(OMEGA)
     assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)
@@ -201,6 +214,10 @@ def test_numbers_of_a_plain_ode_may_be_traced():
         (
             lambda: vibration.transmissibility(quarter_car(0.0, 0.0), [1.0], 1.0),
             "Base: expected a scene with material points",
+        ),
+        (
+            lambda: vibration.transmissibility(one(), [1.0], 1.0, point=1),
+            "point: expected at most 0",
         ),
         (
             lambda: vibration.receptance(one(), vibration.Parameter(lambda u: u), "x", 1.0),
