@@ -89,6 +89,8 @@ def frequencies(
     _checks.whole("count", count)
     real, middle = not np.iscomplexobj(values), 0.5 * (ts[0] + ts[-1])
     t, scale = ts - middle, float(np.abs(values).max())
+    if t[-1] < 0:  # a motion backwards: the same samples in the order of time
+        t, values = t[::-1], values[::-1]
     if scale == 0.0:
         nothing = np.zeros(0)
         return Frequencies(nothing, nothing, nothing.astype(complex), 0.0)
@@ -151,7 +153,7 @@ def _lines(t: np.ndarray, f: np.ndarray, count: int, real: bool) -> tuple[np.nda
 def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[float, float]:
     """The frequency where the windowed transform of the rest is largest, and that maximum.
 
-    Frequencies near known ones are left out.
+    Frequencies near known ones are left out; the maximum is 0 where none is left.
     """
     chi = _window(t, WINDOW)
     n, h = _PADDING * len(t), t[1] - t[0]
@@ -159,7 +161,10 @@ def _strongest(t: np.ndarray, rest: np.ndarray, known: np.ndarray) -> tuple[floa
     grid = 2 * math.pi * np.fft.fftfreq(n, h)
     # A frequency found twice would be the remainder of its own error.
     near = np.abs(grid[:, None] - known[None]) < _APART * 2 * math.pi / abs(t[-1] - t[0])
-    i = int(np.argmax(np.where(near.any(axis=1), 0.0, size)))
+    taken = near.any(axis=1)
+    if taken.all():
+        return 0.0, 0.0
+    i = int(np.argmax(np.where(taken, 0.0, size)))
     low, mid, high = np.log(np.maximum(size[[i - 1, i, (i + 1) % n]], np.finfo(float).tiny))
     bend = low - 2 * mid + high
     shift = 0.5 * (low - high) / bend if bend < 0 else 0.0

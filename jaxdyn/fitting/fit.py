@@ -130,11 +130,16 @@ def fit(
     names = _names(leaves, scene, model)
     sigma = None if noise is None else _sigma(noise, table, sections)
     dof = _degrees_of_freedom(table, names, 1 if sigma is None else 0)
-    solution = _estimate(model, sections, sigma, theta, jnp.asarray(scene.y0, float))
+    solution = _solution(model, sections, sigma, theta, scene)
     fitted = _report(model, sections, sigma, solution, names, table, dof)
     if throw and not fitted.ok:
         raise FitError(fitted.message)
     return fitted
+
+
+def _solution(model: Model, sections, sigma, theta, scene: Scene):
+    start, zeros = jnp.asarray(scene.y0, float), bool((theta == 0).any())
+    return _estimate(model, sections, sigma, theta, start, zeros=zeros)
 
 
 def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], least: int) -> int:

@@ -35,6 +35,8 @@ _FIRST_NOISE = 0.05
 _ROUNDS = 5  # rounds in which the noise of several columns is estimated from residuals
 _FILTER = 8  # steps for the initial state of each segment in turn
 _RELATIVE_NOISE = 1e-12  # relative to the size of a column: the smallest noise
+#: Relative to the spread of columns: an effect of a parameter up to this may be rounding.
+_NO_EFFECT = 1e-13
 
 
 class Unknowns(NamedTuple):
@@ -99,6 +101,7 @@ def estimate(
     start: Array,
     pin: Array | None = None,
     known: tuple[Array, Array] | None = None,
+    zeros: bool = False,
 ) -> Solution:
     """The best fit from a guess.
 
@@ -111,6 +114,7 @@ def estimate(
       pin: (p,) weights of a combination of parameters, relative to their sizes, that keeps its
         value; None for none.
       known: (m, k) initial states of the segments and (k,) sizes of the entries, if they are known.
+      zeros: whether a parameter may be 0 in the guess, which does not show its size.
     """
     system, c = model.scene(theta).system, len(model.columns)
     group = groups(system)
@@ -122,7 +126,8 @@ def estimate(
     first = weights / noise[None, None]
     nodes, sizes = known or _filter_starts(group, model, segments, first, theta, start)
     p = theta.shape[0]
-    parameter_sizes = jnp.where(theta != 0, jnp.abs(theta), 1.0)
+    unknown = _sizes_by_effect(model, segments, first, spread, theta, nodes) if zeros else 1.0
+    parameter_sizes = jnp.where(theta != 0, jnp.abs(theta), unknown)
     everything = jnp.concatenate([parameter_sizes, jnp.tile(sizes, len(nodes))])
     q = p + sum(model.free)
     dof_share = jnp.maximum(1.0 - q / jnp.maximum(jnp.sum(counts), q + 1.0), 0.05)
@@ -155,6 +160,24 @@ def estimate(
         iterations=jnp.sum(history[2]),
         converged=converged,
     )
+
+
+def _sizes_by_effect(
+    model: Model, segments: Segments, weights: Array, spread: Array, theta: Array, nodes: Array
+) -> Array:
+    """(p,) changes of the parameters that change the columns by about their spread; else 1."""
+
+    def seen(theta):
+        def one(start, segment, weight):
+            values, _ = model.run(theta, start, segment.begin, segment.end, segment.ts)
+            return values * weight
+
+        return jax.vmap(one)(nodes, segments, weights)
+
+    effect = jnp.sqrt(jnp.sum(jax.jacfwd(seen)(theta) ** 2, (0, 1, 2)))
+    wanted = jnp.sqrt(jnp.sum((weights * spread[None, None]) ** 2))
+    known = jnp.isfinite(effect) & (effect > _NO_EFFECT * wanted)
+    return jnp.where(known, wanted / jnp.where(known, effect, 1.0), 1.0)
 
 
 def _spread(segments: Segments, counts: Array) -> Array:

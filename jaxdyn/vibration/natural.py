@@ -130,8 +130,9 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
     Raises:
       ValueError: y is not an equilibrium, or of another shape.
     Limits: differentiable with respect to the scene's parameters if eigenvalues are distinct.
-      Inside jit, grad and vmap there are k / 2 modes, with NaN for those that do not oscillate,
-      since their number is not known. Each constraint of a mechanism adds modes of frequency 0.
+      Inside jit, grad and vmap there are k / 2 modes, the first of them NaN for those that do not
+      oscillate, since their number is not known. Each constraint of a mechanism adds modes of
+      frequency 0.
     Reference: Meirovitch (2001), Fundamentals of Vibrations, chapter 7.
     Example:
       >>> from jaxdyn import scenes, vibration
@@ -154,9 +155,11 @@ def modes(scene: Scene, y=None, t=0.0) -> NaturalModes:
         a, compute_left_eigenvectors=False, enable_eigvec_derivs=True
     )
     if traced:
-        order = jnp.argsort(-values.imag)[: len(y) // 2][::-1]
-        turning = (values.imag > _bars(a, vectors))[order]
-        values, vectors = values[order], vectors[:, order]
+        upper = jnp.argsort(-values.imag)[: len(y) // 2]
+        turning = (values.imag > _bars(a, vectors))[upper]
+        order = jnp.argsort(jnp.where(turning, jnp.abs(values[upper]), -1.0))
+        upper, turning = upper[order], turning[order]
+        values, vectors = values[upper], vectors[:, upper]
         values, vectors = nan_unless(turning, values), nan_unless(turning[None], vectors)
     else:
         values = _clear_noise(np.asarray(values), np.asarray(a))

@@ -142,7 +142,7 @@ def transmissibility(scene: Scene, direction, omega, *, point: int = 0, y=None) 
     Returns:
       (...) complex.
     Raises:
-      ValueError: see `transfer_function`.
+      ValueError: there is no such point, or see `transfer_function`.
     Example:
       >>> from jaxdyn import scenes, vibration
       >>> found = vibration.transmissibility(scenes.oscillator(k=4.0, x=0.0), [1.0], 4.0)

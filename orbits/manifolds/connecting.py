@@ -82,6 +82,8 @@ def connect(
     """
     _checks.check_untraced("a", (a, b, parameter), "Connections are computed on the host.")
     segments = _checks.whole("segments", segments, 2)
+    if isinstance(crossings, tuple) and len(crossings) != 2:
+        raise _checks.fail("crossings", "one number, or one for `a` and one for `b`", crossings)
     error = float(_checks.positive("error", error, "It is a distance of states."))
     if isinstance(a, Orbit) or isinstance(b, Orbit):
         if not (isinstance(a, Orbit) and isinstance(b, Orbit)):

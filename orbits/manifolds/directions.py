@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks, _text
@@ -27,6 +28,8 @@ SENSES = {"unstable": 1.0, "stable": -1.0}
 _WEIGHT = 0.1  # entries below this share of a vector's largest do not decide on its sign
 _REST = 1e-8  # largest change of an equilibrium in the time of the fastest eigenvalue, in sizes
 _REAL = 1e-9  # relative imaginary part below which an eigenvalue is real
+#: Sine of the angle of two eigenvectors below which they do not span the plane of both eigenvalues.
+_PARALLEL = 1e-6
 
 
 class Directions(NamedTuple):
@@ -112,8 +115,7 @@ def of_equilibrium(scene: Scene, y, kind: str, n: int, which: int | None) -> Dir
     turn = 2 * np.pi * np.arange(n) / n
     around = np.stack([np.cos(turn), np.sin(turn)], axis=1) if len(b) == 2 else np.ones((1, 1))
     slowest = float((sense * chosen.real).min())
-    values, w = np.linalg.eig(b)
-    back = ((w * np.exp(-values / slowest)) @ np.linalg.inv(w)).real
+    back = scipy.linalg.expm(-b / slowest)
     return Directions(
         base=np.broadcast_to(y, (len(around), len(y))),
         times=np.zeros(len(around)),
@@ -148,8 +150,14 @@ def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     pair = len(chosen) == 2 and abs(chosen[0].imag) > _REAL * abs(chosen[0])
     v = np.stack([v[:, 0].real, v[:, 0].imag], axis=1) if pair else v.real
     u, r = np.linalg.qr(v)
-    u = u * np.sign(np.diag(r))
-    return _with_sign(u[:, 0])[:, None] if u.shape[1] == 1 else u
+    if u.shape[1] == 1:
+        return _with_sign(u[:, 0])[:, None]
+    if abs(r[1, 1]) <= _PARALLEL * np.abs(r).max():  # the eigenvalues are equal, or almost
+        order = np.argsort(-values.real)
+        cut = values.real[order[1:3]].mean() if len(values) > 2 else -np.inf
+        _, u, _ = scipy.linalg.schur(a, sort=lambda re, im: re > cut)
+        return u[:, :2]
+    return u * np.sign(np.diag(r))
 
 
 def _with_sign(v: np.ndarray) -> np.ndarray:

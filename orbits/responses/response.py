@@ -444,7 +444,10 @@ def _own(drive: Callable[..., Scene], scene: Scene) -> _Forced:
         pushed = np.asarray(_rates(forced(omega, 1.0), ts, at_rest))
         first = 2 * np.exp(-2j * np.pi * np.arange(_SAMPLES) / _SAMPLES) @ pushed / _SAMPLES
         a = np.asarray(_slope(forced(omega, 1.0), ts, at_rest))
-        return np.linalg.solve(1j * omega * np.eye(len(a)) - a, first)
+        try:
+            return np.linalg.solve(1j * omega * np.eye(len(a)) - a, first)
+        except np.linalg.LinAlgError:  # at a resonance without damping
+            return np.full(len(a), np.nan)
 
     def over_levels(omega: float) -> Make:
         return lambda level: forced(omega, level)
@@ -511,8 +514,10 @@ def _check_forced(scene: Scene, omega: float) -> None:
 
 
 def _near(forced: _Forced, omega: float, level: float, beside: Orbit | None = None) -> Orbit:
-    """The response near another one, or near the linear one."""
+    """The response near another one, or near the linear one; near rest if that is infinite."""
     scene = forced.scene(omega, level)
-    linear = np.asarray(scene.y0) + level * forced.linear(omega).real
+    rest = np.asarray(scene.y0)
+    linear = rest + level * forced.linear(omega).real
+    linear = linear if np.isfinite(linear).all() else rest
     start = linear if beside is None else beside.y0
     return find(scene.starting(start), period=2 * np.pi / omega, throw=False)

@@ -27,6 +27,7 @@ from orbits.sections.coordinates import entry, fixed_entry, list_names, names_of
 _NEWTON_STEPS = 30
 #: Largest residual of a solution, relative to the terms of the energy.
 _RESIDUAL = 1e-13
+_QUADRATIC = 1e-9  # relative change of the second derivative that is rounding
 _OFF = 1e-9  # largest distance of a start from the section, relative to the state
 
 
@@ -191,7 +192,12 @@ def _solve(scene: Scene, t0: Array, y: Array, energy: Array, sign: Array, index:
     v = jax.lax.stop_gradient(v)
     for _ in range(2):
         v = v - jnp.where(solved, _over(excess(v), slope(v)), 0.0)
-    why = jnp.where(below < 0, int(Status.FORBIDDEN), int(Status.NOT_COMPLETED))
+    # Elsewhere than in a quadratic polynomial, the coefficients at 0 forbid nothing.
+    far = jnp.sqrt(jnp.abs(_over(c, a)))
+    bends = jnp.stack([0.5 * jax.grad(slope)(x) for x in (far, -far)])
+    quadratic = (jnp.abs(bends - a) <= _QUADRATIC * jnp.abs(a)).all()
+    forbidden = (below < 0) & quadratic
+    why = jnp.where(forbidden, int(Status.FORBIDDEN), int(Status.NOT_COMPLETED))
     status = jnp.where(solved, int(Status.OK), why)
     return nan_unless(solved, y.at[index].set(v)), status
 

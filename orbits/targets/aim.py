@@ -202,10 +202,11 @@ def hit(scene: Scene, x, speed) -> Hits:
 
     Args:
       scene: one point in the plane and the effects on it; its own velocity is not used.
-      x: () the target, from the launch along the first axis [m]; 0 is excluded.
+      x: () the target, from the launch along the first axis [m]; at 0, throws along the axis,
+        which land at once, do not count.
       speed: () launch speed [m/s].
     Raises:
-      ValueError: `scene` is not a thrown point, `x` is 0 or not finite, or `speed` is not positive.
+      ValueError: `scene` is not a thrown point, `x` is not finite, or `speed` is not positive.
     Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
       between neighbouring sampled angles (up to 28 degrees apart) would be missed.
     Example:

@@ -158,11 +158,13 @@ class _Search:
             raise fail("quantity", "one number", f"{len(here.value)} numbers")
         units = np.where(numbers != 0, np.abs(numbers), 1.0)
         curvature = None
-        for n in range(steps):
+        for n in range(steps + 1):
             gradient = here.slopes[0] * units
             free = self._free(here, gradient)
             if np.abs(gradient[free]).max(initial=0.0) <= self.goal * abs(here.value[0]):
                 return self._optimum(here, n, OptimumOutcome.FOUND)
+            if n == steps:
+                break
             if curvature is None:
                 curvature = np.linalg.norm(gradient) / _LONGEST * np.eye(len(units))
             step = np.zeros(len(units))
@@ -191,7 +193,8 @@ class _Search:
             numbers = np.clip(here.numbers + step, self.low, self.high)
             new = self.followed.move(here, numbers, self.quantity)
             if new is not None:
-                expected = here.slopes[0] @ (numbers - here.numbers)
+                # Bounds may turn a step upwards.
+                expected = min(here.slopes[0] @ (numbers - here.numbers), 0.0)
                 least = _DECREASE * expected + _ROUNDING * abs(here.value[0])
                 if new.value[0] - here.value[0] <= least:
                     return new

@@ -100,6 +100,20 @@ def test_motions_are_checked():
     assert refusal(lambda: frequencies(motion, "x")).startswith("signal: expected equally spaced")
 
 
+def test_a_motion_backwards_has_the_frequencies_and_bars_of_its_samples():
+    scene = scenes.oscillator(k=4.0, x=1.0)
+    found = frequencies(jaxdyn.simulate(scene, -100.0, samples=1001), "x", count=1)
+    assert abs(found.frequencies[0] - 2.0) < 1e-10
+    assert abs(found.amplitudes[0] - 1.0) < 1e-10
+    assert (found.bars > 0).all()
+
+
+def test_no_frequency_is_found_twice_where_samples_are_few():
+    signal = np.random.default_rng(0).normal(size=40)
+    found = frequencies(signal, dt=1.0, count=30)
+    assert np.diff(np.sort(found.frequencies)).min() > 0.1
+
+
 def test_no_motion_has_no_frequency():
     found = frequencies(np.zeros(100), dt=1.0)
     assert len(found.frequencies) == 0

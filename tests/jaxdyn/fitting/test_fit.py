@@ -177,6 +177,20 @@ def test_what_data_do_not_determine_is_named():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_parameter_may_begin_at_zero_in_any_units(unit):
+    # It had the size 1, so that either it or all others seemed to have no effect.
+    def make(k, c):
+        return scenes.oscillator(k=k * unit, m=unit, c=c, x=1.0)
+
+    motion = jaxdyn.simulate(make(4.0, 0.1 * unit), 10.0, samples=15)
+    noisy = motion["x"] + 1e-3 * np.random.default_rng(0).standard_normal(15)
+    found = jaxdyn.fit(make, {"k": 3.5, "c": 0.0}, {"t": motion.ts, "x": noisy}, start=[])
+    assert abs(found.params["k"] - 4.0) < 2 * found.bars["k"] < 1e-2
+    assert abs(found.params["c"] / unit - 0.1) < 2 * found.bars["c"] / unit < 1e-2
+
+
+@pytest.mark.slow
 def test_a_model_that_lacks_something_is_doubted():
     rng = np.random.default_rng(0)
     bent = {"t": TS, "x": TS + 0.1 * TS**2 + 0.01 * rng.standard_normal(len(TS))}

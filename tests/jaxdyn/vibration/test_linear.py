@@ -117,6 +117,19 @@ def test_under_jit_the_rounding_of_a_free_motion_is_no_frequency(k):
     assert_allclose(frequencies(k), [0.0, 0.0, np.sqrt(1.5 * k)], rtol=1e-12)
 
 
+def test_modes_have_the_same_order_under_jit():
+    # The damped frequency of the first is 1.3, below that of the second.
+    def rate(t, y, c):
+        return [y[2], y[3], -9 * y[0] - c * y[2], -4 * y[1]]
+
+    def frequencies(c):
+        rest = jaxdyn.ode(rate, np.zeros(4), names=["a", "b", "u", "v"], params=c)
+        return vibration.modes(rest).frequencies
+
+    assert_allclose(frequencies(5.4), [2.0, 3.0], rtol=1e-12)
+    assert_allclose(jax.jit(frequencies)(5.4), [2.0, 3.0], rtol=1e-12)
+
+
 def test_frequency_responses_of_an_oscillator_are_the_closed_forms():
     h = receptance(OMEGA)
     assert_allclose(vibration.receptance(one(), "x", "x", OMEGA), h, rtol=1e-13)

@@ -112,6 +112,20 @@ def test_the_stable_surface_of_the_origin_of_lorenz():
         assert off < 3 * found.linear_error
 
 
+@pytest.mark.parametrize("shear", [0.0, 1.0])
+def test_equal_eigenvalues_have_the_whole_plane(shear):
+    # One eigenvector was taken twice; with a shear there is only one.
+    def rate(t, y):
+        return [y[0] + shear * y[1], y[1], 2 * y[0] - y[2]]
+
+    saddle = jaxdyn.ode(rate, [0.0, 0.0, 0.0], names=["x", "y", "z"])
+    found = orbits.manifold(saddle, "unstable", strands=6, time=0.5, samples=2)
+    x, y, z = found.starts.T / found.step_off
+    plane = x - shear * y / 2  # z of the plane, which the flow keeps
+    np.testing.assert_allclose(z, plane, atol=1e-6)
+    assert np.linalg.matrix_rank(found.starts, 0.1 * found.step_off) == 2
+
+
 def test_strands_that_miss_the_section_have_a_status_and_no_end(lyapunov):
     far = Reaches(0, 10.0)
     found = orbits.manifold(

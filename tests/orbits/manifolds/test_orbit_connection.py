@@ -139,6 +139,7 @@ def test_fewer_connections_than_asked_for_are_an_outcome(pair):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
+        ({"crossings": (1, 2, 3)}, "crossings: expected one number"),
         ({"until": None}, "until: expected a section for the connection of orbits"),
         ({"branch": "+"}, "branch: expected"),
         ({"make": lambda p: scenes.lorenz(rho=p), "parameter": 1.0}, "make: expected none"),

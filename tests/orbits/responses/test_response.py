@@ -180,6 +180,22 @@ def test_the_table_has_a_row_for_each_response_and_the_outputs_asked_for(found):
     assert "fold at 2.21194" in repr(found)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [False, True])
+def test_a_range_may_begin_at_a_resonance_without_damping(own):
+    def swing(t, y, p):
+        return [y[1], -y[0] - 0.2 * y[0] ** 3 + p[1] * jnp.cos(p[0] * t)]
+
+    def forced(omega, level):
+        p = jnp.stack([jnp.asarray(omega, float), jnp.asarray(level, float)])
+        return jaxdyn.ode(swing, [0.0, 0.0], names=["x", "v"], params=p)
+
+    rest = forced(1.0, 0.0)
+    drive = forced if own else "x"
+    found = orbits.frequency_response(rest, drive, (1.0, 1.2), levels=0.1, members=3)
+    assert found.curves[0].members[0].parameter == 1.0
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -71,6 +71,19 @@ def test_an_entry_without_influence_on_the_energy_is_not_completed():
     assert np.isnan(found.y0s).all()
 
 
+def test_an_energy_of_another_kind_does_not_forbid_what_its_quadratic_part_does():
+    # With v^2 = 1 + sqrt(2) there is a state; the expansion at v = 0 has a maximum below 1/2.
+    def of_state(t, y):
+        return (y[1] ** 2 - 1) ** 2 / 4 + y[0] ** 2 / 2
+
+    def rate(t, y):
+        return [y[1] * (y[1] ** 2 - 1), -y[0]]
+
+    scene = jaxdyn.ode(rate, [0.1, 0.1], names=["x", "v"], energy=of_state)
+    found = complete(scene, PLANE, {}, energy=0.5, unknown="v")
+    assert found.status.tolist() == [Status.NOT_COMPLETED]
+
+
 def test_derivatives_are_those_of_the_closed_form():
     def vx(y, e):
         return complete(HENON, PLANE, {"y": y, "vy": 0.1}, energy=e).y0s[0, 2]
