@@ -477,12 +477,7 @@ def _by_its_change(
         way = jnp.finfo(y0.dtype).eps * horizon * moves
         there = lax.select(here > way, here, jnp.zeros_like(here))
         speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
-        # Near a turning point a velocity is as good as zero: by itself it would give a time as
-        # short as the way to that point, in which nothing else happens.
-        others = _of_other_groups(groups, speeds)
-        turned = (others > 0) & (there * others < _TURNING * moves)
-        there = lax.select(turned, jnp.zeros_like(there), there)
-        speeds = lax.select(turned, jnp.zeros_like(speeds), speeds)
+        there, speeds = _without_turning(groups, there, moves, speeds)
         begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
         speed = lax.reduce_max(lax.max(speeds, begins), (0,))
         tau = 1 / lax.max(speed, 1 / span)
@@ -522,6 +517,20 @@ def _by_its_change(
     (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(10))
     tau, sizes = motion(f, then, noise, horizon)
     return Scales(sizes, tau, most), f
+
+
+def _without_turning(
+    groups: Groups, there: Array, moves: Array, speeds: Array
+) -> tuple[Array, Array]:
+    """(k,) sizes and (k,) speeds, with 0 for a group near a turning point.
+
+    There a velocity is as good as zero: by itself it would give a time as short as the way to that
+    point, in which nothing else happens.
+    """
+    others = _of_other_groups(groups, speeds)
+    turned = (others > 0) & (there * others < _TURNING * moves)
+    there = lax.select(turned, jnp.zeros_like(there), there)
+    return there, lax.select(turned, jnp.zeros_like(speeds), speeds)
 
 
 def _of_other_groups(groups: Groups, x: Array) -> Array:

@@ -155,8 +155,7 @@ def _invariant(a: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     if abs(r[1, 1]) <= _PARALLEL * np.abs(r).max():  # the eigenvalues are equal, or almost
         order = np.argsort(-values.real)
         cut = values.real[order[1:3]].mean() if len(values) > 2 else -np.inf
-        _, u, _ = scipy.linalg.schur(a, sort=lambda re, im: re > cut)
-        return u[:, :2]
+        return scipy.linalg.schur(a, sort=lambda re, im: re > cut)[1][:, :2]
     return u * np.sign(np.diag(r))
 
 
