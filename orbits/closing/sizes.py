@@ -85,7 +85,7 @@ def _sizes(scene: Scene) -> np.ndarray:
             found = np.maximum(found, alike(scene, radian * most(y0 + found)))
         # The Jacobian takes a program of its own, and is rarely of use here.
         if (moved < _SHARE * place).any():
-            found = coupled_sizes(scene, found, _SHARE)
+            found = coupled_sizes(scene, found)
     else:
         found = coupled_sizes(scene, found)
         slope, noise = _near(scene)
@@ -103,13 +103,16 @@ def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
     return np.array(at_rest(scene.field, groups(scene.system), y).sizes)
 
 
-def coupled_sizes(scene: Scene, each: np.ndarray, share: float = 1.0) -> np.ndarray:
-    """(k,) sizes, raised to a share of the effect of the other entries in the time of the start.
+def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
+    """(k,) sizes, raised to the effect of the other entries in the time of the start.
+
+    Where units give the groups, to a small share of it.
 
     That time is 1 over the spectral radius of |J|, with J the rate's Jacobian at the start, and at
     most the span, since a motion adds up no longer than that; the limit matters where J is
     nilpotent, as at a Bogdanov-Takens point.
     """
+    share = _SHARE if groups(scene.system).known else 1.0
     slope, _ = _near(scene)
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):

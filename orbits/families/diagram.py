@@ -330,8 +330,8 @@ def load(path: str | Path, make: Make) -> Diagram:
       ValueError: the file is of another kind, was edited or damaged, has a family without a
         parameter or with conditions, or does not hold equilibria and orbits of these scenes.
     """
+    walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))  # a file of another kind has another make
     make = with_captures("make", make, "parameter")
-    walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))
     equilibria = tuple(equilibria_of(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]
     depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]

@@ -8,7 +8,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.integrate.simulation import solve
-from orbits.closing.sizes import alike, sizes, sizes_at_rest
+from orbits.closing.sizes import alike, coupled_sizes, sizes, sizes_at_rest
 
 
 def spring(t, y, k):
@@ -28,6 +28,13 @@ def test_entries_of_a_unit_have_one_size():
     each = sizes(scene)
     assert len(set(each[:6])) == len(set(each[6:])) == 1
     assert alike(scene, np.arange(12.0)).tolist() == [5.0] * 6 + [11.0] * 6
+
+
+def test_what_bodies_do_to_each_other_raises_no_size_that_units_give():
+    # Else another orbit, a few thousandths away from a known one, would count as the known one.
+    scene = scenes.three_body(scenes.EIGHT_GUESS, t1=scenes.EIGHT_GUESS_PERIOD)
+    each = sizes(scene)
+    np.testing.assert_array_equal(coupled_sizes(scene, each), each)
 
 
 def test_entries_at_rest_have_the_sizes_of_each_other():
