@@ -142,7 +142,8 @@ def minimise(
 class _Search:
     """The BFGS method on the parameters that no bound holds; steps are halved until they descend.
 
-    Parameters are in units of their first values.
+    Parameters are in units of their first values, and one that is 0 in the change that changes the
+    quantity by as much as its value.
     """
 
     followed: Followed
@@ -156,7 +157,7 @@ class _Search:
         here = self.followed.at(numbers, near, self.quantity)
         if len(here.value) != 1:
             raise fail("quantity", "one number", f"{len(here.value)} numbers")
-        units = np.where(numbers != 0, np.abs(numbers), 1.0)
+        units = _units(here)
         curvature = None
         for n in range(steps + 1):
             gradient = here.slopes[0] * units
@@ -215,3 +216,10 @@ def _update(curvature: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.
     return (
         curvature - np.outer(ahead, ahead) / float(moved @ ahead) + np.outer(change, change) / along
     )
+
+
+def _units(here: At) -> np.ndarray:
+    """(n,) units of the parameters, from the first point."""
+    slope, value = np.abs(here.slopes[0]), abs(here.value[0])
+    by_slope = np.where((slope > 0) & (value > 0), value / np.where(slope > 0, slope, 1.0), 1.0)
+    return np.where(here.numbers != 0, np.abs(here.numbers), by_slope)

@@ -244,6 +244,13 @@ def test_the_shortest_period_of_a_swinging_rod(swing):
     with pytest.raises(orbits.SearchError, match="The search reached its step limit"):
         minimise(rod, lambda orbit: orbit.period, [0.4], known, hold="x", steps=1)
 
+    # A number that is 0 at first, in a unit in which it stays small.
+    def moved(numbers):
+        return rod(0.4 - 1e9 * numbers)
+
+    small = minimise(moved, lambda orbit: orbit.period, [0.0], known, hold="x")
+    assert small.numbers[0] == pytest.approx(1e-9 * (0.4 - 1 / np.sqrt(12)), rel=1e-6)
+
     short = minimise(
         rod, lambda orbit: orbit.period, [0.4], known, hold="x", seconds=1e-9, throw=False
     )
