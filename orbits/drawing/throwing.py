@@ -55,10 +55,11 @@ def throws(
         paths.plot(hits.x, 0.0, "x", color=INK, ms=10, mew=2.2, label="target")
         ranges.axhline(hits.x, color=INK, lw=0.8, ls="--")
     paths.axhline(0.0, color=INK, lw=0.8)
-    paths.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    shown = f"launch speed {speed:.6g} m/s" if title is None else ""
+    (_, length), _, (_, rate), _ = scene.labels()
+    paths.set(aspect="equal", xlabel=f"x [{length}]", ylabel=f"y [{length}]")
+    shown = f"launch speed {speed:.6g} {rate}" if title is None else ""
     paths.set_title(heading(title, [scene], _WIDTH, shown), fontsize=10)
-    ranges.set(xlabel="launch angle [degrees]", ylabel="lands at x [m]", xlim=(0, 180))
+    ranges.set(xlabel="launch angle [degrees]", ylabel=f"lands at x [{length}]", xlim=(0, 180))
     ranges.set_xticks(range(0, 181, 30))
     style(paths)
     style(ranges)

@@ -125,14 +125,14 @@ _BEFORE = 3  # a bracket begins this many speeds earlier, since sampled angles m
 
 
 class Hits(eqx.Module):
-    """All throws that land at a point.
+    """All throws that land at a point, in the units of the scene.
 
     Attributes:
-      x: () the target, from the launch along the first axis [m].
-      speed: () launch speed [m/s].
+      x: () the target, from the launch along the first axis.
+      speed: () launch speed.
       angles: (n,) launch angles [rad], ascending; empty if the target is out of reach.
-      times: (n,) times of flight [s].
-      short: () distance of the nearest throw from the target [m]; 0 if the target is hit.
+      times: (n,) times of flight.
+      short: () distance of the nearest throw from the target; 0 if the target is hit.
       nearest: () launch angle of that throw [rad]; NaN if the target is hit.
       outcome: the `Aim` code.
     """
@@ -159,17 +159,17 @@ class Hits(eqx.Module):
         if self.outcome != Aim.OUT_OF_REACH:
             return self.outcome.message
         nearest = f"The nearest, at {np.degrees(self.nearest):.6g} degrees, misses"
-        return f"{self.outcome.message} {nearest} by {self.short:.6g} m."
+        return f"{self.outcome.message} {nearest} by {self.short:.6g}."
 
 
 class Throws(eqx.Module):
-    """The best throw for each speed or target; NaN where there is none.
+    """The best throw for each speed or target, in the units of the scene; NaN where there is none.
 
     Attributes:
-      speed: () or (n,) launch speed [m/s].
+      speed: () or (n,) launch speed.
       angle: () or (n,) launch angle [rad].
-      x: () or (n,) where it lands, from the launch along the first axis [m].
-      t: () or (n,) time of flight [s].
+      x: () or (n,) where it lands, from the launch along the first axis.
+      t: () or (n,) time of flight.
       landing: () or (n,) angle below the first axis at which it comes down [rad].
       outcome: () or (n,) `Aim` codes.
     """

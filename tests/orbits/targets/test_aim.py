@@ -1,5 +1,6 @@
 """Aiming: closed forms without drag and with linear drag, a quadrature for quadratic drag."""
 
+import dataclasses
 import functools
 import itertools
 import json
@@ -113,7 +114,7 @@ def test_out_of_reach_says_how_far_and_the_nearest_angle():
         assert abs(found.short - 2.5) < SOLVED
         assert abs(found.nearest - (np.pi / 4 if x > 0 else 3 * np.pi / 4)) < SOLVED
     assert "Throw faster" in found.message
-    assert "at 135 degrees, misses by 2.5 m" in found.message
+    assert "at 135 degrees, misses by 2.5." in found.message
 
 
 @pytest.mark.parametrize("x", [1e20, 1e150, -1e300])
@@ -480,6 +481,9 @@ def test_the_picture_shows_every_throw(drag):
     labels = paths.get_legend_handles_labels()[1]
     assert len(labels) == 4
     assert paths.get_aspect() == 1.0
+    assert (paths.get_xlabel(), ranges.get_ylabel()) == ("x [m]", "lands at x [m]")
+    in_km = drawing.throws(dataclasses.replace(drag, units=("km", "kg", "min")), best)
+    assert [axes.get_ylabel() for axes in in_km.axes] == ["y [km]", "lands at x [km]"]
     dots = [line for line in ranges.lines if line.get_marker() == "o"]
     ends = [float(np.asarray(dot.get_ydata())[0]) for dot in dots]
     assert np.abs(np.array(ends) - [float(best.x), 80.0, 80.0]).max() < 1e-6
