@@ -12,7 +12,10 @@ from jaxdyn.files.codec import decode_fields
 from orbits.analysis.stability import Stability, rotation_numbers, stability
 from orbits.orbit import Orbit
 
-_SPARE = 3  # digits that two multipliers which nearly meet may have lost
+_SPARE = 3  # digits that multipliers may have lost
+_SPARE_NEAR = 6  # those of two that nearly meet, besides the digits of their distance
+#: Distance of two multipliers at which errors of the matrix move them by more than its digits.
+NEAR = 1e-3
 _ROUNDING = 1e-15  # rounding of multipliers as doubles, with some to spare
 
 
@@ -30,7 +33,8 @@ class Refined:
         among its neighbours.
       residual: the closing error that a second run with other orders and steps finds, in the sizes
         of the entries.
-      multipliers: (p) the non-trivial Floquet multipliers, as (real, imaginary) parts.
+      multipliers: (p) the non-trivial Floquet multipliers, as (real, imaginary) parts; with fewer
+        digits where two nearly meet.
       exponents: rotation numbers in (0, 1/2) of pairs of them on the unit circle; None for a pair
         elsewhere.
       energy: kinetic plus potential; None where it is not conserved.
@@ -74,7 +78,10 @@ class Refined:
         """
         rough = stability(self.orbit, throw=False)
         values = np.array([complex(*map(float, z)) for z in self.multipliers])
-        bars = np.full(len(values), max(10.0 ** (_SPARE - self.digits), _ROUNDING))
+        apart = np.abs(values[:, None] - values[None]) + np.eye(len(values))
+        apart = np.minimum(apart.min(axis=1, initial=1.0), 1.0)
+        lost = np.where(apart < NEAR, _SPARE_NEAR - np.log10(apart), _SPARE)
+        bars = np.maximum(10.0 ** (lost - self.digits), _ROUNDING)
         found = Eigenvalues(values, bars * np.maximum(1.0, np.abs(values)))
         alike = len(values) == len(rough.nontrivial)
         known = rough.multipliers[len(rough.nontrivial) :]

@@ -21,7 +21,7 @@ from jaxdyn.ball_arithmetic.program import Program
 from orbits.orbit import Orbit, SearchError
 from orbits.proof.closing_equations import ClosingEquations
 from orbits.proof.posing import ROUGH_DIGITS, equations_of
-from orbits.proof.refined import Refined
+from orbits.proof.refined import NEAR, Refined
 from orbits.proof.stability import multipliers
 
 LEAST_DIGITS, MOST_DIGITS = 15, 1000
@@ -109,15 +109,23 @@ def _multipliers(matrix: arb_mat, digits: int) -> tuple:
     error = arb(10) ** -(digits + _SPARE)
     found = multipliers.sorted_roots(multipliers.roots(coefficients, error))
     size = arb(1)
-    texts = tuple((_text(z.real, size, digits), _text(z.imag, size, digits)) for z in found)
+    certain = [digits - _lost_beside(z, found) for z in found]
+    texts = tuple(
+        (_text(z.real, size, n), _text(z.imag, size, n))
+        for z, n in zip(found, certain, strict=True)
+    )
     exponents = tuple(
-        _text(multipliers.rotation_number(z), size, digits)
-        if abs(float(abs(z)) - 1) < 1e-9
-        else None
-        for z in found
+        _text(multipliers.rotation_number(z), size, n) if abs(float(abs(z)) - 1) < 1e-9 else None
+        for z, n in zip(found, certain, strict=True)
         if float(z.imag) > 0 or (float(z.imag) == 0 and abs(float(z.real)) > 1)
     )
     return texts, exponents
+
+
+def _lost_beside(z, found: list) -> int:
+    """The digits that a multiplier loses beside another one that it nearly meets."""
+    apart = min((float(abs(z - other)) for other in found if other is not z), default=1.0)
+    return _SPARE - math.floor(math.log10(apart)) if 0 < apart < NEAR else 0
 
 
 def solve(system: ClosingEquations, digits: float) -> tuple[list[arb], float]:

@@ -108,6 +108,8 @@ def test_multipliers_that_only_come_near_are_told_apart_by_more_digits():
     found = [complex(*map(float, z)) for z in values]
     np.testing.assert_allclose(np.angle(found), [*angles, *np.negative(angles)[::-1]], rtol=1e-12)
     np.testing.assert_allclose([float(x) for x in exponents], np.array(angles) / (2 * np.pi))
+    assert len(values[0][1]) > 60  # digits, those that both lose beside each other are not shown
+    assert len(values[1][0]) < 60 - 14
     values, exponents = values[1:3], exponents[1:]
     circle = orbits.find(scenes.power_law(n=-2.0, speed=1.0), period=6.28, hold=["x", "vy"])
     blank = {"period": "", "y0": (), "held": (), "residual": "0"}
