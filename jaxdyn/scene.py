@@ -12,6 +12,7 @@ recompiles. Constructors check nothing, since they also run inside traces; entry
 ``scene.check()``.
 """
 
+import contextlib
 import dataclasses
 import functools
 import re
@@ -386,8 +387,10 @@ class Scene(Record):
         if _checks.is_traced(self):
             check_field(self.field, jnp.zeros(()), jnp.asarray(self.y0, float))
             return
-        # Within a jit that has captured the scene, its numbers would become traced ones.
-        with jax.ensure_compile_time_eval():
+        # Within a jit that has captured the scene, its numbers would become traced ones. Elsewhere
+        # that would only take more programs.
+        within = _checks.is_traced(jnp.zeros(()))
+        with jax.ensure_compile_time_eval() if within else contextlib.nullcontext():
             self._check_values(np.zeros(()), np.asarray(self.y0, float))
 
     def _check_values(self, t: np.ndarray, y: np.ndarray) -> None:
