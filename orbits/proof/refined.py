@@ -80,7 +80,8 @@ class Refined:
         values = np.array([complex(*map(float, z)) for z in self.multipliers])
         apart = np.abs(values[:, None] - values[None]) + np.eye(len(values))
         apart = np.minimum(apart.min(axis=1, initial=1.0), 1.0)
-        lost = np.where(apart < NEAR, _SPARE_NEAR - np.log10(apart), _SPARE)
+        with np.errstate(divide="ignore"):  # two that are the same double have infinite bars
+            lost = np.where(apart < NEAR, _SPARE_NEAR - np.log10(apart), _SPARE)
         bars = np.maximum(10.0 ** (lost - self.digits), _ROUNDING)
         found = Eigenvalues(values, bars * np.maximum(1.0, np.abs(values)))
         alike = len(values) == len(rough.nontrivial)

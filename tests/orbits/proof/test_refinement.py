@@ -115,6 +115,10 @@ def test_multipliers_that_only_come_near_are_told_apart_by_more_digits():
     blank = {"period": "", "y0": (), "held": (), "residual": "0"}
     found = Refined(orbit=circle, digits=60, multipliers=values, exponents=exponents, **blank)
     assert found.stability().verdict == "stable"
+    # Nearer than doubles tell apart.
+    same = dataclasses.replace(found, multipliers=(("1", "0"), ("1", "0"))).stability()
+    assert same.verdict == "undecided"
+    assert not np.isfinite(same.bars).any()
 
 
 @pytest.mark.parametrize("digits", [14, 1001, 20.5])
