@@ -171,6 +171,10 @@ def _by_name(make: Callable, guess: Any) -> bool:
         return False  # the dictionary is the only argument
     for name in () if takes_any else guess:
         _checks.choice("guess", name, parameters)
+    named = [p for p in parameters.values() if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+    if missing := [p.name for p in named if p.default is p.empty and p.name not in guess]:
+        remedy = "Give each a guess, or a default in make."
+        raise _checks.fail("guess", "values for " + ", ".join(missing), "none", remedy)
     return True
 
 

@@ -114,7 +114,7 @@ def read_measurements(data: Any, columns: Any = None) -> Measured:
     names = tuple(_checks.choice("columns", name, given) for name in columns)
     if not names:
         raise _checks.fail("data", "a column besides the times", "none", _REMEDY)
-    ts = _checks.host_array("t", given[TIME], (None,))
+    ts = _checks.host_array("t", _floats("t", given[TIME]), (None,))
     values = [_numbers(name, given[name], len(ts)) for name in names]
     order = np.argsort(ts, kind="stable")
     table = np.stack(values, axis=1)[order]
@@ -138,11 +138,16 @@ def _units(data: Any) -> dict[str, str]:
     return dict(known)
 
 
-def _numbers(name: str, given: Any, count: int) -> np.ndarray:
+def _floats(name: str, given: Any) -> np.ndarray:
+    """The values of a column, which may be numbers in an array of objects, or as text."""
     try:
-        values = np.asarray(given, float)
+        return np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given)) from error
+
+
+def _numbers(name: str, given: Any, count: int) -> np.ndarray:
+    values = _floats(name, given)
     _checks.check_shape(f"column {name}", values.shape, (count,), "One for each time.")
     if np.isinf(values).any():
         raise _checks.fail(f"column {name}", "numbers, or NaN for gaps", "infinity")

@@ -9,6 +9,7 @@ responses begin.
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Sequence
 
 import jax
@@ -147,9 +148,14 @@ class FrequencyResponse:
 
 
 def _peak(curve: Family, output: Output) -> Member:
-    """The member of a curve with the largest amplitude."""
+    """The member of a curve with the largest amplitude; an output without a value is no peak."""
     members = curve.members
-    heights = [amplitude(m.orbit, output) for m in members]
+
+    def height(member: Member) -> float:
+        found = amplitude(member.orbit, output)
+        return -math.inf if math.isnan(found) else found
+
+    heights = [height(m) for m in members]
     top = int(np.argmax(heights))
     best, largest = members[top], heights[top]
     surface = OrbitSurface(curve.equations, best.orbit.rtol, GOAL)
@@ -162,7 +168,7 @@ def _peak(curve: Family, output: Output) -> Member:
         def lower(share: float, a=a, b=b, chart=chart, found=found) -> float:
             found[share] = chart.between(members[a], members[b], share)
             member = found[share]
-            return -heights[top] if member is None else -amplitude(member.orbit, output)
+            return -heights[top] if member is None else -height(member)
 
         result = minimize_scalar(lower, bounds=(0.0, 1.0), method="bounded", options=_PEAK)
         member = found[result.x]

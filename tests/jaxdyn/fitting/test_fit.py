@@ -282,6 +282,7 @@ def test_misuse_is_refused(track):
     assert "function that returns a scene" in refused(make=3)
     assert "Did you mean 'slope'" in refused({"slop": 1.0})
     assert "guess: expected numbers" in refused({"slope": "1"})
+    assert "values for x, got none" in refused(make=lambda slope, x: straight(slope))
     assert "kind" in refused(make=lambda slope: 3.0) or "Scene" in refused(make=lambda slope: 3.0)
     assert "column 't'" in refused(data={"x": TS})
     assert "columns by name" in refused(data=[1.0])
@@ -289,6 +290,7 @@ def test_misuse_is_refused(track):
     assert "column: expected one of x, got 'z'" in refused(data={"t": TS, "z": TS})
     assert "observe=" in refused(data={"t": TS, "z": TS})
     assert "One for each time" in refused(data={"t": TS, "x": TS[1:]})
+    assert "column t: expected numbers" in refused(data={"t": ["a"] * 60, "x": TS})
     assert "NaN for gaps" in refused(data={"t": TS, "x": np.full(60, np.inf)})
     assert "NaN alone" in refused(data={"t": TS, "x": np.full(60, np.nan)})
     assert "column x: expected numbers" in refused(data={"t": TS, "x": ["a"] * 60})
@@ -316,7 +318,7 @@ def _both(t, y, p):
 def test_it_reads_frames_and_motions(fitted, track):
     pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(track)
-    for data in (frame, frame.set_index("t")):
+    for data in (frame, frame.set_index("t"), frame.astype(object)):
         again = jaxdyn.fit(straight, {"slope": 1.0}, data)
         assert np.array_equal(again.values, fitted.values)
     motion = jaxdyn.simulate(straight(2.0), 6.0, samples=60)

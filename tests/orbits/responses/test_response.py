@@ -92,6 +92,16 @@ def test_a_linear_scene_responds_by_its_receptance():
 
 
 @pytest.mark.slow
+def test_an_output_without_a_value_is_no_peak():
+    rest = scenes.oscillator(k=1.0, m=1.0, c=0.2, x=0.0)
+    found = orbits.frequency_response(rest, "x", (0.5, 2.0), step=0.3)
+    (high,) = found.peaks()
+    largest = 0.5 * quantities.amplitude(high.orbit, "x")
+    (peak,) = found.peaks(lambda t, y: jnp.where(jnp.abs(y[0]) < largest, y[0], jnp.nan))
+    assert quantities.amplitude(peak.orbit, "x") < largest
+
+
+@pytest.mark.slow
 def test_a_scene_without_damping_responds_beside_its_resonance():
     found = orbits.frequency_response(scenes.oscillator(x=0.0), "x", (1.5, 2.0), step=0.3)
     (curve,) = found.curves
