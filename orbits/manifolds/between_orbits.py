@@ -216,12 +216,12 @@ def _check(a: Orbit, b: Orbit) -> bool:
 
 def _polish(posed: OrbitChain, ends, found: list[Manifold], which: int) -> Connection:
     """Connection number `which` of those to which crossings of strands lead, nearest first."""
-    guesses = _crossings(found[0], found[1], np.asarray(posed.each))
+    guesses = _crossings(posed.base, found[0], found[1], np.asarray(posed.each))
     known: list[np.ndarray] = []
     total, residual, periods = 0, np.inf, np.array([orbit.period for orbit in ends])
-    for signs, phases, times in guesses[:_ATTEMPTS]:
+    for signs, phases, times, turns in guesses[:_ATTEMPTS]:
         steps = np.array([s * one.step_off for s, one in zip(signs, found, strict=True)])
-        solution = solve(posed, _unknowns(posed, phases, times, steps), steps)
+        solution = solve(posed, _unknowns(posed, phases, times, turns, steps), steps)
         total, residual = total + solution.iterations, min(residual, solution.residual)
         if not (solution.converged and solution.independent):
             continue
@@ -247,8 +247,11 @@ def _alike(place: np.ndarray, other: np.ndarray) -> bool:
     return bool(np.abs(apart).max() < _SAME)
 
 
-def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
-    """The unknowns of the chain that consists of the motions from both ends to the section."""
+def _unknowns(posed: OrbitChain, phases, times, turns, steps) -> np.ndarray:
+    """The unknowns of the chain that consists of the motions from both ends to the section.
+
+    The second is moved by `turns` (k,), so that angles go on where the first ends.
+    """
     whole = sum(times)
     nodes = whole * np.arange(1, posed.segments) / posed.segments
     states = np.empty((len(nodes), posed.starts.shape[1]))
@@ -259,21 +262,23 @@ def _unknowns(posed: OrbitChain, phases, times, steps) -> np.ndarray:
             order = np.argsort(np.abs(ts[chosen]))
             ts = ts[chosen][order]
             run = quick_solve(posed.base.starting(y), ts[-1], ts=ts, rtol=posed.rtol)
-            states[np.flatnonzero(chosen)[order]] = np.asarray(run.ys)
+            states[np.flatnonzero(chosen)[order]] = np.asarray(run.ys) + i * turns
     shift = [0.0] if posed.conserved else []
     return np.concatenate([[whole, *phases], shift, states.ravel()])
 
 
-def _crossings(first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]:
-    """Where the curves of strands' ends cross: signs, phases and times of the two, nearest first.
+def _crossings(scene: Scene, first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]:
+    """Where the curves of strands' ends cross: signs, phases, times and turns, nearest first.
 
-    Curves are polygons here, in the sizes `each` (k,). Two pieces cross where the points at which
-    their straight lines come nearest are on both pieces, and closer than the longer piece is long.
+    Signs, phases and times are those of both. Turns (k,) move the second's angles to the first's.
+    Curves are polygons here, in the sizes `each` (k,), and angles count modulo a turn. Two pieces
+    cross where the points at which their straight lines come nearest are on both pieces, and closer
+    than the longer piece is long.
     """
     (p, dp, of_p), (q, dq, of_q) = (_pieces(one, each) for one in (first, last))
     if not (len(p) and len(q)):
         return []
-    apart = q[None] - p[:, None]
+    apart = np.asarray(_differences(scene, q * each, p * each)) / each
     pp, qq = (dp * dp).sum(axis=1)[:, None], (dq * dq).sum(axis=1)[None]
     pq = dp @ dq.T
     along_p, along_q = np.einsum("ijk,ik->ij", apart, dp), np.einsum("ijk,jk->ij", apart, dq)
@@ -293,8 +298,16 @@ def _crossings(first: Manifold, last: Manifold, each: np.ndarray) -> list[tuple]
             tuple((1 - w) * z[0] + w * z[1] for w, z in zip(weights, pair, strict=True))
             for pair in ((phase_p, phase_q), (time_p, time_q))
         )
-        guesses.append(((sign_p, sign_q), phases, times))
+        turns = (apart[i, j] - (q[j] - p[i])) * each
+        guesses.append(((sign_p, sign_q), phases, times, turns))
     return guesses
+
+
+@eqx.filter_jit
+def _differences(scene: Scene, ys: Array, origins: Array) -> Array:
+    """(m, n, k) the displacements of n states from each of m others."""
+    from_one = jax.vmap(scene.system.difference, (0, None))
+    return jax.vmap(from_one, (None, 0))(ys, origins)
 
 
 def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:

@@ -11,7 +11,7 @@ import jaxdyn
 import orbits
 from jaxdyn import scenes
 from jaxdyn.analysis.energy import energy
-from jaxdyn.integrate.events import Reaches
+from jaxdyn.integrate.events import Reaches, When
 from orbits.closing.sizes import sizes
 
 #: The comet Oterma's energy in the problem of Sun and Jupiter, and where the Lyapunov orbits of L1
@@ -82,6 +82,38 @@ def test_scipy_goes_both_ways_from_the_middle(connection):
         run = solve_ivp(rate, (t, connection.ts[end]), y, "DOP853", rtol=1e-13, atol=1e-14)
         # Towards either orbit errors of 1e-14 grow, but by less than its multiplier squared.
         np.testing.assert_allclose(run.y[:, -1], connection.states[end], rtol=0, atol=1e-8)
+
+
+def kinetic(t, q, v):
+    return 0.5 * (v[0] ** 2 + v[1] ** 2)
+
+
+def potential(t, q):
+    """A rod that balances at theta = 0, and a mass on a spring; when it moves, they are coupled."""
+    return jnp.cos(q[0]) + q[1] ** 2 + 0.1 * q[1] * jnp.sin(q[0]) ** 2
+
+
+def pushed(t, y):
+    theta, x, p, v = y
+    return [p, v, np.sin(theta) - 0.1 * x * np.sin(2 * theta), -2 * x - 0.1 * np.sin(theta) ** 2]
+
+
+@pytest.mark.slow
+def test_a_motion_that_goes_round_ends_a_turn_later():
+    names = [("theta", "rad"), ("x", "m")]
+    scene = jaxdyn.lagrangian((kinetic, potential), [0.0, 0.3], [0.0, 0.0], names=names)
+    balanced = orbits.find(scene, period=2 * math.pi / math.sqrt(2))
+    found = orbits.connect(
+        balanced, balanced, until=When(lambda t, y: jnp.cos(y[0] / 2)), strands=24, time=40.0
+    )
+    assert found.ok
+    middle = int(np.argmin(np.abs(found.states[:, 0] - math.pi)))
+    t, y = found.ts[middle], found.states[middle]
+    run = solve_ivp(pushed, (t, found.ts[-1]), y, "DOP853", rtol=1e-13, atol=1e-14)
+    assert abs(run.y[0, -1] - 2 * math.pi) < 1e-3
+    np.testing.assert_allclose(run.y[:, -1], found.states[-1], rtol=0, atol=1e-8)
+    # Reversed in time and mirrored, it is the same motion: at half a turn the mass rests.
+    np.testing.assert_allclose(y[[0, 3]], [math.pi, 0.0], rtol=0, atol=1e-10)
 
 
 @pytest.mark.long
