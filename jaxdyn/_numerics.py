@@ -52,6 +52,33 @@ def nan_unless(known: Array, x: Array) -> Array:
     return x * jnp.where(known, 1.0, jnp.nan)
 
 
+@jax.custom_jvp
+def first_only(x: Array) -> Array:
+    """x, with derivatives of the second and higher orders of NaN.
+
+    It is for formulas of which only the first derivative is right: further ones would be finite
+    wrong numbers.
+    """
+    return x
+
+
+@first_only.defjvp
+def _(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    return x, dx * _one(x)
+
+
+@jax.custom_jvp
+def _one(x: Array) -> Array:
+    return jnp.ones_like(x)
+
+
+@_one.defjvp
+def _(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    return jnp.ones_like(x), jnp.nan * dx
+
+
 def zero_of(tree: Any) -> Array:
     """() 0 as a function of all finite numbers of a tree.
 

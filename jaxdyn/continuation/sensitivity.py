@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _text
 from jaxdyn._checks import fail, is_traced
-from jaxdyn._numerics import nan_unless
+from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium
 from jaxdyn.continuation.kinds import Kind
@@ -56,9 +56,9 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
     Raises:
       ValueError: `point` is neither a fold nor a Hopf point, is one for other numbers, or has no
         units, as from a file of an early version.
-    Limits: first derivatives. Where the numbers are traced, and are not those of the point, the
-      result is NaN. At points of codimension two, such as a cusp, there is no derivative, and this
-      is not finite.
+    Limits: first derivatives; further ones are NaN. Where the numbers are traced, and are not those
+      of the point, the result is NaN. At points of codimension two, such as a cusp, there is no
+      derivative, and this is not finite.
     Example:
       >>> import jax, jaxdyn
       >>> from jaxdyn import continuation, scenes
@@ -87,7 +87,7 @@ def differentiable(make: Make, point: Equilibrium) -> DifferentiablePoint:
         got = f"others, for which it is elsewhere by {float(away):.1g} of its size"
         raise fail("make", "scenes with the numbers of the point", got, "Find it again with these.")
     # A factor makes the derivatives NaN as well; those of a selected constant would be zero.
-    u = u - nan_unless(away <= _SAME, step - known)
+    u = u - nan_unless(away <= _SAME, first_only(step - known))
     k = len(point.state)
     hopf = point.kind == Kind.HOPF
     return DifferentiablePoint(

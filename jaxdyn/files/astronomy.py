@@ -62,7 +62,7 @@ def read_horizons(path: str | Path) -> Ephemeris:
         raise fail("path", f"a table between {_BEGIN} and {_END}", str(path), _HORIZONS)
     name = re.search(r"Target body name:\s*(.+?)\s*(?:\(|\{|$)", before, re.MULTILINE)
     units = re.search(r"Output units\s*:\s*([A-Z]+-[A-Z]+)", before)
-    ts, rows = _columns(body) if "=" not in body else _blocks(body)
+    ts, rows = _columns(before, body) if "=" not in body else _blocks(body)
     if not ts or any(len(row) != len(_NAMES) for row in rows):
         wanted = "six numbers, positions and velocities, at each time"
         raise fail("path", wanted, str(path), _HORIZONS)
@@ -76,15 +76,22 @@ def read_horizons(path: str | Path) -> Ephemeris:
     )
 
 
-def _columns(body: str) -> tuple[list[float], list[list[float]]]:
-    """Times and states from lines "date, calendar date, x, y, z, vx, vy, vz, ..."."""
+def _columns(before: str, body: str) -> tuple[list[float], list[list[float]]]:
+    """Times and states from lines "date, calendar date, x, y, z, vx, vy, vz, ...".
+
+    The line of names above them says where these are: delta-T may come first.
+    """
+    heads = [[cell.strip() for cell in line.split(",")] for line in before.splitlines()]
+    named = [head for head in heads if {*_NAMES} <= {*head}]
+    places = [named[-1].index(name) for name in _NAMES] if named else list(range(2, 8))
     ts, rows = [], []
     for line in filter(str.strip, body.splitlines()):
         cells = [cell.strip() for cell in line.split(",")]
-        if not all(re.fullmatch(_NUMBER, cell) for cell in (cells[0], *cells[2:8])):
+        state = [cells[i] for i in places if i < len(cells)]
+        if not all(re.fullmatch(_NUMBER, cell) for cell in (cells[0], *state)):
             raise fail("path", "numbers in columns", repr(line)[:60], _HORIZONS)
         ts.append(_number(cells[0]))
-        rows.append([_number(cell) for cell in cells[2:8]])
+        rows.append([_number(cell) for cell in state])
     return ts, rows
 
 

@@ -24,7 +24,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail, is_traced
-from jaxdyn._numerics import nan_unless
+from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from orbits.analysis.chain import differentiable_return_map
@@ -188,8 +188,8 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       ValueError: `orbit` does not close, or not with the numbers of the scene or the conditions;
         legs are given with an orbit, or a scene or conditions with a chain; a condition is traced
         by `jax.jit` or `jax.vmap`.
-    Limits: first derivatives only. Under `jax.jit` and `jax.vmap` only numbers of the scene may be
-      traced: not `orbit`, and no numbers of conditions.
+    Limits: first derivatives only; further ones are NaN. Under `jax.jit` and `jax.vmap` only
+      numbers of the scene may be traced: not `orbit`, and no numbers of conditions.
       Where numbers are traced, and are not those with which the orbit was found, all results are
       NaN: find it again, outside of the transformation. Derivatives are accurate to rounding times
       the growth of errors over the orbit: that of the figure-eight's period by a mass to 1e-11,
@@ -255,7 +255,7 @@ class Linearization(NamedTuple):
         value = jax.lax.stop_gradient(miss)
         step = jnp.abs(self.inverse @ value) / self.units
         closes = jnp.minimum(jnp.max(jnp.abs(value) / self.rows), jnp.max(step)) <= within
-        return x - nan_unless(closes, self.inverse @ (miss - value))
+        return x - nan_unless(closes, self.inverse @ first_only(miss - value))
 
 
 def _level(scene: Scene, entry: int, t: float, rtol: float) -> Array:
@@ -352,7 +352,7 @@ def _multipliers(linear: Stability, basis: np.ndarray, m: Array) -> Array:
     same = off <= _APART * linear.bars + _SAME_MAP * np.maximum(np.abs(values), 1.0)
     change = nan_unless(same[:, None], left)
     return jnp.asarray(values) + jnp.sum(
-        change * ((m - fixed).astype(right.dtype) @ right).T, axis=1
+        change * (first_only(m - fixed).astype(right.dtype) @ right).T, axis=1
     )
 
 

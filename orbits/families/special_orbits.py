@@ -27,7 +27,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail, is_traced
-from jaxdyn._numerics import nan_unless
+from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.analysis.energy import integrals
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.sensitivity import (
@@ -162,7 +162,8 @@ def special_parameter(
     value = jnp.asarray(known.parameter)
     found = test_along(known, path, value)
     fixed = jax.lax.stop_gradient(found)
-    step = fixed.slope @ (found.value - fixed.value) / (fixed.slope @ fixed.slope)
+    change = first_only(found.value - fixed.value)
+    step = fixed.slope @ change / (fixed.slope @ fixed.slope)
     with jax.ensure_compile_time_eval():
         zero = _zero(known)
     is_special = jnp.abs(fixed.value).max() <= zero

@@ -62,8 +62,8 @@ class Trouble:
         if equations.driven:  # the period is that of the drive, and rest is a regular orbit
             return None
         # The path is measured by the rate at the start, which is also small where an orbit is slow
-        # there, as a relaxation oscillation may be.
-        slow = path <= _TRIVIAL_SHARE * self.path
+        # there, as a relaxation oscillation may be. A guess at rest may have one of rounding.
+        slow = path <= max(_TRIVIAL_SHARE * self.path, _UNSEEN)
         if x[-1] < _TRIVIAL_SHARE * self.guess[-1] or (slow and self._is_at_rest(equations, x)):
             return Outcome.TRIVIAL
         return None

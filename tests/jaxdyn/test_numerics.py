@@ -9,6 +9,7 @@ import pytest
 
 from jaxdyn import _numerics
 from jaxdyn._numerics import (
+    first_only,
     in_one_kernel,
     materialize,
     nan_unless,
@@ -205,3 +206,14 @@ def test_rough_power_is_right_to_a_few_percent_and_always_finite(n, most):
         narrow = jax.jit(jax.vmap(lambda x: rough_power(x, n)))(x)
     assert narrow.dtype == np.float32
     assert np.abs(np.asarray(narrow, float) / np.asarray(x, float) ** n - 1).max() < most
+
+
+@pytest.mark.parametrize("first", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("second", [jax.jacfwd, jax.jacrev])
+def test_what_has_first_derivatives_only_has_no_finite_second_ones(first, second):
+    def f(x):
+        return first_only(x - jnp.array([1.0, 2.0]) * x[0]) @ jnp.array([1.0, 1.0])
+
+    x = jnp.array([3.0, 6.0])
+    np.testing.assert_allclose(jax.jit(first(f))(x), [-2.0, 1.0])
+    assert np.isnan(second(first(f))(x)).all()

@@ -42,6 +42,17 @@ def test_vector_tables_are_read(tmp_path, body):
     assert found.v.tolist() == [[-0.0015, 0.017, 1e-5], [-0.0018, 0.0169, 1.1e-5]]
 
 
+def test_columns_are_found_by_their_names(tmp_path):
+    # With the option of that name, the difference of the time scales comes before the positions.
+    path, start = tmp_path / "horizons.txt", "$$SOE\n"
+    names = "JDTDB, Calendar Date (TDB), delta-T, X, Y, Z, VX, VY, VZ,\n"
+    lines = COLUMNS.replace(".0000, ", ".0000, 69.184182, ")
+    path.write_text(HEAD.replace(start, names + start) + lines + TAIL)
+    found = astronomy.read_horizons(path)
+    assert found.r.tolist() == [[1.0, -0.25, 0.0], [0.998, -0.233, 1e-5]]
+    assert found.v.tolist() == [[-0.0015, 0.017, 1e-5], [-0.0018, 0.0169, 1.1e-5]]
+
+
 def test_other_texts_are_refused(tmp_path):
     path = tmp_path / "horizons.txt"
 

@@ -222,6 +222,22 @@ def duffing(t, y, p):
     return [y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * jnp.cos(p * t)]
 
 
+@pytest.mark.parametrize(
+    "scene",
+    [
+        scenes.pendulum(angle=2.0) + effects.LinearDrag(0.1),
+        scenes.pendulum(angle=2.0) + effects.QuadraticDrag(0.1),
+        scenes.restricted_three_body(x=0.48, y=0.86, vy=0.0),
+    ],
+    ids=["linear drag", "quadratic drag", "rotating axes"],
+)
+def test_forces_that_vanish_at_rest_break_a_reversal(scene):
+    # Motions from rest that come to rest again do not retrace their path here.
+    at_rest = orbits.reversal(orbits.time_reversal(len(scene.y0)))
+    with pytest.raises(ValueError, match="expected a symmetry of the scene, got one that changes"):
+        orbits.find(scene, period=9.0, closing=at_rest)
+
+
 def test_a_drive_is_the_image_of_itself_half_a_period_earlier():
     half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
     scene = ode(duffing, [0.3, 0.4], 2 * np.pi, params=1.0)

@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 import jaxdyn
 import orbits
 from orbits import Kind, Outcome
+from orbits.families import steps
 
 #: Share of the Moon in the mass of Earth and Moon, and about the place of their point L1.
 EARTH_MOON, L1 = 0.01215058560962404, 0.8369151258197125
@@ -254,6 +255,27 @@ def test_special_points_solve_the_equation_of_their_kind(kind):
     multipliers = orbits.stability(point.orbit).nontrivial
     assert abs(CONDITIONS[kind](multipliers)) < 1e-10
     assert abs(point.parameter - (-0.25 if kind == Kind.FOLD else 0.0)) < 1e-10
+
+
+@pytest.mark.slow
+def test_a_point_is_located_where_only_short_steps_succeed(monkeypatch):
+    # As near a collision, where Newton's method has to begin nearby.
+    towards, whole = steps.OrbitChart._towards, []
+
+    def timid(chart, a, b, share):
+        length = abs(a.point.along(a.tangent, b.point.x))
+        whole.append(length)
+        return None if share * length > 0.2 * whole[0] else towards(chart, a, b, share)
+
+    monkeypatch.setattr(steps.OrbitChart, "_towards", timid)
+    system, a, start, options = SPECIAL[Kind.DOUBLING]
+
+    def make(a):
+        return cycle(system, a, start)
+
+    (point,) = orbits.continue_family(orbits.find(make(a)), make, a, **options).special
+    assert point.kind == Kind.DOUBLING
+    assert abs(point.parameter) < 1e-10
 
 
 @pytest.mark.slow

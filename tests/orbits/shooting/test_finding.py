@@ -443,6 +443,13 @@ def test_a_decay_that_has_nearly_ended_is_not_an_orbit():
     assert orbits.find(settled, throw=False).outcome == Outcome.TRIVIAL
 
 
+@pytest.mark.parametrize("system", ["", "earth-moon"])
+def test_a_guess_at_an_equilibrium_whose_rate_is_rounding_is_at_rest(system):
+    scene = scenes.restricted_three_body_in_space(system=system)
+    at_l1 = scene.starting(scenes.libration_point(scene, "L1"))
+    assert orbits.find(at_l1, throw=False).outcome == Outcome.TRIVIAL
+
+
 @pytest.mark.slow
 def test_a_forced_motion_may_start_at_rest():
     class Push(Effect):
