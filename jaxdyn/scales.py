@@ -94,6 +94,12 @@ _NONLINEAR = 0.5
 #: Distances at which linearity is tested at once, and the number of passes, each between two
 #: neighbouring distances of the last one.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
+#: The looks of `_by_its_change`: the number of each, and the part of its displacement.
+_LOOKS = np.array([[0, 1, 2, 3, 4, 5, 5, 6, 6, 7, 8, 9, 9], [1.0] * 13]).T
+_LOOKS[[5, 7, 11], 1] = 0.5
+#: What rounding makes of a rate in the second half of a displacement is no smaller part of the
+#: whole than this.
+_FLAT = 1 / 8
 
 
 class Groups(NamedTuple):
@@ -458,43 +464,25 @@ def _by_its_change(
     may be a mere limit; twice a little later; with a rounding added, a little later and at the
     start; and beside the start, displaced by what rounding makes. Then it is evaluated later in the
     motion, without and with a rounding added, which may make more there, and again beside the
-    start.
+    start. Each look at the start and beside it is preceded by one half as far, see `_no_jump`.
     """
     off = rounding(y0)
     # A time that is short for any motion.
     at_once = float(np.sqrt(jnp.finfo(y0.dtype).tiny))
 
-    def motion(f: Array, then: Array, noise: Array, horizon: Array) -> tuple[Array, Array]:
-        noise = groups.largest(noise)
-
-        def known(x: Array) -> Array:
-            return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
-
-        change = known(lax.abs(then - f)) / _or(_AHEAD * horizon, jnp.ones_like(span))
-        moves, turns = groups.largest(jnp.stack([known(lax.abs(f)), change], -1)).T
-        turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
-        # What is rounding of the motion's displacement is as good as zero: it gives no time.
-        way = jnp.finfo(y0.dtype).eps * horizon * moves
-        there = lax.select(here > way, here, jnp.zeros_like(here))
-        speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
-        there, speeds = _without_turning(groups, there, moves, speeds)
-        begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
-        speed = lax.reduce_max(lax.max(speeds, begins), (0,))
-        tau = 1 / lax.max(speed, 1 / span)
-        return tau, groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
-
-    def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
-        first, then, later, noise, most, horizon, moving = carry
+    def look(carry: tuple[Array, ...], at: Array) -> tuple[tuple[Array, ...], None]:
+        first, then, later, half, noise, most, horizon, moving = carry
+        n, part = at
         soon = (n == 2) | (n == 3) | (n == 4)
         rounded, far = (n == 4) | (n == 5) | (n == 8), (n == 7) | (n == 8)
-        tau, sizes = motion(first, then, noise, horizon)
+        tau, sizes = _motion(groups, here, span, first, then, noise, horizon)
         after = lax.select(n == 1, lax.full_like(span, at_once), _AHEAD * horizon)
         time = after * (soon | (n == 1)).astype(float) + LATER * tau * far.astype(float)
         time = ahead * time
         aside = (n == 6) | (n == 9)
         off_by = lax.select(n == 6, horizon * noise, tau * most) * aside.astype(float)
-        at = y0 + time * first + off_by
-        rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
+        at = y0 + time * first + part * off_by
+        rate = field.rate(t0 + time, at + at * off * (part * rounded.astype(float)))
         # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
         slowest = _most(here, groups.largest(lax.abs(rate)))
         slowest = lax.select(moving, slowest, lax.sqrt(after * slowest))
@@ -504,19 +492,77 @@ def _by_its_change(
         first = lax.select(n == 0, rate, first)
         then, later = lax.select(n == 3, rate, then), lax.select(n == 7, rate, later)
         gap = _finite(rate - lax.select(n == 4, then, lax.select(n == 8, later, first)))
+        smooth = soon | far | _no_jump(groups, gap, _finite(rate - half))
+        gap = lax.select(smooth & (part == 1), gap, jnp.zeros_like(gap))
+        half = lax.select(part < 1, rate, half)
         noise = lax.select((n > 3) & (n < 7), lax.max(noise, gap), noise)
         counts = (n > 3) & (n != 7) & (~far | _as_fast(rate, gap, tau, sizes))
         most = lax.select(
             counts, lax.max(most, _notable(groups, gap, rate, sizes / tau, aside)), most
         )
-        return (first, then, later, noise, most, horizon, moving), None
+        return (first, then, later, half, noise, most, horizon, moving), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
-    begin = zero, zero, zero, zero, zero, span, jnp.ones((), bool)
-    (f, then, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(10))
-    tau, sizes = motion(f, then, noise, horizon)
+    begin = zero, zero, zero, zero, zero, zero, span, jnp.ones((), bool)
+    (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.asarray(_LOOKS))
+    tau, sizes = _motion(groups, here, span, f, then, noise, horizon)
     return Scales(sizes, tau, most), f
+
+
+def _motion(
+    groups: Groups,
+    here: Array,
+    span: Array,
+    rate: Array,
+    then: Array,
+    noise: Array,
+    horizon: Array,
+) -> tuple[Array, Array]:
+    """The time () of a motion and its sizes (k,), from the change of its rate.
+
+    Args:
+      groups: the groups of its state.
+      here: (k,) the sizes of the start itself.
+      span: () the span.
+      rate: (k,) the rate at the start.
+      then: (k,) the rate a part `_AHEAD` of the horizon later.
+      noise: (k,) what rounding makes of the rate.
+      horizon: () the horizon.
+    """
+    noise = groups.largest(noise)
+
+    def known(x: Array) -> Array:
+        return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
+
+    change = known(lax.abs(then - rate)) / _or(_AHEAD * horizon, jnp.ones_like(span))
+    moves, turns = groups.largest(jnp.stack([known(lax.abs(rate)), change], -1)).T
+    turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
+    # What is rounding of the motion's displacement is as good as zero: it gives no time.
+    way = jnp.finfo(rate.dtype).eps * horizon * moves
+    there = lax.select(here > way, here, jnp.zeros_like(here))
+    speeds = lax.max(_ratio(moves, there), lax.sqrt(_ratio(turns, there)))
+    there, speeds = _without_turning(groups, there, moves, speeds)
+    begins = _ratio(lax.select(there > 0, jnp.zeros_like(turns), turns), moves)
+    speed = lax.reduce_max(lax.max(speeds, begins), (0,))
+    tau = 1 / lax.max(speed, 1 / span)
+    return tau, groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
+
+
+def _no_jump(groups: Groups, gap: Array, second: Array) -> Array:
+    """(k,) whether a rate changes by `gap` (k,) otherwise than by a jump at the start itself.
+
+    The direction of a spring whose ends coincide, or of friction at rest, is undefined: the rate
+    jumps from what it is there to what it is beside it. A jump is no rounding, though the least
+    rounding shows it, and in the second half of a displacement the rate hardly changes again.
+
+    Args:
+      groups: the groups of the state; the rate jumps in all entries of a group or in none.
+      gap: changes, none negative.
+      second: (k,) those in the second half.
+    """
+    gap, second = groups.largest(jnp.stack([gap, second], -1)).T
+    return (second > _FLAT * gap) | (gap == 0)
 
 
 def _without_turning(

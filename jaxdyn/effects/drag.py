@@ -1,6 +1,7 @@
 """Resistance to motion: drag proportional to speed or its square, and dry friction."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -64,6 +65,10 @@ class DryFriction(Effect):
     normal: Array = eqx.field(converter=as_float)
     belt: Array = eqx.field(converter=as_float, default=0.0)
     creep: Array = eqx.field(converter=as_float, default=0.0)
+    singular: ClassVar[str] = (
+        "Dry friction has no direction where the sliding stops: end the motion by an event at a "
+        "small speed, and continue from rest if more than mu N pulls; or give it a creep."
+    )
 
     def force(self, t, r, v, m):
         del t, r

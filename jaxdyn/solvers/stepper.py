@@ -290,6 +290,9 @@ PART = 0.1
 #: The error that a step may have in an entry is at least this multiple of the change that rounding
 #: makes in the time of the motion.
 _NOISE = 32.0
+#: Roundings in a rate that is a sum of a few products, and multiple of them up to which rates of
+#: tangents are nothing else.
+_FEW, _ALONE = 4.0, 64.0
 #: An entry at rest is given this part of the size that a rejected step would have given it.
 _GLIMPSE = 0.01
 #: Growth of a size after which rounding is looked at again, and the multiple of a step for which it
@@ -381,8 +384,36 @@ def _rates_beside(
     begins = jnp.asarray((np.arange(looks) % 2 == 0) & (np.arange(looks) < 2 * levels))
     begin = zero.at[:, 0].set(PART * sizes), zero, zero, zero, zero
     (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
+    of_state = jnp.maximum(rates[:, 0], sizes / time)
     rates, gap = (_of_tangents(sizes, x[:, 1:]) for x in (rates, gap))
+    if levels == 1 and hasattr(field, "directions"):
+        gap = jnp.maximum(gap, _rounding_of_tangents(field, of_state, rates))
     return rates, notable(gap, rates)
+
+
+def _rounding_of_tangents(field: Any, of_state: Array, rates: Array) -> Array:
+    """(k, c) what rounding makes of rates of tangents that are nothing else; 0 for all others.
+
+    A parameter that cancels, such as the mass of a pendulum, has no effect but by rounding. That is
+    random: looks may see none of it, and then no step is short enough. With p the number that is
+    perturbed, its tangents are compared with the rates of the state over |p|.
+
+    Args:
+      field: has ``field`` and ``directions``; see `jaxdyn.integrate.flow.Variational`.
+      of_state: (k,) rates of the state.
+      rates: (k, c) rates of the tangents.
+    """
+    numbers, tree = jax.tree.flatten(field.directions, is_leaf=lambda x: x is None)
+    own = zip(numbers, tree.flatten_up_to(field.field), strict=True)
+    values = sum((_perturbed(x, p) for x, p in own if x is not None), jnp.zeros(rates.shape[1]))
+    usual = of_state[:, None] / jnp.where(values > 0, values, jnp.inf)[None]
+    usual = _FEW * jnp.finfo(rates.dtype).eps * usual
+    return jnp.where(rates < _ALONE * usual, usual, 0.0)
+
+
+def _perturbed(direction: Array, value: Array) -> Array:
+    """(c,) the magnitude of the number that each column perturbs, if it is in this array."""
+    return jnp.sum(jnp.abs(direction * value[..., None]), axis=tuple(range(value.ndim)))
 
 
 def above_noise(start: AtStart, tolerance: Array) -> AtStart:

@@ -9,7 +9,7 @@ import pytest
 from units import rewritten
 
 import jaxdyn
-from jaxdyn import scales, scenes
+from jaxdyn import effects, scales, scenes
 from jaxdyn.analysis.regularized import regularize
 from jaxdyn.hard.cases.encounters import pythagorean
 
@@ -60,6 +60,21 @@ def test_a_motion_that_is_about_to_turn_has_the_scales_of_one_that_turns():
         sizes, time = start(scenes.oscillator(v=v))
         np.testing.assert_allclose(sizes, turning[0], rtol=1e-3)
         assert time == pytest.approx(turning[1], rel=1e-3)
+
+
+def test_a_force_that_jumps_at_the_start_is_no_rounding():
+    # Its tolerance would be as large as the jump: no digit would be right, without a warning.
+    pulled = scenes.particle(position=(2.0, 0.3), velocity=(0.0, 0.0), t1=1.0)
+    pulled = pulled + effects.DryFriction(0.5, 10.0) + effects.ConstantForce([6.0, 0.0])
+    rubbed = scenes.oscillator(t1=1.0) + effects.DryFriction(0.3, 1.0)
+    kicked = scenes.spring_mass(position=(0, 0), velocity=(3, 0), k=4.0, g=0.0, t1=1.0)
+    ends = (
+        (pulled, [2.5, 0.3, 1.0, 0.0]),
+        (rubbed, [0.3 + 0.7 * np.cos(1), -0.7 * np.sin(1)]),
+        (kicked, [0.5 - 0.5 * np.cos(2) + 1.5 * np.sin(2), 0.0, np.sin(2) + 3 * np.cos(2), 0.0]),
+    )
+    for scene, end in ends:
+        np.testing.assert_allclose(jaxdyn.simulate(scene).ys[-1], end, atol=1e-9)
 
 
 def test_nothing_that_depends_on_the_state_leaves_the_span():

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from helpers import EXACT, gap
 
+import jaxdyn
+from jaxdyn import scenes
 from jaxdyn.effects import DryFriction, LinearDrag, QuadraticDrag
+from jaxdyn.status import Status
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)
@@ -38,3 +41,10 @@ def test_dry_friction_is_coulombs_law_and_its_regularisation_is_as_near_as_it_sa
     smooth = DryFriction(0.3, normal, belt, creep).force(T, R, V, M)
     off = np.max(np.abs(smooth / law - 1) / ((creep / speed) ** 2 / 2))
     assert 0.99 < off <= 1.0
+
+
+def test_a_motion_that_friction_stops_says_so():
+    sliding = scenes.particle(position=(0.0, 0.0), velocity=(3.0, 1.0)) + DryFriction(0.5, 9.81)
+    stopped = jaxdyn.simulate(sliding, 5.0, max_steps=10_000, throw=False)
+    assert stopped.status == Status.STEP_LIMIT
+    assert DryFriction.singular in stopped.message

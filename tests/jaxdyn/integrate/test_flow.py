@@ -59,6 +59,14 @@ def test_derivatives_of_the_nystrom_pair_in_its_parameters():
 
 
 @pytest.mark.slow
+def test_a_parameter_that_cancels_has_a_derivative_of_zero():
+    def end(m):
+        return solve(scenes.pendulum(m=m, g=9.79328584, angle=1.19517567, rate=0.0353), 1.0).y1
+
+    for m in (1.0, 1 + 2.0**-52, 1.0000000001, 0.7):  # a mass of 1 is exact, others are rounded
+        np.testing.assert_allclose(jax.jacfwd(end)(m), 0.0, atol=1e-12)
+
+
 def test_second_derivatives():
     total = lambda x: jnp.sum(jnp.sin(_ball(x)))  # noqa: E731
     hessian = jax.jit(jax.hessian(total))(NUMBERS)
