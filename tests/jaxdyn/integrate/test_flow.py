@@ -67,6 +67,7 @@ def test_a_parameter_that_cancels_has_a_derivative_of_zero():
         np.testing.assert_allclose(jax.jacfwd(end)(m), 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     total = lambda x: jnp.sum(jnp.sin(_ball(x)))  # noqa: E731
     hessian = jax.jit(jax.hessian(total))(NUMBERS)
