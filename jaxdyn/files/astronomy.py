@@ -119,7 +119,8 @@ def from_rebound(sim: Any, t1=1.0) -> Scene:
       sim: a `rebound.Simulation`, with point masses and Newtonian gravity.
       t1: span, in the units of the simulation.
     Raises:
-      ValueError: `sim` has no bodies, or is not a simulation.
+      ValueError: `sim` has no bodies, is not a simulation, or softens or restricts its gravity.
+    Limits: forces that were added in Python or C, and REBOUNDx, are not seen.
     """
     try:
         bodies, G = list(sim.particles), float(sim.G)
@@ -130,6 +131,11 @@ def from_rebound(sim: Any, t1=1.0) -> Scene:
         raise fail("sim", "a rebound.Simulation", type(sim).__name__) from error
     if not len(bodies):
         raise fail("sim", "a simulation with bodies", "none")
+    if softening := float(getattr(sim, "softening", 0.0)):
+        raise fail("sim", "Newtonian gravity", f"a softening of {softening:g}")
+    if (active := int(getattr(sim, "N_active", -1))) >= 0 and m[active:].any():
+        remedy = "Set these masses to 0."
+        raise fail("sim", "bodies that all attract", f"masses beyond N_active = {active}", remedy)
     return n_body(r, v, m=m, G=G, t1=t1)
 
 

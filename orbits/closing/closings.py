@@ -547,26 +547,33 @@ def _check_affine(scene: Scene, turn: str) -> None:
 def _check_commutes(scene: Scene, turn: str) -> None:
     # Otherwise the motion after the first part would not be the rotated first part.
     each, time = sizes(scene), float(scene.t1) / (2 * np.pi)
-    turned, moved = (time * np.asarray(x) / each for x in _commutator(scene, turn))
-    size = 1.0 + np.linalg.norm(turned) + np.linalg.norm(moved)
-    if not np.linalg.norm(turned - moved) <= EXACT * size:
+    found = _commutator(scene, jnp.asarray(times(scene)), turn=turn)
+    turned, moved = (time * np.asarray(x) / each for x in found)
+    size = 1.0 + np.linalg.norm(turned, axis=1) + np.linalg.norm(moved, axis=1)
+    if not (np.linalg.norm(turned - moved, axis=1) <= EXACT * size).all():
         raise fail(
             "turn", "a symmetry of the scene", f"{turn!r}, which changes its forces", "Use PLAIN."
         )
 
 
 @functools.partial(jax.jit, static_argnames="turn")
-def _commutator(scene: Scene, turn: str) -> tuple[Array, Array]:
-    """(k,) the change of a generator along the rate at the start, and that of the rate along it."""
+def _commutator(scene: Scene, ts: Array, *, turn: str) -> tuple[Array, Array]:
+    """(s, k) the change of a generator along the rate at the start, and that of the rate along it.
 
-    def rate(y):
-        return scene.rate(jnp.zeros(()), y)
+    They are those at several times: a drive may be zero at the first one.
+    """
 
     def generator(y):
         return scene.system.generators(y)[turn]
 
-    f, g = rate(scene.y0), generator(scene.y0)
-    return tuple(jax.jvp(a, (scene.y0,), (b,))[1] for a, b in ((generator, f), (rate, g)))
+    def at(t):
+        def rate(y):
+            return scene.rate(t, y)
+
+        f, g = rate(scene.y0), generator(scene.y0)
+        return tuple(jax.jvp(a, (scene.y0,), (b,))[1] for a, b in ((generator, f), (rate, g)))
+
+    return jax.vmap(at)(ts)
 
 
 # ---- Conditions on an orbit besides closing: a given energy, period, entry of the start

@@ -10,6 +10,7 @@ import orbits
 from jaxdyn import effects, ode, scenes
 from jaxdyn.analysis import energy
 from jaxdyn.integrate.simulation import solve
+from jaxdyn.scene import Effect
 
 EULER = orbits.point_symmetry([1, 0, 2], (-1, -1), reversing=True)
 
@@ -216,6 +217,19 @@ def test_a_turn_must_be_a_symmetry():
     scene = scenes.power_law(n=-1.0, speed=0.6) + effects.ConstantForce([1.0, 0.0])
     with pytest.raises(ValueError, match="turn: expected a symmetry of the scene"):
         orbits.find(scene, closing=orbits.relative())
+
+
+class Shove(Effect):
+    """A force along x that is zero at the start."""
+
+    def force(self, t, r, v, m):
+        return jnp.sin(t) * jnp.ones((len(r), 1)) * jnp.array([[1.0, 0.0]])
+
+
+def test_a_drive_that_is_zero_at_the_start_breaks_a_turn():
+    scene = scenes.power_law(n=-1.0, speed=0.6) + Shove()
+    with pytest.raises(ValueError, match="turn: expected a symmetry of the scene"):
+        orbits.find(scene, period=2 * np.pi, closing=orbits.relative())
 
 
 def duffing(t, y, p):
