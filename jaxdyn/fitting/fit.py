@@ -292,7 +292,7 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
         dof=dof,
         status=status,
         undetermined=words if good else (),
-        warning=result.doubts(residuals, sd, dof, known, table) if good else "",
+        warning=result.doubts(residuals, sd, dof, known, table, model.angles) if good else "",
         table=table,
         quantile=quantile,
         model=model,

@@ -112,9 +112,14 @@ class Model(eqx.Module):
 
         return jax.vmap(see)(ts, out.ys), out.y1
 
+    @property
+    def angles(self) -> tuple[bool, ...]:
+        """Whether each column is an angle of the state."""
+        return tuple(c.unit == _RAD and c.entry is not None for c in self.columns)
+
     def misfit(self, seen: Array, values: Array) -> Array:
         """Computed minus measured values (..., c); angles differ by at most half a turn."""
-        angles = np.array([c.unit == _RAD and c.entry is not None for c in self.columns])
+        angles = np.array(self.angles)
         d = seen - values
         if not angles.any():
             return d

@@ -65,7 +65,8 @@ def box_points(m, sides) -> MaterialPoints:
     With a 24th of the mass in each corner and the remaining two thirds at the centre they have the
     inertia of the box, and they are the points that a drawing should show.
     """
-    return _box_points(m, _checks.array("sides", sides, (3,), "Along x, y and z, in m."))
+    sides = _checks.array("sides", sides, (3,), "Along x, y and z, in m.")
+    return _box_points(m, _checks.at_least_zero("sides", sides, "Along x, y and z, in m."))
 
 
 @jax.jit

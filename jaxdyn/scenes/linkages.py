@@ -89,7 +89,7 @@ def dumbbell(
         square, as the course does; without correction ("raw") they drift differently.
       t1: span [s].
     """
-    m, length = floats(m, length)
+    m, length = floats(m, _checks.positive("length", length, "The rod is in m."))
     free = Dumbbell(m, length)
     squared = _checks.choice("tie", tie, TIES) == "square"
     rods = Rods(m, length[None], ((0, 1),), squared=squared)

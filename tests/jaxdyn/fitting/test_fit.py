@@ -208,6 +208,19 @@ def test_an_outlier_is_named(track, fitted):
     assert "replace it by NaN" in found.warning
 
 
+def test_angles_that_may_be_in_degrees_are_doubted():
+    def turns(t, y, p):
+        return [p["rate"] + 0.0 * y[0]]
+
+    def make(rate):
+        return jaxdyn.ode(turns, [0.0], names=[("theta", "rad")], params={"rate": rate})
+
+    swing = {"t": TS, "theta": np.degrees(1.2 * np.cos(3.1 * TS))}
+    assert "[deg]" in jaxdyn.fit(make, {"rate": 1.0}, swing, throw=False, segments=1).warning
+    right = {"t": TS, "theta": 0.3 + 1.1 * TS + 0.01 * np.cos(TS**2)}
+    assert "[deg]" not in jaxdyn.fit(make, {"rate": 1.0}, right, segments=1).warning
+
+
 def test_residuals_of_the_integration_are_no_doubt(fitted):
     del fitted  # the same program
     exact = jaxdyn.fit(straight, {"slope": 1.0}, {"t": TS, "x": 0.5 + 1.7 * TS})

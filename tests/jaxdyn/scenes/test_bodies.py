@@ -101,6 +101,8 @@ def test_what_is_refused():
         satellite("D")
     with pytest.raises(ValueError, match="radius: expected > 0"):
         rolling_disk(radius=-0.5, I1=0.1).check()
+    with pytest.raises(ValueError, match="sides: expected >= 0"):
+        box(sides=(-1.0, 2.0, 3.0))
 
 
 @pytest.mark.parametrize("tilt", [0.02, 0.3])

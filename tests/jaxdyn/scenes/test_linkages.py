@@ -20,6 +20,8 @@ def test_links_that_cannot_close_are_refused():
         linkages.four_bar(length=(1.0, 1.0, 5.0))
     with pytest.raises(ValueError, match=r"links that can close.*Shorten the longest link"):
         linkages.pinned_chain(span=4.5)
+    with pytest.raises(ValueError, match=r"length: expected > 0, got 0"):
+        scenes.dumbbell(length=0.0)
     with pytest.raises(ValueError, match=r"angles: expected shape \(4,\)"):
         linkages.pinned_chain(angles=(1.0,))
     with pytest.raises(ValueError, match=r"rates: expected shape \(3,\)"):

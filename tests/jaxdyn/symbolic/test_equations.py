@@ -562,6 +562,9 @@ def test_what_cannot_be_printed_is_refused():
     def L(t, q, v):
         return 0.5 * v[0] ** 2 - jax.scipy.special.erf(q[0])
 
+    table = jaxdyn.ode(lambda t, y: [jnp.interp(t, jnp.arange(3.0), jnp.ones(3))], [0.0])
+    assert "got a search in a table" in refusal(lambda: jaxdyn.equations(table))
+
     odd = jaxdyn.lagrangian(L, [1.0], [0.0])
     said = refusal(lambda: jaxdyn.equations(odd))
     assert "functions whose derivative is known, got erf" in said
