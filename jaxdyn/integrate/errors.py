@@ -411,7 +411,7 @@ def _finer(
             fine = fine * _COARSENING
             continue
         ys, used = np.asarray(result.ys), fine
-        if result.steps >= _STEPS_RATIO * steps or fine[0] <= FINEST * _COARSENING:
+        if int(result.steps) >= _STEPS_RATIO * steps or fine[0] <= FINEST * _COARSENING:
             return ys, used
         fine = _tighten(fine)
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)

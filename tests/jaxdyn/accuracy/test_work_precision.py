@@ -18,7 +18,7 @@ FEW = {"tolerances": TOLERANCES, "rounds": 1}
 OSCILLATOR = scenes.oscillator(c=0.1)
 
 
-FIT = ["Taylor 20", "Verner 9(8)", "Dopri8", "Taylor 12", "Taylor 14"]
+FIT = ["Taylor 16", "Taylor 20", "Verner 9(8)", "Dopri8", "Taylor 12", "Taylor 14"]
 
 
 def errors(found) -> np.ndarray:
