@@ -114,8 +114,8 @@ def _is_nearer(here: Solution, new: Solution, rank: float | None) -> bool:
         return True
     if not np.isfinite(new.value).all():
         return False
-    steps = (_shortest(here.jacobian, value, rank) for value in (new.value, here.value))
-    return bool(np.less(*map(np.linalg.norm, steps)))
+    after, before = (_shortest(here.jacobian, x.value, rank) for x in (new, here))
+    return bool(np.linalg.norm(after) < np.linalg.norm(before))
 
 
 def _shortest(jacobian: np.ndarray, value: np.ndarray, rank: float | None) -> np.ndarray:
