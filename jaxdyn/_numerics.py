@@ -54,7 +54,7 @@ def nan_unless(known: Array, x: Array) -> Array:
 
 @jax.custom_jvp
 def first_only(x: Array) -> Array:
-    """x, with derivatives of the second and higher orders of NaN.
+    """x, whose second and higher derivatives are NaN.
 
     It is for formulas of which only the first derivative is right: further ones would be finite
     wrong numbers.

@@ -69,8 +69,8 @@ def solve(
       rank: None for equations that are independent and as many as the unknowns. For others, steps
         are the shortest of least squares, without singular values below this part of the largest.
       polish: number of steps after the first small one.
-      halvings: how often a step is halved that reduces neither the residual nor the length of the
-        next step; 0 takes all steps.
+      halvings: how often a step is halved that reduces neither the residual nor what is left of
+        the step, see `_is_nearer`; 0 takes all steps.
       diverged: growth of the residual after which there is no solution nearby.
     """
     here = best = _at(equations, np.asarray(start, float), 0)
@@ -88,7 +88,9 @@ def solve(
             _at(equations, here.x + 0.5**i * change, iteration)
             for i in range(1 + halvings if damped else 1)
         )
-        new = next((new for new in tried if not damped or _is_nearer(here, new, rank)), None)
+        new = next(
+            (new for new in tried if not damped or _is_nearer(here, new, change, rank)), None
+        )
         if new is None:
             break
         step, here = np.abs(new.x - here.x).max(), new
@@ -103,19 +105,22 @@ def _at(equations: Equations, x: np.ndarray, iterations: int) -> Solution:
     return Solution(x, np.asarray(value), np.asarray(jacobian), tuple(more), iterations)
 
 
-def _is_nearer(here: Solution, new: Solution, rank: float | None) -> bool:
-    """Whether a step reduces the residual, or the length of the next one by the same Jacobian.
+def _is_nearer(here: Solution, new: Solution, change: np.ndarray, rank: float | None) -> bool:
+    """Whether a part of a step `change` (n,) reduces the residual, or what is left of the step.
+
+    What is left is the next step by the same Jacobian.
 
     The residual alone would not do: along a curved valley, as beside a fold, it grows with every
     step that is not tiny (Deuflhard 2004, Newton Methods for Nonlinear Problems, section 3.3). The
-    length alone would not do where equations leave a direction free, in which it is rounding.
+    latter alone would not do where equations leave a direction free, in which it is rounding. As
+    neither has to fall at every step, the number of steps is the only bound on an iteration.
     """
     if np.linalg.norm(new.value) < np.linalg.norm(here.value):
         return True
     if not np.isfinite(new.value).all():
         return False
-    after, before = (_shortest(here.jacobian, x.value, rank) for x in (new, here))
-    return bool(np.linalg.norm(after) < np.linalg.norm(before))
+    left = _shortest(here.jacobian, new.value, rank)
+    return bool(np.linalg.norm(left) < np.linalg.norm(change))
 
 
 def _shortest(jacobian: np.ndarray, value: np.ndarray, rank: float | None) -> np.ndarray:

@@ -67,7 +67,7 @@ class DryFriction(Effect):
     creep: Array = eqx.field(converter=as_float, default=0.0)
     singular: ClassVar[str] = (
         "Dry friction has no direction where the sliding stops: end the motion by an event at a "
-        "small speed, and continue from rest if more than mu N pulls; or give it a creep."
+        "small speed, and continue from rest where other forces exceed mu N; or give it a creep."
     )
 
     def force(self, t, r, v, m):

@@ -119,8 +119,9 @@ def from_rebound(sim: Any, t1=1.0) -> Scene:
       sim: a `rebound.Simulation`, with point masses and Newtonian gravity.
       t1: span, in the units of the simulation.
     Raises:
-      ValueError: `sim` has no bodies, is not a simulation, or softens or restricts its gravity.
-    Limits: forces that were added in Python or C, and REBOUNDx, are not seen.
+      ValueError: `sim` has no bodies, is not a simulation, or its gravity is not that of point
+        masses in free space.
+    Limits: forces that were added in Python or C, and those of REBOUNDx, are not carried over.
     """
     try:
         bodies, G = list(sim.particles), float(sim.G)
@@ -131,6 +132,10 @@ def from_rebound(sim: Any, t1=1.0) -> Scene:
         raise fail("sim", "a rebound.Simulation", type(sim).__name__) from error
     if not len(bodies):
         raise fail("sim", "a simulation with bodies", "none")
+    if (gravity := getattr(sim, "gravity", "basic")) == "none":
+        raise fail("sim", "Newtonian gravity", repr(gravity))
+    if (boundary := getattr(sim, "boundary", "none")) in ("periodic", "shear"):
+        raise fail("sim", "bodies in free space", f"a boundary {boundary!r}")
     if softening := float(getattr(sim, "softening", 0.0)):
         raise fail("sim", "Newtonian gravity", f"a softening of {softening:g}")
     if (active := int(getattr(sim, "N_active", -1))) >= 0 and m[active:].any():

@@ -20,6 +20,7 @@ from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
 TIME = "t"
+_NO_NUMBERS = "bcmM"  # kinds of arrays that NumPy would convert: bool, complex, durations, dates
 _AXES = "xyz"
 _NO_UNIT = "1"
 _REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
@@ -141,7 +142,10 @@ def _units(data: Any) -> dict[str, str]:
 def _floats(name: str, given: Any) -> np.ndarray:
     """The values of a column, which may be numbers in an array of objects, or as text."""
     try:
-        return np.asarray(given, float)
+        found = np.asarray(given)
+        if found.dtype.kind in _NO_NUMBERS:
+            raise TypeError
+        return np.asarray(found, float)
     except (TypeError, ValueError) as error:
         raise _checks.fail(f"column {name}", "numbers", reprlib.repr(given)) from error
 

@@ -26,8 +26,8 @@ _NAMED = 0.1  # relative to the largest weight: parameters that a combination na
 _CORRELATED = 4.0  # standard errors of the correlation of residuals in time
 _WIDE = 0.25  # relative to an estimate: an interval over which the Jacobian may change
 _UNLIKELY = 1e-3  # probability of the misfit, or of an outlier, below which it is doubted
-#: Residuals [rad] of angles that are not those of the motion: at random, their root mean square is
-#: pi / sqrt(3).
+#: Root mean square [rad] of residuals of angles above which the motion explains nothing. It would
+#: be pi / sqrt(3) = 1.8 at random; estimates that were fitted to such angles leave a little less.
 _ANY_ANGLE = 1.2
 _EXACT = 1e-9  # relative to the largest value: residuals of the integration, of data without noise
 
@@ -466,9 +466,9 @@ def doubts(
 ) -> str:
     """Warnings about the model: residuals that are not noise; `angles` are among the columns."""
     parts = [
-        f"The residuals of {name} are as large as between angles at random: the motion says "
-        "nothing about them. Numbers without a unit are in rad; where they are in degrees, name "
-        f"the column '{name} [deg]'."
+        f"The residuals of {name} are nearly as large as between angles at random: the motion "
+        "says nothing about them. Numbers without a unit are in rad; where they are in degrees, "
+        f"name the column '{name} [deg]'."
         for i, name in enumerate(table.names)
         if angles[i] and np.sqrt(np.nanmean(residuals[:, i] ** 2)) > _ANY_ANGLE
     ]

@@ -92,11 +92,7 @@ class Symmetry(Record):
         # Otherwise the motion after the first part would not be an image of the first part.
         if self == IDENTITY and not later:
             return
-        start, each = np.asarray(scene.y0), sizes(scene)
-        weights = np.random.default_rng(0).uniform(0.5, 1.0, start.shape)
-        weights[1::2] *= -1.0
-        aside = scene.system.project(jnp.zeros(()), jnp.asarray(start + _ASIDE * each * weights))
-        if not all(self._keeps_rate(scene, later, np.asarray(y), each) for y in (start, aside)):
+        if not all(self._keeps_rate(scene, later, y) for y in _start_and_beside(scene)):
             raise fail(
                 "closing",
                 "a symmetry of the scene",
@@ -106,13 +102,22 @@ class Symmetry(Record):
                 "of the period earlier.",
             )
 
-    def _keeps_rate(self, scene: Scene, later: float, y: np.ndarray, each: np.ndarray) -> bool:
-        """Whether the rate at the image of a state is the image of the rate, to rounding."""
+    def _keeps_rate(self, scene: Scene, later: float, y: np.ndarray) -> bool:
+        """Whether the rate at the image of a state, if it has one, is the image of the rate."""
         ts, back = times(scene), -1.0 if self.reversing else 1.0
         there = np.asarray(rates_at(scene, later + back * ts, self.act(y)))
         here = back * np.stack([self.act(f) for f in np.asarray(rates_at(scene, ts, y))])
-        most = EXACT * np.maximum(2 * np.pi / float(scene.t1) * each, np.abs(here))
-        return not (np.abs(there - here) > most).any()  # where there is none, none differs
+        most = EXACT * np.maximum(2 * np.pi / float(scene.t1) * sizes(scene), np.abs(here))
+        return bool(((np.abs(there - here) <= most) | ~np.isfinite(here)).all())
+
+
+def _start_and_beside(scene: Scene) -> np.ndarray:
+    """(2, k) the start, and a state `_ASIDE` from it, at which symmetries are checked."""
+    start = np.asarray(scene.y0)
+    weights = np.random.default_rng(0).uniform(0.5, 1.0, start.shape)
+    weights[1::2] *= -1.0
+    aside = jnp.asarray(start + _ASIDE * sizes(scene) * weights)
+    return np.stack([start, np.asarray(scene.system.project(jnp.zeros(()), aside))])
 
 
 IDENTITY = Symmetry()
@@ -547,33 +552,35 @@ def _check_affine(scene: Scene, turn: str) -> None:
 def _check_commutes(scene: Scene, turn: str) -> None:
     # Otherwise the motion after the first part would not be the rotated first part.
     each, time = sizes(scene), float(scene.t1) / (2 * np.pi)
-    found = _commutator(scene, jnp.asarray(times(scene)), turn=turn)
-    turned, moved = (time * np.asarray(x) / each for x in found)
-    size = 1.0 + np.linalg.norm(turned, axis=1) + np.linalg.norm(moved, axis=1)
-    if not (np.linalg.norm(turned - moved, axis=1) <= EXACT * size).all():
+    ys, ts = jnp.asarray(_start_and_beside(scene)), jnp.asarray(times(scene))
+    turned, moved = (time * np.asarray(x) / each for x in _commutator(scene, ys, ts, turn=turn))
+    size = 1.0 + np.linalg.norm(turned, axis=-1) + np.linalg.norm(moved, axis=-1)
+    keeps = np.linalg.norm(turned - moved, axis=-1) <= EXACT * size
+    if not (keeps | ~np.isfinite(turned).all(axis=-1)).all():
         raise fail(
             "turn", "a symmetry of the scene", f"{turn!r}, which changes its forces", "Use PLAIN."
         )
 
 
 @functools.partial(jax.jit, static_argnames="turn")
-def _commutator(scene: Scene, ts: Array, *, turn: str) -> tuple[Array, Array]:
-    """(s, k) the change of a generator along the rate at the start, and that of the rate along it.
+def _commutator(scene: Scene, ys: Array, ts: Array, *, turn: str) -> tuple[Array, Array]:
+    """The change of a generator along the rate, and that of the rate along the generator.
 
-    They are those at several times: a drive may be zero at the first one.
+    Both are (n, s, k), at n states `ys` (n, k) and s times `ts` (s,): at rest drag does not show,
+    and a drive may vanish at the first time.
     """
 
     def generator(y):
         return scene.system.generators(y)[turn]
 
-    def at(t):
+    def at(y, t):
         def rate(y):
             return scene.rate(t, y)
 
-        f, g = rate(scene.y0), generator(scene.y0)
-        return tuple(jax.jvp(a, (scene.y0,), (b,))[1] for a, b in ((generator, f), (rate, g)))
+        f, g = rate(y), generator(y)
+        return tuple(jax.jvp(a, (y,), (b,))[1] for a, b in ((generator, f), (rate, g)))
 
-    return jax.vmap(at)(ts)
+    return jax.vmap(jax.vmap(at, (None, 0)), (0, None))(ys, ts)
 
 
 # ---- Conditions on an orbit besides closing: a given energy, period, entry of the start

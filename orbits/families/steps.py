@@ -16,8 +16,9 @@ from orbits.families.surface import Point, Surface
 #: bend by no more than the part `_BENT` of it, and multipliers will move no further than `_DRIFT`:
 #: of two special points in one step, each may hide the other.
 _GROW, _BENT, _DRIFT = 2.0, 0.05, 0.3
-#: Parts of a step between two members that are tried where longer ones fail, as near a collision.
-_SHORTER = (0.25, 0.125)
+#: Parts of a step between two members that are tried, the longest first: near a collision Newton's
+#: method needs short ones.
+_PARTS = (1.0, 0.5, 0.25, 0.125)
 #: Growth of errors over an orbit above which doubles hold few digits of it, or none.
 _UNHOLDABLE = 1e12
 _NUDGE = 1e-6  # length along a tangent, for a difference quotient
@@ -114,10 +115,9 @@ class OrbitChart(Chart[Member]):
 
     def between(self, a: Member, b: Member, share: float) -> Member | None:
         # Where Newton's method fails, a shorter step may succeed, or one from the other end.
-        rest = 1 - share
-        tried = [(a, b, share), (a, b, 0.5 * share), (b, a, rest), (b, a, 0.5 * rest)]
-        for part in _SHORTER:
-            tried += [(a, b, part * share), (b, a, part * rest)]
+        tried = (
+            way for part in _PARTS for way in ((a, b, part * share), (b, a, part * (1 - share)))
+        )
         return next((found for way in tried if (found := self._towards(*way))), None)
 
     def _towards(self, a: Member, b: Member, share: float) -> Member | None:

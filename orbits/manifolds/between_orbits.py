@@ -298,7 +298,7 @@ def _crossings(scene: Scene, first: Manifold, last: Manifold, each: np.ndarray) 
             tuple((1 - w) * z[0] + w * z[1] for w, z in zip(weights, pair, strict=True))
             for pair in ((phase_p, phase_q), (time_p, time_q))
         )
-        turns = (apart[i, j] - (q[j] - p[i])) * each
+        turns = 2 * np.pi * np.round((apart[i, j] - (q[j] - p[i])) * each / (2 * np.pi))
         guesses.append(((sign_p, sign_q), phases, times, turns))
     return guesses
 

@@ -99,7 +99,7 @@ class FrequencyResponse:
         Args:
           output: see `table`.
         Raises:
-          ValueError: there is no such output.
+          ValueError: there is no such output, or it has no value on a curve.
         Limits: its amplitude has ten digits, its frequency five, since the curve is flat there.
         """
         output = output or self.curves[0].members[0].orbit.scene.labels()[0][0]
@@ -156,6 +156,8 @@ def _peak(curve: Family, output: Output) -> Member:
         return -math.inf if math.isnan(found) else found
 
     heights = [height(m) for m in members]
+    if max(heights) == -math.inf:
+        raise fail("output", "one with a value somewhere on the curve", "NaN everywhere")
     top = int(np.argmax(heights))
     best, largest = members[top], heights[top]
     surface = OrbitSurface(curve.equations, best.orbit.rtol, GOAL)

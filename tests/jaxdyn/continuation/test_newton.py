@@ -47,6 +47,17 @@ def test_halved_steps_arrive_where_full_ones_leave():
     assert newton.solve(slope, start, halvings=5).x == pytest.approx(0.0, abs=1e-12)
 
 
+def test_halved_steps_follow_a_curved_valley():
+    # Beside the parabola the residual is a million times that along it, and grows with every step.
+    def valley(x):
+        slopes = np.array([[-2e6 * x[0], 1e6], [-1.0, 0.0]])
+        return np.array([1e6 * (x[1] - x[0] ** 2), 1.0 - x[0]]), slopes
+
+    found = newton.solve(valley, np.array([-1.2, 1.44]), halvings=9)
+    assert found.settled
+    np.testing.assert_allclose(found.x, 1.0, rtol=1e-15)
+
+
 def test_it_ends_where_the_residual_grows_or_has_no_value():
     calls = []
 

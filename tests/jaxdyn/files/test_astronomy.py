@@ -92,13 +92,20 @@ def test_simulations_there_and_back(monkeypatch):
 def test_what_is_no_simulation_is_refused(monkeypatch):
     assert "rebound.Simulation" in refusal(lambda: astronomy.from_rebound(3))
     assert "with bodies" in refusal(lambda: astronomy.from_rebound(Simulation()))
-    for name, value in (("softening", 0.1), ("N_active", 1)):
+    for name, value in (
+        ("softening", 0.1),
+        ("N_active", 1),
+        ("gravity", "none"),
+        ("boundary", "periodic"),
+    ):
         sim = Simulation()
         sim.particles = [
             types.SimpleNamespace(m=1.0, x=x, y=0, z=0, vx=0, vy=0, vz=0) for x in (0, 1)
         ]
         setattr(sim, name, value)
-        assert name in refusal(lambda sim=sim: astronomy.from_rebound(sim))
+        assert (name if name != "gravity" else "none") in refusal(
+            lambda sim=sim: astronomy.from_rebound(sim)
+        )
     assert "PairGravity alone" in refusal(lambda: astronomy.to_rebound(scenes.pendulum()))
     monkeypatch.setitem(sys.modules, "rebound", None)
     assert "jaxdyn[rebound]" in refusal(lambda: astronomy.to_rebound(scenes.three_body()))

@@ -304,6 +304,8 @@ def test_misuse_is_refused(track):
     assert "observe=" in refused(data={"t": TS, "z": TS})
     assert "One for each time" in refused(data={"t": TS, "x": TS[1:]})
     assert "column t: expected numbers" in refused(data={"t": ["a"] * 60, "x": TS})
+    dates = np.arange(60).astype("datetime64[s]")
+    assert "column t: expected numbers" in refused(data={"t": dates, "x": TS})
     assert "NaN for gaps" in refused(data={"t": TS, "x": np.full(60, np.inf)})
     assert "NaN alone" in refused(data={"t": TS, "x": np.full(60, np.nan)})
     assert "column x: expected numbers" in refused(data={"t": TS, "x": ["a"] * 60})

@@ -232,6 +232,26 @@ def test_a_drive_that_is_zero_at_the_start_breaks_a_turn():
         orbits.find(scene, period=2 * np.pi, closing=orbits.relative())
 
 
+class Comb(Effect):
+    """A drag of motions along x alone."""
+
+    def force(self, t, r, v, m):
+        return -0.1 * v * jnp.array([[1.0, 0.0]])
+
+
+def test_a_drag_that_does_not_show_at_rest_breaks_a_turn():
+    scene = scenes.power_law(n=-1.0, speed=0.0) + Comb()
+    with pytest.raises(ValueError, match="turn: expected a symmetry of the scene"):
+        orbits.find(scene, period=2 * np.pi, closing=orbits.relative())
+
+
+def test_a_symmetry_that_leads_to_where_there_is_no_rate_is_none():
+    scene = ode(lambda t, y: [y[1] * jnp.sqrt(y[0]), -y[0]], [1.0, 0.5], 2 * np.pi)
+    half = orbits.Return(orbits.Symmetry(signs=(-1, -1)), parts=2)
+    with pytest.raises(ValueError, match="got one that changes its forces"):
+        orbits.find(scene, closing=half)
+
+
 def duffing(t, y, p):
     return [y[1], -0.2 * y[1] - y[0] ** 3 + 0.3 * jnp.cos(p * t)]
 

@@ -99,6 +99,8 @@ def test_an_output_without_a_value_is_no_peak():
     largest = 0.5 * quantities.amplitude(high.orbit, "x")
     (peak,) = found.peaks(lambda t, y: jnp.where(jnp.abs(y[0]) < largest, y[0], jnp.nan))
     assert quantities.amplitude(peak.orbit, "x") < largest
+    with pytest.raises(ValueError, match="output: expected one with a value"):
+        found.peaks(lambda t, y: jnp.nan * y[0])
 
 
 @pytest.mark.slow
