@@ -470,9 +470,9 @@ def _by_its_change(
     # A time that is short for any motion.
     at_once = float(np.sqrt(jnp.finfo(y0.dtype).tiny))
 
-    def look(carry: tuple[Array, ...], at: Array) -> tuple[tuple[Array, ...], None]:
+    def look(carry: tuple[Array, ...], which: Array) -> tuple[tuple[Array, ...], None]:
         first, then, later, half, noise, most, horizon, moving = carry
-        n, part = at
+        n, part = which
         soon = (n == 2) | (n == 3) | (n == 4)
         rounded, far = (n == 4) | (n == 5) | (n == 8), (n == 7) | (n == 8)
         tau, sizes = _motion(groups, here, span, first, then, noise, horizon)
