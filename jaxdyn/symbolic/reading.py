@@ -27,8 +27,6 @@ from jaxdyn.symbolic.trigonometry import shorten_deeply
 
 #: Largest number of operations of a program that is read; longer equations would be unreadable.
 _MOST_NODES = 20_000
-#: What operations without formulas are called, where their own names say little.
-_WORDS = {"lt_to": "a search in a table, as in jnp.interp: write its pieces with jnp.where"}
 #: Functions that are constant in regions.
 _STEPPED = frozenset({"ceil", "floor", "max", "min", "round", "select", "sign", "step"})
 
@@ -74,7 +72,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
         raise _checks.fail(
             "equations",
             "a scene whose rate has formulas",
-            _WORDS.get(str(error), str(error)),
+            str(error),
             "Loops of unknown length, callbacks and solvers of the user have none.",
         ) from error
     nodes = topological_order(graph, [x for array in found for x in np.ravel(array).tolist()])

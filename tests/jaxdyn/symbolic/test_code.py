@@ -174,6 +174,8 @@ class Winding(Effect):
 def test_what_cannot_be_written_is_refused():
     loop = scenes.cannonball() + Winding()
     assert "code: expected a rate with formulas, got" in refusal(lambda: code(loop, "c"))
+    table = jaxdyn.ode(lambda t, y: [jnp.interp(t, jnp.arange(3.0), jnp.ones(3))], [0.0])
+    assert "formulas, got a search in a table" in refusal(lambda: code(table, "c"))
     said = refusal(lambda: code(scenes.pendulum(), "fortran"))
     assert "language: expected one of c, javascript, julia, numpy, python" in said
     assert "a name of a function" in refusal(lambda: code(scenes.pendulum(), "c", name="1 x"))
