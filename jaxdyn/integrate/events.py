@@ -238,7 +238,9 @@ def until(
     return stop_of(scene, events, t1, t0, options)
 
 
-def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> Stop:
+def stop_of(
+    scene: Scene, events, t1, t0, options: SolverOptions, sides: tuple[int, ...] | None = None
+) -> Stop:
     """The result of `until` for a motion that may begin on known sides of its events.
 
     Args:
@@ -247,19 +249,21 @@ def stop_of(scene: Scene, events, t1, t0, options: SolverOptions, sides=0.0) -> 
       t1: see `until`.
       t0: see `until`.
       options: see `until`.
-      sides: (E,) signs of the values just after the start, 0 where they have to be determined.
+      sides: signs of the values just after the start, 0 where they have to be determined; all of
+        them by default.
     """
     t0, t1 = span(scene, t1, t0)
     events = as_events(events, len(scene.y0))
-    sides = np.broadcast_to(np.asarray(sides, float), (len(events),))  # JAX would take longer
+    sides = (0,) * len(events) if sides is None else sides
     method = check_method(scene, options.solver, several=True)
     held_to = limits(options)
-    traced = _checks.is_traced((scene, events, sides, t0, t1, held_to))
+    traced = _checks.is_traced((scene, events, t0, t1, held_to))
 
     def run(held_to, method: Method) -> Stop:
         locate, convert = (_locate, jnp.asarray) if traced else (_compiled, np.asarray)
         held_to = jax.tree.map(convert, held_to)
-        return locate(scene.field, events, scene.y0, sides, t0, t1, held_to, method=method)
+        args = (scene.field, events, scene.y0, t0, t1, held_to)
+        return locate(*args, method=method, sides=sides)
 
     return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]
 
@@ -287,17 +291,17 @@ def as_events(events, k: int) -> tuple[Event, ...]:
 # Compiled within the rule of derivatives, as `flow` is.
 @eqx.filter_custom_jvp
 @eqx.filter_jit
-def _locate(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
-    search = functools.partial(_search, method=method)
-    args = (field, events, y0, sides, t0, t1, limits)
+def _locate(field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]) -> Stop:
+    search = functools.partial(_search, method=method, sides=sides)
+    args = (field, events, y0, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
 
 
 @_locate.def_jvp
-def _locate_jvp(primals, tangents, *, method):
-    field, events, y0, _, t0, _, limits = primals
-    d_field, d_events, d_y0, _, d_t0, d_t1, _ = tangents
-    stop = _locate(*primals, method=method)
+def _locate_jvp(primals, tangents, *, method, sides):
+    field, events, y0, t0, _, limits = primals
+    d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
+    stop = _locate(*primals, method=method, sides=sides)
     happened = stop.event >= 0
 
     def state(field, y0, t0):
@@ -320,7 +324,7 @@ def _locate_jvp(primals, tangents, *, method):
 _compiled = eqx.filter_jit(_locate)
 
 
-def _search(field, events, y0, sides, t0, t1, limits, *, method: Method) -> Stop:
+def _search(field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]) -> Stop:
     out, found = first_event(field, events, y0, t0, t1, limits, sides, method=method)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)

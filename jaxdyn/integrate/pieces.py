@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxdyn.integrate.event_search.crossings import Crossing, first_crossing
+from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
 from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.plan import Branch, InBranch, in_branch, jump, without_wrappers
@@ -31,7 +31,7 @@ _DEEPEST = 3
 
 
 def first_event(
-    field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Any = 0.0, *, method: Method
+    field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Sides, *, method: Method
 ) -> tuple[Array, Crossing]:
     """The state (k,) where the search ended, and the first of some events; without derivatives.
 
@@ -94,7 +94,7 @@ class _Run(NamedTuple):
     Attributes:
       t: () the time that it has reached.
       y: (k, ...) the state there.
-      branch: the branch of the next piece.
+      branch: the branch of the next piece, before `_Pieces._settle`.
       crossed: (e,) conditions that have just changed.
       left: () number of the margin that has just ended a piece of sliding, see
         `InBranch.margins`; else -1.
@@ -131,7 +131,7 @@ def run_pieces(
     t1,
     ts,
     limits: Limits,
-    sides: Any = 0.0,
+    sides: Sides = (),
     *,
     method: Method,
 ) -> tuple[SolveResult, Crossing]:
@@ -180,7 +180,7 @@ class _Pieces(NamedTuple):
     t1: Array
     ts: Array
     limits: Limits
-    sides: Array
+    sides: Sides
     way: Array
     method: Method
 
@@ -203,7 +203,7 @@ class _Pieces(NamedTuple):
         known, _ = look_from_start(
             self.field, self.t0, y0, self.t1, self.limits.tolerance, self.method
         )
-        run = _Run(
+        return _Run(
             t=jnp.asarray(self.t0),
             y=y0,
             branch=branch,
@@ -218,7 +218,6 @@ class _Pieces(NamedTuple):
             before=History(known.sizes, jnp.zeros(())),
             stalled=zero,
         )
-        return run._replace(branch=self._settle(run))
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
@@ -227,6 +226,9 @@ class _Pieces(NamedTuple):
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
+        # The branch is kept for the whole piece, never found twice: XLA computes a sine anew for
+        # each of its uses, in several ways, and at a switch two of them may have different signs.
+        run = run._replace(branch=self._settle(run))
         branch, y, now = run.branch, self._after_switch(run), self.t1
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
@@ -254,7 +256,7 @@ class _Pieces(NamedTuple):
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
         following, crossed, held = self._switch(branch, end, state_of(y_end), margin)
-        reached = _Run(
+        return _Run(
             t=end,
             y=y_end,
             branch=following,
@@ -269,9 +271,6 @@ class _Pieces(NamedTuple):
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
-        # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
-        # each of its uses, in several ways, and at a switch two of them may have different signs.
-        return reached._replace(branch=self._settle(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -289,12 +288,11 @@ class _Pieces(NamedTuple):
             return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
-        sides = jnp.where(run.begun, 0.0, self.sides) * jnp.ones(len(events))
+        sides = tuple(jnp.where(run.begun, 0, side) for side in self.sides)
         if self.plan.on_state:
             margins = Margins.of(plain, self.plan, t, state_of(y))
-            events = (*events, margins)
             # A piece begins within its branch.
-            sides = jnp.concatenate([sides, jnp.ones(margins.count)])
+            events, sides = (*events, margins), (*sides, 1)
         seen, crossing = first_crossing(
             here if y.ndim == 1 else plain,
             events,
@@ -362,14 +360,18 @@ class _Pieces(NamedTuple):
     def _settle(self, run: _Run) -> Branch:
         """The branch of the next piece: outcomes at its start, and whether it slides."""
         t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
-        outcomes = run.branch.outcomes
-        near = jnp.zeros(self.plan.size, bool)
-        for _ in range(_DEEPEST if self.plan.size > 1 else 1):
+
+        def settle(_, found):
+            outcomes, near = found
             _, here = self.plan.evaluate(self.system, t, x, outcomes)
             if self.plan.on_state:
                 by_time, rows, _ = self._slopes(t, x, outcomes, None)
                 near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
-            outcomes = jnp.where(run.held | near, outcomes, here.outcomes)
+            return jnp.where(run.held | near, outcomes, here.outcomes), near
+
+        rounds = _DEEPEST if self.plan.size > 1 else 1
+        start = run.branch.outcomes, jnp.zeros(self.plan.size, bool)
+        outcomes, near = jax.lax.fori_loop(0, rounds, settle, start)
         if not self.plan.on_state:
             return Branch.of(outcomes)
         first = ~run.begun

@@ -209,7 +209,7 @@ _compiled = eqx.filter_jit(_find)
 def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):
     def following(carry, _):
         t, y, side, status, left = carry
-        sides = side[None]  # just after the last crossing the side is known without evaluation
+        sides = (side,)  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
         held_to = limits.with_steps(left)
         end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)

@@ -21,6 +21,7 @@ from jaxtyping import Array
 from jaxdyn.integrate.event_search.event_values import (
     EventSampler,
     TimeDependence,
+    count,
     curvature_rounding,
     directions,
     evaluate,
@@ -100,7 +101,8 @@ class Beginning(NamedTuple):
             self.noise + jnp.abs(h) * self.speeds + h * h * self.curvature_rounding
         )
         moving = jnp.abs(self.slope) > _START_ROUNDINGS * self.speeds
-        before, after = (self._near(events, s * _CLOSE * h, moved) for s in (-1.0, 1.0))
+        near = _CLOSE * jnp.stack([-h, h])
+        before, after = jax.vmap(lambda h: self._near(events, h, moved))(near)
         still = jnp.where(before * after < 0, after, -wanted)
         leaving = jnp.where(moving, ahead * jnp.sign(self.slope), still)
         return jnp.where(jnp.abs(self.g) <= moved, leaving, jnp.sign(self.g))
@@ -334,12 +336,14 @@ def move_onto_event(
     g, slope = jax.jvp(value, (t, y), (jnp.ones_like(t), rate))
     on = -g / jnp.where(slope == 0, 1.0, slope)
     on = jnp.where((slope != 0) & (on * h > 0), on, 0.0)  # else it is beyond, or there is none
+    more = jnp.stack([(1 - _SHORT) * on, on])
+    new = y[None] + more[:, None] * rate[None]
+    left = -towards * jax.vmap(value)(t + more, new)
+    nearer = (left >= 0) & (left <= jnp.abs(g))
     best_h, best_y = h, y
-    for more in ((1 - _SHORT) * on, on):
-        new = y + more * rate
-        left = -towards * value(t + more, new)
-        nearer = (left >= 0) & (left <= jnp.abs(g))
-        best_h, best_y = jnp.where(nearer, h + more, best_h), jnp.where(nearer, new, best_y)
+    for i in range(len(more)):
+        best_h = jnp.where(nearer[i], h + more[i], best_h)
+        best_y = jnp.where(nearer[i], new[i], best_y)
     return best_h, best_y
 
 
@@ -360,6 +364,10 @@ _SIMULTANEOUS = (
 _MAX_PANELS = 4096  # most panels in a step, for a value that oscillates near zero
 _MAX_CLOCKED = 2**20  # likewise for a value with parts in time alone; beyond that it is unseen
 _PANEL_GROWTH = 4.0  # factor of the panel length after a settled panel
+
+
+#: For each event the sign of its values just after the start, 0 if it is not known.
+Sides = tuple[int | Array, ...]
 
 
 class Crossing(NamedTuple):
@@ -392,7 +400,7 @@ def first_crossing(
     t1,
     limits,
     ts,
-    sides=0.0,
+    sides: Sides,
     *,
     method: Method,
     before: History | None = None,
@@ -407,12 +415,12 @@ def first_crossing(
       t1: () end time, before or after t0.
       limits: see `flow`.
       ts: (s,) times of samples.
-      sides: (E,) signs of the values just after the start where these are known, else 0.
+      sides: for each event the sign of its values just after the start, 0 if it is not known. A
+        Python number other than 0 needs no look at the start, which is a third of the program.
       method: see `flow`.
       before: see `march`.
     """
     sampler = EventSampler(field, events, method)
-    sides = jnp.broadcast_to(sides, directions(events).shape)
     watch = _CrossingWatch(sampler, sides, TimeDependence.of(events, len(y0)))
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
@@ -460,7 +468,7 @@ class _Memory(NamedTuple):
     t0: Array  # () last accepted node before the events found
     y0: Array  # (k,)
     bracket: Bracket
-    beginning: Beginning
+    beginning: Beginning | None  # of the events whose sides may have to be determined
     begun: Array  # () whether a step has been accepted
     unseen: Array  # () whether more happened within a step than could be resolved
 
@@ -474,9 +482,14 @@ class _StepSearch(NamedTuple):
     bracket: Bracket  # in parts of the step
 
 
+def _is_known(side: int | Array) -> bool:
+    """Whether a side is known when the program is made."""
+    return isinstance(side, int) and side != 0
+
+
 class _CrossingWatch(Watch):
     sampler: EventSampler
-    sides: Array  # (E,) signs just after the start where these are known, else 0
+    sides: Sides
     in_time: TimeDependence | None
     direction: Array | float = 1.0
 
@@ -485,21 +498,33 @@ class _CrossingWatch(Watch):
         """(E,) the signs after the crossings that count, 0 for both."""
         return directions(self.sampler.events)
 
+    @property
+    def looked_at(self) -> tuple:
+        """The events whose sides at the start may have to be determined."""
+        pairs = zip(self.sampler.events, self.sides, strict=True)
+        return tuple(event for event, side in pairs if not _is_known(side))
+
     def towards(self, direction):
         return _CrossingWatch(self.sampler, self.sides, self.in_time, direction)
 
     def start(self, t0, y0):
-        here = Beginning.of(self.sampler.field, self.sampler.events, self.direction * t0, y0)
-        zero = jnp.zeros_like(here.g)
+        field, t = self.sampler.field, self.direction * t0
+        here = evaluate(field, self.sampler.events, t, y0)
+        zero = jnp.zeros_like(here.values)
         end = _Samples(
-            part=jnp.ones_like(t0), g=here.g, slope=here.slope, side=zero, noise=here.noise
+            part=jnp.ones_like(t0),
+            g=here.values,
+            slope=here.slopes,
+            side=zero,
+            noise=here.rounding + jnp.abs(t) * here.speeds,
         )
+        beginning = Beginning.of(field, self.looked_at, t, y0) if self.looked_at else None
         return _Memory(
             end=end,
             t0=t0,
             y0=y0,
             bracket=Bracket.none(zero),
-            beginning=here,
+            beginning=beginning,
             begun=jnp.zeros((), bool),
             unseen=jnp.zeros((), bool),
         )
@@ -508,9 +533,7 @@ class _CrossingWatch(Watch):
         del y1
         h = self.direction * (t1 - t0)
         begin = self.direction * t0
-        first = memory.beginning.sides(self.sampler.events, h, self.wanted)
-        first = jnp.where(self.sides == 0, first, self.sides)
-        side = jnp.where(memory.begun, memory.end.side, first)
+        side = jnp.where(memory.begun, memory.end.side, self._first_sides(memory.beginning, h))
         search = self._search_step(keep, begin, y0, h, memory, side)
         low, high, towards = search.bracket
         bracket = Bracket(low * h, high * h, towards)
@@ -521,6 +544,21 @@ class _CrossingWatch(Watch):
         memory = jax.tree.map(lambda new, old: jnp.where(keep, new, old), seen, memory)
         over = memory.bracket.found.any() | jnp.isnan(memory.end.side).any()
         return memory, over | memory.unseen
+
+    def _first_sides(self, beginning: Beginning | None, h: Array) -> Array:
+        """(E,) signs just after the start, before a first step h ()."""
+        looked_at, found, i = self.looked_at, jnp.zeros(0), 0
+        if beginning is not None:
+            found = beginning.sides(looked_at, h, directions(looked_at))
+        signs = []
+        for event, side in zip(self.sampler.events, self.sides, strict=True):
+            n = count(event)
+            if _is_known(side):
+                signs.append(jnp.full(n, float(side)))
+            else:
+                signs.append(jnp.where(side == 0, found[i : i + n], side))
+                i += n
+        return jnp.concatenate(signs)
 
     def _search_step(
         self, keep, t: Array, y: Array, h: Array, memory: _Memory, side: Array

@@ -47,12 +47,14 @@ def values(events: tuple, t: Array, y: Array) -> Array:
     return jnp.concatenate([jnp.atleast_1d(event.value(t, y)) for event in events])
 
 
+def count(event) -> int:
+    """Number of values of an event: the conditions of a rate have several."""
+    return getattr(event, "count", 1)
+
+
 def directions(events: tuple) -> Array:
     """(E,) the signs after the crossings that count, 0 for both."""
-    counts = (getattr(event, "count", 1) for event in events)  # conditions of a rate have several
-    return jnp.concatenate(
-        [jnp.full(n, float(event.direction)) for n, event in zip(counts, events, strict=True)]
-    )
+    return jnp.concatenate([jnp.full(count(event), float(event.direction)) for event in events])
 
 
 def sizes(system: System, y: Array) -> Array:
@@ -83,8 +85,11 @@ def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0
 
 def curvature_rounding(field, events: tuple, t: Array, y: Array) -> Array:
     """(E,) one rounding of the second derivatives along the motion; 0 where they do not exist."""
-    ahead = (jnp.ones_like(t), field.rate(t, y))
-    _, second = jax.jvp(lambda t, y: _terms(field, events, t, y)[1].sum(-1), (t, y), ahead)
+
+    def along(fn):
+        return lambda t, y: jax.jvp(fn, (t, y), (jnp.ones_like(t), field.rate(t, y)))[1]
+
+    second = along(along(functools.partial(values, events)))(t, y)
     return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
 
 
