@@ -94,12 +94,12 @@ _NONLINEAR = 0.5
 #: Distances at which linearity is tested at once, and the number of passes, each between two
 #: neighbouring distances of the last one.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
-#: The looks of `_by_its_change`: the number of each, and the part of its displacement.
-_LOOKS = np.array([[0, 1, 2, 3, 4, 5, 5, 6, 6, 7, 8, 9, 9], [1.0] * 13]).T
-_LOOKS[[5, 7, 11], 1] = 0.5
-#: What rounding makes of a rate in the second half of a displacement is no smaller part of the
-#: whole than this.
-_FLAT = 1 / 8
+#: The looks of `_by_its_change` that are a little after the start, later, with a rounding added
+#: and displaced by what rounding makes.
+_SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
+#: Where rounding makes more than this multiple of what it makes later in the motion, or of one
+#: rounding of the rate there, it is that of a place that the motion leaves at once.
+_STAYS = 2.0**10
 
 
 class Groups(NamedTuple):
@@ -461,28 +461,34 @@ def _by_its_change(
     """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
     The rate is evaluated at the start; for a motion from rest also right after it, since the span
-    may be a mere limit; twice a little later; with a rounding added, a little later and at the
-    start; and beside the start, displaced by what rounding makes. Then it is evaluated later in the
-    motion, without and with a rounding added, which may make more there, and again beside the
-    start. Each look at the start and beside it is preceded by one half as far, see `_no_jump`.
+    may be a mere limit; and twice a little later. Then a rounding is added a little later and at
+    the start, and the start is displaced by what rounding makes. It is displaced again by what
+    rounding makes later in the motion, which may be more.
+
+    Each of these changes is made later in the motion first. The direction of a spring whose ends
+    nearly coincide, or of friction at rest, depends on the least rounding, but only at a place that
+    the motion leaves at once.
     """
     off = rounding(y0)
     # A time that is short for any motion.
     at_once = float(np.sqrt(jnp.finfo(y0.dtype).tiny))
 
-    def look(carry: tuple[Array, ...], which: Array) -> tuple[tuple[Array, ...], None]:
-        first, then, later, half, noise, most, horizon, moving = carry
-        n, part = which
-        soon = (n == 2) | (n == 3) | (n == 4)
-        rounded, far = (n == 4) | (n == 5) | (n == 8), (n == 7) | (n == 8)
+    def look(carry: tuple[Array, ...], n: Array) -> tuple[tuple[Array, ...], None]:
+        first, then, later, stays, noise, most, horizon, moving = carry
+        soon, far, rounded, aside = (
+            (n == np.array(looks)).any() for looks in (_SOON, _LATER, _ROUNDED, _BESIDE)
+        )
+        plain = far & ~rounded & ~aside
         tau, sizes = _motion(groups, here, span, first, then, noise, horizon)
         after = lax.select(n == 1, lax.full_like(span, at_once), _AHEAD * horizon)
         time = after * (soon | (n == 1)).astype(float) + LATER * tau * far.astype(float)
+        # A motion from rest leaves its place by the change of its rate.
+        change = 0.5 * LATER * tau / _or(_AHEAD * horizon, lax.full_like(span, 1.0))
+        bend = change * jnp.nan_to_num(then - first, posinf=0.0, neginf=0.0) * far.astype(float)
         time = ahead * time
-        aside = (n == 6) | (n == 9)
-        off_by = lax.select(n == 6, horizon * noise, tau * most) * aside.astype(float)
-        at = y0 + time * first + part * off_by
-        rate = field.rate(t0 + time, at + at * off * (part * rounded.astype(float)))
+        off_by = lax.select(n < 10, horizon * noise, tau * most) * aside.astype(float)
+        at = y0 + time * (first + bend) + off_by
+        rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
         slowest = _most(here, groups.largest(lax.abs(rate)))
         slowest = lax.select(moving, slowest, lax.sqrt(after * slowest))
@@ -490,24 +496,37 @@ def _by_its_change(
         moving = (slowest > 0) & (n == 0) | moving & (n > 0)
         horizon = lax.select(new, lax.min(span, _HORIZON * slowest), horizon)
         first = lax.select(n == 0, rate, first)
-        then, later = lax.select(n == 3, rate, then), lax.select(n == 7, rate, later)
-        gap = _finite(rate - lax.select(n == 4, then, lax.select(n == 8, later, first)))
-        smooth = soon | far | _no_jump(groups, gap, _finite(rate - half))
-        gap = lax.select(smooth & (part == 1), gap, jnp.zeros_like(gap))
-        half = lax.select(part < 1, rate, half)
-        noise = lax.select((n > 3) & (n < 7), lax.max(noise, gap), noise)
-        counts = (n > 3) & (n != 7) & (~far | _as_fast(rate, gap, tau, sizes))
+        then = lax.select(n == 3, rate, then)
+        later = lax.select(plain, rate, later)
+        gap = rate - lax.select(n == 6, then, lax.select(far, later, first))
+        stays = lax.select(far & ~plain, lax.max(stays, _later_noise(groups, gap, rate)), stays)
+        gap = _finite(gap)
+        gap = lax.select(~far & (gap > _STAYS * stays), stays, gap)
+        noise = lax.select((n > 5) & (n < 10) & ~far, lax.max(noise, gap), noise)
+        counts = (n > 5) & (~far | (n == 11) & _as_fast(rate, gap, tau, sizes))
         most = lax.select(
             counts, lax.max(most, _notable(groups, gap, rate, sizes / tau, aside)), most
         )
-        return (first, then, later, half, noise, most, horizon, moving), None
+        return (first, then, later, stays, noise, most, horizon, moving), None
 
     # A loop, so that the rate is compiled once: a tenth of the time until a first result.
     zero = jnp.zeros_like(y0)
     begin = zero, zero, zero, zero, zero, zero, span, jnp.ones((), bool)
-    (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.asarray(_LOOKS))
+    (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(14))
     tau, sizes = _motion(groups, here, span, f, then, noise, horizon)
     return Scales(sizes, tau, most), f
+
+
+def _later_noise(groups: Groups, gap: Array, rate: Array) -> Array:
+    """(k,) what rounding makes of the rate later in the motion, at least one rounding of it.
+
+    Args:
+      groups: the groups of the state.
+      gap: (k,) the change of the rate by a rounding later in the motion.
+      rate: (k,) the rate there; where it is not finite, the result is infinite.
+    """
+    rounded = lax.max(lax.abs(gap), jnp.finfo(rate.dtype).eps * lax.abs(rate))
+    return groups.largest(jnp.where(jnp.isfinite(rounded), rounded, np.inf))
 
 
 def _motion(
@@ -547,22 +566,6 @@ def _motion(
     speed = lax.reduce_max(lax.max(speeds, begins), (0,))
     tau = 1 / lax.max(speed, 1 / span)
     return tau, groups.sizes(lax.max(here, tau * lax.max(moves, tau * turns)))
-
-
-def _no_jump(groups: Groups, gap: Array, second: Array) -> Array:
-    """(k,) whether a rate changes by `gap` (k,) otherwise than by a jump at the start itself.
-
-    The direction of a spring whose ends coincide, or of friction at rest, is undefined: the rate
-    jumps from what it is there to what it is beside it. A jump is no rounding, though the least
-    rounding shows it, and in the second half of a displacement the rate hardly changes again.
-
-    Args:
-      groups: the groups of the state; the rate jumps in all entries of a group or in none.
-      gap: changes, none negative.
-      second: (k,) those in the second half.
-    """
-    gap, second = groups.largest(jnp.stack([gap, second], -1)).T
-    return (second > _FLAT * gap) | (gap == 0)
 
 
 def _without_turning(

@@ -38,7 +38,9 @@ class Estimate(Record):
       ts: (s,) times [s].
       ys: (s, k) the solution.
       error: (s, k) estimated absolute error of each entry, in its unit.
-      rounding: (s, k) the part of it that no tolerance removes; NaN where not measured.
+      rounding: (s, k) the part of it that no tolerance removes, measured at the finer solution; NaN
+        where not measured. With fewer steps the solution itself may lose more digits to rounding,
+        as where a force depends on a time that is large: `error` includes them.
       scale: (k,) the measure of errors: the largest entry of its kind. Angles are taken modulo a
         turn.
       kind: the kind of estimate.

@@ -77,6 +77,28 @@ def test_a_force_that_jumps_at_the_start_is_no_rounding():
         np.testing.assert_allclose(jaxdyn.simulate(scene).ys[-1], end, atol=1e-9)
 
 
+# From rest nearer to the anchor, where rounding of the start decides the direction, there is none.
+@pytest.mark.parametrize(
+    ("speed", "distance"),
+    [(3.0, 0.0), (3.0, 2e-16), (3.0, 1e-12), (0.0, 1e-10), (0.0, 1e-8)],
+    ids=range(5),
+)
+def test_a_force_that_turns_within_roundings_of_the_start_is_no_rounding(speed, distance):
+    anchor, along, k, length, t1 = np.array([0.7, 0.3]), np.array([0.6, 0.8]), 45.0, 0.5, 0.6
+    scene = scenes.particle(
+        position=anchor + distance * along, velocity=speed * along, t1=t1
+    ) + effects.Spring(k, length, anchor=anchor)
+    scene = scene + effects.Spring(4.0, anchor=anchor + along)
+    groups, zero = scales.groups(scene.system), jnp.zeros(())
+    found, rate = scales.at_start(scene.field, groups, zero, scene.y0, scene.t1)
+    assert np.max(found.noise) < 1e-9 * np.max(np.abs(rate))
+    omega = np.sqrt(k + 4.0)
+    rest = (k * length + 4.0) / omega**2
+    away = (distance - rest) * np.cos(omega * t1) + speed / omega * np.sin(omega * t1)
+    end = jaxdyn.simulate(scene).ys[-1, :2]
+    np.testing.assert_allclose(end, anchor + (rest + away) * along, atol=1e-7 if speed else 3e-6)
+
+
 def test_nothing_that_depends_on_the_state_leaves_the_span():
     sizes, time = start(jaxdyn.ode(lambda t, y: [3.0, 0.0], [0.0, 0.0], 5.0))
     assert time == 5.0

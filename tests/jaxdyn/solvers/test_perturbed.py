@@ -90,7 +90,15 @@ def test_the_rounding_of_large_times_is_seen():
     missed = np.abs(np.asarray(found.ys) - np.array(exact, float)).max()
     assert missed > 1e-12  # a thousand spacings of the state
     assert 0.2 < found.error.max() / missed < 5
-    assert 0.2 < found.rounding.max() / missed < 5
+
+    def run(scene, tolerance, noise):
+        at = {"rtol": tolerance[0], "solver": VERNER9, "noise": noise}
+        return solve(scene, t0 + 30, t0=t0, ts=t0 + span, **at)
+
+    own = errors.rounding(run, scene, np.asarray(found.ys), np.array([1e-13]), draws=8)
+    assert 0.2 < own.max() / missed < 5
+    # Times are rounded independently, so a thousand times as many steps lose fewer digits.
+    assert found.rounding.max() < 0.5 * missed
 
 
 def test_plain_sums_are_rounded_as_states_are():
