@@ -63,7 +63,7 @@ def setting(name: str, text: str, default: Any) -> Any:
     Args:
       name: the parameter's name, for the message.
       text: a number, comma-separated numbers (in brackets, if you like), a boolean or a word.
-      default: the parameter's default.
+      default: the parameter's default; () for a parameter that has words, such as units.
     Raises:
       ValueError: the text is of another type.
     Example:
@@ -71,11 +71,15 @@ def setting(name: str, text: str, default: Any) -> Any:
       ((1.0, 2.0, 1.5707963267948966), 4)
       >>> setting("position", "[0, 1]", (0.0, 0.0))
       (0.0, 1.0)
+      >>> setting("units", "AU, Msun, day", ())
+      ('AU', 'Msun', 'day')
     """
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
         return choice(name, text.lower(), ("true", "false")) == "true"
+    if isinstance(default, tuple) and not default:  # names
+        return tuple(word.strip() for word in text.split(","))
     inner = _BRACKETS.fullmatch(text) if isinstance(default, tuple) else None
     plain = inner[1] if inner else text
     if "[" in plain:

@@ -147,4 +147,4 @@ def test_a_particle_differentiates_through_its_constructor():
 
 def test_a_start_at_the_origin_is_named():
     with pytest.raises(ValueError, match=r"y0: expected r not 0, got r = 0\. There theta has no"):
-        scenes.polar_particle(position=(0.0, 0.0)).check()
+        polar_particle(position=(0.0, 0.0)).check()
