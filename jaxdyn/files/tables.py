@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -143,6 +144,9 @@ _TABLE = "A line of names such as t, x, y, then lines of numbers."
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by name.
 
+    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``, of
+    which a new column has none; ``dict(table)`` has no units.
+
     Attributes:
       units: the unit of each column by name, of those whose heads have one.
     """
@@ -150,6 +154,18 @@ class Columns(dict[str, np.ndarray]):
     def __init__(self) -> None:
         super().__init__()
         self.units: dict[str, str] = {}
+
+    def copy(self) -> "Columns":
+        """The same columns, with their units."""
+        return self | {}
+
+    def __or__(self, other: Any) -> "Columns":
+        """These columns and others, which replace those of their names."""
+        both = Columns()
+        both.update({**self, **other})
+        kept = {name: unit for name, unit in self.units.items() if name not in other}
+        both.units = kept | getattr(other, "units", {})
+        return both
 
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:

@@ -115,6 +115,17 @@ def test_other_tables_are_refused(tmp_path):
     assert "readable file" in refusal(lambda: jaxdyn.read_csv(tmp_path / "none.csv"))
 
 
+def test_copies_and_unions_of_tables_have_their_units(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("t,x [km],y [km]\n0,1,2\n1,2,3\n")
+    table = jaxdyn.read_csv(path)
+    assert table.copy().units == table.units == {"x": "km", "y": "km"}
+    changed = table | {"x": 1000 * table["x"], "z": table["y"]}
+    assert changed.units == {"y": "km"}
+    assert list(changed) == ["t", "x", "y", "z"]
+    assert (table | table).units == table.units
+
+
 def test_units_of_columns_are_kept_or_become_si_units(tmp_path):
     path = tmp_path / "track.csv"
     path.write_text(
