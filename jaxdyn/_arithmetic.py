@@ -8,6 +8,7 @@ evaluated: no names, calls or attributes of Python itself can be reached.
 import ast
 import math
 import operator
+import re
 from typing import Any
 
 from jaxdyn._text import choice, fail
@@ -19,6 +20,9 @@ _OPERATORS = {
     **{ast.Div: operator.truediv, ast.Pow: math.pow},
     **{ast.UAdd: operator.pos, ast.USub: operator.neg},
 }
+#: A list as Python writes it.
+_BRACKETS = re.compile(r"\s*\[(.*)\]\s*", re.DOTALL)
+_NESTED = "Rows of numbers are given in Python only: write the scene to a file, see `mine.py:name`."
 _LONGEST = 200  # characters: longer texts may nest too deeply for the parser
 
 
@@ -58,20 +62,30 @@ def setting(name: str, text: str, default: Any) -> Any:
 
     Args:
       name: the parameter's name, for the message.
-      text: a number, comma-separated numbers, a boolean or a word.
-      default: the parameter's default.
+      text: a number, comma-separated numbers (in brackets, if you like), a boolean or a word.
+      default: the parameter's default; () for a parameter that has words, such as units.
     Raises:
       ValueError: the text is of another type.
     Example:
       >>> setting("sides", "1,2,pi/2", (3.0, 2.0, 1.0)), setting("n", "4", 1)
       ((1.0, 2.0, 1.5707963267948966), 4)
+      >>> setting("position", "[0, 1]", (0.0, 0.0))
+      (0.0, 1.0)
+      >>> setting("units", "AU, Msun, day", ())
+      ('AU', 'Msun', 'day')
     """
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
         return choice(name, text.lower(), ("true", "false")) == "true"
+    if isinstance(default, tuple) and not default:  # names
+        return tuple(word.strip() for word in text.split(","))
+    inner = _BRACKETS.fullmatch(text) if isinstance(default, tuple) else None
+    plain = inner[1] if inner else text
+    if "[" in plain:
+        raise fail(name, "comma-separated numbers", repr(text), _NESTED)
     try:
-        numbers = [value(part) for part in text.split(",")]
+        numbers = [value(part) for part in plain.split(",")]
     except ValueError:
         wanted = "a number, or comma-separated numbers"
         raise fail(name, wanted, repr(text), remedy(text)) from None

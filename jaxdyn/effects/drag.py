@@ -1,13 +1,14 @@
 """Resistance to motion: drag proportional to speed or its square, and dry friction."""
 
 import abc
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import as_float
+from jaxdyn._checks import as_float, is_traced
 from jaxdyn._numerics import safe_norm, safe_sqrt, square_norm
 from jaxdyn.effects._parts import at_least_zero, vector_or_zero
 from jaxdyn.scene import Effect, Points
@@ -48,37 +49,53 @@ class QuadraticDrag(_Drag):
         return -self.c * safe_norm(u)[:, None] * u
 
 
+def _unless_zero(creep: Any) -> Array | None:
+    """A creep as a float array, or None if it is exactly 0: that law is another program."""
+    absent = creep is None or (not is_traced(creep) and np.ndim(creep) == 0 and creep == 0)
+    return None if absent else as_float(creep)
+
+
 class DryFriction(Effect):
     """Coulomb friction -mu N u / sqrt(|u|^2 + creep^2) on points that slide.
 
     mu [1]; normal force N [N], () or (n,), one for each point; u = v - belt is the velocity
     over the surface, belt (d,) [m/s] or 0.
 
-    Limits: with creep = 0, the default, this is the law of sliding: mu N against the motion,
-    and zero at rest, where the true force is the one that keeps the point at rest. The
-    acceleration then jumps where u passes 0: end a motion there by an event and continue with a
-    phase of rest. A creep [m/s] > 0 regularises the law: it is smooth, accurate to
-    (creep / u)^2 / 2 for speeds well above it, and viscous below it, so that nothing sticks.
+    With creep = 0, the default, this is Coulomb's law: mu N against the motion, -mu N sign(u) on a
+    line. There a point sticks as long as the other forces do not exceed mu N, and slides again when
+    they do.
+
+    Limits: where two points stick at the same time, the motion ends with `Status.CHATTERING`. In
+    the plane and in space, the force has no direction where u is 0, and is zero there:
+    end the motion by an event at a small speed and continue with a phase of rest. A creep [m/s] > 0
+    regularises the law: it is smooth, accurate to (creep / u)^2 / 2 for speeds well above it, and
+    viscous below it, so that nothing sticks. A creep that is traced and 0 does not stick either.
     """
 
     mu: Array = eqx.field(converter=as_float)
     normal: Array = eqx.field(converter=as_float)
     belt: Array = eqx.field(converter=as_float, default=0.0)
-    creep: Array = eqx.field(converter=as_float, default=0.0)
+    creep: Array | None = eqx.field(converter=_unless_zero, default=None)
     singular: ClassVar[str] = (
-        "Dry friction has no direction where the sliding stops: end the motion by an event at a "
-        "small speed, and continue from rest where other forces exceed mu N; or give it a creep."
+        "Off a line, dry friction has no direction where the sliding stops: end the motion by an "
+        "event at a small speed, and continue from rest where other forces exceed mu N; or give it "
+        "a creep."
     )
 
     def force(self, t, r, v, m):
         del t, r
         u = v - jnp.broadcast_to(self.belt, v.shape)
-        speed = safe_sqrt(square_norm(u) + self.creep * self.creep)
-        friction = self.mu * jnp.broadcast_to(self.normal, m.shape)
-        return -(friction / jnp.where(speed == 0, 1.0, speed))[:, None] * u
+        friction = (self.mu * jnp.broadcast_to(self.normal, m.shape))[:, None]
+        if self.creep is None and v.shape[1] == 1:
+            # Its jump is a condition of the rate, at which a motion stops or turns.
+            return -friction * jnp.sign(u)
+        square = square_norm(u)
+        speed = safe_sqrt(square if self.creep is None else square + self.creep * self.creep)
+        return -friction / jnp.where(speed == 0, 1.0, speed)[:, None] * u
 
     def check(self, points: Points) -> None:
         for name in ("mu", "creep"):
-            at_least_zero(name, getattr(self, name), "The surface only pushes.")
+            if getattr(self, name) is not None:
+                at_least_zero(name, getattr(self, name), "The surface only pushes.")
         at_least_zero("normal", self.normal, "The surface only pushes.", len(points.m))
         vector_or_zero("belt", self.belt, points.r.shape[1])

@@ -198,6 +198,8 @@ def _motions(
     scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool, rtol
 ) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of the numbers that each motion has itself."""
+    remedy = "Ensembles have no derivatives; take jax.vmap of jaxdyn.solve, which has them."
+    _checks.check_untraced("ensemble", (scene, y0s, t0, t1, params, rtol), remedy)
     check_scene(scene, rtol)
     _checks.flag("fixed", fixed)
     given = scene if params is None else params

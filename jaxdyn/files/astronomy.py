@@ -96,7 +96,10 @@ def _columns(before: str, body: str) -> tuple[list[float], list[list[float]]]:
 
 
 def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
-    """Times and states from blocks of lines that begin with a date and go on with X = ..."""
+    """Times and states from blocks of lines that begin with a date and go on with X = ...
+
+    With "Vector table labels" off, the X = is missing.
+    """
     ts: list[float] = []
     rows: list[dict[str, float]] = []
     for line in body.splitlines():
@@ -104,7 +107,10 @@ def _blocks(body: str) -> tuple[list[float], list[list[float]]]:
             ts.append(_number(time["time"]))
             rows.append({})
         elif rows:
-            rows[-1] |= {x["name"]: _number(x["value"]) for x in _ENTRY.finditer(line)}
+            named = {x["name"]: _number(x["value"]) for x in _ENTRY.finditer(line)}
+            # Without labels the numbers stand alone, in the same order.
+            bare = [] if "=" in line else [_number(x) for x in re.findall(_NUMBER, line)]
+            rows[-1] |= named or dict(zip(_NAMES[len(rows[-1]) :], bare, strict=False))
     return ts, [[row[name] for name in _NAMES if name in row] for row in rows]
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -135,11 +136,16 @@ _HEAD = re.compile(r"(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?")
 _CONVERTED = re.compile(r"deg(?:rees?)?|\N{DEGREE SIGN}|rpm|cm|mm|ms")
 #: How Fortran marks the exponent of a number, as in 1.5D-3.
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+#: A number with a decimal comma that cannot be one between thousands.
+_DECIMAL = re.compile(r"[+-]?(?![1-9]\d{0,2},\d{3}$)\d*,\d*(?:[eE][+-]?\d+)?")
 _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by name.
+
+    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``, of
+    which a new column has none; ``dict(table)`` has no units.
 
     Attributes:
       units: the unit of each column by name, of those whose heads have one.
@@ -149,15 +155,28 @@ class Columns(dict[str, np.ndarray]):
         super().__init__()
         self.units: dict[str, str] = {}
 
+    def copy(self) -> "Columns":
+        """The same columns, with their units."""
+        return self | {}
+
+    def __or__(self, other: Any) -> "Columns":
+        """These columns and others, which replace those of their names."""
+        both = Columns()
+        both.update({**self, **other})
+        kept = {name: unit for name, unit in self.units.items() if name not in other}
+        both.units = kept | getattr(other, "units", {})
+        return both
+
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:
     r"""The columns of a table in a text file, by name; from `write_csv` or other programs.
 
-    Columns are separated by commas, semicolons (then numbers may have decimal commas), tabs or
-    spaces. Lines that begin with # or sep= are skipped, as are titles: lines before the names that
-    have another number of columns. A unit in brackets behind a name is taken off: cm, mm, ms,
-    degrees and rpm, also in quotients such as mm/s, become m, s, radians and rad/s; others stay,
-    and `fit` converts them. "time" is called "t".
+    Columns are separated by commas, semicolons, tabs or spaces. Numbers may have decimal commas,
+    in quotes where commas separate columns too. Lines that begin with # or sep= are skipped, as are
+    titles: lines before the names that have another number of columns, or empty ones. A unit in
+    brackets behind a name is taken off: cm, mm, ms, degrees and rpm, also in quotients such as
+    mm/s, become m, s, radians and rad/s; others stay, and `fit` converts them. "time" is called
+    "t".
 
     Args:
       path: path of the file.
@@ -188,7 +207,7 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
         raise fail("path", "a table as text", f"{path} without lines", _TABLE)
     lines = lines[_titles(lines) :]
     separator = _separator(lines[0])
-    rows = [_cells(line, separator) for line in lines]
+    rows = _with_points([_cells(line, separator) for line in lines], path)
     first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
     # Some programs end each line with a separator.
     if first and not first[-1] and not any(row[-1] for row in rows):
@@ -229,14 +248,29 @@ def _titles(lines: Sequence[str]) -> int:
     for line in lines:
         separator = _separator(line)
         cells = _cells(line, separator)
-        if not _is_number(cells[0]):
+        if not _is_number(cells[0].replace(",", ".")):
             continue
-        first = (i for i, one in enumerate(lines) if len(_cells(one, separator)) == len(cells))
-        titles = next(first)
-        names = _cells(lines[titles], separator)
-        named = all(name.strip() and not _is_number(name) for name in names)
-        return titles if named else 0
+        # A title may be filled up with empty cells, as ",mass A," of Tracker.
+        heads = (_cells(one, separator) for one in lines)
+        named = (
+            i
+            for i, names in enumerate(heads)
+            if len(names) == len(cells)
+            and all(name.strip() and not _is_number(name) for name in names)
+        )
+        return next(named, 0)
     return 0
+
+
+def _with_points(rows: list[list[str]], path: str | Path) -> list[list[str]]:
+    """Rows whose numbers have decimal points, where they were in quotes with decimal commas."""
+    with_commas = [cell.strip() for row in rows[1:] for cell in row if "," in cell]
+    if not with_commas:
+        return rows
+    if not any(_DECIMAL.fullmatch(cell) for cell in with_commas):
+        remedy = "Is the comma a decimal one, or one between thousands? Write points, without it."
+        raise fail("path", f"numbers in {path}", repr(with_commas[0])[:60], remedy)
+    return [rows[0], *([cell.replace(",", ".") for cell in row] for row in rows[1:])]
 
 
 def _separator(line: str) -> str | None:

@@ -59,11 +59,16 @@ class PolarParticle(System):
 
 @jax.jit  # one program, not one for each operation
 def polar_state(position: Array, velocity: Array) -> Array:
-    """(4,) the state of a `PolarParticle` at a position (2,), not the origin, and velocity (2,)."""
+    """(4,) the state of a `PolarParticle` at a position (2,), not the origin, and velocity (2,).
+
+    At the origin its r is 0, which the particle refuses by name; its rates are 0 then, not NaN.
+    """
     (x, y), (vx, vy) = position, velocity
     r2 = x * x + y * y
+    r2 = jnp.where(r2 > 0, r2, jnp.inf)
     r = jnp.sqrt(r2)
-    return jnp.stack([r, jnp.arctan2(y, x), (x * vx + y * vy) / r, (x * vy - y * vx) / r2])
+    along, across = (x * vx + y * vy) / r, (x * vy - y * vx) / r2
+    return jnp.stack([jnp.where(r < jnp.inf, r, 0.0), jnp.arctan2(y, x), along, across])
 
 
 def polar_basis(theta: Array) -> tuple[Array, Array]:

@@ -63,8 +63,8 @@ def simulate_phases(
       max_steps: see `simulate`; per phase.
       max_phases: largest number of pieces: infinitely many bounces may take finite time.
     Raises:
-      ValueError: a phase name is unknown, y0 fits no phase, `t1` is not after `t0`, or
-        `max_phases` is less than 1.
+      ValueError: a phase name is unknown, y0 fits no phase or is beyond a bound from which no exit
+        leads back, `t1` is not after `t0`, or `max_phases` is less than 1.
     """
     _check_names(phases)
     remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."
@@ -96,6 +96,8 @@ def simulate_phases(
             break
     if name != END and len(pieces) >= max_phases and t < t1 and status == Status.OK:
         status = Status.PHASE_LIMIT
+    if status == Status.STUCK and not pieces:
+        _check_within(phases[path[0][0]], path[0][0], jnp.asarray(t0, dtype=float), y0)
     if not pieces:  # a motion that ends where it starts can be drawn, too
         names = [path[0][0]]
         scene = phases[names[0]].scene.starting(y0, t1)
@@ -118,6 +120,18 @@ def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
     if number < 0:
         raise _checks.fail("y0", f"a state of {' or '.join(phases)}", y, "Name the start.")
     return list(alike)[number]
+
+
+def _check_within(phase: Phase, name: str, t: Array, y: Array) -> None:
+    """Raise ValueError if a start that no exit leads away from is beyond a bound of its phase."""
+    passed = np.flatnonzero(phase.fit(t, jnp.asarray(y, dtype=float)).passed)
+    if len(passed):
+        number = int(passed[0])
+        event = phase.exits[number].event.called or f"the event of its exit {number}"
+        remedy = (
+            "Start before it; or set one_sided=False on its exit, if the phase may begin beyond."
+        )
+        raise _checks.fail("y0", f"a start of phase {name}", f"one beyond {event}", remedy)
 
 
 class _Stay(NamedTuple):

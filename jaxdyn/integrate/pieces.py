@@ -28,6 +28,10 @@ _MARGIN_ROUNDINGS = 64
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
 #: Largest depth of conditions within conditions whose outcomes are found anew after a switch.
 _DEEPEST = 3
+#: Number of conditions that may change at once, each with a decision of its own.
+_MOST_AT_ONCE = 8
+#: Sine of the angle between the normals of one surface, where two conditions change on it.
+_PARALLEL = 1e-6
 
 
 def first_event(
@@ -94,7 +98,7 @@ class _Run(NamedTuple):
     Attributes:
       t: () the time that it has reached.
       y: (k, ...) the state there.
-      branch: the branch of the next piece, before `_Pieces._settle`.
+      branch: the branch of the next piece.
       crossed: (e,) conditions that have just changed.
       left: () number of the margin that has just ended a piece of sliding, see
         `InBranch.margins`; else -1.
@@ -199,11 +203,7 @@ class _Pieces(NamedTuple):
             stiff=jnp.zeros((), bool),
         )
         branch = Branch.of(first.outcomes)
-        # The first piece may be too short to show how large the motion becomes.
-        known, _ = look_from_start(
-            self.field, self.t0, y0, self.t1, self.limits.tolerance, self.method
-        )
-        return _Run(
+        run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
             branch=branch,
@@ -215,9 +215,16 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
-            before=History(known.sizes, jnp.zeros(())),
+            before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
         )
+        branch, open_ = self._settle(run)
+        # The first piece may be too short to show how large the motion becomes. On a surface where
+        # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
+        here, tolerance = in_branch(self.field, branch), self.limits.tolerance
+        known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
+        run = run._replace(branch=branch, before=History(known.sizes, jnp.zeros(())))
+        return _unless_open(run, open_)
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
@@ -226,9 +233,6 @@ class _Pieces(NamedTuple):
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
-        # The branch is kept for the whole piece, never found twice: XLA computes a sine anew for
-        # each of its uses, in several ways, and at a switch two of them may have different signs.
-        run = run._replace(branch=self._settle(run))
         branch, y, now = run.branch, self._after_switch(run), self.t1
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
@@ -271,6 +275,10 @@ class _Pieces(NamedTuple):
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
         )
+        # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
+        # each of its uses, in several ways, and at a switch two of them may have different signs.
+        branch, open_ = self._settle(reached)
+        return _unless_open(reached._replace(branch=branch), open_ & self.goes_on(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -357,8 +365,12 @@ class _Pieces(NamedTuple):
         held = crossed | jnp.where(left | slides, branch.surface, False)
         return following, crossed & ~branch.slides, held
 
-    def _settle(self, run: _Run) -> Branch:
-        """The branch of the next piece: outcomes at its start, and whether it slides."""
+    def _settle(self, run: _Run) -> tuple[Branch, Array]:
+        """The branch of the next piece: outcomes at its start, and whether it slides.
+
+        Returns:
+          The branch, and whether () it would slide on several surfaces, which leaves the rate open.
+        """
         t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
 
         def settle(_, found):
@@ -373,28 +385,40 @@ class _Pieces(NamedTuple):
         start = run.branch.outcomes, jnp.zeros(self.plan.size, bool)
         outcomes, near = jax.lax.fori_loop(0, rounds, settle, start)
         if not self.plan.on_state:
-            return Branch.of(outcomes)
+            return Branch.of(outcomes), jnp.zeros((), bool)
         first = ~run.begun
         crossed = run.crossed | (first & near)
         _, here = self.plan.evaluate(self.system, t, x, outcomes)
         before = jnp.where(first, here.beyond, run.branch.before)
-        before = jnp.where(crossed, before, outcomes)
-        on = jnp.argmax(crossed)
-        towards = self.way * self._own_slope(t, x, before, on)
-        away = self.way * self._own_slope(t, x, outcomes, on)
-        back = crossed.any() & (away < 0)
-        slides, returns = back & (towards < 0), back & ~(towards < 0)
-        new = Branch(
-            outcomes=jnp.where(returns, before, outcomes),
-            before=before,
-            surface=crossed & slides,
-            slides=slides,
-        )
-        surface = run.branch.surface
+        new, open_ = self._decide(t, x, outcomes, jnp.where(crossed, before, outcomes), crossed)
+        surface, slides = run.branch.surface, run.branch.slides
         going_on = Branch(
-            outcomes, jnp.where(surface, run.branch.before, outcomes), surface, run.branch.slides
+            outcomes, jnp.where(surface, run.branch.before, outcomes), surface, slides
         )
-        return jax.tree.map(lambda a, b: jnp.where(run.branch.slides, a, b), going_on, new)
+        return jax.tree.map(lambda a, b: jnp.where(slides, a, b), going_on, new), open_ & ~slides
+
+    def _decide(self, t: Array, x: Array, outcomes: Array, before: Array, crossed: Array):
+        """The branch after some conditions (e,) have been crossed, and whether it is left open.
+
+        Each surface has a decision of its own: the motion goes on, returns, or slides on it.
+        """
+        several = min(self.plan.size, _MOST_AT_ONCE)
+        # (w, e) the conditions that change on the surface of each of those that are crossed.
+        each = jnp.equal(jnp.cumsum(crossed)[None], jnp.arange(1, several + 1)[:, None])
+        each = own = crossed[None] & each
+        if several > 1:
+            by_time, rows, _ = self._slopes(t, x, outcomes, None)
+            alike = _parallel(jnp.concatenate([rows, by_time[:, None]], 1))
+            own = crossed[None] & jnp.any(each[:, :, None] & alike[None], 1)
+            own = own & (jnp.argmax(own, 1) == jnp.argmax(each, 1))[:, None]
+        on, there = jnp.argmax(own, 1), jnp.where(own, before[None], outcomes[None])
+        back = self.way * jax.vmap(lambda i: self._own_slope(t, x, outcomes, i))(on) < 0
+        towards = self.way * jax.vmap(lambda o, i: self._own_slope(t, x, o, i))(there, on) < 0
+        slides, returns = own.any(1) & back & towards, own.any(1) & back & ~towards
+        outcomes = jnp.where((own & returns[:, None]).any(0), before, outcomes)
+        surface = own[jnp.argmax(slides)] & slides.any()
+        before = jnp.where(surface, before, outcomes)
+        return Branch(outcomes, before, surface, slides.any()), jnp.sum(slides) > 1
 
     def _own_slope(self, t: Array, x: Array, outcomes: Array, which: Array) -> Array:
         """() slope of a margin along the motion in its own branch."""
@@ -439,3 +463,20 @@ class _Pieces(NamedTuple):
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
         after = jump(self.field, run.t, run.y, run.old, branch, which)
         return jnp.where(jumps, after, run.y)
+
+
+def _unless_open(run: _Run, open_: Array) -> _Run:
+    """The motion, ended where () its rate is left open."""
+    status = jnp.where(
+        open_ & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
+    )
+    return eqx.tree_at(lambda run: run.result.status, run, status)
+
+
+def _parallel(rows: Array) -> Array:
+    """(e, e) whether normals (e, m) of surfaces are parallel, in any units; those of 0 are."""
+    most = jnp.max(jnp.abs(rows), axis=0)
+    rows = rows / jnp.where(most > 0, most, 1.0)[None]
+    products = jnp.sum(rows[:, None] * rows[None], axis=2)
+    squares = jnp.diag(products)
+    return products**2 >= (1.0 - _PARALLEL**2) * jnp.outer(squares, squares)

@@ -50,7 +50,7 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
 
 @ready_made("r", "v", "m")
 def n_body(
-    r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=1.0, names=(), t1=TRIO_PERIOD
+    r=TRIO, v=TRIO_VELOCITIES, *, m=(1.0, 1.0, 0.3), G=1.0, names=(), t1=TRIO_PERIOD, units=()
 ) -> Scene:
     """Any number of bodies in space under Newtonian gravity.
 
@@ -64,6 +64,8 @@ def n_body(
       G: gravitational constant [m^3/(kg s^2)].
       names: (n,) names of the bodies; with "Earth" the label of its x is x_Earth, not x1.
       t1: span [s].
+      units: names of the units of length, mass and time in which all these numbers are, such as
+        ("AU", "Msun", "day"), where they are not m, kg and s; see `Scene`.
     Reference: Li, Liao (2025), arXiv:2508.08568, O_1(0.3).
     Example:
       >>> from jaxdyn import scenes
@@ -73,7 +75,8 @@ def n_body(
       ['x_Pluto', 'y_Pluto', 'z_Pluto', 'x_Charon']
     """
     y0 = jnp.concatenate([as_float(r).ravel(), as_float(v).ravel()])
-    return Scene(FreePoints(m, d=3, names=names), (PairGravity(G),), y0=y0, t1=t1)
+    bodies = FreePoints(m, d=3, names=names)
+    return Scene(bodies, (PairGravity(G),), y0=y0, t1=t1, units=units or None)
 
 
 @ready_made()

@@ -186,7 +186,7 @@ class _Search:
 
     def _step(self, here: At) -> np.ndarray | None:
         """(n,) the step within the bounds; None if none comes closer to first order."""
-        units = np.where(here.numbers != 0, np.abs(here.numbers), 1.0)
+        units = _units(here)
         slopes, free = here.slopes * units, np.ones(len(units), bool)
         for _ in units:
             step = np.zeros(len(units))
@@ -221,3 +221,11 @@ class _Search:
     @staticmethod
     def _design(here: At, steps: int, outcome: DesignOutcome) -> Design:
         return Design(here.numbers, here.found, here.value, here.slopes, steps, outcome)
+
+
+def _units(here: At) -> np.ndarray:
+    """(n,) units of the parameters: their sizes; of one that is 0, what alone would do."""
+    slope = np.abs(here.slopes).max(axis=0, initial=0.0)
+    value = np.abs(here.value).max()
+    by_slope = np.where(slope > 0, value / np.where(slope > 0, slope, 1.0), 1.0)
+    return np.where(here.numbers != 0, np.abs(here.numbers), by_slope)

@@ -23,6 +23,16 @@ def year():
     return jaxdyn.Scene(points, (pull,), y0=y0, t1=365.25, name="year", units=UNITS)
 
 
+def test_bodies_of_the_solar_system_have_them():
+    r, v = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, np.sqrt(GAUSS), 0]]
+    scene = scenes.n_body(r, v, m=[1.0, 0.0], G=GAUSS, t1=365.25, units=UNITS)
+    assert scene.labels()[0] == ("x1", "AU")
+    assert not {"kg", "m", "s"} & set(repr(scene).replace(",", " ").split())
+    assert "365.25 day" in repr(jaxdyn.simulate(scene))
+    with pytest.raises(ValueError, match="names of the units of length, mass and time"):
+        scenes.n_body(units=("AU", "day")).check()
+
+
 def test_tables_and_pictures_name_them(tmp_path):
     scene = year()
     assert scene.labels()[2] == ("x_Earth", "AU")

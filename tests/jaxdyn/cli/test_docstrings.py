@@ -48,6 +48,8 @@ MISTAKES = {
     "jaxdyn run cannonball --set angle=foo": "angle: expected a number",
     "jaxdyn run three_body --set G=1^2": "G: expected a number, or comma-separated numbers, "
     "got '1^2'. Write a power as 1**2.",
+    "jaxdyn run particle --set position=[[1,2]]": "position: expected comma-separated numbers, got "
+    "'[[1,2]]'. Rows of numbers are given in Python only",
     "jaxdyn run kepler --set m1=1,m2=2": "--set: expected one NAME=VALUE, got 'm1=1,m2=2'. "
     "Repeat it: --set m1=1 --set m2=2.",
     "jaxdyn run kepler --set m=1,2,mu=2": "--set: expected one NAME=VALUE, got 'm=1,2,mu=2'. "

@@ -48,3 +48,21 @@ def test_a_motion_that_friction_stops_says_so():
     stopped = jaxdyn.simulate(sliding, 5.0, max_steps=10_000, throw=False)
     assert stopped.status == Status.STEP_LIMIT
     assert DryFriction.singular in stopped.message
+
+
+@pytest.mark.slow
+def test_dry_friction_on_a_line_sticks_and_slips():
+    # Each half swing takes 2 mu N / k off the amplitude: 1, -0.76, 0.52, -0.28, 0.04, and it holds.
+    def stopped(mu):
+        return jaxdyn.solve(scenes.oscillator() + DryFriction(mu, 1.0), 20.0).y1
+
+    assert gap(stopped(0.12), [0.04, 0.0]) < 1e-10
+    assert gap(jax.grad(lambda mu: stopped(mu)[0])(0.12), -8.0) < 1e-9
+    assert gap(jax.vmap(stopped)(jnp.array([0.12, 0.13]))[:, 0], [0.04, -0.04]) < 1e-10
+
+
+def test_a_creep_of_zero_is_coulombs_law_itself():
+    assert DryFriction(0.3, 1.0, creep=0.0).creep is None
+    assert DryFriction(0.3, 1.0, creep=1e-3).creep == 1e-3
+    smooth = jax.jit(lambda c: DryFriction(0.3, 1.0, creep=c).force(T, R[:, :1], V[:, :1], M))
+    assert gap(smooth(0.0), -0.3 * np.sign(V[:, :1])) < EXACT

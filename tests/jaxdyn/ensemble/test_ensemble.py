@@ -414,3 +414,13 @@ def test_a_failed_motion_is_not_integrated_again_while_others_switch():
     steps = 10**9
     out = jax.vmap(lambda y: solve(scene.starting(y), 5.0, rtol=RTOL, max_steps=steps))(starts)
     np.testing.assert_array_equal(out.status, [Status.OK, Status.NOT_FINITE])
+
+
+def test_traced_numbers_are_refused_by_name():
+    def end(k):
+        own = jax.vmap(lambda k: scenes.oscillator(k=k))(k)
+        return ensemble.run(scenes.oscillator(), params=own).y1.sum()
+
+    for transformed in (jax.grad(end), jax.jit(end)):
+        with pytest.raises(ValueError, match=r"ensemble: expected numbers, got .* take jax\.vmap"):
+            transformed(jnp.array([1.0, 2.0]))

@@ -74,6 +74,8 @@ def test_tables_are_read(tmp_path):
     "text",
     [
         "mass A\nt,x\n0,1\n0.5,\n",  # of Tracker, which follows points in videos
+        ",mass A\nt,x\n0,1\n0.5,\n",
+        'mass A\nt,x\n"0,0","1,000"\n"0,5",\n',
         "mass A\t\t\nt\tx\n0\t1\n0.5\t\n",
         "sep=;\nt;x\n0;1\n0,5;\n",  # of Excel
         "t,x,\n0,1,\n0.5,,\n",
@@ -102,6 +104,7 @@ def test_other_tables_are_refused(tmp_path):
     assert "2 columns in each line" in refused("t,x\n1,2,3\n")
     assert "expected numbers" in refused("t,x\n1,two\n")
     assert "x twice" in refused("t,x,x\n1,2,3\n")
+    assert "or one between thousands?" in refused('t,x\n0,"1,250"\n1,"2,500"\n')
     assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
     assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names
     assert "got 'NA'" in refused("title\nt,x\nNA,1\n0.5,2\n")
@@ -110,6 +113,17 @@ def test_other_tables_are_refused(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     assert "a table as text" in refusal(lambda: jaxdyn.read_csv(path))
     assert "readable file" in refusal(lambda: jaxdyn.read_csv(tmp_path / "none.csv"))
+
+
+def test_copies_and_unions_of_tables_have_their_units(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("t,x [km],y [km]\n0,1,2\n1,2,3\n")
+    table = jaxdyn.read_csv(path)
+    assert table.copy().units == table.units == {"x": "km", "y": "km"}
+    changed = table | {"x": 1000 * table["x"], "z": table["y"]}
+    assert changed.units == {"y": "km"}
+    assert list(changed) == ["t", "x", "y", "z"]
+    assert (table | table).units == table.units
 
 
 def test_units_of_columns_are_kept_or_become_si_units(tmp_path):

@@ -166,6 +166,14 @@ def test_a_ball_at_rest_on_the_floor_does_not_fall_through_it():
     assert abs(chain.y[1]) < EXACT
 
 
+def test_a_start_beyond_a_bound_is_named():
+    scene = scenes.impact_oscillator(x=0.5)
+    with pytest.raises(ValueError, match="a start of phase swing, got one beyond impact on"):
+        simulate_phases(scenes.phases_of(scene), None, scene.y0, 20.0)
+    with pytest.raises(ValueError, match=r"y0: .* beyond the event of its exit 0"):
+        simulate_phases(ENDLESS, "fly", START.at[1].set(-1.0), 1.0)
+
+
 def test_endless_bounces_end_above_the_floor():
     """Not below it, with "The span ended.", once they are shorter than can be seen."""
     chain = simulate_phases(ENDLESS, "fly", START, 9.0, samples=5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxdyn
-from jaxdyn import effects, ensemble, solvers
+from jaxdyn import effects, ensemble, scenes, solvers
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
 from jaxdyn.status import Status
@@ -187,6 +187,38 @@ def test_dry_friction_sticks():
     assert abs(jax.grad(end)(0.3) - 6) < 1e-9
     held = jaxdyn.simulate(jaxdyn.ode(stuck, [-0.2, 0.0], 20.0, params=0.3))
     assert np.allclose(held.ys, [-0.2, 0.0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rtol", [None, 1e-13])
+def test_a_start_that_sticks_to_a_belt_keeps_the_tolerance(rtol):
+    # On the surface the least rounding turns the friction; that is no rounding of the force.
+    scene = scenes.oscillator(x=0.0, v=0.5) + effects.DryFriction(0.3, 1.0, belt=[0.5])
+    for t in (0.5, 2.0, 4.0, 6.0):
+        end = jaxdyn.solve(scene, t, rtol=rtol or 1e-10).y1
+        turn = t - 0.6  # it slips where the spring pulls with 0.3
+        slips = [0.3 + 0.5 * np.sin(turn), 0.5 * np.cos(turn)]
+        wanted = slips if turn > 0 else [0.5 * t, 0.5]
+        assert np.allclose(end, wanted, rtol=0, atol=1e-14 if rtol else 1e-11)
+
+
+@pytest.mark.slow
+def test_of_two_blocks_at_rest_each_sticks_or_slips():
+    # A stretched spring pulls both with 0.75 N; the lighter one, of 1 kg, starts to slip.
+    def end(most, throw=True):
+        blocks, spring = FreePoints(jnp.array([3.0, 1.0]), 1), effects.Spring(0.5, 1.0, i=0, j=1)
+        pair = spring, effects.DryFriction(1.0, most)
+        start = jnp.array([0.0, 2.5, 0.0, 0.0])
+        return jaxdyn.simulate(jaxdyn.Scene(blocks, pair, y0=start), 0.5, throw=throw)
+
+    w = np.sqrt(0.5)
+    wanted = [0.0, 1.2 + 1.3 * np.cos(w / 2), 0.0, -1.3 * w * np.sin(w / 2)]
+    assert np.allclose(end([1.0, 0.1]).ys[-1], wanted, rtol=0, atol=1e-11)
+    w = np.sqrt(0.5 / 3)
+    wanted = [0.1 * (1 - np.cos(w / 2)), 2.5, 0.1 * w * np.sin(w / 2), 0.0]
+    assert np.allclose(end([0.7, 1.0]).ys[-1], wanted, rtol=0, atol=1e-11)
+    # Where both stick, a mean of two rates is not at rest in both.
+    assert end([1.0, 1.0], throw=False).status == Status.CHATTERING
 
 
 @pytest.mark.slow

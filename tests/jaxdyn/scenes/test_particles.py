@@ -143,3 +143,8 @@ def test_a_particle_differentiates_through_its_constructor():
     # y = v sin(a) t - g t^2 / 2: a traced coefficient of 0 keeps the effect, not its force.
     assert gap(slope[0], 10 * np.cos(0.7) * 0.5) < 1e-8
     assert gap(slope[1], np.sin(0.7) * 0.5) < 1e-8
+
+
+def test_a_start_at_the_origin_is_named():
+    with pytest.raises(ValueError, match=r"y0: expected r not 0, got r = 0\. There theta has no"):
+        polar_particle(position=(0.0, 0.0)).check()

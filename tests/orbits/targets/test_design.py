@@ -47,6 +47,15 @@ def test_the_length_of_a_pendulum_of_a_wanted_period(swing):
     assert found.found.y0[0] == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.parametrize("unit", [1e13, 1e-13])
+def test_a_parameter_of_zero_has_the_size_that_its_slope_gives(swing, unit):
+    def longer(numbers):
+        return scenes.pendulum(length=1.0 + unit * numbers[0], angle=1.0)
+
+    found = design(longer, period_of, [0.0], swing, hold="theta")
+    assert 1.0 + unit * found.numbers[0] == pytest.approx(0.874143129, rel=1e-8)
+
+
 def test_what_bounds_do_not_allow_ends_at_the_least(swing):
     found = design(pendulum, period_of, [1.0], swing, hold="theta", lower=[0.9], throw=False)
     assert found.outcome == DesignOutcome.LEAST
