@@ -260,7 +260,7 @@ class _Pieces(NamedTuple):
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
         following, crossed, held = self._switch(branch, end, state_of(y_end), margin)
-        return _Run(
+        reached = _Run(
             t=end,
             y=y_end,
             branch=following,
