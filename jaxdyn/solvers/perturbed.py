@@ -48,6 +48,11 @@ class RoundedField(eqx.Module):
     field: Any
     noise: Noise
 
+    @property
+    def system(self) -> Any:
+        """The system of the field."""
+        return self.field.system
+
     def around(self, change: Callable, branch: Any) -> "RoundedField":
         """The same noise of the field in a branch of its conditions; see `plan.plan`."""
         return RoundedField(change(self.field, branch), self.noise)

@@ -12,6 +12,7 @@ from closed_forms import known
 from helpers import kepler
 
 from jaxdyn import accuracy, scenes, simulate, solvers
+from jaxdyn.effects import DryFriction
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 KNOWN = known()
@@ -55,6 +56,19 @@ def test_a_second_method_is_another_one():
     assert_calibrated(calibration(accuracy.by_second_method, DAMPED, TOLERANCES[2:3]))
     with pytest.raises(ValueError, match="second: expected another solver, got Verner"):
         accuracy.by_second_method(case.scene, solver=solvers.VERNER9, second=solvers.VERNER9)
+
+
+def test_a_motion_that_friction_stops_has_an_estimate():
+    """Two half swings, about -c and c, and rest: rounding is perturbed in each branch."""
+    c = 0.25
+    scene = scenes.oscillator(k=4.0, m=1.0) + DryFriction(mu=0.1, normal=40.0 * c)
+    found = accuracy.estimate(scene, 4.0)
+    t = np.minimum(found.ts, np.pi)
+    centre = np.where(t < np.pi / 2, c, -c)
+    x = centre + np.where(t < np.pi / 2, 1 - c, 1 - 3 * c) * np.cos(2 * t)
+    true = np.abs(found.ys[:, 0] - x)
+    assert (true <= 10 * found.error[:, 0] + 1e-13).all()
+    assert found.error.max() < 1e-10
 
 
 @pytest.mark.sample("1e-08")
