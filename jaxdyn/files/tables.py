@@ -167,6 +167,13 @@ class Columns(dict[str, np.ndarray]):
         both.units = kept | getattr(other, "units", {})
         return both
 
+    def __ior__(self, other: Any) -> "Columns":
+        """Other columns in place of those of their names, or beside them."""
+        both = self | other
+        self.update(both)
+        self.units = both.units
+        return self
+
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:
     r"""The columns of a table in a text file, by name; from `write_csv` or other programs.
@@ -207,8 +214,9 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
         raise fail("path", "a table as text", f"{path} without lines", _TABLE)
     lines = lines[_titles(lines) :]
     separator = _separator(lines[0])
-    rows = _with_points([_cells(line, separator) for line in lines], path)
+    rows = [_cells(line, separator) for line in lines]
     first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
+    rows = _with_points(rows, path)
     # Some programs end each line with a separator.
     if first and not first[-1] and not any(row[-1] for row in rows):
         first = first[:-1]
@@ -227,7 +235,7 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
             found.units[name] = unit
     if not rows:
         raise fail("path", "lines of numbers below the names", f"none in {path}", _TABLE)
-    if names is None and all(_is_number(name) for name in first):
+    if names is None and all(_is_number(name.replace(",", ".")) for name in first):
         raise fail("path", "a line of names first", f"{lines[0][:40]!r}", "Pass names=[...].")
     return found
 
@@ -264,13 +272,13 @@ def _titles(lines: Sequence[str]) -> int:
 
 def _with_points(rows: list[list[str]], path: str | Path) -> list[list[str]]:
     """Rows whose numbers have decimal points, where they were in quotes with decimal commas."""
-    with_commas = [cell.strip() for row in rows[1:] for cell in row if "," in cell]
+    with_commas = [cell.strip() for row in rows for cell in row if "," in cell]
     if not with_commas:
         return rows
     if not any(_DECIMAL.fullmatch(cell) for cell in with_commas):
         remedy = "Is the comma a decimal one, or one between thousands? Write points, without it."
         raise fail("path", f"numbers in {path}", repr(with_commas[0])[:60], remedy)
-    return [rows[0], *([cell.replace(",", ".") for cell in row] for row in rows[1:])]
+    return [[cell.replace(",", ".") for cell in row] for row in rows]
 
 
 def _separator(line: str) -> str | None:

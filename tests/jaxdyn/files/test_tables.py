@@ -68,6 +68,8 @@ def test_tables_are_read(tmp_path):
     path.write_text("0 1.0 2.0\n1 3.0 4.0\n")
     back = jaxdyn.read_csv(path, names=["t", "x", "vx"])
     assert back["vx"].tolist() == [2.0, 4.0]
+    path.write_text('"0,0","1,5"\n"0,5","2,5"\n')
+    assert jaxdyn.read_csv(path, names=["t", "x"])["x"].tolist() == [1.5, 2.5]
 
 
 @pytest.mark.parametrize(
@@ -104,6 +106,7 @@ def test_other_tables_are_refused(tmp_path):
     assert "2 columns in each line" in refused("t,x\n1,2,3\n")
     assert "expected numbers" in refused("t,x\n1,two\n")
     assert "x twice" in refused("t,x,x\n1,2,3\n")
+    assert "Pass names=" in refused('"0,0","1,5"\n"0,5","2,5"\n')
     assert "or one between thousands?" in refused('t,x\n0,"1,250"\n1,"2,500"\n')
     assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
     assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names
@@ -124,6 +127,8 @@ def test_copies_and_unions_of_tables_have_their_units(tmp_path):
     assert changed.units == {"y": "km"}
     assert list(changed) == ["t", "x", "y", "z"]
     assert (table | table).units == table.units
+    table |= {"x": 1000 * table["x"]}
+    assert table.units == {"y": "km"}
 
 
 def test_units_of_columns_are_kept_or_become_si_units(tmp_path):
