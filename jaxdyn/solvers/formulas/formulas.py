@@ -436,6 +436,10 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """Results of one equation of a jaxpr."""
     name, params = eqn.primitive.name, eqn.params
     if name in CALLS:
+        if params.get("name") == "searchsorted" and any(x.dtype == object for x in args):
+            raise NotElementary(
+                "a search in a table, as in jnp.interp: write its pieces with jnp.where"
+            )
         inner = inner_program(eqn)
         consts = [_inputs(graph, c) for c in inner.consts]
         return _interpret(graph, inner.jaxpr, consts, args)
@@ -502,10 +506,6 @@ def _unroll(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.n
     return [*carry, *(np.stack(column) for column in zip(*rows, strict=True))]
 
 
-#: What operations without formulas are called, where their own names say little.
-_WORDS = {"lt_to": "a search in a table, as in jnp.interp: write its pieces with jnp.where"}
-
-
 def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     """The operation on numbers, for entries one by one."""
     if not graph.smooth and name in ROUGH:
@@ -537,7 +537,7 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     if name in ("max", "min"):
         better = "gt" if name == "max" else "lt"
         return lambda a, b: graph.select(_condition(graph, better, a, b), b, a)
-    raise NotElementary(_WORDS.get(name, name))
+    raise NotElementary(name)
 
 
 def _condition(graph: Graph, op: str, *args: Number) -> Number:
