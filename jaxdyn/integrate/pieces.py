@@ -408,7 +408,8 @@ class _Pieces(NamedTuple):
         each = own = crossed[None] & each
         if several > 1:
             by_time, rows, _ = self._slopes(t, x, outcomes, None)
-            alike = _parallel(jnp.concatenate([rows, by_time[:, None]], 1))
+            normals = jnp.concatenate([rows, by_time[:, None]], 1)
+            alike = _parallel(jnp.where(crossed[:, None], normals, 0.0))
             own = crossed[None] & jnp.any(each[:, :, None] & alike[None], 1)
             own = own & (jnp.argmax(own, 1) == jnp.argmax(each, 1))[:, None]
         on, there = jnp.argmax(own, 1), jnp.where(own, before[None], outcomes[None])
