@@ -402,16 +402,7 @@ class _Pieces(NamedTuple):
 
         Each surface has a decision of its own: the motion goes on, returns, or slides on it.
         """
-        several = min(self.plan.size, _MOST_AT_ONCE)
-        # (w, e) the conditions that change on the surface of each of those that are crossed.
-        each = jnp.equal(jnp.cumsum(crossed)[None], jnp.arange(1, several + 1)[:, None])
-        each = own = crossed[None] & each
-        if several > 1:
-            by_time, rows, _ = self._slopes(t, x, outcomes, None)
-            normals = jnp.concatenate([rows, by_time[:, None]], 1)
-            alike = _parallel(jnp.where(crossed[:, None], normals, 0.0))
-            own = crossed[None] & jnp.any(each[:, :, None] & alike[None], 1)
-            own = own & (jnp.argmax(own, 1) == jnp.argmax(each, 1))[:, None]
+        own = self._surfaces(t, x, outcomes, crossed)
         on, there = jnp.argmax(own, 1), jnp.where(own, before[None], outcomes[None])
         back = self.way * jax.vmap(lambda i: self._own_slope(t, x, outcomes, i))(on) < 0
         towards = self.way * jax.vmap(lambda o, i: self._own_slope(t, x, o, i))(there, on) < 0
@@ -420,6 +411,19 @@ class _Pieces(NamedTuple):
         surface = own[jnp.argmax(slides)] & slides.any()
         before = jnp.where(surface, before, outcomes)
         return Branch(outcomes, before, surface, slides.any()), jnp.sum(slides) > 1
+
+    def _surfaces(self, t: Array, x: Array, outcomes: Array, crossed: Array) -> Array:
+        """(w, e) the conditions that are crossed on each surface; rows left over have none."""
+        several = min(self.plan.size, _MOST_AT_ONCE)
+        each = jnp.equal(jnp.cumsum(crossed)[None], jnp.arange(1, several + 1)[:, None])
+        each = crossed[None] & each
+        if several < 2:
+            return each
+        by_time, rows, _ = self._slopes(t, x, outcomes, None)
+        normals = jnp.concatenate([rows, by_time[:, None]], 1)
+        alike = _parallel(jnp.where(crossed[:, None], normals, 0.0))
+        own = crossed[None] & jnp.any(each[:, :, None] & alike[None], 1)
+        return own & (jnp.argmax(own, 1) == jnp.argmax(each, 1))[:, None]
 
     def _own_slope(self, t: Array, x: Array, outcomes: Array, which: Array) -> Array:
         """() slope of a margin along the motion in its own branch."""
