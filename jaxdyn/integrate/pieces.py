@@ -6,11 +6,13 @@ integrated as if the other branches did not exist, so methods keep their order. 
 pushes the motion back from both sides it slides. Tangents pass a switch by the saltation matrix.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
@@ -28,10 +30,13 @@ _MARGIN_ROUNDINGS = 64
 _MOST_STALLED, _NO_PROGRESS = 200, 1e-11
 #: Largest depth of conditions within conditions whose outcomes are found anew after a switch.
 _DEEPEST = 3
-#: Number of conditions that may change at once, each with a decision of its own.
-_MOST_AT_ONCE = 8
 #: Sine of the angle between the normals of one surface, where two conditions change on it.
 _PARALLEL = 1e-6
+#: Number of surfaces that are crossed one by one, and the part of a tangent by which the results of
+#: two orders may differ.
+_MOST_CROSSED, _SAME = 32, 1e-6
+#: Part of the rate by which the sum of the jumps at several surfaces may miss the jump at all.
+_MISFIT = 1e-9
 
 
 def first_event(
@@ -64,7 +69,7 @@ class Margins(eqx.Module):
 
     Attributes:
       field: the field in the branch.
-      beyond: (e + 2,) by how much each is beyond zero where the piece begins, by rounding.
+      beyond: (e + 2 w,) by how much each is beyond zero where the piece begins, by rounding.
       plan: the plan of its rate.
     """
 
@@ -79,8 +84,8 @@ class Margins(eqx.Module):
 
     @property
     def count(self) -> int:
-        """Number of functions: the conditions, and 2 for the ends of sliding."""
-        return self.plan.size + 2
+        """Number of functions: the conditions, and 2 for each surface of sliding."""
+        return self.plan.size + 2 * self.plan.surfaces
 
     @property
     def direction(self) -> int:
@@ -88,7 +93,7 @@ class Margins(eqx.Module):
         return -1
 
     def value(self, t: Array, y: Array) -> Array:
-        """(e + 2,) see `InBranch.margins`."""
+        """(e + 2 w,) see `InBranch.margins`."""
         return self.field.margins(t, y) + self.beyond
 
 
@@ -100,9 +105,9 @@ class _Run(NamedTuple):
       y: (k, ...) the state there.
       branch: the branch of the next piece.
       crossed: (e,) conditions that have just changed.
-      left: () number of the margin that has just ended a piece of sliding, see
+      left: () number of the margin that has just ended the sliding on a surface, see
         `InBranch.margins`; else -1.
-      held: (e,) conditions whose outcomes are known, though the state is on their surface.
+      known: (e,) conditions whose outcomes are known, though the state is on their surface.
       old: the branch of the last piece.
       result: the result of all pieces so far.
       event: () index of the event that ended it, -1 for none.
@@ -110,6 +115,7 @@ class _Run(NamedTuple):
       begun: () whether there was a piece.
       before: what the motion has shown so far.
       stalled: () number of the last pieces in which it hardly moved.
+      kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
     """
 
     t: Array
@@ -117,7 +123,7 @@ class _Run(NamedTuple):
     branch: Branch
     crossed: Array
     left: Array
-    held: Array
+    known: Array
     old: Branch
     result: SolveResult
     event: Array
@@ -125,6 +131,7 @@ class _Run(NamedTuple):
     begun: Array
     before: History
     stalled: Array
+    kinked: Array
 
 
 def run_pieces(
@@ -159,7 +166,7 @@ def run_pieces(
 
     run = jax.lax.while_loop(work.goes_on, work.piece, work.start(y0))
     right = run.result.status == Status.OK
-    y1 = jnp.where(right, run.y, jnp.nan)
+    y1 = jnp.where(right & ~run.kinked[None], run.y, jnp.nan)
     happened = run.event >= 0
     crossing = Crossing(
         t=jnp.where(happened, run.t, way * jnp.inf),
@@ -202,14 +209,14 @@ class _Pieces(NamedTuple):
             status=jnp.where(fine, int(Status.OK), int(Status.NOT_FINITE)),
             stiff=jnp.zeros((), bool),
         )
-        branch = Branch.of(first.outcomes)
+        branch = Branch.of(first.outcomes, self.plan.surfaces)
         run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
             branch=branch,
             crossed=none,
             left=jnp.asarray(-1),
-            held=none,
+            known=none,
             old=branch,
             result=nothing,
             event=jnp.asarray(-1),
@@ -217,6 +224,7 @@ class _Pieces(NamedTuple):
             begun=jnp.zeros((), bool),
             before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
+            kinked=jnp.zeros(y0.shape[1:], bool),
         )
         branch, open_ = self._settle(run)
         # The first piece may be too short to show how large the motion becomes. On a surface where
@@ -233,7 +241,8 @@ class _Pieces(NamedTuple):
 
     def piece(self, run: _Run) -> _Run:
         """The motion one piece further."""
-        branch, y, now = run.branch, self._after_switch(run), self.t1
+        branch, now = run.branch, self.t1
+        y, kinked = self._after_switch(run)
         if self.plan.of_time.any():
             now = next_change(self.plan, self.system, run.t, self.t1, branch.outcomes)
         now = self._before_break(run.t, now)
@@ -251,7 +260,7 @@ class _Pieces(NamedTuple):
         chatters = (found.status == Status.OK) & (stalled >= _MOST_STALLED)
         result = SolveResult(
             y1=run.result.y1,
-            ys=jnp.where(rows, found.ys, run.result.ys),
+            ys=jnp.where(rows, jnp.where(kinked[None, None], jnp.nan, found.ys), run.result.ys),
             steps=run.result.steps + found.steps,
             rejected=run.result.rejected + found.rejected,
             status=jnp.where(chatters, int(Status.CHATTERING), found.status),
@@ -259,14 +268,14 @@ class _Pieces(NamedTuple):
         )
         event = jnp.where(index < len(self.events), index, -1)
         margin = index - len(self.events)
-        following, crossed, held = self._switch(branch, end, state_of(y_end), margin)
+        following, crossed, known = self._switch(branch, end, state_of(y_end), margin)
         reached = _Run(
             t=end,
             y=y_end,
             branch=following,
             crossed=crossed,
-            left=jnp.where(branch.slides, jnp.maximum(margin, -1), -1),
-            held=held,
+            left=jnp.where(margin >= self.plan.size, margin, -1),
+            known=known,
             old=branch,
             result=result,
             event=jnp.where(found.status == Status.OK, event, -1),
@@ -274,6 +283,7 @@ class _Pieces(NamedTuple):
             begun=jnp.ones((), bool),
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
+            kinked=kinked,
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
@@ -351,25 +361,24 @@ class _Pieces(NamedTuple):
         together = falls & ~jnp.asarray(self.plan.of_time) & ~branch.surface
         changed = (index >= 0) & (index < e)
         crossed = jnp.where(changed, own | together, False)
+        # The weights of one side of the surfaces are numbered after the conditions, then the other.
+        row = (index - e) % max(self.plan.surfaces, 1)
+        left = (index >= e) & (jnp.arange(self.plan.surfaces) == row)
+        leaves = (branch.surfaces & left[:, None]).any(0)
         outcomes = jnp.where(crossed, here.beyond, branch.outcomes)
-        before = jnp.where(crossed & branch.slides, here.beyond, branch.before)
-        left = branch.slides & (index >= e)
-        outcomes = jnp.where(left & (index == e), branch.before, outcomes)
-        slides = branch.slides & ~left
+        back = leaves & (index < e + self.plan.surfaces)
         following = Branch(
-            outcomes=outcomes,
-            before=jnp.where(slides, before, branch.outcomes),
-            surface=branch.surface & slides,
-            slides=slides,
+            outcomes=jnp.where(back, branch.before, outcomes),
+            before=jnp.where(crossed, branch.outcomes, branch.before),
+            surfaces=branch.surfaces & ~left[:, None],
         )
-        held = crossed | jnp.where(left | slides, branch.surface, False)
-        return following, crossed & ~branch.slides, held
+        return following, crossed, crossed | branch.surface
 
     def _settle(self, run: _Run) -> tuple[Branch, Array]:
-        """The branch of the next piece: outcomes at its start, and whether it slides.
+        """The branch of the next piece: outcomes at its start, and surfaces on which it slides.
 
         Returns:
-          The branch, and whether () it would slide on several surfaces, which leaves the rate open.
+          The branch, and whether () its rate is left open.
         """
         t, x, of_time = run.t, state_of(run.y), jnp.asarray(self.plan.of_time)
 
@@ -379,60 +388,83 @@ class _Pieces(NamedTuple):
             if self.plan.on_state:
                 by_time, rows, _ = self._slopes(t, x, outcomes, None)
                 near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
-            return jnp.where(run.held | near, outcomes, here.outcomes), near
+            return jnp.where(run.known | near, outcomes, here.outcomes), near
 
         rounds = _DEEPEST if self.plan.size > 1 else 1
         start = run.branch.outcomes, jnp.zeros(self.plan.size, bool)
         outcomes, near = jax.lax.fori_loop(0, rounds, settle, start)
-        if not self.plan.on_state:
-            return Branch.of(outcomes), jnp.zeros((), bool)
+        if not self.plan.surfaces:
+            return run.branch._replace(outcomes=outcomes, before=outcomes), jnp.zeros((), bool)
         first = ~run.begun
-        crossed = run.crossed | (first & near)
         _, here = self.plan.evaluate(self.system, t, x, outcomes)
+        undecided = run.crossed | run.branch.surface | (first & near)
         before = jnp.where(first, here.beyond, run.branch.before)
-        new, open_ = self._decide(t, x, outcomes, jnp.where(crossed, before, outcomes), crossed)
-        surface, slides = run.branch.surface, run.branch.slides
-        going_on = Branch(
-            outcomes, jnp.where(surface, run.branch.before, outcomes), surface, slides
-        )
-        return jax.tree.map(lambda a, b: jnp.where(slides, a, b), going_on, new), open_ & ~slides
+        return self._decide(t, x, outcomes, jnp.where(undecided, before, outcomes), undecided)
 
-    def _decide(self, t: Array, x: Array, outcomes: Array, before: Array, crossed: Array):
-        """The branch after some conditions (e,) have been crossed, and whether it is left open.
+    def _decide(self, t: Array, x: Array, outcomes: Array, before: Array, undecided: Array):
+        """The branch of a motion on some surfaces, and whether its rate is left open.
 
-        Each surface has a decision of its own: the motion goes on, returns, or slides on it.
+        On each surface it goes on, returns, or slides. The decisions are repeated from the side
+        that they lead to, where none may change any more.
+
+        Args:
+          t: () time.
+          x: (k,) state.
+          outcomes: (e,) outcomes behind the surfaces.
+          before: (e,) outcomes before them.
+          undecided: (e,) conditions that change on the surfaces.
         """
-        own = self._surfaces(t, x, outcomes, crossed)
-        on, there = jnp.argmax(own, 1), jnp.where(own, before[None], outcomes[None])
-        back = self.way * jax.vmap(lambda i: self._own_slope(t, x, outcomes, i))(on) < 0
-        towards = self.way * jax.vmap(lambda o, i: self._own_slope(t, x, o, i))(there, on) < 0
-        slides, returns = own.any(1) & back & towards, own.any(1) & back & ~towards
-        outcomes = jnp.where((own & returns[:, None]).any(0), before, outcomes)
-        surface = own[jnp.argmax(slides)] & slides.any()
-        before = jnp.where(surface, before, outcomes)
-        return Branch(outcomes, before, surface, slides.any()), jnp.sum(slides) > 1
+        own = self._surfaces(t, x, outcomes, undecided, self.plan.jumping)
 
-    def _surfaces(self, t: Array, x: Array, outcomes: Array, crossed: Array) -> Array:
-        """(w, e) the conditions that are crossed on each surface; rows left over have none."""
-        several = min(self.plan.size, _MOST_AT_ONCE)
-        each = jnp.equal(jnp.cumsum(crossed)[None], jnp.arange(1, several + 1)[:, None])
-        each = crossed[None] & each
-        if several < 2:
+        def decide(_, found):
+            outcomes, before, *_ = found
+            balance = InBranch(self.system, Branch(outcomes, before, own)).balance(t, x)
+            weights = balance.settle(self.way)
+            returns = own & (weights >= 1)[:, None]
+            surfaces = own & ((weights > 0) & (weights < 1))[:, None]
+            back = returns.any(0)
+            sides = jnp.where(back, before, outcomes), jnp.where(back, outcomes, before)
+            several = jnp.sum(surfaces.any(1)) > 1
+            mean = balance.mean(jnp.where(surfaces.any(1), 1.0, 0.0))
+            return *sides, surfaces, back.any(), several, mean
+
+        none, never = jnp.zeros(own.shape, bool), jnp.zeros((), bool)
+        start = outcomes, before, none, never, never, jnp.zeros_like(x)
+        rounds = 1 if len(own) == 1 else _DEEPEST
+        outcomes, before, surfaces, changes, several, mean = jax.lax.fori_loop(
+            0, rounds, decide, start
+        )
+        branch = Branch(outcomes, jnp.where(surfaces.any(0), before, outcomes), surfaces)
+        if len(own) == 1:
+            return branch, never
+        # Weights of their own require that the jumps add up.
+        rate = InBranch(self.system, branch).side(t, x, branch.before)[0]
+        size = jnp.max(jnp.abs(rate)) + jnp.max(jnp.abs(mean))
+        adds_up = jnp.all(jnp.abs(rate - mean) <= _MISFIT * size)
+        return branch, changes | (several & ~adds_up)
+
+    def _surfaces(
+        self, t: Array, x: Array, outcomes: Array, undecided: Array, rows: np.ndarray
+    ) -> Array:
+        """(w, e) the conditions that change on the same surface as each of some.
+
+        Args:
+          t: () time.
+          x: (k,) state, on all the surfaces.
+          outcomes: (e,) outcomes there.
+          undecided: (e,) conditions that change there.
+          rows: (w,) numbers of conditions; of those on one surface the first has all others, and
+            those after it have none.
+        """
+        each = undecided[None] & (rows[:, None] == np.arange(self.plan.size))
+        if self.plan.size < 2:
             return each
-        by_time, rows, _ = self._slopes(t, x, outcomes, None)
-        normals = jnp.concatenate([rows, by_time[:, None]], 1)
-        alike = _parallel(jnp.where(crossed[:, None], normals, 0.0))
-        own = crossed[None] & jnp.any(each[:, :, None] & alike[None], 1)
-        return own & (jnp.argmax(own, 1) == jnp.argmax(each, 1))[:, None]
-
-    def _own_slope(self, t: Array, x: Array, outcomes: Array, which: Array) -> Array:
-        """() slope of a margin along the motion in its own branch."""
-        rate = InBranch(self.system, Branch.of(outcomes)).side(t, x, outcomes)[0]
-
-        def margin(t, x):
-            return self.plan.evaluate(self.system, t, x, outcomes)[1].margins[which]
-
-        return jax.jvp(margin, (t, x), (jnp.ones_like(t), rate))[1]
+        by_time, normals, _ = self._slopes(t, x, outcomes, None)
+        normals = jnp.concatenate([normals, by_time[:, None]], 1)
+        alike = _parallel(jnp.where(undecided[:, None], normals, 0.0))
+        own = undecided[None] & undecided[rows, None] & alike[rows]
+        first = jnp.argmax(own[:, rows], 1) == np.arange(len(rows))
+        return own & first[:, None]
 
     def _slopes(self, t: Array, x: Array, outcomes: Array, field: InBranch | None):
         """(e,) and (e, k) derivatives of margins by time and state, (e,) slopes along a motion."""
@@ -451,10 +483,10 @@ class _Pieces(NamedTuple):
         size = jnp.sum(jnp.abs(rows * x[None]), 1) + jnp.abs(t * by_time)
         return _MARGIN_ROUNDINGS * jnp.finfo(x.dtype).eps * jnp.where(jnp.isfinite(size), size, 0.0)
 
-    def _after_switch(self, run: _Run) -> Array:
-        """The state, and tangents or adjoints as the saltation matrix changes them."""
+    def _after_switch(self, run: _Run) -> tuple[Array, Array]:
+        """The state with tangents or adjoints as saltation matrices change them, and `kinked`."""
         if not hasattr(self.field, "jump"):
-            return run.y
+            return run.y, run.kinked
         branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
         margins = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)[
@@ -466,8 +498,45 @@ class _Pieces(NamedTuple):
         # Rates are continuous where sliding ends, but those of tangents are not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
-        after = jump(self.field, run.t, run.y, run.old, branch, which)
-        return jnp.where(jumps, after, run.y)
+        if np.sum(~self.plan.of_time) < 2:
+            after, kinked = jump(self.field, run.t, run.y, run.old, branch, which), run.kinked
+        else:
+            after, kinked = self._across(run, which)
+            kinked = run.kinked | (jumps & kinked)
+        return jnp.where(jumps, after, run.y), kinked
+
+    def _across(self, run: _Run, which: Array) -> tuple[Array, Array]:
+        """The state with tangents after all surfaces that it meets at once, one by one.
+
+        Motions beside it cross them in another order. Where a tangent depends on the order, the
+        motion has none, which is returned as well.
+
+        Args:
+          run: the motion.
+          which: () the condition that changes if none is crossed.
+        """
+        old, new = run.old, run.branch
+        every = np.flatnonzero(~self.plan.of_time)[:_MOST_CROSSED]
+        own = self._surfaces(run.t, state_of(run.y), old.outcomes, run.crossed, every)
+        count = jnp.sum(own.any(1))
+        place = jnp.where(own.any(1), jnp.cumsum(own.any(1)) - 1, -1)
+
+        def cross(i, found, reverse):
+            y, here, done = found
+            number = jnp.where(reverse, count - 1 - i, i)
+            part = (own & (place == number)[:, None]).any(0)
+            done = done | part | (i >= count - 1)
+            there = jax.tree.map(lambda a, b: jnp.where(done, a, b), new, here)
+            on = jnp.where(part.any(), jnp.argmax(part), which)
+            return jump(self.field, run.t, y, here, there, on), there, done
+
+        def in_order(reverse):
+            start = run.y, old, jnp.zeros(self.plan.size, bool)
+            step = functools.partial(cross, reverse=reverse)
+            return jax.lax.fori_loop(0, jnp.maximum(count, 1), step, start)[0]
+
+        one, other = jax.lax.map(in_order, jnp.array([False, True]))
+        return one, (jnp.abs(one - other) > _SAME * _sizes(run.y, one, other)).any(0)
 
 
 def _unless_open(run: _Run, open_: Array) -> _Run:
@@ -476,6 +545,15 @@ def _unless_open(run: _Run, open_: Array) -> _Run:
         open_ & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
     )
     return eqx.tree_at(lambda run: run.result.status, run, status)
+
+
+def _sizes(*of: Array) -> Array:
+    """(k, ...) sizes of the entries of tangents (k, ...), in any units of rows and columns."""
+    sizes = sum(jnp.abs(part) for part in of)
+    flat = jnp.reshape(sizes, (len(sizes), -1))
+    rows = jnp.max(flat, 1, keepdims=True)
+    columns = jnp.max(flat / jnp.where(rows > 0, rows, 1.0), 0, keepdims=True)
+    return jnp.reshape(rows * columns, sizes.shape)
 
 
 def _parallel(rows: Array) -> Array:

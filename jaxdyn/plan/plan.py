@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxdyn._numerics import SMOOTH
+from jaxdyn._numerics import SMOOTH, solve_spd
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, live_operations, loop
 from jaxdyn.intervals import Interval
 from jaxdyn.plan.bounds import as_interval, enclose_program
@@ -47,6 +47,7 @@ class Plan:
       depends_on_time: whether the rate depends on time; if not, that is proved.
       conditions: the conditions, in the order in which the program meets them.
       of_time: (e,) for each entry of a branch, whether it depends on time alone.
+      bends: (e,) likewise whether the rate is continuous where it changes.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
       partial: whether the rate contains functions that are not defined for all states.
@@ -80,6 +81,8 @@ class Plan:
         self.conditions: tuple[Condition, ...] = tuple(whole.conditions)
         sides = [np.full(c.size, c.of_time) for c in self.conditions]
         self.of_time = np.concatenate([np.zeros(0, bool), *sides])
+        bends = [np.full(c.size, c.bends) for c in self.conditions]
+        self.bends = np.concatenate([np.zeros(0, bool), *bends])
         self.unread = frozenset(whole.unread)
         self.hides = bool(part.leaves)
         self.bounded = True
@@ -104,6 +107,16 @@ class Plan:
     def on_state(self) -> bool:
         """Whether any condition depends on the state."""
         return bool((~self.of_time).any())
+
+    @property
+    def jumping(self) -> np.ndarray:
+        """(w,) numbers of the conditions on the state at which the rate may jump."""
+        return np.flatnonzero(~(self.of_time | self.bends))[:_MOST_SURFACES]
+
+    @property
+    def surfaces(self) -> int:
+        """Number of surfaces on which a motion may slide at once."""
+        return len(self.jumping)
 
     @property
     def doubt(self) -> str:
@@ -287,34 +300,102 @@ def _plan(tree, kinds: tuple, k: int, waves: bool, in_64_bits: bool) -> Plan:
     return Plan(jax.make_jaxpr(rate)(*leaves, t, y), tree, leaves, y, waves)
 
 
-# ---- A field in one branch of its conditions, or sliding along the surface between two
+# ---- A field in one branch of its conditions, or sliding along the surfaces between some
 #
 # `in_branch` puts the branch below whatever wraps a field, such as its variational equations. A
 # motion that is pushed back to a surface from both sides slides along it (Filippov, 1988,
 # Differential Equations with Discontinuous Righthand Sides): its rate is the weighted mean of the
-# rates on both sides that is tangent to the surface.
+# rates on both sides that is tangent to the surface. On several surfaces at once each has a weight
+# of its own, and the rate is f + sum of w_j (f_j - f), with f behind all of them and f_j before
+# surface j alone. This is exact where the jumps at the surfaces add up, as those of dry friction in
+# several places do; where they do not, Filippov's rate is not unique, and the motion ends.
 
 
 class Branch(NamedTuple):
     """The outcomes of the conditions of a rate along a piece of a motion.
 
     Attributes:
-      outcomes: (e,) outcomes of all conditions; when sliding, those on the side to which it was
-        going.
-      before: (e,) outcomes on the side from which a sliding motion came.
-      surface: (e,) whether each condition changes on the surface of sliding.
-      slides: () whether the motion slides.
+      outcomes: (e,) outcomes of all conditions; for those of a surface of sliding, on the side
+        behind it, to which the motion was going.
+      before: (e,) likewise on the side from which it came.
+      surfaces: (w, e) whether each condition changes on the surface of sliding of each condition
+        in `Plan.jumping`; of those on one surface only the first has a row.
     """
 
     outcomes: Array
     before: Array
-    surface: Array
-    slides: Array
+    surfaces: Array
 
     @classmethod
-    def of(cls, outcomes: Array) -> "Branch":
-        """Outcomes of a motion that does not slide."""
-        return cls(outcomes, outcomes, jnp.zeros(outcomes.shape, bool), jnp.zeros((), bool))
+    def of(cls, outcomes: Array, rows: int) -> "Branch":
+        """Outcomes of a motion that does not slide; `rows` is the plan's `Plan.surfaces`."""
+        return cls(outcomes, outcomes, jnp.zeros((rows, len(outcomes)), bool))
+
+    @property
+    def slides(self) -> Array:
+        """Whether () the motion slides."""
+        return self.surfaces.any()
+
+    @property
+    def surface(self) -> Array:
+        """(e,) whether each condition changes on any surface of sliding."""
+        return self.surfaces.any(0)
+
+
+class Balance(NamedTuple):
+    """The rates on all sides of some surfaces that a state lies on, and how fast they lead away.
+
+    Attributes:
+      rates: (w + 1, k) the rate behind all surfaces, then that before each surface alone.
+      slopes: (w,) of the margin of each surface behind it, along the first rate.
+      gains: (w, w) by how much each slope is larger along the rate before each surface.
+    """
+
+    rates: Array
+    slopes: Array
+    gains: Array
+
+    @property
+    def weights(self) -> Array:
+        """(w,) of the rates before the surfaces, such that the mean is tangent to all of them."""
+        if len(self.slopes) == 1:
+            return -self.slopes / self.gains[0]
+        return solve_spd(self.gains, -self.slopes)
+
+    def mean(self, weights: Array) -> Array:
+        """(k,) the rate for given weights (w,)."""
+        jumps = self.rates[1:] - self.rates[:1]
+        return self.rates[0] + jnp.sum(weights[:, None] * jumps, 0)
+
+    def slopes_for(self, weights: Array) -> Array:
+        """(w,) the slopes for given weights (w,), each surface's own weight being 0."""
+        own = jnp.diag(self.gains)
+        return self.slopes + jnp.sum(self.gains * weights[None], 1) - own * weights
+
+    def settle(self, way: Array) -> Array:
+        """(w,) the weights between 0 and 1 with which the motion goes on in the direction `way`.
+
+        On each surface, with those of the others, it stays behind if it is led away from there;
+        else it returns if it is led away on the side before; else it slides. Projected relaxation
+        finds weights that agree (Cottle, Pang, Stone, 1992, The Linear Complementarity Problem).
+        """
+        slopes, gains, w = way * self.slopes, way * self.gains, len(self.slopes)
+
+        def relax(i, weights):
+            this, own = jnp.arange(w) == i % w, gains[i % w, i % w]
+            behind = slopes[i % w] + jnp.sum(jnp.where(this, 0.0, gains[i % w] * weights))
+            share = jnp.where(behind + own <= 0, 1.0, -behind / own)
+            return jnp.where(this, jnp.where(behind >= 0, 0.0, share), weights)
+
+        return jax.lax.fori_loop(0, 1 if w == 1 else _RELAXATIONS * w, relax, jnp.zeros(w))
+
+
+#: Number of rounds of relaxation: enough for surfaces coupled by 0.9, the error of which is 1e-5.
+_RELAXATIONS = 100
+#: Roundings of the rates on both sides up to which their mean is zero.
+_ROUNDINGS = 8
+#: Largest number of conditions on whose surfaces a motion may slide.
+_MOST_SURFACES = 32
 
 
 @runtime_checkable
@@ -386,27 +467,45 @@ class InBranch(NamedTuple):
         plan = plan_of(self.field, len(y))
         if not plan.on_state:
             return self._plain(t, y)
-        return jax.lax.cond(self.branch.slides, self._sliding, self._plain, t, y)
+        # Also where it cannot slide: a choice is not rewritten by `simplify`, which would expand
+        # k (d - clip(d)) and leave its rounding as a force within the play of two gears.
+        slide = self._sliding if plan.surfaces else self._plain
+        return jax.lax.cond(self.branch.slides, slide, self._plain, t, y)
 
     def _plain(self, t: Array, y: Array) -> Array:
         return self.side(t, y, self.branch.outcomes)[0]
 
     def _sliding(self, t: Array, y: Array) -> Array:
-        both, towards = self._sides(t, y)
-        part = towards[0] / (towards[0] - towards[1])
-        return both[0] + part * (both[1] - both[0])
+        balance = self.balance(t, y)
+        mean = balance.mean(balance.weights)
+        # What rounding leaves of forces in balance would be the size of a motion from rest.
+        rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.max(jnp.abs(balance.rates), 0)
+        return mean - jax.lax.stop_gradient(jnp.where(jnp.abs(mean) <= rounding, mean, 0.0))
 
-    def _sides(self, t: Array, y: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """The rates before and behind the surface, and how fast each leads back before it."""
-        branch = self.branch
-        before, behind = (self.side(t, y, x)[0] for x in (branch.before, branch.outcomes))
+    def balance(self, t: Array, y: Array) -> Balance:
+        """The rates on all sides of the surfaces of the branch, and how fast they lead away.
 
-        def margin(t, y):
-            margins = self.side(t, y, branch.before)[1].margins
-            return margins[jnp.argmax(branch.surface)]
+        Rows without a surface have a weight of 0: each is balanced by itself.
+        """
+        outcomes, before, surfaces = self.branch
+        held, first = surfaces.any(1), jnp.argmax(surfaces, 1)
 
-        slopes = (jax.jvp(margin, (t, y), (jnp.ones_like(t), rate))[1] for rate in (before, behind))
-        return (before, behind), tuple(slopes)
+        def margins(t, y):
+            return self.side(t, y, outcomes)[1].margins
+
+        def look(side):
+            rate = self.side(t, y, side)[0]
+            return rate, jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
+
+        sides = jnp.where(surfaces, before[None], outcomes[None])
+        sides = jnp.concatenate([outcomes[None], sides])
+        # For two rates a loop takes longer to compile than a copy of the program.
+        each = _in_turn if len(sides) == 2 else jax.vmap
+        rates, slopes = each(look)(sides)
+        gains = jnp.where(
+            held[:, None] & held[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(held))
+        )
+        return Balance(rates, jnp.where(held, slopes[0], 0.0), gains)
 
     def side(self, t: Array, y: Array, outcomes: Array) -> tuple[Array, Conditions]:
         """The rate, and the conditions, for other outcomes.
@@ -424,19 +523,30 @@ class InBranch(NamedTuple):
         return rate, conditions
 
     def margins(self, t: Array, y: Array) -> Array:
-        """(e + 2,) numbers: the branch ends where one of them falls through 0.
+        """(e + 2 w,) numbers: the branch ends where one of them falls through 0.
 
-        They are the margins of the conditions on the state and, for a sliding motion, how strongly
-        the side before the surface and the side behind it push towards it.
+        They are the margins of the conditions on the state and, for a sliding motion, the weights
+        of the rates behind each surface, then of those before, each times the push of both.
         """
         plan, branch = plan_of(self.field, len(y)), self.branch
         margins = self.side(t, y, branch.outcomes)[1].margins
         margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
-        held = jax.lax.cond(branch.slides, self._pushes, lambda t, y: jnp.ones(2), t, y)
-        return jnp.concatenate([margins, held])
+        return jnp.concatenate([margins, self._weights(t, y)]) if plan.surfaces else margins
+
+    def _weights(self, t: Array, y: Array) -> Array:
+        rows = len(self.branch.surfaces)
+        none = lambda t, y: jnp.ones(2 * rows)  # noqa: E731
+        return jax.lax.cond(self.branch.slides, self._pushes, none, t, y)
 
     def _pushes(self, t: Array, y: Array) -> Array:
-        return jnp.stack([-1.0, 1.0]) * jnp.stack(self._sides(t, y)[1])
+        # Weights would be 0/0 where a surface does not push at all. Of one surface no weight is
+        # needed, so that its sides are compared as they are.
+        balance = self.balance(t, y)
+        own, weights = jnp.diag(balance.gains), balance.weights
+        weights = jnp.zeros(1) if len(own) == 1 else weights
+        before = -balance.slopes_for(weights)
+        pushes = jnp.concatenate([own - before, before]) * jnp.tile(jnp.sign(own), 2)
+        return jnp.where(jnp.tile(self.branch.surfaces.any(1), 2), pushes, 1.0)
 
     def change(self, t: Array, y: Array, which: Array, slid: bool) -> Array:
         """() the function whose zero ended the branch, smooth on both sides.
@@ -448,10 +558,8 @@ class InBranch(NamedTuple):
           slid: whether it may be an end of sliding.
         """
         margins = self.side(t, y, self.branch.outcomes)[1].margins
-        if slid:
-            none = lambda t, y: jnp.ones(2)  # noqa: E731
-            pushes = jax.lax.cond(self.branch.slides, self._pushes, none, t, y)
-            margins = jnp.concatenate([margins, pushes])
+        if slid and len(self.branch.surfaces):
+            margins = jnp.concatenate([margins, self._weights(t, y)])
         return margins[which]
 
     def project(self, t: Array, y: Array) -> Array:
@@ -465,6 +573,11 @@ class InBranch(NamedTuple):
     def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
         """Whether () a step may pass a state that leaves the acceleration undetermined."""
         return self.field.loses(t0, y0, t1, y1)
+
+
+def _in_turn(function: Callable) -> Callable:
+    """As `jax.vmap`, with a copy of the program for each row."""
+    return lambda rows: jax.tree.map(lambda *found: jnp.stack(found), *map(function, rows))
 
 
 # ---- A rate in one branch: every condition of its program keeps an outcome that is given
@@ -536,11 +649,13 @@ class Condition(NamedTuple):
       kind: "compare", "whole", "table" or "extreme".
       on: what it depends on, see `Value`.
       size: number of its entries.
+      bends: whether values are continuous where it changes, as those of ``max``.
     """
 
     kind: str
     on: int
     size: int
+    bends: bool = False
 
     @property
     def of_time(self) -> bool:
@@ -586,7 +701,7 @@ class BranchEvaluation:
         self.mixed: list[Value] = []
         self._made: dict[int, tuple[str, list[Value]]] = {}
         self._kept: list[Value] = []
-        self._taken: dict[int, tuple[Array, Value, Value, Value]] = {}
+        self._taken: dict[int, tuple[Array, Value, Value, Value, int]] = {}
         self._compared: list[tuple[Value, Value]] = []
 
     @property
@@ -649,8 +764,8 @@ class BranchEvaluation:
 
     def take(self, which: Array, no: Value, yes: Value, found: Value) -> None:
         """Note that a result of ``max`` or ``min`` is the operand that an outcome chooses."""
-        if self.branch is not None and found.array is not None:
-            self._taken[id(found.array)] = which, no, yes, found
+        if found.array is not None:
+            self._taken[id(found.array)] = which, no, yes, found, len(self.conditions) - 1
 
     def compare(self, a: Value, b: Value) -> None:
         """Note that an outcome says which of two values is the larger one."""
@@ -671,15 +786,15 @@ class BranchEvaluation:
     def _operand(self, a: Value, b: Value) -> Array | None:
         """Whether one value is the operand that was taken for the other, a maximum or minimum.
 
-        The rules for derivatives of JAX 0.10 and older ask for it.
+        The rules for derivatives of JAX 0.10 and older ask for it: such a derivative jumps.
         """
         for x, of in ((a, b), (b, a)):
             if id(of.array) in self._taken:
-                which, no, yes, _ = self._taken[id(of.array)]
-                if _is_same(x, yes):
-                    return which > 0.5
-                if _is_same(x, no):
-                    return which <= 0.5
+                which, no, yes, _, number = self._taken[id(of.array)]
+                if _is_same(x, yes) or _is_same(x, no):
+                    self.conditions[number] = self.conditions[number]._replace(bends=False)
+                    if self.branch is not None:
+                        return which > 0.5 if _is_same(x, yes) else which <= 0.5
         return None
 
     def _as_it_stands(self, eqn, args: list[Value], on: int) -> list[Value]:
@@ -728,7 +843,12 @@ class BranchEvaluation:
             self._meets_state(x)
 
     def condition(
-        self, kind: str, args: list[Value], at: Callable, shape: tuple[int, ...] | None = None
+        self,
+        kind: str,
+        args: list[Value],
+        at: Callable,
+        shape: tuple[int, ...] | None = None,
+        bends: bool = False,
     ) -> tuple[Any, int]:
         """The outcome of a condition in the branch, and what it depends on.
 
@@ -738,6 +858,7 @@ class BranchEvaluation:
           at: a function of the outcome in the branch, or of None for the one at the point; returns
             the outcome at the point, the margin of the outcome in the branch, and the one beyond.
           shape: shape of the outcomes; by default that to which the arguments are broadcast.
+          bends: see `Condition`.
         Returns:
           None for the outcome where only what depends on time is computed.
         """
@@ -755,7 +876,7 @@ class BranchEvaluation:
         if self.branch is not None:
             given = self.branch[first : first + size].reshape(shape)
         here, margin, beyond = at(given)
-        self.conditions.append(Condition(kind, on, size))
+        self.conditions.append(Condition(kind, on, size, bends))
         flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
         far = _FAR * jnp.finfo(jnp.result_type(float)).max
         margin = jnp.where(jnp.isnan(margin), far, jnp.clip(margin, -far, far))
@@ -764,7 +885,9 @@ class BranchEvaluation:
         self.beyond.append(flat(beyond))
         return (jnp.broadcast_to(here, shape).astype(float) if given is None else given), jumps
 
-    def holds(self, a: Value, b: Value, strict: bool = True) -> tuple[Any, int]:
+    def holds(
+        self, a: Value, b: Value, strict: bool = True, bends: bool = False
+    ) -> tuple[Any, int]:
         """Whether a < b in the branch, or a <= b, as 0 or 1."""
 
         def at(given):
@@ -772,7 +895,7 @@ class BranchEvaluation:
             held = here if given is None else given
             return here, (2.0 * held - 1.0) * (b.array - a.array), 1.0 - held
 
-        return self.condition("compare", [a, b], at)
+        return self.condition("compare", [a, b], at, bends=bends)
 
     def _table(self, knots: Value, x: Value) -> Value:
         places, n = jnp.asarray(knots.array), np.shape(knots.array)[0]
@@ -956,14 +1079,14 @@ def _sign(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
 def _abs(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     (x,) = args
     zero = Value(None if x.array is None else jnp.zeros_like(x.array), x.on)
-    found, on = evaluation.holds(zero, x)
+    found, on = evaluation.holds(zero, x, bends=True)
     minus = x if x.array is None else x._replace(array=-x.array)
     return _select(found, minus, x, on, evaluation)
 
 
 def _larger(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     a, b = args
-    found, on = evaluation.holds(a, b)
+    found, on = evaluation.holds(a, b, bends=True)
     ends = (a, b) if eqn.primitive.name == "max" else (b, a)
     larger = _select(found, *ends, on, evaluation)
     evaluation.take(found, *ends, larger)
@@ -981,9 +1104,9 @@ def _is_same(a: Value, b: Value) -> bool:
 
 def _clamp(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     low, x, high = args
-    below, on = evaluation.holds(x, low)
+    below, on = evaluation.holds(x, low, bends=True)
     x = _select(below, x, low, on, evaluation)
-    above, on = evaluation.holds(high, x)
+    above, on = evaluation.holds(high, x, bends=True)
     return _select(above, x, high, on, evaluation)
 
 
@@ -1074,7 +1197,7 @@ def _sort(evaluation: BranchEvaluation, eqn, args: list[Value]) -> list[Value]:
     pair = [
         x if x.array is None else x._replace(array=x.array[k]) for x, k in ((keys, i), (keys, j))
     ]
-    found, on = evaluation.holds(pair[1], pair[0])
+    found, on = evaluation.holds(pair[1], pair[0], bends=len(args) == 1)
     on = functools.reduce(lambda a, b: a | b.on, args, on)
     if found is None or any(x.array is None for x in args):
         return [Value(None, on, math.inf) for _ in args]

@@ -217,8 +217,85 @@ def test_of_two_blocks_at_rest_each_sticks_or_slips():
     w = np.sqrt(0.5 / 3)
     wanted = [0.1 * (1 - np.cos(w / 2)), 2.5, 0.1 * w * np.sin(w / 2), 0.0]
     assert np.allclose(end([0.7, 1.0]).ys[-1], wanted, rtol=0, atol=1e-11)
-    # Where both stick, a mean of two rates is not at rest in both.
-    assert end([1.0, 1.0], throw=False).status == Status.CHATTERING
+    assert np.allclose(end([1.0, 1.0]).ys, [0.0, 2.5, 0.0, 0.0], rtol=0, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_force_that_jumps_breaks_a_block_loose():
+    def pushed(t, y, p):
+        return [y[1], jnp.where(t < 1.0, 0.0, p) - 0.3 * jnp.sign(y[1])]
+
+    run = jaxdyn.simulate(jaxdyn.ode(pushed, [0.0, 0.0], 3.0, params=0.7))
+    assert np.allclose(run.ys[-1], (0.8, 0.8), rtol=0, atol=1e-14)
+
+
+@pytest.mark.slow
+def test_a_block_at_rest_breaks_loose_where_a_force_has_grown():
+    # At rest what rounding leaves of forces in balance is no motion.
+    def driven(t, y, p):
+        return [y[1], p * jnp.sin(t) - 0.3 * jnp.sign(y[1])]
+
+    run = jaxdyn.simulate(jaxdyn.ode(driven, [0.0, 0.0], 3.0, params=0.7))
+    start = np.arcsin(3 / 7)
+    speed = 0.7 * (np.cos(start) - np.cos(3.0)) - 0.3 * (3.0 - start)
+    assert abs(run.ys[-1, 1] - speed) < 1e-13
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("x", [0.9, 1.0])
+def test_two_blocks_that_stick_and_derivatives_where_both_turn_at_once(x):
+    # Each half swing takes 2 p off an amplitude, until it is below p.
+    def end(y0, p):
+        rate = lambda t, y, p: jnp.concatenate([y[2:], -y[:2] - p * jnp.sign(y[2:])])  # noqa: E731
+        return jaxdyn.solve(jaxdyn.ode(rate, y0, 12.0, params=p), 12.0).y1
+
+    given = jnp.array([1.0, x, 0.0, 0.0]), 0.3
+    second = {0.9: (-0.3, -1.0, 2.0), 1.0: (-0.2, 1.0, -4.0)}[x]
+    assert np.allclose(end(*given), [-0.2, second[0], 0.0, 0.0], rtol=0, atol=1e-10)
+    by_start, by_force = jax.jacfwd(end, (0, 1))(*given)
+    wanted = np.diag([1.0, second[1], 0.0, 0.0])
+    assert np.allclose(by_start, wanted, rtol=0, atol=1e-9)
+    assert np.allclose(by_force, [-4.0, second[2], 0.0, 0.0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_blocks_on_each_other_slide_together_and_then_apart():
+    # The upper one is pulled with t / 2: both slide from t = 2, apart from t = 5.
+    def pulled(t, y):
+        below, between = jnp.sign(y[2]), 2.0 * jnp.sign(y[3] - y[2])
+        return [y[2], y[3], (between - below) / 2.0, 0.5 * t - between]
+
+    run = jaxdyn.simulate(jaxdyn.ode(pulled, jnp.zeros(4), 7.0))
+    v, x = (0.25 * 21 - 3) / 3, ((125 - 8) / 12 - 3 - 4.5) / 3
+    wanted = [x + 2 * v + 1, x + 2 * v + (7**3 - 125) / 12 - 12.5 - 4, v + 1, v + 2]
+    assert np.allclose(run.ys[-1], wanted, rtol=0, atol=1e-13)
+    assert run.steps < 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adjoint", [False, True])
+def test_derivatives_where_two_surfaces_are_crossed_at_once(adjoint):
+    # Two oscillators with dry friction, apart: each turns where it would turn alone.
+    def end(y0):
+        rate = lambda t, y: jnp.concatenate([y[2:], -y[:2] - 0.1 * jnp.sign(y[2:])])  # noqa: E731
+        return jaxdyn.solve(jaxdyn.ode(rate, y0, 4.0), 4.0, adjoint=adjoint).y1[0]
+
+    both, second = (jax.grad(end)(jnp.array([1.0, x, -0.1, -0.1])) for x in (1.0, 0.9))
+    assert np.allclose(both, second, rtol=0, atol=1e-9)
+    assert np.allclose(both[1::2], 0.0, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_derivative_that_depends_on_the_order_of_crossings_is_nan():
+    # Each is faster once the other has passed 0: in a state beside it one of them passes first.
+    def end(y0):
+        rate = lambda t, y: 1.0 + jnp.where(y[::-1] > 0, jnp.array([1.0, 0.5]), 0.0)  # noqa: E731
+        return jaxdyn.solve(jaxdyn.ode(rate, y0, 2.0), 2.0).y1[0]
+
+    value, slope = jax.value_and_grad(end)(jnp.array([-1.0, -1.0]))
+    assert abs(value - 2.0) < 1e-14
+    assert np.isnan(slope).all()
+    assert np.isfinite(jax.grad(end)(jnp.array([-1.0, -1.001]))).all()
 
 
 @pytest.mark.slow
