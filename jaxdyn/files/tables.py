@@ -144,35 +144,61 @@ _TABLE = "A line of names such as t, x, y, then lines of numbers."
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by name.
 
-    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``, of
-    which a new column has none; ``dict(table)`` has no units.
+    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``;
+    ``dict(table)`` has no units. A column that is assigned, by ``table["x"] = 1000 * table["x"]``
+    or a union, has none until one is stated: ``table.units["x"] = "m"``. Where the column that it
+    replaces had another unit than the scene, `fit` asks for it.
 
     Attributes:
       units: the unit of each column by name, of those whose heads have one.
+      replaced: the former units of columns that were replaced.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.units: dict[str, str] = {}
+        self.replaced: dict[str, str] = {}
+
+    def __setitem__(self, name: str, column: np.ndarray) -> None:
+        """A column, whose unit is not known."""
+        super().__setitem__(name, column)
+        if name in self.units:
+            self.replaced[name] = self.units.pop(name)
+
+    def __reduce__(self) -> tuple:
+        """How copies and files of pickle build it: its parts, since an assignment drops a unit."""
+        return _columns, (dict(self), self.units, self.replaced)
 
     def copy(self) -> "Columns":
         """The same columns, with their units."""
         return self | {}
 
+    def update(self, *others: Any, **columns: Any) -> None:
+        """Other columns in place of those of their names, or beside them."""
+        for name, column in dict(*others, **columns).items():
+            self[name] = column
+        for other in others:
+            self.units |= getattr(other, "units", {})
+            self.replaced |= getattr(other, "replaced", {})
+
     def __or__(self, other: Any) -> "Columns":
         """These columns and others, which replace those of their names."""
         both = Columns()
-        both.update({**self, **other})
-        kept = {name: unit for name, unit in self.units.items() if name not in other}
-        both.units = kept | getattr(other, "units", {})
+        both.update(self)
+        both.update(other)
         return both
 
     def __ior__(self, other: Any) -> "Columns":
         """Other columns in place of those of their names, or beside them."""
-        both = self | other
-        self.update(both)
-        self.units = both.units
+        self.update(other)
         return self
+
+
+def _columns(columns: dict, units: dict[str, str], replaced: dict[str, str]) -> Columns:
+    found = Columns()
+    found.update(columns)
+    found.units, found.replaced = dict(units), dict(replaced)
+    return found
 
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:
@@ -189,7 +215,8 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
       path: path of the file.
       names: names of the columns, for a file without a line of names.
     Returns:
-      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units.
+      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units. A column that
+      is assigned later has none until one is stated, as in ``table.units["x"] = "m"``.
     Raises:
       ValueError: `path` cannot be read, a line has another number of columns or something that is
         not a number, or two columns have one name.

@@ -1,6 +1,8 @@
 """A motion as plain data: records and CSV files."""
 
+import copy
 import csv
+import pickle
 
 import numpy as np
 import pytest
@@ -129,6 +131,26 @@ def test_copies_and_unions_of_tables_have_their_units(tmp_path):
     assert (table | table).units == table.units
     table |= {"x": 1000 * table["x"]}
     assert table.units == {"y": "km"}
+
+
+def test_a_column_that_is_assigned_has_no_unit_until_one_is_stated(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("t,x [km],y [km]\n0,1,2\n1,2,3\n")
+    table = jaxdyn.read_csv(path)
+    for again in (copy.copy(table), copy.deepcopy(table), pickle.loads(pickle.dumps(table))):
+        assert again.units == {"x": "km", "y": "km"}
+        assert list(again) == list(table)
+    table["x"] = 1000 * table["x"]
+    table["z"] = table["x"]
+    assert table.units == {"y": "km"}
+    assert table.replaced == {"x": "km"}
+    table.units["x"] = "m"
+    table["y"] *= 1000
+    assert table.units == {"x": "m"}
+    changed = jaxdyn.read_csv(path)
+    changed.update(x=changed["y"])
+    assert changed.units == {"y": "km"}
+    assert pickle.loads(pickle.dumps(changed)).replaced == changed.replaced == {"x": "km"}
 
 
 def test_units_of_columns_are_kept_or_become_si_units(tmp_path):
