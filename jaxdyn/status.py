@@ -123,8 +123,8 @@ class Status(Code):
         13,
         "The conditions of the rate change again and again in no time: the motion is pushed back "
         "and forth where several surfaces meet, and slides in a way that the rate leaves open. "
-        "Choose a steep slope for one of the jumps, tanh(x / width) for sign(x), or give the "
-        "motion on the surfaces a phase of its own.",
+        "Choose a steep slope for one of the jumps, tanh(x / width) for sign(x), as creep= of "
+        "effects.DryFriction does, or give the motion on the surfaces a phase of its own.",
     )
     PHASE_LIMIT = (
         14,
