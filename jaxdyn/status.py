@@ -132,6 +132,12 @@ class Status(Code):
         "finite time, as for a ball that comes to rest by bouncing, add an exit to a phase of "
         "rest.",
     )
+    MERGED = (
+        15,
+        "Nearby motions merged in no time, as where dry friction stops them: a tangent became 0, "
+        "and its exponent is minus infinity. Ask for the others alone (count=1 is the largest), or "
+        "give the friction a creep.",
+    )
 
 
 def tally(
