@@ -59,7 +59,7 @@ def as_float(x: Any) -> Array:
     The floats have 64 bits where these are enabled; data in fewer bits are converted exactly.
 
     Raises:
-      ValueError: complex numbers or dates.
+      ValueError: complex numbers or dates, text that is no number, None.
     """
     refuse_unreal(x)
     if isinstance(x, jax.Array):
@@ -70,6 +70,21 @@ def as_float(x: Any) -> Array:
         return jnp.asarray(x, dtype=float)
     except OverflowError as error:
         raise too_large("number", x) from error
+    except (TypeError, ValueError) as error:
+        if not _says_no_number(x):
+            raise
+        raise fail("number", "numbers", reprlib.repr(x)) from error
+
+
+def _says_no_number(x: Any) -> bool:
+    """Whether x, or an entry of it, is text or None, or x has names."""
+    entries = jax.tree.leaves(x, is_leaf=lambda one: one is None)
+    text = (one is None or isinstance(one, str) or _kind(one) in "USO" for one in entries)
+    return isinstance(x, dict) or any(text)
+
+
+def _kind(x: Any) -> str:
+    return getattr(getattr(x, "dtype", None), "kind", "f")
 
 
 def too_large(name: str, x: Any) -> ValueError:

@@ -244,6 +244,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         rounded = ((look == 2) | (look == 3)).astype(float)
         rounded = lax.select(look > 4, 1.0 - 0.4 * (look - 4).astype(float), rounded)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
+        t = t + _of_time(t0, (look == 2).astype(float))
         way = LATER * tau * ahead * far.astype(float) * rate
         aside = now.aside * sizing.astype(float) * along
         at = y0 + aside + way + tau * noise * (look == 4).astype(float)
@@ -488,7 +489,8 @@ def _by_its_change(
         time = ahead * time
         off_by = lax.select(n < 10, horizon * noise, tau * most) * aside.astype(float)
         at = y0 + time * (first + bend) + off_by
-        rate = field.rate(t0 + time, at + at * off * rounded.astype(float))
+        t = t0 + time + _of_time(t0, (far & rounded).astype(float))
+        rate = field.rate(t, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
         slowest = _most(here, groups.largest(lax.abs(rate)))
         slowest = lax.select(moving, slowest, lax.sqrt(after * slowest))
@@ -680,6 +682,14 @@ def _next_stage(
     again = again + (early | carries).astype(again.dtype)
     n = n + (sizing & ~carries).astype(n.dtype)
     return _Stage(n, again, before, first, tau, step), new
+
+
+def _of_time(t0: Array, rounded: Array) -> Array:
+    """() a few roundings of the time, which far from 0 are more than those of the state.
+
+    They are made later in the motion only: a force that begins right after the start is no noise.
+    """
+    return rounded * _PERTURBED * jnp.finfo(t0.dtype).eps * t0
 
 
 def rounding(y: Array | np.ndarray) -> np.ndarray:

@@ -223,7 +223,8 @@ class Scene(Record):
         self.y0 = _checks.numbers("y0", y0)
         self.t1 = _checks.numbers("t1", t1)
         self.name = name
-        self.units = None if units is None else cast(tuple[str, str, str], tuple(units))
+        names = (units,) if isinstance(units, str) else units  # "day" is not d, a and y
+        self.units = None if names is None else cast(tuple[str, str, str], tuple(names))
 
     @_text.never_raising
     def __repr__(self) -> str:

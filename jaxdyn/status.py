@@ -123,14 +123,20 @@ class Status(Code):
         13,
         "The conditions of the rate change again and again in no time: the motion is pushed back "
         "and forth where several surfaces meet, and slides in a way that the rate leaves open. "
-        "Choose a steep slope for one of the jumps, tanh(x / width) for sign(x), or give the "
-        "motion on the surfaces a phase of its own.",
+        "Choose a steep slope for one of the jumps, tanh(x / width) for sign(x), as creep= of "
+        "effects.DryFriction does, or give the motion on the surfaces a phase of its own.",
     )
     PHASE_LIMIT = (
         14,
         "The limit of phases was reached. Raise max_phases; where infinitely many phases pass in "
         "finite time, as for a ball that comes to rest by bouncing, add an exit to a phase of "
         "rest.",
+    )
+    MERGED = (
+        15,
+        "Nearby motions merged in no time, as where dry friction stops them: a tangent became 0, "
+        "and its exponent is minus infinity. Ask for the others alone (count=1 is the largest), or "
+        "give the friction a creep.",
     )
 
 

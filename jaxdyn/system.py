@@ -199,6 +199,17 @@ class System(Record):
         """Where the coordinates or equations are singular; see `Effect.singular`."""
         return ""
 
+    def bounds(
+        self, t: Array, y: Float[Array, " k"], effects: tuple[Effect, ...]
+    ) -> dict[str, Array]:
+        """Numbers () that fall below 0 where the equations cease to hold, by what is there.
+
+        A stop is an example: its name is "the stop" and its number the distance from it. A motion
+        that passes one has a warning; `Phase` has the equations on both sides.
+        """
+        del t, y, effects
+        return {}
+
     def coordinates(self, y: Float[Array, " k"]) -> tuple[Array, Array]:
         """q and the velocities v passed to an effect's `generalized`, conjugate to its forces."""
         q, v = jnp.split(y, 2)

@@ -20,6 +20,7 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks, _doors
@@ -84,7 +85,8 @@ def regularize(scene: Scene, t0=0.0) -> Scene:
       A scene whose time is s [J s]; its span is that of s for constant U.
     Raises:
       ValueError: the points are not free, or the potential energy at the start is not below 0.
-    Limits: a motion cannot pass a collision, where U is infinite; it ends with a status.
+    Limits: a motion cannot pass a collision, where U is infinite; it ends with a status. Encounters
+      of test particles, of mass 0, add nothing to U: they take short steps, as in plain time.
     Reference: Mikkola, Tanikawa (1999), Celest. Mech. Dyn. Astron. 74, 287; Preto, Tremaine
       (1999), Astron. J. 118, 2532.
     Example:
@@ -100,7 +102,11 @@ def regularize(scene: Scene, t0=0.0) -> Scene:
     E = energy(scene, t0, scene.y0)
     U = scene.system.kinetic(t0, scene.y0) - E
     if not _checks.is_traced(U) and not U > 0:
-        raise _checks.fail("scene", _ATTRACTION, f"{-float(U):.6g} J", "Simulate it in plain time.")
+        plain = "Simulate it in plain time"
+        tests = not np.asarray(scene.points(t0, scene.y0).m).all()
+        remedy = f"{plain}, or give the test particles, which add nothing to it, small masses."
+        got = f"{0.0 - float(U):.6g} J"
+        raise _checks.fail("scene", _ATTRACTION, got, remedy if tests else f"{plain}.")
     y0 = jnp.concatenate([scene.y0, jnp.stack([E, t0])])
     return dataclasses.replace(scene, system=LogarithmicTime(scene.system), y0=y0, t1=U * scene.t1)
 

@@ -21,6 +21,7 @@ from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
 from jaxdyn.integrate.flow import Variational
 from jaxdyn.integrate.march import Watch
+from jaxdyn.plan import plan_of
 from jaxdyn.scales import sizes_at_start, sizes_at_starts
 from jaxdyn.scene import Field, Scene, check_scene
 from jaxdyn.status import Status
@@ -175,7 +176,7 @@ def megno(
     Returns:
       The indicators, with the axes of `starts`; a motion that fails has a status and NaN.
     Raises:
-      ValueError: see `ensemble.run`.
+      ValueError: the rate jumps with the state, as by dry friction; or see `ensemble.run`.
     Limits: host only, no derivatives. The value is 2 for tangents that grow in proportion to time;
       it tends to 0 where frequencies do not depend on the amplitude (a harmonic oscillator), and
       to less where motions are attracted.
@@ -299,6 +300,44 @@ class _Parallel(eqx.Module):
         return jnp.min(jnp.sum(sides**2, axis=1)) < ALIGNED**2 * jnp.sum(u[:, 0] ** 2)
 
 
+#: Newton steps to a surface, the distance from it in sizes that counts as none, and the part of a
+#: rate above which its change there is a jump.
+_STEPS, _ON_SURFACE, _JUMP = 8, 1e-9, 1e-6
+
+
+def _check_no_jump(scene: Scene, t: float) -> None:
+    """Raise ValueError if the rate jumps with the state: tangents jump there as well.
+
+    Each surface of a condition is sought from the start; the rates on its two sides are compared.
+    """
+    field, y0 = scene.field, np.asarray(scene.y0)
+    plan, sizes = plan_of(field, len(y0)), sizes_at_start(scene, t)
+    here = plan.evaluate(field, t, y0)[1].outcomes if plan.on_state else None
+    for i in np.flatnonzero(~plan.of_time):
+
+        def margin(x, i=i):
+            return plan.evaluate(field, t, sizes * x, here)[1].margins[i]
+
+        x, along = y0 / sizes, jax.jit(jax.value_and_grad(margin))
+        for _ in range(_STEPS):
+            value, slope = map(np.asarray, along(x))
+            square = np.sum(slope**2)
+            x = x - value * slope / np.where(square > 0, square, 1.0)
+        if not abs(float(along(x)[0])) <= _ON_SURFACE * np.sqrt(square):
+            continue
+        _, conditions = plan.evaluate(field, t, sizes * x, here)
+        other = jnp.where(np.arange(plan.size) == i, conditions.beyond, here)
+        one, two = (
+            np.asarray(plan.evaluate(field, t, sizes * x, side)[0]) / sizes
+            for side in (here, other)
+        )
+        if np.abs(two - one).max() > _JUMP * np.maximum(np.abs(one), np.abs(two)).max():
+            remedy = (
+                "Tangents jump where it does: use jaxdyn.lyapunov_exponents, which counts that."
+            )
+            raise _checks.fail("scene", "a rate that does not jump with the state", "one", remedy)
+
+
 class _Run:
     """Motions of a scene with their tangents, in an ensemble."""
 
@@ -325,6 +364,7 @@ class _Run:
         k = len(self.scene.y0)
         _checks.check_shape("starts", starts.shape[-1:], (k,), "The last axis is the state's.")
         shape, flat = starts.shape[:-1], starts.reshape(-1, k)
+        _check_no_jump(self.scene, float(np.ravel(t0)[0]))
         t1 = own.t1 if t1 is None else t1
         # Starts may be NaN, but the scene's own is not.
         every = np.concatenate([self.scene.y0[None], flat])

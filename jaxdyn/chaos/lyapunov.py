@@ -43,6 +43,12 @@ from jaxdyn.system import Record
 # Householder's (Giraud, Langou & Rozloznik 2005), without LAPACK inside the loop.
 
 
+#: A factor that is as good as 0: nearby motions merge there, as where dry friction stops them.
+_LOST = 1e-10
+#: What stands for its logarithm, minus infinity, during a chunk.
+_MERGED = -1e100
+
+
 class TangentsAndDivergence(eqx.Module):
     """A field for a state, its tangents, and the integral of the Jacobian's diagonal.
 
@@ -88,7 +94,9 @@ class TangentsAndDivergence(eqx.Module):
         columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
         columns = self.variational.jump(t, columns, old, new, which)
         # The saltation matrix is the identity with a matrix of rank one: det = 1 + its trace.
-        stretched = jnp.log(jnp.abs(1.0 + jnp.trace(columns[:, -k:] - jnp.eye(k))))
+        factor = jnp.abs(1.0 + jnp.trace(columns[:, -k:] - jnp.eye(k)))
+        merges = factor < _LOST
+        stretched = jnp.where(merges, _MERGED, jnp.log(jnp.where(merges, 1.0, factor)))
         return jnp.concatenate([columns[:, :-k], y[:, -1:] + stretched / k], axis=1)
 
     def project(self, t: Array, y: Array) -> Array:
@@ -164,13 +172,16 @@ def propagate_tangents(
         y = jnp.concatenate([now.y[:, None], frame, jnp.zeros_like(now.y)[:, None]], axis=1)
         run = flow(stretching, y, t, t + chunk, jnp.zeros(0), limits, method=method)
         frame, factors = orthonormal(run.y1[:, 1:-1] / sizes[:, None])
+        divergence = jnp.sum(run.y1[:, -1])
+        merged = divergence < 0.5 * _MERGED
+        lost = merged & ~(factors > _LOST).all() & (run.status == Status.OK)
         return TangentState(
             y=run.y1[:, 0],
             frame=frame,
             logs=now.logs + jnp.log(factors),
-            divergence=now.divergence + jnp.sum(run.y1[:, -1]),
+            divergence=now.divergence + jnp.where(merged, -jnp.inf, divergence),
             steps=now.steps + run.steps,
-            status=run.status,
+            status=jnp.where(lost, int(Status.MERGED), run.status),
             done=now.done + 1.0,
         )
 
@@ -220,7 +231,7 @@ class LyapunovSpectrum(Record):
       bars: (m,) half-widths of 95 % intervals [1/s]; see `lyapunov_exponents`.
       batches: (BATCHES, m) means over equal parts of the time [1/s].
       divergence: () mean divergence of the rate along the motion [1/s], which is the sum of all
-        exponents.
+        exponents; minus infinity where nearby motions merge, as where dry friction stops them.
       trace_residual: () sum of all exponents minus `divergence` [1/s]: the error of the
         integration, not of the average; NaN for an incomplete spectrum.
       pairing_residual: () largest deviation of the sum of the i-th exponent from above and the i-th
@@ -397,6 +408,8 @@ def lyapunov_exponents(
         number of exponents, `chunk` is not positive, or see `simulate`.
       IntegrationError: the end was not reached (``throw=True``).
     Limits: host only. The exponents are those of one motion; others of the same scene may differ.
+      A motion that dry friction stops, or that slides along a surface, has exponents of minus
+      infinity; where one of those is asked for, it ends with `Status.MERGED`.
       Bars assume batches far longer than the motion's memory: a motion that sticks to a regular
       region for most of the time has bars that are too small. A driven scene has no zero exponent
       along the flow unless time is an entry of its state. New values of numbers, t1 included, do

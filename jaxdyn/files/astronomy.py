@@ -6,6 +6,7 @@ REBOUND (Rein and Liu, 2012) is optional; a simulation is read by its attributes
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -118,12 +119,14 @@ def _number(text: str) -> float:
     return float(text.replace("D", "E").replace("d", "e"))
 
 
-def from_rebound(sim: Any, t1=1.0) -> Scene:
+def from_rebound(sim: Any, t1=1.0, *, units: Sequence[str] = ()) -> Scene:
     """The scene of a simulation of REBOUND: its bodies in their present state, under its gravity.
 
     Args:
       sim: a `rebound.Simulation`, with point masses and Newtonian gravity.
       t1: span, in the units of the simulation.
+      units: names of the units of length, mass and time of the simulation, such as
+        ("AU", "Msun", "day"); see `Scene`. They are not converted.
     Raises:
       ValueError: `sim` has no bodies, is not a simulation, or its gravity is not that of point
         masses in free space.
@@ -147,7 +150,7 @@ def from_rebound(sim: Any, t1=1.0) -> Scene:
     if (active := int(getattr(sim, "N_active", -1))) >= 0 and m[active:].any():
         remedy = "Set these masses to 0."
         raise fail("sim", "bodies that all attract", f"masses beyond N_active = {active}", remedy)
-    return n_body(r, v, m=m, G=G, t1=t1)
+    return n_body(r, v, m=m, G=G, t1=t1, units=units)
 
 
 @check_first

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -138,41 +138,71 @@ _CONVERTED = re.compile(r"deg(?:rees?)?|\N{DEGREE SIGN}|rpm|cm|mm|ms")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 #: A number with a decimal comma that cannot be one between thousands.
 _DECIMAL = re.compile(r"[+-]?(?![1-9]\d{0,2},\d{3}$)\d*,\d*(?:[eE][+-]?\d+)?")
+#: A number with several points or commas.
+_THOUSANDS = re.compile(r"[+-]?\d*([.,]\d*){2,}(?:[eE][+-]?\d+)?")
+_MARKS = "Write one decimal point or comma in each number, and nothing between thousands."
+_NO_TEXT = "Below the names there are numbers only; leave gaps empty, and columns of text out."
 _TABLE = "A line of names such as t, x, y, then lines of numbers."
 
 
 class Columns(dict[str, np.ndarray]):
     """Columns of a table by name.
 
-    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``, of
-    which a new column has none; ``dict(table)`` has no units.
+    A copy has the units as well, and so has a union with other columns, ``table | {"x": x}``;
+    ``dict(table)`` has no units. A column that is assigned, by ``table["x"] = 1000 * table["x"]``
+    or a union, has none until one is stated: ``table.units["x"] = "m"``. Where the column that it
+    replaces had another unit than the scene, `fit` asks for it.
 
     Attributes:
       units: the unit of each column by name, of those whose heads have one.
+      replaced: the former units of columns that were replaced.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.units: dict[str, str] = {}
+        self.replaced: dict[str, str] = {}
+
+    def __setitem__(self, name: str, column: np.ndarray) -> None:
+        """A column, whose unit is not known."""
+        super().__setitem__(name, column)
+        if name in self.units:
+            self.replaced[name] = self.units.pop(name)
+
+    def __reduce__(self) -> tuple:
+        """How copies and files of pickle build it: its parts, since an assignment drops a unit."""
+        return _columns, (dict(self), self.units, self.replaced)
 
     def copy(self) -> "Columns":
         """The same columns, with their units."""
         return self | {}
 
+    def update(self, *others: Any, **columns: Any) -> None:
+        """Other columns in place of those of their names, or beside them."""
+        for name, column in dict(*others, **columns).items():
+            self[name] = column
+        for other in others:
+            self.units |= getattr(other, "units", {})
+            self.replaced |= getattr(other, "replaced", {})
+
     def __or__(self, other: Any) -> "Columns":
         """These columns and others, which replace those of their names."""
         both = Columns()
-        both.update({**self, **other})
-        kept = {name: unit for name, unit in self.units.items() if name not in other}
-        both.units = kept | getattr(other, "units", {})
+        both.update(self)
+        both.update(other)
         return both
 
     def __ior__(self, other: Any) -> "Columns":
         """Other columns in place of those of their names, or beside them."""
-        both = self | other
-        self.update(both)
-        self.units = both.units
+        self.update(other)
         return self
+
+
+def _columns(columns: dict, units: dict[str, str], replaced: dict[str, str]) -> Columns:
+    found = Columns()
+    found.update(columns)
+    found.units, found.replaced = dict(units), dict(replaced)
+    return found
 
 
 def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns:
@@ -189,7 +219,8 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
       path: path of the file.
       names: names of the columns, for a file without a line of names.
     Returns:
-      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units.
+      Arrays (s,) by name, NaN for empty places; its attribute `units` has the units. A column that
+      is assigned later has none until one is stated, as in ``table.units["x"] = "m"``.
     Raises:
       ValueError: `path` cannot be read, a line has another number of columns or something that is
         not a number, or two columns have one name.
@@ -208,19 +239,22 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
     except UnicodeDecodeError as error:
         raise fail("path", "a table as text", f"{path}, which is none", _TABLE) from error
     # A tab at an end of a line may stand beside an empty cell.
-    lines = [line.strip(" ") for line in text.splitlines() if line.strip()]
-    lines = [line for line in lines if not line.startswith(("#", "sep="))]
+    lines = [(i, line.strip(" ")) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(i, line) for i, line in lines if not line.startswith(("#", "sep="))]
     if not lines:
         raise fail("path", "a table as text", f"{path} without lines", _TABLE)
-    lines = lines[_titles(lines) :]
-    separator = _separator(lines[0])
-    rows = [_cells(line, separator) for line in lines]
-    first, rows = (rows[0], rows[1:]) if names is None else (list(names), rows)
-    rows = _with_points(rows, path)
+    lines = lines[_titles([line for _, line in lines]) :]
+    separator = _separator(lines[0][1])
+    rows = [_Row(i, _cells(line, separator)) for i, line in lines]
+    first, rows = (rows[0].cells, rows[1:]) if names is None else (list(names), rows)
+    decimal = separator != "," or _commas_are_decimal(rows, path)
     # Some programs end each line with a separator.
-    if first and not first[-1] and not any(row[-1] for row in rows):
+    if first and not first[-1] and not any(row.cells[-1] for row in rows):
         first = first[:-1]
-    rows = [row[:-1] if len(row) > len(first) and not row[-1] else row for row in rows]
+    rows = [
+        _Row(i, cells[:-1] if len(cells) > len(first) and not cells[-1] else cells)
+        for i, cells in rows
+    ]
     heads = [_HEAD.fullmatch(name.strip()) for name in first]
     found = Columns()
     for i, head in enumerate(heads):
@@ -229,14 +263,14 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
         name = "t" if name.casefold() in _TIMES else name
         if name in found:
             raise fail("names", "different ones", f"{name} twice")
-        column = np.array([_number(row, i, len(first), path) for row in rows], float)
+        column = np.array([_number(row, i, first, decimal, path) for row in rows], float)
         found[name], unit = _in_si(column, (head["unit"] or "").strip())
         if unit:
             found.units[name] = unit
     if not rows:
         raise fail("path", "lines of numbers below the names", f"none in {path}", _TABLE)
     if names is None and all(_is_number(name.replace(",", ".")) for name in first):
-        raise fail("path", "a line of names first", f"{lines[0][:40]!r}", "Pass names=[...].")
+        raise fail("path", "a line of names first", f"{lines[0][1][:40]!r}", "Pass names=[...].")
     return found
 
 
@@ -264,21 +298,28 @@ def _titles(lines: Sequence[str]) -> int:
             i
             for i, names in enumerate(heads)
             if len(names) == len(cells)
-            and all(name.strip() and not _is_number(name) for name in names)
+            and all(name.strip() and not _is_number(name.replace(",", ".")) for name in names)
         )
         return next(named, 0)
     return 0
 
 
-def _with_points(rows: list[list[str]], path: str | Path) -> list[list[str]]:
-    """Rows whose numbers have decimal points, where they were in quotes with decimal commas."""
-    with_commas = [cell.strip() for row in rows for cell in row if "," in cell]
-    if not with_commas:
-        return rows
-    if not any(_DECIMAL.fullmatch(cell) for cell in with_commas):
+class _Row(NamedTuple):
+    """A line of a table: its number in the file, and its cells."""
+
+    line: int
+    cells: list[str]
+
+
+def _commas_are_decimal(rows: list[_Row], path: str | Path) -> bool:
+    """Whether numbers have decimal commas, in quotes, where commas separate the columns too."""
+    with_commas = [(row.line, cell.strip()) for row in rows for cell in row.cells if "," in cell]
+    if with_commas and not any(_DECIMAL.fullmatch(cell) for _, cell in with_commas):
+        line, cell = with_commas[0]
+        came = f"{repr(cell)[:60]} in line {line}"
         remedy = "Is the comma a decimal one, or one between thousands? Write points, without it."
-        raise fail("path", f"numbers in {path}", repr(with_commas[0])[:60], remedy)
-    return [[cell.replace(",", ".") for cell in row] for row in rows]
+        raise fail("path", f"numbers in {path}", came, remedy)
+    return bool(with_commas)
 
 
 def _separator(line: str) -> str | None:
@@ -286,9 +327,7 @@ def _separator(line: str) -> str | None:
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    cells = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
-    # Where commas do not separate columns, they are decimal commas.
-    return cells if separator == "," else [cell.replace(",", ".") for cell in cells]
+    return line.split() if separator is None else next(csv.reader([line], delimiter=separator))
 
 
 def _is_number(text: str) -> bool:
@@ -299,14 +338,28 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _number(row: list[str], i: int, count: int, path: str | Path) -> float:
-    if len(row) != count:
-        raise fail("path", f"{count} columns in each line of {path}", f"{len(row)}: {row}"[:90])
-    cell = row[i].strip()
+def _number(row: _Row, i: int, names: list[str], decimal: bool, path: str | Path) -> float:
+    """The number in column i of a row; NaN where it is empty.
+
+    Args:
+      row: the row.
+      i: number of the column.
+      names: all names of columns.
+      decimal: whether commas are decimal ones.
+      path: path of the file, for messages.
+    """
+    line, cells = row
+    if len(cells) != len(names):
+        came = f"{len(cells)} in line {line}: {cells}"
+        raise fail("path", f"{len(names)} columns in each line of {path}", came[:90])
+    cell = cells[i].strip()
+    text = cell.replace(",", ".") if decimal else cell
     try:
-        return float(_FORTRAN.sub("e", cell)) if cell else math.nan
+        return float(_FORTRAN.sub("e", text)) if text else math.nan
     except ValueError:
-        raise fail("path", f"numbers in {path}", repr(cell)[:60], _TABLE) from None
+        came = f"{repr(cell)[:60]} in line {line}, column {names[i].strip()}"
+        remedy = _MARKS if _THOUSANDS.fullmatch(cell) else _NO_TEXT
+        raise fail("path", f"numbers in {path}", came, remedy) from None
 
 
 def _finite(values) -> list:

@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._text import second
-from jaxdyn._units import conversion
+from jaxdyn._units import conversion, measure
 from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.scene import Scene
 
@@ -23,6 +23,7 @@ TIME = "t"
 _NO_NUMBERS = "bcmM"  # kinds of arrays that NumPy would convert: bool, complex, durations, dates
 _AXES = "xyz"
 _NO_UNIT = "1"
+_NONE = ("", "-", _NO_UNIT)  # how tables say that a column has no unit
 _REMEDY = 'For example {"t": times, "angle": values}, a DataFrame, or jaxdyn.read_csv(path).'
 
 
@@ -33,6 +34,7 @@ class Measured(NamedTuple):
       rows: (s,) index of each row in the data, whose empty rows are left out.
       count: number of rows of the data.
       units: units of the columns and of "t" by name, as far as they are known.
+      replaced: units of former columns, which others without a unit have replaced.
     """
 
     ts: np.ndarray
@@ -41,12 +43,14 @@ class Measured(NamedTuple):
     rows: np.ndarray
     count: int
     units: dict[str, str]
+    replaced: dict[str, str]
 
     def in_units_of(self, scene: Scene, columns: Sequence["Column"]) -> "Measured":
         """The table in the units of a scene, as far as both are known.
 
         Raises:
-          ValueError: a unit of the table measures something else than that of the scene.
+          ValueError: a unit of the table measures something else than that of the scene, or that of
+            a column that was replaced is not known.
         """
         wanted = {column.name: column.unit for column in columns}
         wanted |= {TIME: second(scene.labels()) or _NO_UNIT}
@@ -56,9 +60,19 @@ class Measured(NamedTuple):
 
     def _size(self, name: str, wanted: str) -> float:
         given = self.units.get(name, _NO_UNIT)
-        if wanted == _NO_UNIT or given in ("", "-", _NO_UNIT):
+        former = self.replaced.get(name, wanted) if name not in self.units else wanted
+        if wanted != _NO_UNIT and former not in _NONE and not _alike(former, wanted):
+            remedy = f'Write data.units["{name}"] = "{wanted}", or the unit that it has.'
+            came = f"none, since it replaced a column in {former}"
+            raise _checks.fail(f"column {name}", "its unit", came, remedy)
+        if wanted == _NO_UNIT or given in _NONE:
             return 1.0
         return conversion(f"column {name}", given, wanted)
+
+
+def _alike(unit: str, other: str) -> bool:
+    """Whether two units are the same, by whatever names."""
+    return unit == other or (measure(unit) == measure(other) is not None)
 
 
 class Column(NamedTuple):
@@ -122,7 +136,8 @@ def read_measurements(data: Any, columns: Any = None) -> Measured:
     if not np.isfinite(table).any():
         raise _checks.fail("data", "measured values", "NaN alone")
     kept = np.isfinite(table).any(axis=1)
-    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts), units)
+    replaced = dict(getattr(data, "replaced", {})) if isinstance(data, dict) else {}
+    return Measured(ts[order][kept], table[kept], names, order[kept], len(ts), units, replaced)
 
 
 def _units(data: Any) -> dict[str, str]:

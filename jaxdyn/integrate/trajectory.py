@@ -21,7 +21,7 @@ from jaxdyn.scales import groups
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, default_solver
 from jaxdyn.status import IntegrationError, Status
-from jaxdyn.system import Record
+from jaxdyn.system import Record, System
 
 _STIFF_WARNING = (
     "The scene is stiff: stability, not accuracy, limited the steps of the explicit method. "
@@ -203,6 +203,7 @@ class Trajectory(Record, Motion):
         checkable = self.method is not None and self.ok
         parts += [_LONG_STEPS_WARNING] if checkable and not np.all(_steps_agree(self)) else []
         one = self.one(*(0 for _ in self.batch_shape)).scene
+        parts += filter(None, [_beyond(self, one.system)])
         parts += filter(None, [plan_of(one.field, len(one.y0)).doubt])
         parts += [self.error.shortfall] if self.error and self.error.shortfall else []
         return " ".join(parts)
@@ -259,6 +260,41 @@ def single(motion: Trajectory) -> Trajectory:
 @eqx.filter_jit
 def _positions(motion: Trajectory) -> Array:
     return jax.vmap(lambda t, y: motion.scene.system.points(t, y).r)(motion.ts, motion.ys)
+
+
+#: Part of the largest distance from a bound by which a sample beyond it is no rounding; the last
+#: one may be on the bound.
+_PASSED, _LAST_PASSED = 1e-6, 1e-3
+
+
+@each_motion
+@of_samples
+@eqx.filter_jit
+def _bounds(motion: Trajectory) -> dict[str, Array]:
+    """(s,) the distances from the bounds of a system's equations."""
+    scene = motion.scene
+    at_one = lambda t, y: scene.system.bounds(t, y, scene.effects)  # noqa: E731
+    return jax.vmap(at_one)(motion.ts, motion.ys)
+
+
+def _beyond(motion: Trajectory, system: System) -> str:
+    """A warning where samples pass a bound of the equations; "" where none does; host only."""
+    if type(system).bounds is System.bounds:
+        return ""
+    share = np.full(motion.ts.shape[-1], _PASSED)
+    share[-1:] = _LAST_PASSED
+    for name, found in _bounds(motion).items():
+        x = np.nan_to_num(np.asarray(found))
+        least = share * np.abs(x).max(axis=-1, keepdims=True)
+        beyond = (x < -least) & (np.maximum.accumulate(x, axis=-1) > least)
+        if beyond.any():
+            at = float(np.asarray(motion.ts)[beyond][0])
+            return (
+                f"At t = {at:.4g} the motion is beyond {name}, where its equations do not hold. "
+                "Run it through its phases: jaxdyn.integrate.phases.simulate_phases("
+                "scenes.phases_of(scene), None, scene.y0, t1)."
+            )
+    return ""
 
 
 #: Distance from a start, relative to each entry, at which a rate that is NaN there is evaluated.

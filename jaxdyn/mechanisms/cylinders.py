@@ -137,6 +137,11 @@ class Cylinder(System):
         """(2,) normal force and friction along t [N]."""
         return self._reaction(y, self._load(t, y, effects))
 
+    def bounds(self, t, y, effects):
+        if self.contact == "fly":
+            return {"the landing on its surface": self.height(y)}
+        return {"the lift-off from its surface": self.reaction(t, y, effects)[0]}
+
     def height(self, y: Array) -> Array:
         """() distance of the cylinder from the surface [m]."""
         c = y[:2] - self.d * _axes(y[2])[0]

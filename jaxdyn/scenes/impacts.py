@@ -82,6 +82,10 @@ class BallOnTable(System):
         ends = jnp.stack([jnp.stack([-half, height]), jnp.stack([half, height])])
         return (Shape("line", ends),)
 
+    def bounds(self, t, y, effects):
+        del t, effects
+        return {"the table": y[0] - self.table(y[2])[0]}
+
     def check(self, t, y):
         del t, y
         _check_restitution(self.restitution)
@@ -235,6 +239,10 @@ class ImpactOscillator(System):
             Shape("dashpot", ends),
             rectangle("area", (wide, high), _level(y[0] - 0.5 * wide)),
         )
+
+    def bounds(self, t, y, effects):
+        del t, effects
+        return {"the stop": self.stop - y[0]}
 
     def check(self, t, y):
         del t, y

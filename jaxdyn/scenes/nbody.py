@@ -36,7 +36,7 @@ TRIO_PERIOD = 7.19372451258599
 
 
 @ready_made()
-def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
+def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD, units=()) -> Scene:
     """Three bodies in a plane under Newtonian gravity (problems 17, 28).
 
     Args:
@@ -44,8 +44,9 @@ def three_body(y0=EIGHT, *, m=(1.0, 1.0, 1.0), G=1.0, t1=EIGHT_PERIOD) -> Scene:
       m: (3,) masses; a body of mass 0 is a test particle.
       G: gravitational constant.
       t1: span; one period of the figure-eight by default.
+      units: names of the units of length, mass and time; see `n_body`.
     """
-    return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=y0, t1=t1)
+    return Scene(FreePoints(m, d=2), (PairGravity(G),), y0=y0, t1=t1, units=units or None)
 
 
 @ready_made("r", "v", "m")
@@ -80,7 +81,7 @@ def n_body(
 
 
 @ready_made()
-def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
+def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None, units=()) -> Scene:
     """Two unequal bodies on circles about their centre of mass at the origin (problem 16 a, b).
 
     Args:
@@ -89,11 +90,12 @@ def two_body(*, m1=1.0, m2=2.0, d=1.0, G=1.0, t1=None) -> Scene:
       d: distance between them [m].
       G: gravitational constant [m^3/(kg s^2)].
       t1: span [s]; one `two_body_period` by default.
+      units: names of the units of length, mass and time; see `n_body`.
     """
     period = two_body_period(m1=m1, m2=m2, d=d, G=G)
     y0 = _on_circles(*floats(m1, m2, d, period))
     t1 = period if t1 is None else as_float(t1)
-    return Scene(FreePoints([m1, m2]), (PairGravity(G),), y0=y0, t1=t1)
+    return Scene(FreePoints([m1, m2]), (PairGravity(G),), y0=y0, t1=t1, units=units or None)
 
 
 @jax.jit  # one program, not one for each operation

@@ -111,6 +111,10 @@ class RimlessWheel(System):
         spokes = jnp.stack([jnp.broadcast_to(hub[None], ends.shape), ends], axis=1)
         return Shape("line", spokes), _ground(self.slope, self.l)
 
+    def bounds(self, t, y, effects):
+        del t, effects
+        return {"the impact of the next spoke": self.half - jnp.abs(y[0] - self.slope)}
+
     def check(self, t, y):
         del t, y
         _checks.whole("spokes", self.spokes, least=5, remedy="With fewer no spoke lets it roll on.")
@@ -236,6 +240,10 @@ class SimplestWalker(System):
             Shape("trace", hip[None], "hip"),
             Shape("trace", foot[None], "swing foot"),
         )
+
+    def bounds(self, t, y, effects):
+        del t, effects
+        return {"the strike of the other foot": 2 * y[0] - y[1]}
 
     def check(self, t, y):
         del t, y

@@ -1,7 +1,9 @@
 """Signals, which inputs follow: a sine, a step, a pulse, a sweep, a table of measured values."""
 
 import abc
-from typing import ClassVar
+import functools
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -88,6 +90,13 @@ class Sweep(Signal):
         _checks.positive("Sweep.duration", self.duration, "It is a time.")
 
 
+def _column(name: str) -> Callable[[Any], Array]:
+    """A converter of a column of numbers."""
+    return functools.partial(
+        _checks.numbers, name, remedy="jaxdyn.read_csv reads the numbers of a file."
+    )
+
+
 class Table(Signal):
     """Values at times with linear interpolation, constant before the first and after the last.
 
@@ -99,8 +108,8 @@ class Table(Signal):
       values: (n,) values of the signal.
     """
 
-    ts: Array = eqx.field(converter=as_float)
-    values: Array = eqx.field(converter=as_float)
+    ts: Array = eqx.field(converter=_column("Table.ts"))
+    values: Array = eqx.field(converter=_column("Table.values"))
 
     def __call__(self, t):
         return jnp.interp(t, self.ts, self.values)

@@ -201,3 +201,9 @@ HUGE = 10**400
 def test_numbers_beyond_all_floats_are_refused(use, name):
     with pytest.raises(ValueError, match=rf"^{name}: expected .*, got 1000\d*\.\.\.\d*"):
         use(scenes.oscillator())
+
+
+@pytest.mark.parametrize("given", ["a", ["a", 1.0], [None, 1.0], {"a": 1.0}, np.array(["a"])])
+def test_numbers_that_are_none_are_refused_by_what_came(given):
+    with pytest.raises(ValueError, match=r"^number: expected numbers, got "):
+        _checks.as_float(given)

@@ -155,3 +155,26 @@ def test_a_map_resumes_bit_for_bit(tmp_path, monkeypatch):
 )
 def test_misuse_is_refused(call, message):
     assert refusal(lambda: call(crossing(REGULAR, 0.0))).startswith(message)
+
+
+def test_a_rate_that_jumps_with_the_state_is_refused():
+    """Without their jumps tangents grew at the rate 0.4 where friction stops the motion."""
+
+    def stops(t, y):
+        return [y[1], -y[0] - 0.3 * jnp.sign(y[1])]
+
+    for call in (chaos.megno, chaos.sali, lambda *args: chaos.gali(*args, count=2)):
+        said = refusal(lambda call=call: call(jaxdyn.ode(stops, [2.0, 0.1], 20.0)))
+        assert "scene: expected a rate that does not jump with the state" in said
+        assert "use jaxdyn.lyapunov_exponents" in said
+
+
+@pytest.mark.slow
+def test_a_rate_that_bends_or_switches_in_time_is_not():
+    def bends(t, y):
+        pull = jnp.where(t > 3.0, 1.0, 0.5)
+        return [y[1], -y[0] - pull * jnp.maximum(y[0], 0.0)]
+
+    found = chaos.megno(jaxdyn.ode(bends, [2.0, 0.1], 20.0))
+    assert found.status == Status.OK
+    assert abs(float(found.exponent)) < 0.2

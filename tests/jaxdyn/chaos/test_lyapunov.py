@@ -162,6 +162,24 @@ def test_switches_of_the_rate_stretch_tangents():
     assert abs(found.trace_residual) < 1e-9
 
 
+def belted(t, y):
+    """A block on a spring and a belt, whose friction decreases with the speed: it sticks, slips."""
+    del t
+    x, v = y
+    return [v, -x + 0.3 * jnp.sign(0.2 - v) + 0.1 * v]
+
+
+@pytest.mark.slow
+def test_a_motion_that_sticks_has_exponents_of_minus_infinity():
+    slips = jaxdyn.ode(belted, [1.0, 0.0], 60.0)
+    both, first = (lyapunov_exponents(slips, count=count, throw=False) for count in (2, 1))
+    assert both.status == jaxdyn.Status.MERGED
+    assert "its exponent is minus infinity" in both.message
+    assert first.ok
+    assert first.divergence == -np.inf
+    assert abs(first.exponents[0]) < first.bars[0]  # along the cycle
+
+
 def test_a_spectrum_describes_itself():
     found = lyapunov_exponents(scenes.lorenz(), 200.0)
     assert "exponent 1" in repr(found)

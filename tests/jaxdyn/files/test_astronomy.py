@@ -90,6 +90,8 @@ def test_simulations_there_and_back(monkeypatch):
     assert np.array_equal(back.y0, scene.y0)
     ends = [simulate(one, 1.0, samples=2).ys[-1] for one in (scene, back)]
     assert np.array_equal(*ends)
+    in_au = astronomy.from_rebound(sim, scene.t1, units=("AU", "Msun", "day"))
+    assert [unit for _, unit in in_au.labels()][::9] == ["AU", "AU/day"]
     flat = astronomy.from_rebound(astronomy.to_rebound(scenes.three_body()))
     assert flat.points(0.0, flat.y0).r.shape == (3, 3)
 

@@ -1,6 +1,8 @@
 """A motion as plain data: records and CSV files."""
 
+import copy
 import csv
+import pickle
 
 import numpy as np
 import pytest
@@ -108,6 +110,15 @@ def test_other_tables_are_refused(tmp_path):
     assert "x twice" in refused("t,x,x\n1,2,3\n")
     assert "Pass names=" in refused('"0,0","1,5"\n"0,5","2,5"\n')
     assert "or one between thousands?" in refused('t,x\n0,"1,250"\n1,"2,500"\n')
+    for text, cell, name in (
+        ("# a\n\nt,x\n0,1\n1,1.234.5\n", "'1.234.5' in line 5", "x"),
+        ("t;x [m]\n0;1\n1.234,5;1\n", "'1.234,5' in line 3", "t"),
+        ('t,x\n0,"1,5"\n1,"2,5,6"\n', "'2,5,6' in line 3", "x"),
+    ):
+        said = refused(text)
+        assert f"got {cell}, column {name}. Write one decimal point or comma" in said
+    assert "line 3, column x [m]. Below the names" in refused("t,x [m]\n0,1\n1,two\n")
+    assert "got 1 in line 4: ['1']" in refused("t,x\n0,1\n\n1\n")
     assert "got 'a'" in refused("t,x\na,1\n0,1\n")  # no title: it has as many columns
     assert "got 's'" in refused("Run 1\nt,x\ns,m\n0,1\n0.5,2\n")  # no names below the names
     assert "got 'NA'" in refused("title\nt,x\nNA,1\n0.5,2\n")
@@ -129,6 +140,26 @@ def test_copies_and_unions_of_tables_have_their_units(tmp_path):
     assert (table | table).units == table.units
     table |= {"x": 1000 * table["x"]}
     assert table.units == {"y": "km"}
+
+
+def test_a_column_that_is_assigned_has_no_unit_until_one_is_stated(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("t,x [km],y [km]\n0,1,2\n1,2,3\n")
+    table = jaxdyn.read_csv(path)
+    for again in (copy.copy(table), copy.deepcopy(table), pickle.loads(pickle.dumps(table))):
+        assert again.units == {"x": "km", "y": "km"}
+        assert list(again) == list(table)
+    table["x"] = 1000 * table["x"]
+    table["z"] = table["x"]
+    assert table.units == {"y": "km"}
+    assert table.replaced == {"x": "km"}
+    table.units["x"] = "m"
+    table["y"] *= 1000
+    assert table.units == {"x": "m"}
+    changed = jaxdyn.read_csv(path)
+    changed.update(x=changed["y"])
+    assert changed.units == {"y": "km"}
+    assert pickle.loads(pickle.dumps(changed)).replaced == changed.replaced == {"x": "km"}
 
 
 def test_units_of_columns_are_kept_or_become_si_units(tmp_path):

@@ -1,5 +1,7 @@
 """Fits: against closed forms, SciPy's least squares, degenerate models; every message."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -416,6 +418,21 @@ def test_units_that_do_not_fit_are_refused():
     assert "Call it outside jit" in refusal(
         lambda: jax.jit(lambda g: jaxdyn.fit(falling, {"g": g}, {"t": TS, "x": TS}).params)(9.0)
     )
+
+
+def test_the_unit_of_a_column_that_was_replaced_is_asked_for(tmp_path):
+    path = tmp_path / "fall.csv"
+    x = -0.5 * 9.81 * TS**2
+    rows = [f"{t},{1e-3 * one}" for t, one in zip(TS, x, strict=True)]
+    path.write_text("\n".join(["t,x [km]", *rows]))
+    table = jaxdyn.read_csv(path)
+    table["x"] = 1000 * table["x"]
+    fitted = functools.partial(jaxdyn.fit, falling, {"g": 9.0})
+    said = refusal(lambda: fitted(table))
+    assert "column x: expected its unit, got none, since it replaced a column in km" in said
+    assert 'data.units["x"] = "m"' in said
+    table.units["x"] = "m"
+    assert fitted(table).params["g"] == pytest.approx(9.81, rel=1e-6)
 
 
 def test_units_are_a_mapping_of_texts():

@@ -29,6 +29,13 @@ def test_the_numbers_in_the_package_are_those_of_the_reference():
     assert gap(encounters.pythagorean_outcome(np.array(REFERENCE["state"], float)), wanted) < 1e-13
 
 
+def test_test_particles_alone_give_no_logarithmic_time():
+    scene = scenes.n_body([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], m=[1.0, 0.0])
+    said = "a potential below 0, as of gravity, got 0 J. .*give the test particles, .* small masses"
+    with pytest.raises(ValueError, match=said):
+        regularize(scene)
+
+
 @pytest.mark.slow
 def test_bodies_go_through_fifteen_encounters():
     motion = simulate_regularized(encounters.pythagorean(), rtol=1e-14)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap
 
-from jaxdyn import Scene, Status, scenes
+from jaxdyn import Scene, Status, scenes, simulate
 from jaxdyn._progress import progress_to
 from jaxdyn.effects import PairGravity, Spring, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -400,3 +400,34 @@ def test_the_chain_of_phases_is_not_traced():
     ):
         with pytest.raises(ValueError, match=message):
             jax.jit(traced)(1.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "t1", "what", "when"),
+    [
+        (scenes.impact_oscillator(), 20.0, "the stop", 3.25),
+        (scenes.ball_on_table(), 3.0, "the table", 0.61),
+        (scenes.rimless_wheel(), 5.0, "the impact of the next spoke", 2.46),
+        (scenes.simplest_walker(), 4.0, "the strike of the other foot", 3.84),
+        (scenes.cylinder_on_cylinder(), 2.0, "the lift-off from its surface", 1.43),
+    ],
+)
+def test_a_motion_beyond_a_bound_of_its_equations_has_a_warning(scene, t1, what, when):
+    motion = simulate(scene, t1, throw=False)
+    assert f"the motion is beyond {what}, where its equations do not hold" in motion.warning
+    assert float(motion.warning.split()[3]) == pytest.approx(when, abs=0.1)
+
+
+def test_phases_and_batches_have_that_warning_where_it_is_true():
+    scene = scenes.impact_oscillator()
+    one = simulate(scene, 20.0)
+    chain = simulate_phases(scenes.phases_of(scene), None, scene.y0, 20.0)
+    assert {piece.warning for piece in chain.pieces} == {""}
+    batch = jax.vmap(lambda y0: simulate(scene.starting(y0), 20.0, throw=False))(scene.y0[None])
+    assert batch.warning == one.warning
+
+
+def test_a_motion_within_its_bounds_has_no_warning():
+    assert simulate(scenes.impact_oscillator(), 3.0).warning == ""
+    # It starts beyond the stop, which then is not passed.
+    assert simulate(scenes.impact_oscillator(x=0.5, force=0.0, velocity=0.0), 0.5).warning == ""

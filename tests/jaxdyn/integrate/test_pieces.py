@@ -345,6 +345,7 @@ def test_chattering_ends_in_a_status():
 
     run = jaxdyn.simulate(jaxdyn.ode(rate, [1.0, 0.3], 20.0), throw=False)
     assert run.status == Status.CHATTERING
+    assert "as creep= of effects.DryFriction does" in run.message
     assert np.isnan(run.ys[-1]).all()
 
 

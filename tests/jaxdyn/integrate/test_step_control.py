@@ -53,6 +53,37 @@ def test_steps_do_not_depend_on_the_direction_or_the_origin_of_time():
     assert gap(later.y1, there.y1) < 1e-11  # t has 13 digits behind the point there
 
 
+@pytest.mark.parametrize("second_order", [False, True])
+def test_the_rounding_of_a_late_time_asks_for_no_steps(second_order):
+    w, t0, span = 1.3, 1e4, 20.0
+    force = 1 / (1 - w**2)  # the amplitude of cos(w t)
+
+    def of_cosine(start, t):
+        x, v = start[0] - force * np.cos(w * t0), start[1] + force * w * np.sin(w * t0)
+        s = t - t0
+        return x * np.cos(s) + v * np.sin(s) + force * np.cos(w * t)
+
+    if second_order:
+        scene = jaxdyn.lagrangian(
+            lambda t, q, v: 0.5 * (v @ v - q @ q) + q[0] * jnp.cos(w * t), [0.3], [0.1]
+        )
+    else:
+        scene = jaxdyn.ode(lambda t, y: jnp.stack([y[1], -y[0] + jnp.cos(w * t)]), [0.3, 0.1])
+    out = solve(scene, t0 + span, t0=t0, rtol=1e-15, solver=VERNER9)
+    assert out.steps < 1200  # 67,634 if the noise of the force is not known
+    assert gap(out.y1[0], of_cosine([0.3, 0.1], t0 + span)) < 4e-12  # two roundings of t
+
+
+def test_a_force_that_begins_at_a_late_start_is_no_rounding():
+    for begins in (jnp.greater, jnp.greater_equal):
+
+        def rate(t, y, begins=begins):
+            return jnp.stack([y[1], -y[0] + jnp.where(begins(t, 1e4), 1.0, 0.0)])
+
+        out = solve(jaxdyn.ode(rate, [0.3, 0.1]), 1e4 + 20, t0=1e4, rtol=1e-12, solver=VERNER9)
+        assert gap(out.y1[0], 1 - 0.7 * np.cos(20.0) + 0.1 * np.sin(20.0)) < 1e-11
+
+
 def test_a_given_absolute_tolerance_is_in_the_units_of_the_state():
     tolerance, y = jnp.array([0.1, 1.0, 0.0]), jnp.array([10.0, -20.0])
     np.testing.assert_allclose(allowed_error(tolerance, y, y, 0 * y), [2.0, 3.0], rtol=1e-15)

@@ -131,3 +131,14 @@ def test_many_bodies_in_space_by_name():
     assert gap(scene.rate(0.0, scene.y0)[15:], pull.ravel()) < 1e-12 * np.abs(pull).max()
     motion = simulate(scene, samples=3)
     assert gap(motion["vz_Earth"][0], v[3, 2]) == 0.0
+
+
+@pytest.mark.parametrize("make", [scenes.three_body, scenes.two_body, scenes.n_body])
+def test_units_of_length_mass_and_time_have_names(make):
+    scene = make(units=("AU", "Msun", "day"))
+    assert {unit for _, unit in scene.labels()} == {"AU", "AU/day"}
+    assert np.array_equal(scene.y0, make().y0)
+    assert make().units is make(units=[]).units is None
+    for wrong in (("AU", "day"), "day", ("AU", "M sun", "day")):
+        said = refusal(lambda wrong=wrong: simulate(make(units=wrong), 1.0))
+        assert "units: expected names of the units of length, mass and time" in said

@@ -145,6 +145,11 @@ def test_a_step_moves_a_base_without_a_damper():
             "Table.values: expected shape",
         ),
         (
+            lambda: vibration.Table(["0", "1"], [1.0, 2.0]),
+            r"Table.ts: expected numbers, got \['0', '1'\]. jaxdyn.read_csv reads",
+        ),
+        (lambda: vibration.Table([0.0, 1.0], "ab"), "Table.values: expected numbers, got 'ab'"),
+        (
             lambda: vibration.drive(
                 quarter_car(0.0, 0.0), vibration.Motion(quarter_car), vibration.Step(0.1)
             ),
