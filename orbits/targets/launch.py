@@ -179,9 +179,9 @@ class Landings(eqx.Module):
 def landings(scene: Scene, w, speed, rtol: float = RTOL, along: np.ndarray = BY_COURSE) -> Landings:
     """Where throws of given courses and speeds land.
 
-    The derivative is along one direction, known only at run time, since all uses need one: both at
-    once would double the time in which the integration is traced (`jax.jacfwd` traces again, for a
-    batch, even what does not depend on the direction).
+    The derivative is along one direction, known only at run time, since each use needs one. Both at
+    once take half as long again to trace: `jax.jacfwd` traces all of the integration a second time,
+    for a batch.
 
     Args:
       scene: see `check_throw`.
