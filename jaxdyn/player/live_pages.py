@@ -53,8 +53,8 @@ def live(
       The page; a notebook shows it as the last value of a cell.
     Raises:
       ValueError: `motions` is out of range, the scenes are not of one kind, the rate has no
-        formulas (a loop of unknown length, a callback, linear algebra, a table by `jnp.interp`, in
-        place of which a sum of `jnp.clip` works), the page is longer than 200 kB, or `path` cannot
+        formulas (a loop of unknown length, a callback, linear algebra, a search in a table other
+        than that of `jnp.interp`), the page is longer than 200 kB, or `path` cannot
         be written. `simulate(scene).play(path)` shows a computed motion.
     Example:
       >>> from jaxdyn import player, scenes

@@ -212,7 +212,8 @@ def code(
     Raises:
       ValueError: the language is unknown; or `of` contains something without formulas, such as a
         loop of unknown length or a callback, or a function that the language does not have.
-    Limits: plain Python raises an exception where a rate is not a number.
+    Limits: plain Python raises an exception where a rate is not a number. A table of `jnp.interp`
+      with n knots is n comparisons; its knots must increase, and with a period be known numbers.
     Example:
       >>> from jaxdyn import scenes
       >>> from jaxdyn.symbolic.code import code
@@ -228,7 +229,7 @@ def code(
     if not re.fullmatch(r"[A-Za-z_]\w*", name):
         raise _checks.fail("name", "a name of a function", repr(name))
     names = parameters(scene).names
-    graph = Graph(expanding=False, smooth=False, most=_MOST_NODES)
+    graph = Graph(expanding=False, smooth=False, most=_MOST_NODES, written=True)
     time, *rest = (
         graph.input(None, moving=i <= len(scene.y0)) for i in range(1 + len(scene.y0) + len(names))
     )

@@ -47,7 +47,7 @@ def read(scene: Scene, of: Symbols, quantity: Callable[..., Any], *more: list) -
     Raises:
       ValueError: it contains something without formulas.
     """
-    graph = Graph(expanding=False, smooth=False, most=_MOST_NODES)
+    graph = Graph(expanding=False, smooth=False, most=_MOST_NODES, written=True)
     meant: dict[Node, Expression] = {}
 
     def given(x: Symbol | Expression, moving: bool) -> Number:

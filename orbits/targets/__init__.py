@@ -4,25 +4,16 @@
 `launch` computes one throw, also one that ends at its terminal velocity, by the equations along the
 launch in `thrown`. `loops` closes orbits about a centre, from the ratio of their radii.
 
-`design` finds numbers of a scene for which a wanted condition holds for an orbit or a special
-point, `minimise` those for which a quantity is least; `followed` is how both of them follow it.
+`designing` finds numbers of a scene for which a wanted condition holds for an orbit or a special
+point, `minimising` those for which a quantity is least; `followed` is how both of them follow it.
 
 May import: `families`.
 
-To add a question, write a function in `aim` or `loops`, or a file beside them.
+To add a question, write a function in `aim` or `loops`, or a file beside them with a line in
+``__init__.pyi``.
 """
 
-from orbits.targets import aim, loops
-from orbits.targets.design import Design, DesignOutcome, design
-from orbits.targets.minimise import Optimum, OptimumOutcome, minimise
+import lazy_loader
 
-__all__ = [
-    "Design",
-    "DesignOutcome",
-    "Optimum",
-    "OptimumOutcome",
-    "aim",
-    "design",
-    "loops",
-    "minimise",
-]
+# A page that aims does not wait for the search of orbits, which the others import.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,7 +24,15 @@ from jaxdyn import Scene, _text
 from jaxdyn._checks import array, check_first, fail, positive
 from jaxdyn.analysis._roots import root
 from jaxdyn.status import Code
-from orbits.targets.launch import Landings, angle_of, are_followed, check_throw, free_sine, landings
+from orbits.targets.launch import (
+    BY_SPEED,
+    Landings,
+    angle_of,
+    are_followed,
+    check_throw,
+    free_sine,
+    landings,
+)
 
 #: Courses log tan(angle / 2) at which the range is sampled forwards; the flattest angle is
 #: 1e-17 rad. For throws that drag slows more, the first eight courses are stretched.
@@ -80,7 +88,7 @@ def best_courses(scene: Scene, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarr
     w_look = courses(scene, speeds)
     n, m = w_look.shape
     look = landings(scene, w_look, speeds[:, None], LOOK)
-    x, slope = look.x.reshape(n, m), look.dx[:, 0].reshape(n, m)
+    x, slope = look.x.reshape(n, m), look.slope.reshape(n, m)
     top = (slope[:, :-1] > 0) & (slope[:, 1:] <= 0)
     height = np.where(top, np.maximum(x[:, :-1], x[:, 1:]), -np.inf)
     cell = np.argmax(height, axis=1)
@@ -100,7 +108,7 @@ def turns(
     scene: Scene, w: np.ndarray, look: Landings, speed: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Courses of all extremes of the range between those sampled, and whether they were found."""
-    rising = look.dx[:, 0] > 0
+    rising = look.slope > 0
     known = np.isfinite(look.x[:-1] + look.x[1:])
     cells = np.flatnonzero((rising[:-1] != rising[1:]) & known)
     if not len(cells):
@@ -113,13 +121,14 @@ def _tops(scene: Scene, low, high, speeds: np.ndarray) -> tuple[np.ndarray, np.n
 
     def slope(w):
         # Its slope would need second derivatives of the flight, and three times the compile time.
-        return landings(scene, w, speeds).dx[:, 0], np.full(len(w), np.nan)
+        return landings(scene, w, speeds).slope, np.full(len(w), np.nan)
 
     return root(slope, low - WIDER, high + WIDER)
 
 
 #: Speeds tried by `slowest`, in units of sqrt(pull x distance).
 _SPEEDS = np.logspace(-3, 15, 55)
+_GROUPS = 4  # the lowest speeds are tried first; mostly the first quarter of them is enough
 _ROUNDING = 4 * np.finfo(float).eps
 _BEFORE = 3  # a bracket begins this many speeds earlier, since sampled angles miss the best ones
 
@@ -233,7 +242,7 @@ def hit(scene: Scene, x, speed) -> Hits:
 
     def over(w):
         found = landings(scene, w, speed)
-        return found.x - x, found.dx[:, 0]
+        return found.x - x, found.slope
 
     angles, times, outcome = np.zeros(0), np.zeros(0), Aim.FOUND
     if len(cells):
@@ -324,14 +333,17 @@ def slowest(scene: Scene, x) -> Throws:
     rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
     pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))
     speeds = np.sqrt(pull * x) * _SPEEDS
-    looks = landings(scene, courses(scene, speeds), speeds[:, None], LOOK)
-    reach = np.nanmax(
-        np.where(np.isnan(looks.x), -np.inf, looks.x).reshape(len(speeds), -1), axis=1
-    )
+    reach, followed = np.zeros(0), True
+    for some in np.array_split(speeds, _GROUPS):
+        look = landings(scene, courses(scene, some), some[:, None], LOOK)
+        far = np.where(np.isnan(look.x), -np.inf, look.x).reshape(len(some), -1).max(axis=1)
+        reach, followed = np.append(reach, far), followed and are_followed(look).all()
+        if (far >= x).any():
+            break
     enough = int(np.argmax(reach >= x))
     before = enough - _BEFORE
     if reach[enough] < x or before < 0:
-        out = Aim.OUT_OF_REACH if are_followed(looks).all() else Aim.LOST
+        out = Aim.OUT_OF_REACH if followed else Aim.LOST
         nothing = out if reach[enough] < x else Aim.NO_RANGE
         return _single(_throws(scene, np.full(1, np.nan), np.full(1, np.nan), np.array([nothing])))
 
@@ -339,8 +351,8 @@ def slowest(scene: Scene, x) -> Throws:
         # At the best angle the total derivative with respect to the speed is the partial one
         # (envelope theorem).
         w, _ = best_courses(scene, np.exp(log_speed))
-        found = landings(scene, w, np.exp(log_speed))
-        return found.x - x, found.dx[:, 1]
+        found = landings(scene, w, np.exp(log_speed), along=BY_SPEED)
+        return found.x - x, found.slope
 
     low, high = np.log(speeds[[before, enough]])[:, None]
     log_speed, fine = root(over, low, high + WIDER)

@@ -1,4 +1,4 @@
-"""One throw: where it lands, and the derivatives of that with respect to its angle and speed."""
+"""One throw: where it lands, and the derivative of that with respect to its angle or speed."""
 
 import dataclasses
 import functools
@@ -141,7 +141,7 @@ def _is_uniform(scene: Scene, velocity: Array, length: Array) -> Array:
     return jnp.max(jnp.stack(gaps)) <= _SAME_FORCE * jnp.linalg.norm(here)
 
 
-# ---- One throw: where it lands, and the derivatives of that with respect to its angle and speed
+# ---- One throw: where it lands, and the derivative of that with respect to its angle or speed
 
 RTOL = 1e-13
 _PATIENCE = 100.0  # flights longer than this many times v / g count as endless
@@ -149,6 +149,8 @@ _STEPS = 20_000  # most steps of a flight; one that needs more is stiff
 _TINY = np.finfo(float).tiny
 _GRAIN = 16 * np.finfo(float).eps  # rounding of the speed, in any direction, as a share of it
 _CHUNK = 64  # throws per call of the compiled program; fewer are padded
+#: What derivatives are taken along: the course w = log tan(angle / 2), or log(speed).
+BY_COURSE, BY_SPEED = np.eye(2)
 
 
 class Landings(eqx.Module):
@@ -157,7 +159,7 @@ class Landings(eqx.Module):
     Attributes:
       x: (n,) distance from the launch along the first axis, at launch height [m].
       t: (n,) time of flight [s].
-      dx: (n, 2) derivatives of x with respect to w = log tan(angle / 2) and log(speed) [m].
+      slope: (n,) derivative of x along a direction [m]; see `landings`.
       vx: (n,) velocity along the first axis on landing [m/s].
       vy: (n,) velocity along the second axis on landing [m/s].
       status: (n,) `jaxdyn.Status` codes of the integration.
@@ -165,7 +167,7 @@ class Landings(eqx.Module):
 
     x: np.ndarray
     t: np.ndarray
-    dx: np.ndarray
+    slope: np.ndarray
     vx: np.ndarray
     vy: np.ndarray
     status: Annotated[np.ndarray, Status]
@@ -174,17 +176,22 @@ class Landings(eqx.Module):
     _repr_html_ = _text.html
 
 
-def landings(scene: Scene, w, speed, rtol: float = RTOL) -> Landings:
+def landings(scene: Scene, w, speed, rtol: float = RTOL, along: np.ndarray = BY_COURSE) -> Landings:
     """Where throws of given courses and speeds land.
+
+    The derivative is along one direction, known only at run time, since each use needs one. Both at
+    once take half as long again to trace: `jax.jacfwd` traces all of the integration a second time,
+    for a batch.
 
     Args:
       scene: see `check_throw`.
       w: (n,) courses log tan(angle / 2): -inf along the first axis, 0 straight up.
       speed: (n,) launch speeds [m/s], > 0.
       rtol: tolerance of the integrations.
+      along: (2,) direction of the derivative, `BY_COURSE` or `BY_SPEED`.
     """
     w, log_speed = (np.array(x, float).ravel() for x in np.broadcast_arrays(w, np.log(speed)))
-    return _in_chunks(functools.partial(_landings, scene, np.asarray(rtol)), w, log_speed)
+    return _in_chunks(functools.partial(_landings, scene, np.asarray(rtol), along), w, log_speed)
 
 
 def free_sine(scene: Scene, speed: np.ndarray) -> np.ndarray:
@@ -316,20 +323,20 @@ def _free_sines(scene: Scene, counts: Array, speeds: Array) -> Array:
 
 
 @jax.jit
-def _landings(scene: Scene, rtol: Array, counts: Array, w: Array, log_speed: Array) -> Landings:
+def _landings(scene: Scene, rtol: Array, along: Array, counts, w, log_speed) -> Landings:
     def one(throw):
-        def x(p):
-            value, rest = _landing(scene, p[0], p[1], rtol)
-            return value, (value, *rest)
-
-        dx, (value, t, vx, vy, status) = jax.jacfwd(x, has_aux=True)(jnp.stack(throw))
-        return Landings(x=value, t=t, dx=dx, vx=vx, vy=vy, status=status)
+        x, slope, rest = jax.jvp(
+            lambda w, log_speed: _landing(scene, w, log_speed, rtol),
+            throw,
+            tuple(along),
+            has_aux=True,
+        )
+        t, vx, vy, status = rest
+        return Landings(x=x, t=t, slope=slope, vx=vx, vy=vy, status=status)
 
     # Its shapes are written out: to find them, `one` would have to be traced a second time.
     zero = jnp.zeros_like(w[0])
-    blank = Landings(
-        x=zero, t=zero, dx=jnp.zeros_like(w[:2]), vx=zero, vy=zero, status=jnp.int32(0)
-    )
+    blank = Landings(x=zero, t=zero, slope=zero, vx=zero, vy=zero, status=jnp.int32(0))
 
     def counted(row):
         counts, *throw = row

@@ -75,6 +75,7 @@ class ThrownSystem(System):
     def points(self, t, y):
         return self.system.points(t, self.state(t, y))
 
+    @functools.partial(jax.jit, inline=True)  # traced once for its many uses in a throw
     def rate(self, t, y, effects):
         c, s = direction(self.course)
         unit, state = self.units.time, self.state(t, y)

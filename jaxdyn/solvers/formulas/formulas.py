@@ -418,30 +418,50 @@ def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
     return x.astype(object) if graph.exact and x.dtype == np.float64 else x
 
 
-def _interpret(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
-    values: dict[Any, np.ndarray] = dict(zip(jaxpr.constvars, consts, strict=True))
-    values |= dict(zip(jaxpr.invars, inputs, strict=True))
+#: The values of the variables of a program.
+_Values = dict[Any, np.ndarray]
 
+
+def _interpret(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+    values: _Values = dict(zip(jaxpr.constvars, consts, strict=True))
+    values |= dict(zip(jaxpr.invars, inputs, strict=True))
+    return _results(graph, jaxpr, jaxpr.eqns, values)
+
+
+def _results(graph: Graph, jaxpr, eqns: Sequence, values: _Values) -> list[np.ndarray]:
+    """What a program returns, after these of its operations."""
+    for eqn in eqns:
+        _carry_out(graph, eqn, values)
+    return _read(graph, values, jaxpr.outvars)
+
+
+def _carry_out(graph: Graph, eqn, values: _Values) -> None:
+    """Add the results of one equation of a jaxpr to the values."""
+    found = _apply(graph, eqn, _read(graph, values, eqn.invars))
+    values |= dict(zip(eqn.outvars, found, strict=True))
+
+
+def _read(graph: Graph, values: _Values, atoms: Sequence) -> list[np.ndarray]:
     def read(atom):
         is_literal = isinstance(atom, jax.extend.core.Literal)
         return _as_known(graph, np.asarray(atom.val)) if is_literal else values[atom]
 
-    for eqn in jaxpr.eqns:
-        found = _apply(graph, eqn, [read(a) for a in eqn.invars])
-        values |= dict(zip(eqn.outvars, found, strict=True))
-    return [read(a) for a in jaxpr.outvars]
+    return [read(atom) for atom in atoms]
 
 
 def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     """Results of one equation of a jaxpr."""
     name, params = eqn.primitive.name, eqn.params
     if name in CALLS:
-        if params.get("name") == "searchsorted" and any(x.dtype == object for x in args):
+        called = params.get("name")
+        if called == _SEARCH and any(x.dtype == object for x in args):
             raise NotElementary(
                 "a search in a table, as in jnp.interp: write its pieces with jnp.where"
             )
         inner = inner_program(eqn)
         consts = [_inputs(graph, c) for c in inner.consts]
+        if graph.written and called == _TABLE:
+            return _by_pieces(graph, inner.jaxpr, consts, args)
         return _interpret(graph, inner.jaxpr, consts, args)
     if not any(x.dtype == object for x in args):
         known = calculate(eqn, args) or by_jax(eqn.primitive, params, args)
@@ -462,6 +482,8 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         return [convert(graph, args[0], *kinds)]
     if name == "scatter-add":
         return add_at(graph, eqn, args)
+    if graph.written and name == "ne" and eqn.invars[0].aval.dtype == bool:  # of `jnp.mod`
+        return [elementwise(functools.partial(_differ, graph), args)]
     _check_kinds(eqn)
     if name in _FOLDED:
         binary, of_none = _FOLDED[name]
@@ -470,6 +492,73 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name == "dot_general":
         return [multiply(graph, *args, *params["dimension_numbers"])]
     return [elementwise(_scalar(graph, name, params, len(args) - 1), args)]
+
+
+#: Functions of JAX by the names of their programs: `jnp.searchsorted`, and `jnp.interp`.
+_SEARCH, _TABLE = "searchsorted", "_interp"
+#: Most knots that are compared one after the other, which reads well; more are halved.
+_LONGEST_CHAIN = 8
+
+
+def _by_pieces(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+    """The program of `jnp.interp`, or of its derivative, once for each result of its search.
+
+    With a known result it is one piece of the table, or what holds beyond one of its ends;
+    comparisons with the knots decide which. The knots may be known only at run time, but must
+    increase, as for the search.
+    """
+    values: _Values = dict(zip(jaxpr.constvars, consts, strict=True))
+    values |= dict(zip(jaxpr.invars, inputs, strict=True))
+    searches = [i for i, eqn in enumerate(jaxpr.eqns) if eqn.params.get("name") == _SEARCH]
+    if len(searches) != 1:
+        return _results(graph, jaxpr, jaxpr.eqns, values)
+    (i,) = searches
+    search, after = jaxpr.eqns[i], jaxpr.eqns[i + 1 :]
+    for eqn in jaxpr.eqns[:i]:
+        if eqn.primitive.name == "sort" and any(
+            a.dtype == object for a in _read(graph, values, eqn.invars)
+        ):
+            raise NotElementary("jnp.interp with a period, in a table of parameters")
+        _carry_out(graph, eqn, values)
+    (place,), (knots, x, *_) = search.outvars, _read(graph, values, search.invars)
+    if knots.ndim != 1 or any(v.aval.shape != x.shape for v in (place, *jaxpr.outvars)):
+        return _results(graph, jaxpr, (search, *after), values)
+
+    def compared(op: str, k: int) -> np.ndarray:
+        return elementwise(functools.partial(graph.compare, op), [x, np.asarray(knots[k])])
+
+    n = len(knots)
+    for k in range(n):
+        elementwise(lambda a, b: graph.keep(graph.sub(a, b)), [x, np.asarray(knots[k])])
+    below, beyond = compared("lt", 0).ravel().tolist(), compared("gt", n - 1).ravel().tolist()
+
+    def piece(k: int) -> list[np.ndarray]:
+        # The program's own comparisons with the ends are known as well, but for the last.
+        known = dict.fromkeys(below, k == 0) | (dict.fromkeys(beyond, False) if k < n else {})
+        here = values | {place: np.full(x.shape, k, place.aval.dtype)}
+        found = _results(graph, jaxpr, after, here)
+        return [elementwise(lambda a: _decided(graph, a, known), [each]) for each in found]
+
+    def choice(first: int, last: int) -> list[np.ndarray]:
+        if first == last:
+            return piece(first)
+        k = first if last - first <= _LONGEST_CHAIN else (first + last) // 2
+        pairs = zip(choice(k + 1, last), choice(first, k), strict=True)
+        which = compared("lt", k)
+        return [elementwise(graph.select, [which, *pair]) for pair in pairs]
+
+    return choice(0, n)
+
+
+def _decided(graph: Graph, a: Number, known: dict) -> Number:
+    """A number, with conditions in it replaced where they are known."""
+    if not isinstance(a, Node):
+        return a
+    if a in known:
+        return known[a]
+    if a.op != "select":
+        return a
+    return graph.select(*(_decided(graph, each, known) for each in a.args))
 
 
 def _check_kinds(eqn) -> None:
@@ -546,6 +635,13 @@ def _condition(graph: Graph, op: str, *args: Number) -> Number:
         if any(isinstance(a, Node) and a.moving for a in args):
             raise NotElementary("a condition on moving numbers")
     return graph.compare(op, *args)
+
+
+def _differ(graph: Graph, a: Number, b: Number) -> Number:
+    """Whether only one of two conditions holds."""
+    if not isinstance(b, Node):
+        return graph.compare("not", a) if b else a
+    return graph.select(a, b, graph.compare("not", b))
 
 
 def _power(graph: Graph, a: Number, n: Number) -> Number:

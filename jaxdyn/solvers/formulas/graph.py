@@ -116,6 +116,8 @@ class Graph:
       smooth: whether all of it must have a Taylor series, valid for a step. Otherwise the formulas
         can only be evaluated: conditions may change at any time, and any function may occur.
       most: number of nodes above which it is given up, with `NotElementary`.
+      written: whether they are for a text. `jnp.interp` then becomes a choice among its pieces,
+        with as many comparisons as the table has knots, where a compiled program searches.
 
     Attributes:
       expanded: whether any product was multiplied out.
@@ -127,7 +129,9 @@ class Graph:
         expanding: bool = True,
         smooth: bool = True,
         most: float = math.inf,
+        written: bool = False,
     ):
+        self.written, self._kept = written, set[Node]()
         self.exact, self.expanding, self.expanded = exact, expanding, False
         self.smooth, self.most = smooth, most
         self._found: dict[tuple, Node] = {}
@@ -174,10 +178,16 @@ class Graph:
     def _terms(self, a: Number) -> dict[Node | None, Number]:
         """The moving terms of a sum with their steady factors; the steady part is under None."""
         c, m = split_factor(a)
-        if m is None or m.op != "sum":
+        if m is None or m.op != "sum" or m in self._kept:
             return {m: c}
         parts = zip(m.args[::2], m.args[1::2], strict=True)
         return {term: self._steady("mul", c, factor) for factor, term in parts}
+
+    def keep(self, a: Number) -> None:
+        """Never take a sum apart within other sums: a small difference times a large slope."""
+        _, m = split_factor(a)
+        if m is not None:
+            self._kept.add(m)
 
     def _unite_squares(self, terms: dict[Node | None, Number]) -> None:
         """Replace cos^2 + sin^2 by 1, where both have the same factor."""

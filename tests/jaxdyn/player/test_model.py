@@ -106,6 +106,23 @@ def test_motions_through_phases_are_those_of_the_library(name, span):
     assert (np.abs(np.array(there) - wanted.y) / _sizes(scene, ys)).max() < CLOSE
 
 
+_BUMPS = np.array([0.0, 5.0, 6.0, 7.5, 20.0]), np.array([0.0, 0.0, 0.1, -0.05, 0.0])
+
+
+@needs_node
+def test_a_road_given_by_a_table():
+    knots, heights = _BUMPS
+
+    def rate(t, y):
+        height = jnp.interp(8.0 * t, knots, heights, period=30.0)
+        return [y[1], 50.0 * (height - y[0]) - 3.0 * y[1]]
+
+    scene = jaxdyn.ode(rate, [0.0, 0.2], t1=10.0)
+    there = node("run(model).at(model.data.span)", scene)
+    wanted = simulate(scene, samples=2, rtol=1e-13).ys[-1]
+    np.testing.assert_allclose(there, wanted, rtol=0, atol=1e-10)
+
+
 @needs_node
 def test_without_its_friction_a_car_rolls_on():
     # A car without friction has no phases, and no end.

@@ -159,6 +159,69 @@ def test_other_functions_of_a_scene_than_its_rate():
     assert total(0.0, y, p) == [pytest.approx(wanted, rel=1e-14)]
 
 
+#: A table with a jump, a ramp as steep as 1e9, and a wide piece; a road that begins as it ends.
+KNOTS = np.array([-1.0, 0.5, 0.75, 0.75, 3.0, 3.0 + 1e-9, 1e6])
+HEIGHTS = np.array([1.0, 2.0, 0.0, 5.0, 4.0, 5.0, -7.0])
+ROAD = np.array([0.0, 1.0, 2.5, 4.0]), np.array([0.3, -1.0, 2.0, 0.3])
+LONG = np.linspace(-2.0, 5.0, 300), np.sin(np.arange(300.0))
+
+
+def _table(**ends):
+    return jaxdyn.ode(lambda t, y: [jnp.interp(y[0], KNOTS, HEIGHTS, **ends)], [0.3])
+
+
+def _given(t, y, p):
+    return [jnp.interp(2.0 * y[0] - t, p["knots"], p["heights"], right=p["right"])]
+
+
+def _slope(t, y):
+    return [jax.grad(lambda x: jnp.interp(x, KNOTS, HEIGHTS))(y[0])]
+
+
+TABLES = {
+    "plain": _table(),
+    "ends": _table(left=-3.0, right=9.0),
+    "extrapolated": _table(left="extrapolate", right="extrapolate"),
+    "period": jaxdyn.ode(lambda t, y: [jnp.interp(y[0], *ROAD, period=4.5)], [0.3]),
+    "remainder": jaxdyn.ode(lambda t, y: [jnp.interp(y[0] % 4.0, *ROAD)], [0.3]),
+    "parameters": jaxdyn.ode(
+        _given, [0.3], params={"knots": KNOTS, "heights": HEIGHTS, "right": 2.0}
+    ),
+    "long": jaxdyn.ode(lambda t, y: [jnp.interp(y[0], *LONG)], [0.3]),
+    "slope": jaxdyn.ode(_slope, [0.3]),
+    "array": jaxdyn.ode(lambda t, y: jnp.interp(y, KNOTS, HEIGHTS), [0.3, 0.4]),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_is_a_choice_among_its_pieces(name, tmp_path):
+    scene, rng = TABLES[name], np.random.default_rng(0)
+    knots = {"period": ROAD[0], "remainder": ROAD[0], "long": LONG[0]}.get(name, KNOTS)
+    beside = [np.nextafter(knots, side) for side in (-np.inf, np.inf)]
+    random = rng.uniform(-3.0, 6.0, 200), rng.uniform(3.0, 3.0 + 1e-9, 9), rng.uniform(-2e6, 2e6, 9)
+    xs = np.concatenate([knots, *beside, *random])
+    ys = np.stack([xs, xs[::-1]][: len(scene.y0)], axis=1)
+    p = parameters(scene).values
+    wanted = np.asarray(jax.vmap(lambda y: scene.rate(jnp.zeros(()), y))(ys))
+    rate = _loaded(code(scene, "python"))
+    found = {"python": [rate(0.0, y, p.tolist()) for y in ys.tolist()]}
+    found["numpy"] = np.transpose(_loaded(code(scene, "numpy"))(0.0, ys.T, p))
+    if shutil.which("node"):
+        program = f"const p = {p.tolist()}, ys = {ys.tolist()};{code(scene, 'javascript')}"
+        program += "console.log(JSON.stringify(ys.map(y => rate(0, y, p))))"
+        done = subprocess.run(["node", "-"], input=program, capture_output=True, text=True)
+        found["javascript"] = json.loads(done.stdout)
+    if shutil.which("cc"):
+        _compiled(code(scene, "c"), tmp_path / "rate.so")
+        function, rows = ctypes.CDLL(str(tmp_path / "rate.so")).rate, np.empty_like(wanted)
+        for y, row in zip(ys, rows, strict=True):
+            arrays = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (y, p, row))
+            function(ctypes.c_double(0.0), *arrays)
+        found["c"] = rows
+    for each in found.values():
+        np.testing.assert_allclose(each, wanted, rtol=4e-15, atol=4e-15)
+
+
 def test_numbers_are_inputs():
     one = code(scenes.cannonball(m=3.0), "c")
     assert one == code(scenes.cannonball(m=5.0), "c")
@@ -174,8 +237,13 @@ class Winding(Effect):
 def test_what_cannot_be_written_is_refused():
     loop = scenes.cannonball() + Winding()
     assert "code: expected a rate with formulas, got" in refusal(lambda: code(loop, "c"))
-    table = jaxdyn.ode(lambda t, y: [jnp.interp(t, jnp.arange(3.0), jnp.ones(3))], [0.0])
-    assert "formulas, got a search in a table" in refusal(lambda: code(table, "c"))
+    knots, heights = jnp.arange(3.0), jnp.ones(3)
+    search = jaxdyn.ode(lambda t, y: [heights[jnp.searchsorted(knots, t)]], [0.0])
+    assert "formulas, got a search in a table" in refusal(lambda: code(search, "c"))
+    around = jaxdyn.ode(
+        lambda t, y, p: [jnp.interp(t, knots, heights, period=p["L"])], [0.0], params={"L": 4.0}
+    )
+    assert "formulas, got jnp.interp with a period, in" in refusal(lambda: code(around, "c"))
     said = refusal(lambda: code(scenes.pendulum(), "fortran"))
     assert "language: expected one of c, javascript, julia, numpy, python" in said
     assert "a name of a function" in refusal(lambda: code(scenes.pendulum(), "c", name="1 x"))

@@ -553,6 +553,13 @@ def test_code_is_that_of_the_rate():
     assert "language" in said
 
 
+def test_a_table_is_printed_by_its_pieces():
+    table = jaxdyn.ode(lambda t, y: [jnp.interp(t, jnp.arange(3.0), jnp.array([1, 3, 2.0]))], [0.0])
+    found = jaxdyn.equations(table)
+    assert "1 if t < 0 else (1 + 2 t if t < 1 else (4 - t if t < 2 else" in found.text()
+    assert "t < 1.0 ?" in found.code("javascript")
+
+
 def test_what_cannot_be_printed_is_refused():
     loop = scenes.cannonball() + Winding()
     said = refusal(lambda: jaxdyn.equations(loop))
@@ -562,8 +569,9 @@ def test_what_cannot_be_printed_is_refused():
     def L(t, q, v):
         return 0.5 * v[0] ** 2 - jax.scipy.special.erf(q[0])
 
-    table = jaxdyn.ode(lambda t, y: [jnp.interp(t, jnp.arange(3.0), jnp.ones(3))], [0.0])
-    assert "got a search in a table" in refusal(lambda: jaxdyn.equations(table))
+    knots = jnp.arange(3.0)
+    search = jaxdyn.ode(lambda t, y: [jnp.ones(4)[jnp.searchsorted(knots, t)]], [0.0])
+    assert "got a search in a table" in refusal(lambda: jaxdyn.equations(search))
 
     odd = jaxdyn.lagrangian(L, [1.0], [0.0])
     said = refusal(lambda: jaxdyn.equations(odd))
