@@ -498,7 +498,9 @@ class _Pieces(NamedTuple):
         # Rates are continuous where sliding ends, but those of tangents are not.
         left = (run.left >= 0) & ((run.left < self.plan.size) | (run.y.ndim > 2))
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
-        if np.sum(~self.plan.of_time) < 2:
+        # A motion that starts on a surface and slides is stopped there at once from beside it.
+        jumps = jumps | (~run.begun & branch.slides)
+        if not self.plan.surfaces:
             after, kinked = jump(self.field, run.t, run.y, run.old, branch, which), run.kinked
         else:
             after, kinked = self._across(run, which)
@@ -508,8 +510,8 @@ class _Pieces(NamedTuple):
     def _across(self, run: _Run, which: Array) -> tuple[Array, Array]:
         """The state with tangents after all surfaces that it meets at once, one by one.
 
-        Motions beside it cross them in another order. Where a tangent depends on the order, the
-        motion has none, which is returned as well.
+        Motions beside it cross them in another order, or start on the other side of those on which
+        it starts. Where a tangent depends on that, the motion has none, which is returned as well.
 
         Args:
           run: the motion.
@@ -517,7 +519,8 @@ class _Pieces(NamedTuple):
         """
         old, new = run.old, run.branch
         every = np.flatnonzero(~self.plan.of_time)[:_MOST_CROSSED]
-        own = self._surfaces(run.t, state_of(run.y), old.outcomes, run.crossed, every)
+        met = jnp.where(run.begun, run.crossed, new.surface)
+        own = self._surfaces(run.t, state_of(run.y), old.outcomes, met, every)
         count = jnp.sum(own.any(1))
         place = jnp.where(own.any(1), jnp.cumsum(own.any(1)) - 1, -1)
 
@@ -531,7 +534,9 @@ class _Pieces(NamedTuple):
             return jump(self.field, run.t, y, here, there, on), there, done
 
         def in_order(reverse):
-            start = run.y, old, jnp.zeros(self.plan.size, bool)
+            beside = Branch.of(jnp.where(reverse, new.before, new.outcomes), self.plan.surfaces)
+            first = jax.tree.map(lambda a, b: jnp.where(run.begun, a, b), old, beside)
+            start = run.y, first, jnp.zeros(self.plan.size, bool)
             step = functools.partial(cross, reverse=reverse)
             return jax.lax.fori_loop(0, jnp.maximum(count, 1), step, start)[0]
 

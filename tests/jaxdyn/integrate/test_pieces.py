@@ -259,6 +259,19 @@ def test_two_blocks_that_stick_and_derivatives_where_both_turn_at_once(x):
 
 
 @pytest.mark.slow
+def test_derivatives_of_a_motion_that_starts_held():
+    # A small velocity is stopped at once.
+    end = lambda y0: jaxdyn.solve(jaxdyn.ode(stuck, y0, 1.0, params=0.3), 1.0).y1  # noqa: E731
+    assert np.allclose(jax.jacfwd(end)(jnp.array([0.1, 0.0])), [[1, 0], [0, 0]], atol=1e-14)
+
+    # Beside the surface it takes d until it slides at 2/3, at 1 instead, or -d / 2 at 0.
+    rate = lambda t, y: [jnp.where(y[0] > 0, -1.0, 2.0), jnp.where(y[0] > 0, 1.0, 0.0)]  # noqa: E731
+    end = lambda y0: jaxdyn.solve(jaxdyn.ode(rate, y0, 1.0), 1.0).y1  # noqa: E731
+    assert np.allclose(end(jnp.zeros(2)), [0, 2 / 3], rtol=0, atol=1e-15)
+    assert np.allclose(jax.jacfwd(end)(jnp.zeros(2)), [[0, 0], [1 / 3, 1]], rtol=0, atol=1e-14)
+
+
+@pytest.mark.slow
 def test_blocks_on_each_other_slide_together_and_then_apart():
     # The upper one is pulled with t / 2: both slide from t = 2, apart from t = 5.
     def pulled(t, y):
