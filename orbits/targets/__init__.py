@@ -4,8 +4,8 @@
 `launch` computes one throw, also one that ends at its terminal velocity, by the equations along the
 launch in `thrown`. `loops` closes orbits about a centre, from the ratio of their radii.
 
-`designing` finds numbers of a scene for which a wanted condition holds for an orbit or a special
-point, `minimising` those for which a quantity is least; `followed` is how both of them follow it.
+`designs` finds numbers of a scene for which a wanted condition holds for an orbit or a special
+point, `minima` those for which a quantity is least; `followed` is how both of them follow it.
 
 May import: `families`.
 

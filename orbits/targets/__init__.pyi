@@ -2,9 +2,9 @@
 
 from . import aim as aim
 from . import loops as loops
-from .designing import Design as Design
-from .designing import DesignOutcome as DesignOutcome
-from .designing import design as design
-from .minimising import Optimum as Optimum
-from .minimising import OptimumOutcome as OptimumOutcome
-from .minimising import minimise as minimise
+from .designs import Design as Design
+from .designs import DesignOutcome as DesignOutcome
+from .designs import design as design
+from .minima import Optimum as Optimum
+from .minima import OptimumOutcome as OptimumOutcome
+from .minima import minimise as minimise
