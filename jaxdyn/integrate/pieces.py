@@ -85,7 +85,7 @@ class Margins(eqx.Module):
     @property
     def count(self) -> int:
         """Number of functions: the conditions, and 2 for each surface of sliding."""
-        return self.plan.size + 2 * self.plan.surfaces
+        return self.plan.size + 2 * self.plan.most_surfaces
 
     @property
     def direction(self) -> int:
@@ -209,7 +209,7 @@ class _Pieces(NamedTuple):
             status=jnp.where(fine, int(Status.OK), int(Status.NOT_FINITE)),
             stiff=jnp.zeros((), bool),
         )
-        branch = Branch.of(first.outcomes, self.plan.surfaces)
+        branch = Branch.of(first.outcomes, self.plan.most_surfaces)
         run = _Run(
             t=jnp.asarray(self.t0),
             y=y0,
@@ -362,11 +362,11 @@ class _Pieces(NamedTuple):
         changed = (index >= 0) & (index < e)
         crossed = jnp.where(changed, own | together, False)
         # The weights of one side of the surfaces are numbered after the conditions, then the other.
-        row = (index - e) % max(self.plan.surfaces, 1)
-        left = (index >= e) & (jnp.arange(self.plan.surfaces) == row)
+        row = (index - e) % max(self.plan.most_surfaces, 1)
+        left = (index >= e) & (jnp.arange(self.plan.most_surfaces) == row)
         leaves = (branch.surfaces & left[:, None]).any(0)
         outcomes = jnp.where(crossed, here.beyond, branch.outcomes)
-        back = leaves & (index < e + self.plan.surfaces)
+        back = leaves & (index < e + self.plan.most_surfaces)
         following = Branch(
             outcomes=jnp.where(back, branch.before, outcomes),
             before=jnp.where(crossed, branch.outcomes, branch.before),
@@ -393,7 +393,7 @@ class _Pieces(NamedTuple):
         rounds = _DEEPEST if self.plan.size > 1 else 1
         start = run.branch.outcomes, jnp.zeros(self.plan.size, bool)
         outcomes, near = jax.lax.fori_loop(0, rounds, settle, start)
-        if not self.plan.surfaces:
+        if not self.plan.most_surfaces:
             return run.branch._replace(outcomes=outcomes, before=outcomes), jnp.zeros((), bool)
         first = ~run.begun
         _, here = self.plan.evaluate(self.system, t, x, outcomes)
@@ -500,7 +500,7 @@ class _Pieces(NamedTuple):
         jumps = run.begun & (run.crossed.any() | changed.any() | left)
         # A motion that starts on a surface and slides is stopped there at once from beside it.
         jumps = jumps | (~run.begun & branch.slides)
-        if not self.plan.surfaces:
+        if not self.plan.most_surfaces:
             after, kinked = jump(self.field, run.t, run.y, run.old, branch, which), run.kinked
         else:
             after, kinked = self._across(run, which)
@@ -534,7 +534,8 @@ class _Pieces(NamedTuple):
             return jump(self.field, run.t, y, here, there, on), there, done
 
         def in_order(reverse):
-            beside = Branch.of(jnp.where(reverse, new.before, new.outcomes), self.plan.surfaces)
+            side = jnp.where(reverse, new.before, new.outcomes)
+            beside = Branch.of(side, self.plan.most_surfaces)
             first = jax.tree.map(lambda a, b: jnp.where(run.begun, a, b), old, beside)
             start = run.y, first, jnp.zeros(self.plan.size, bool)
             step = functools.partial(cross, reverse=reverse)

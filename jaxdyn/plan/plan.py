@@ -114,7 +114,7 @@ class Plan:
         return np.flatnonzero(~(self.of_time | self.bends))[:_MOST_SURFACES]
 
     @property
-    def surfaces(self) -> int:
+    def most_surfaces(self) -> int:
         """Number of surfaces on which a motion may slide at once."""
         return len(self.jumping)
 
@@ -328,7 +328,7 @@ class Branch(NamedTuple):
 
     @classmethod
     def of(cls, outcomes: Array, rows: int) -> "Branch":
-        """Outcomes of a motion that does not slide; `rows` is the plan's `Plan.surfaces`."""
+        """Outcomes of a motion that does not slide; `rows` is the plan's `Plan.most_surfaces`."""
         return cls(outcomes, outcomes, jnp.zeros((rows, len(outcomes)), bool))
 
     @property
@@ -469,7 +469,7 @@ class InBranch(NamedTuple):
             return self._plain(t, y)
         # Also where it cannot slide: a choice is not rewritten by `simplify`, which would expand
         # k (d - clip(d)) and leave its rounding as a force within the play of two gears.
-        slide = self._sliding if plan.surfaces else self._plain
+        slide = self._sliding if plan.most_surfaces else self._plain
         return jax.lax.cond(self.branch.slides, slide, self._plain, t, y)
 
     def _plain(self, t: Array, y: Array) -> Array:
@@ -531,7 +531,7 @@ class InBranch(NamedTuple):
         plan, branch = plan_of(self.field, len(y)), self.branch
         margins = self.side(t, y, branch.outcomes)[1].margins
         margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
-        return jnp.concatenate([margins, self._weights(t, y)]) if plan.surfaces else margins
+        return jnp.concatenate([margins, self._weights(t, y)]) if plan.most_surfaces else margins
 
     def _weights(self, t: Array, y: Array) -> Array:
         rows = len(self.branch.surfaces)
