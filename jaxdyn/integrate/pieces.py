@@ -426,12 +426,13 @@ class _Pieces(NamedTuple):
             sides = jnp.where(back, before, outcomes), jnp.where(back, outcomes, before)
             several = jnp.sum(surfaces.any(1)) > 1
             mean = balance.mean(jnp.where(surfaces.any(1), 1.0, 0.0))
-            return *sides, surfaces, back.any(), several, mean
+            size = jnp.max(jnp.abs(balance.rates), 0)
+            return *sides, surfaces, back.any(), several, mean, size
 
         none, never = jnp.zeros(own.shape, bool), jnp.zeros((), bool)
-        start = outcomes, before, none, never, never, jnp.zeros_like(x)
+        start = outcomes, before, none, never, never, jnp.zeros_like(x), jnp.zeros_like(x)
         rounds = 1 if len(own) == 1 else _DEEPEST
-        outcomes, before, surfaces, changes, several, mean = jax.lax.fori_loop(
+        outcomes, before, surfaces, changes, several, mean, size = jax.lax.fori_loop(
             0, rounds, decide, start
         )
         branch = Branch(outcomes, jnp.where(surfaces.any(0), before, outcomes), surfaces)
@@ -439,7 +440,6 @@ class _Pieces(NamedTuple):
             return branch, never
         # Weights of their own require that the jumps add up.
         rate = InBranch(self.system, branch).side(t, x, branch.before)[0]
-        size = jnp.max(jnp.abs(rate)) + jnp.max(jnp.abs(mean))
         adds_up = jnp.all(jnp.abs(rate - mean) <= _MISFIT * size)
         return branch, changes | (several & ~adds_up)
 
