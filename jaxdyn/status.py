@@ -135,8 +135,8 @@ class Status(Code):
     MERGED = (
         15,
         "Nearby motions merged in no time, as where dry friction stops them: a tangent became 0, "
-        "and its exponent is minus infinity. Ask for the others alone (count=1 is the largest), or "
-        "give the friction a creep.",
+        "and its exponent is minus infinity. Choose count=1, the largest exponent alone, or a "
+        "smooth friction, as by creep= of effects.DryFriction.",
     )
 
 

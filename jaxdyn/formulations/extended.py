@@ -82,6 +82,9 @@ class Extended(System):
     def kinetic(self, t, y):
         return self.system.kinetic(*self.inside(t, y))
 
+    def bounds(self, t, y, effects):
+        return self.system.bounds(*self.inside(t, y), effects)
+
     def energies(self, t, y, effects):
         return self.system.energies(*self.inside(t, y), effects)
 

@@ -272,7 +272,7 @@ ARRAYS = [
     ("ts.npy", np.zeros((10**5, 2)), r"ys: expected float of shape \(100000, 2, 2\)"),
     ("steps.npy", np.array(-1), r"steps: expected counts >= 0"),
     ("steps.npy", np.array(1.0), r"steps: expected int of shape \(\), got float64"),
-    ("status.npy", np.array(99), r"status: expected codes from 0 to 14, got 99"),
+    ("status.npy", np.array(99), r"status: expected codes from 0 to 15, got 99"),
     ("more.npy", np.zeros(3), r"the entries of a motion, got also 'more'"),
     ("../../evil.npy", np.zeros(3), r"the entries of a motion, got also '\.\./"),
     ("motion.json", b"[" * 100_000, r"file: expected JSON"),

@@ -64,6 +64,9 @@ class Answers(System):
     def kinetic(self, t, y):
         return t * y[0]
 
+    def bounds(self, t, y, effects):
+        return {"the stop": t + y[0] + len(effects)}
+
     def energies(self, t, y, effects):
         return (t + y[1] + len(effects),)
 
@@ -113,6 +116,7 @@ QUESTIONS = {
     "singular": lambda s, t, y: s.singular,
     "coordinates": lambda s, t, y: s.coordinates(y),
     "kinetic": lambda s, t, y: s.kinetic(t, y),
+    "bounds": lambda s, t, y: s.bounds(t, y, EFFECTS)["the stop"],
     "energies": lambda s, t, y: s.energies(t, y, EFFECTS),
     "integrals": lambda s, t, y: s.integrals(t, y)["of motion"],
     "undetermined": lambda s, t, y: s.undetermined(t, y),
