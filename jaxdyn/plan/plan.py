@@ -267,7 +267,10 @@ def _inputs(leaves: list, t: Any, y: Any) -> list["Value"]:
 
 def _conditions(evaluation: "BranchEvaluation") -> Conditions:
     columns = evaluation.outcomes, evaluation.margins, evaluation.beyond
-    return Conditions(*(jnp.concatenate([jnp.zeros(0), *parts]) for parts in columns))
+    outcomes, margins, beyond = (jnp.concatenate(parts or [jnp.zeros(0)]) for parts in columns)
+    far = _FAR * jnp.finfo(margins.dtype).max
+    margins = jnp.where(margins == margins, jax.lax.clamp(-far, margins, far), far)
+    return Conditions(outcomes, margins, beyond)
 
 
 def plan_of(field: PyTree, k: int, *, waves: bool = False) -> Plan:
@@ -878,8 +881,6 @@ class BranchEvaluation:
         here, margin, beyond = at(given)
         self.conditions.append(Condition(kind, on, size, bends))
         flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
-        far = _FAR * jnp.finfo(jnp.result_type(float)).max
-        margin = jnp.where(jnp.isnan(margin), far, jnp.clip(margin, -far, far))
         self.outcomes.append(flat(here))
         self.margins.append(flat(margin))
         self.beyond.append(flat(beyond))
