@@ -230,7 +230,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         return carry[1] < _NOISE_LOOKS
 
     def round_(carry):
-        stage, look, u, rate, then, noise, grows = carry
+        stage, look, u, rate, then, stays, noise, grows = carry
         n, tau, step = stage.n, stage.tau, stage.step
         sizing = (n < rounds) | (grows & (n < rounds + len(y0)))
         look = lax.select(sizing, look, look + 1)
@@ -251,8 +251,12 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         at = at + at * off * rounded
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
-        gap = _finite(f - lax.select(look == 2, then, rate))
-        counts = (look > 1) & _as_fast(f, gap, tau, u)
+        gap = f - lax.select(look == 2, then, rate)
+        later, gap = _later_noise(groups, gap, f), _finite(gap)
+        typical = _as_fast(f, gap, tau, u)
+        stays = lax.select((look == 2) & typical, later, stays)
+        gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
+        counts = (look > 1) & typical
         noise = lax.select(
             counts, lax.max(noise, _notable(groups, gap, f, u / tau, look == 4)), noise
         )
@@ -265,12 +269,12 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         new = lax.select(sizing & (new < np.inf), new, u)
         stage, new = _next_stage(stage, u, new, shrink, 1 / span, sizing)
         grows = ((new > 0) & (u == 0)).any()
-        return stage, look, new, rate, then, noise, grows
+        return stage, look, new, rate, then, stays, noise, grows
 
     none = jnp.zeros((), int)
     first = _Stage(none, none, zero, 0 * span, span, span)
-    begin = first, none, here, zero, zero, zero, jnp.ones((), bool)
-    stage, _, sizes, rate, _, noise, _ = lax.while_loop(looks, round_, begin)
+    begin = first, none, here, zero, zero, zero + np.inf, zero, jnp.ones((), bool)
+    stage, _, sizes, rate, _, _, noise, _ = lax.while_loop(looks, round_, begin)
     return Scales(sizes, stage.tau, MARGIN * noise), rate
 
 

@@ -159,8 +159,8 @@ class Constrained(MechanismSystem):
         super().check(t, y)
         _checks.float64()  # the bounds on what its constraints leave are those of 64 bits
         _checks.choice("drift", self.drift, DRIFTS)
-        # It is compiled, since its second derivatives, step by step on the host, take seconds; once,
-        # since what a state violates does not depend on the drift.
+        # It is compiled, since its second derivatives, step by step on the host, take seconds. What
+        # a state violates does not depend on the drift, so one program serves all three.
         same = dataclasses.replace(self, drift="raw")
         place, speed, lost, pivot = (float(x) for x in _violations(same, t, y))
         if pivot <= _MIN_EIGENVALUE:

@@ -99,6 +99,23 @@ def test_a_force_that_turns_within_roundings_of_the_start_is_no_rounding(speed, 
     np.testing.assert_allclose(end, anchor + (rest + away) * along, atol=1e-7 if speed else 3e-6)
 
 
+@pytest.mark.slow  # it compiles for 4 s
+@pytest.mark.parametrize("long", [1.0, 1e6])
+def test_a_plain_rate_that_turns_at_the_start_is_no_rounding(long):
+    anchor, along = long * np.array([0.7, 0.3]), np.array([0.6, 0.8])
+
+    def pull(t, y):
+        del t
+        off = y[:2] - anchor
+        square = jnp.sum(off**2)
+        length = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+        return jnp.concatenate([y[2:], jnp.where(square > 0, 0.3 * long / length - 1.0, 0.0) * off])
+
+    motion = jaxdyn.simulate(jaxdyn.ode(pull, [*anchor, *(0.4 * long * along)]), 3.0)
+    away = long * (0.3 - 0.3 * np.cos(3.0) + 0.4 * np.sin(3.0))
+    np.testing.assert_allclose(motion.ys[-1, :2], anchor + away * along, rtol=1e-9)
+
+
 def test_nothing_that_depends_on_the_state_leaves_the_span():
     sizes, time = start(jaxdyn.ode(lambda t, y: [3.0, 0.0], [0.0, 0.0], 5.0))
     assert time == 5.0
