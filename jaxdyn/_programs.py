@@ -6,7 +6,7 @@ or closed, under several names. Whatever interprets a program asks here, so that
 to follow a new version; an operation that it does not know is left as it is.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax.extend
@@ -51,15 +51,44 @@ def size(jaxpr: Any) -> int:
     return sum(len(program.eqns) for program in programs(jaxpr))
 
 
-def live_operations(jaxpr: Any) -> list[Any]:
-    """The operations of a program on which its results depend, and those with effects, in order.
+def interpret(
+    program: Any,
+    args: Sequence[Any],
+    apply: Callable[[Any, list], Sequence],
+    known: Callable[[Any], Any] = lambda x: x,
+    effects: bool = True,
+) -> list[Any]:
+    """The results of a closed program for values of any kind in place of its numbers.
+
+    Args:
+      program: a ``ClosedJaxpr``.
+      args: the values of its arguments.
+      apply: the results of an operation for the values of its operands.
+      known: the value of a number that the program contains.
+      effects: see `live_operations`.
+    """
+    jaxpr = program.jaxpr
+    values = dict(zip(jaxpr.constvars, map(known, program.consts), strict=True))
+    values |= dict(zip(jaxpr.invars, args, strict=True))
+
+    def read(atom: Any) -> Any:
+        return known(atom.val) if isinstance(atom, jax.extend.core.Literal) else values[atom]
+
+    for eqn in live_operations(jaxpr, effects):
+        results = apply(eqn, [read(a) for a in eqn.invars])
+        values |= dict(zip(eqn.outvars, results, strict=True))
+    return [read(a) for a in jaxpr.outvars]
+
+
+def live_operations(jaxpr: Any, effects: bool = True) -> list[Any]:
+    """The operations of a program on which its results depend, and those with `effects`, in order.
 
     JAX traces what is computed and thrown away as well; only the compiler leaves it out.
     """
     wanted = {id(x) for x in jaxpr.outvars}
     found = []
     for eqn in reversed(jaxpr.eqns):
-        if eqn.effects or any(id(x) in wanted for x in eqn.outvars):
+        if (effects and eqn.effects) or any(id(x) in wanted for x in eqn.outvars):
             wanted |= {id(x) for x in eqn.invars}
             found.append(eqn)
     return found[::-1]

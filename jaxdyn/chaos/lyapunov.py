@@ -24,7 +24,7 @@ from jaxdyn.integrate.flow import Variational, flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
 from jaxdyn.integrate.trajectory import raise_unless_ok
-from jaxdyn.plan.plan import Branch
+from jaxdyn.plan.branch import Branch
 from jaxdyn.scales import sizes_at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers import Method, Solver
@@ -85,7 +85,7 @@ class TangentsAndDivergence(eqx.Module):
         return self.field
 
     def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
-        """The same columns of the field in a branch of its conditions; see `plan.plan`."""
+        """The same columns of the field in a branch of its conditions; see `plan.branch`."""
         return TangentsAndDivergence(self.variational.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:

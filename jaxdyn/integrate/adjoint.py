@@ -24,7 +24,7 @@ from jaxdyn import _checks
 from jaxdyn.integrate.flow import SolveResult, flow
 from jaxdyn.integrate.march import Limits
 from jaxdyn.plan import plan_of
-from jaxdyn.plan.plan import Branch, InBranch
+from jaxdyn.plan.branch import Branch, InBranch
 from jaxdyn.scales import Groups, groups_of_names
 from jaxdyn.solvers import Method
 

@@ -25,7 +25,8 @@ from jaxdyn.integrate.march import Limits, march
 from jaxdyn.integrate.march import SolveResult as SolveResult
 from jaxdyn.integrate.pieces import run_pieces
 from jaxdyn.plan import plan_of
-from jaxdyn.plan.plan import Branch, InBranch, in_branch, jump, without_wrappers
+from jaxdyn.plan.branch import Branch, InBranch, in_branch, jump
+from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.solvers import RADAU9, Method
 from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.stepper import state_of
@@ -55,7 +56,7 @@ class Variational(eqx.Module):
     directions: eqx.Module
 
     def around(self, change: Callable, branch: Any) -> "Variational":
-        """The same tangents of the field in a branch of its conditions; see `plan.plan`."""
+        """The same tangents of the field in a branch of its conditions; see `plan.branch`."""
         none = jax.tree.map(lambda _: None, branch)
         return Variational(change(self.field, branch), change(self.directions, none))
 

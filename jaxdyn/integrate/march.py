@@ -21,7 +21,8 @@ from jaxdyn import _text
 from jaxdyn._numerics import UNROLLED_ENTRIES, rough_power, square_norm
 from jaxdyn._records import Record
 from jaxdyn.plan import Plan, plan_of
-from jaxdyn.plan.plan import InBranch, Wrapper, without_wrappers
+from jaxdyn.plan.branch import InBranch
+from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.plan.times import furthest_seen, is_hidden, sizes
 from jaxdyn.solvers.formulas.formulas import simplify
 from jaxdyn.solvers.method import STEP_SAFETY, Method, operations
@@ -138,14 +139,12 @@ def lookahead(
       t1: () its end.
       largest: the `Lookahead.sizes`, where they are known.
     """
-    system = without_wrappers(field)
+    field = without_wrappers(field)
+    system = field.field if isinstance(field, InBranch) else field
     plan = plan_of(system, k)
     if not (plan.hides or plan.mixed):
         return None
-    while isinstance(field, Wrapper):
-        field = field.field
-    known = isinstance(field, InBranch)
-    outcomes = field.branch.outcomes if known else jnp.zeros(plan.size)
+    outcomes = field.branch.outcomes if isinstance(field, InBranch) else jnp.zeros(plan.size)
     if largest is None:
         largest = sizes(plan, system, t0, t1, outcomes)
     return Lookahead(plan, system, outcomes, largest)

@@ -18,7 +18,8 @@ from jaxtyping import Array
 from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
 from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
 from jaxdyn.plan import Plan, plan_of
-from jaxdyn.plan.plan import Branch, InBranch, in_branch, jump, without_wrappers
+from jaxdyn.plan.branch import Branch, InBranch, in_branch, jump
+from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.plan.times import next_change
 from jaxdyn.solvers import Method
 from jaxdyn.solvers.stepper import state_of

@@ -1,15 +1,15 @@
 """What is true of a kind of scene, read once from the program of its rate.
 
-`plan` says how the rate depends on time and which conditions it contains, and evaluates it with the
-outcomes of its conditions given; `InBranch` there is a field that is evaluated in this way, also
-where its motion slides. `bounds` encloses what depends on time alone, `times` uses these bounds to
-find what a step must not pass over, and `period` reads the period of a drive.
+`plan` says how the rate depends on time and which conditions it contains. `evaluation` runs its
+program with the outcomes of these conditions given; `branch` has a field that is evaluated in this
+way, also where its motion slides. `bounds` encloses what depends on time alone, `times` uses these
+bounds to find what a step must not pass over, and `period` reads the period of a drive.
 
 May import: `jaxdyn`, that is the files at the top level.
 
-To add an operation that may be a condition, write a rule in `plan`; to add one with bounds, a rule
-in `bounds`, with its arithmetic in `jaxdyn.intervals`. An operation without a rule counts as none
-that may be a condition, and as one whose result has no bounds.
+To add an operation that may be a condition, write a rule in `evaluation`; to add one with bounds, a
+rule in `bounds`, with its arithmetic in `jaxdyn.intervals`. An operation without a rule counts as
+none that may be a condition, and as one whose result has no bounds.
 """
 
 from jaxdyn.plan.plan import Plan, plan_of

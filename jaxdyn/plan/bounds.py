@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 from jax import lax
 
-from jaxdyn._programs import CALLS, bind, inner_program
+from jaxdyn._programs import CALLS, bind, inner_program, interpret
 from jaxdyn.intervals import COMPILED, Interval, negative, point
 
 _Value = Interval | Any
@@ -30,27 +29,7 @@ def enclose_program(
       args: its arguments, known numbers or intervals.
       unknown: receives the names of operations without a rule, whose bounds are the whole line.
     """
-    jaxpr = program.jaxpr
-    values = dict(zip(jaxpr.constvars, program.consts, strict=True))
-    values |= dict(zip(jaxpr.invars, args, strict=True))
-
-    def read(atom) -> _Value:
-        return atom.val if isinstance(atom, jax.extend.core.Literal) else values[atom]
-
-    for eqn in _operations_needed(jaxpr):
-        found = _apply(eqn, [read(a) for a in eqn.invars], unknown)
-        values |= dict(zip(eqn.outvars, found, strict=True))
-    return [read(a) for a in jaxpr.outvars]
-
-
-def _operations_needed(jaxpr) -> list:
-    """The operations that the results depend on; the others may have no bounds."""
-    wanted, found = {id(v) for v in jaxpr.outvars}, []
-    for eqn in reversed(jaxpr.eqns):
-        if any(id(v) in wanted for v in eqn.outvars):
-            found.append(eqn)
-            wanted |= {id(v) for v in eqn.invars}
-    return found[::-1]
+    return interpret(program, args, lambda eqn, args: _apply(eqn, args, unknown), effects=False)
 
 
 def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value]:

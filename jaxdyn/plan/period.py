@@ -10,12 +10,11 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxdyn._programs import CALLS, Loop, bind, inner_program, loop
+from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, loop
 
 #: Largest multiple of one period in the common one, and the accuracy to which ratios must agree.
 _MOST_PERIODS, _RATIO_ROUNDING = 1000, 1e-12
@@ -44,28 +43,14 @@ def period_of(program: Any, system: PyTree) -> float | None:
     """
     time = _InTime(np.array([1.0, 0.0]), affine=True, period=math.inf)
     known = [_InTime(np.asarray(x)) for x in jax.tree.leaves(system)]
-    (rate,) = _walk(program, [*known, time, _InTime(None)])
+    (rate,) = interpret(program, [*known, time, _InTime(None)], _apply, _InTime)
     return rate.period if 0 < rate.period < math.inf else None
-
-
-def _walk(closed, args: list[_InTime]) -> list[_InTime]:
-    jaxpr = closed.jaxpr
-    values = dict(zip(jaxpr.constvars, map(_InTime, closed.consts), strict=True))
-    values |= dict(zip(jaxpr.invars, args, strict=True))
-
-    def read(atom) -> _InTime:
-        return _InTime(atom.val) if isinstance(atom, jax.extend.core.Literal) else values[atom]
-
-    for eqn in jaxpr.eqns:
-        found = _apply(eqn, [read(a) for a in eqn.invars])
-        values |= dict(zip(eqn.outvars, found, strict=True))
-    return [read(a) for a in jaxpr.outvars]
 
 
 def _apply(eqn, args: list[_InTime]) -> list[_InTime]:
     name = eqn.primitive.name
     if name in CALLS:
-        return _walk(inner_program(eqn), args)
+        return interpret(inner_program(eqn), args, _apply, _InTime)
     if any(x.affine for x in args):
         rule = _OF_AFFINE.get(name)
         found = None if rule is None else rule(eqn, *args)
@@ -86,7 +71,7 @@ def _loop(known: Loop, args: list[_InTime]) -> list[_InTime]:
     n, m = known.consts, known.carry
     args = [_InTime(None, period=x.period) for x in args]
     for _ in range(m + 2):  # until each carried value depends on all that it may depend on
-        found = _walk(known.body, args)
+        found = interpret(known.body, args, _apply, _InTime)
         merged = [
             _InTime(None, period=common_period([a.period, b.period]))
             for a, b in zip(args[n : n + m], found[:m], strict=True)

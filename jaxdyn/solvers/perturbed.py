@@ -54,7 +54,7 @@ class RoundedField(eqx.Module):
         return self.field.system
 
     def around(self, change: Callable, branch: Any) -> "RoundedField":
-        """The same noise of the field in a branch of its conditions; see `plan.plan`."""
+        """The same noise of the field in a branch of its conditions; see `plan.branch`."""
         return RoundedField(change(self.field, branch), self.noise)
 
     def rate(self, t: Array, y: Array) -> Array:

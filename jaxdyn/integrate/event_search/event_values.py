@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.plan.plan import Plan, plan_of
+from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.times import hides_in_time
 from jaxdyn.scene import Field, System
 from jaxdyn.solvers import Method

@@ -1,0 +1,267 @@
+"""A field in one branch of its conditions, or sliding along the surfaces between some of them.
+
+A motion that is pushed back to a surface from both sides slides along it (Filippov, 1988,
+Differential Equations with Discontinuous Righthand Sides): its rate is the weighted mean of the
+rates on both sides that is tangent to the surface. On several surfaces at once each has a weight of
+its own, and the rate is f + sum of w_j (f_j - f), with f behind all of them and f_j before surface
+j alone. This is exact where the jumps at the surfaces add up, as those of dry friction in several
+places do; where they do not, Filippov's rate is not unique, and the motion ends.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from jaxdyn._numerics import solve_spd
+from jaxdyn.plan.evaluation import Conditions
+from jaxdyn.plan.plan import Wrapper, plan_of
+from jaxdyn.scales import Groups
+
+
+class Branch(NamedTuple):
+    """The outcomes of the conditions of a rate along a piece of a motion.
+
+    Attributes:
+      outcomes: (e,) outcomes of all conditions; for those of a surface of sliding, on the side
+        behind it, to which the motion was going.
+      before: (e,) likewise on the side from which it came.
+      surfaces: (w, e) whether each condition changes on the surface of sliding of each condition
+        in `Plan.jumping`; of those on one surface only the first has a row.
+    """
+
+    outcomes: Array
+    before: Array
+    surfaces: Array
+
+    @classmethod
+    def of(cls, outcomes: Array, rows: int) -> "Branch":
+        """Outcomes of a motion that does not slide; `rows` is the plan's `Plan.most_surfaces`."""
+        return cls(outcomes, outcomes, jnp.zeros((rows, len(outcomes)), bool))
+
+    @property
+    def slides(self) -> Array:
+        """Whether () the motion slides."""
+        return self.surfaces.any()
+
+    @property
+    def surface(self) -> Array:
+        """(e,) whether each condition changes on any surface of sliding."""
+        return self.surfaces.any(0)
+
+
+class Balance(NamedTuple):
+    """The rates on all sides of some surfaces that a state lies on, and how fast they lead away.
+
+    Attributes:
+      rates: (w + 1, k) the rate behind all surfaces, then that before each surface alone.
+      slopes: (w,) of the margin of each surface behind it, along the first rate.
+      gains: (w, w) by how much each slope is larger along the rate before each surface.
+    """
+
+    rates: Array
+    slopes: Array
+    gains: Array
+
+    @property
+    def weights(self) -> Array:
+        """(w,) of the rates before the surfaces, such that the mean is tangent to all of them."""
+        if len(self.slopes) == 1:
+            return -self.slopes / self.gains[0]
+        return solve_spd(self.gains, -self.slopes)
+
+    def mean(self, weights: Array) -> Array:
+        """(k,) the rate for given weights (w,)."""
+        jumps = self.rates[1:] - self.rates[:1]
+        return self.rates[0] + jnp.sum(weights[:, None] * jumps, 0)
+
+    def slopes_for(self, weights: Array) -> Array:
+        """(w,) the slopes for given weights (w,), each surface's own weight being 0."""
+        own = jnp.diag(self.gains)
+        return self.slopes + jnp.sum(self.gains * weights[None], 1) - own * weights
+
+    def settle(self, way: Array) -> Array:
+        """(w,) the weights between 0 and 1 with which the motion goes on in the direction `way`.
+
+        On each surface, with those of the others, it stays behind if it is led away from there;
+        else it returns if it is led away on the side before; else it slides. Projected relaxation
+        finds weights that agree (Cottle, Pang, Stone, 1992, The Linear Complementarity Problem).
+        """
+        slopes, gains, w = way * self.slopes, way * self.gains, len(self.slopes)
+
+        def relax(i, weights):
+            this, own = jnp.arange(w) == i % w, gains[i % w, i % w]
+            behind = slopes[i % w] + jnp.sum(jnp.where(this, 0.0, gains[i % w] * weights))
+            share = jnp.where(behind + own <= 0, 1.0, -behind / own)
+            return jnp.where(this, jnp.where(behind >= 0, 0.0, share), weights)
+
+        return jax.lax.fori_loop(0, 1 if w == 1 else _RELAXATIONS * w, relax, jnp.zeros(w))
+
+
+#: Number of rounds of relaxation: enough for surfaces coupled by 0.9, the error of which is 1e-5.
+_RELAXATIONS = 100
+#: Roundings of the rates on both sides up to which their mean is zero.
+_ROUNDINGS = 8
+
+
+def in_branch(field: Any, branch: Any) -> Any:
+    """A field in a branch of its conditions, inside the same wrappers."""
+    if isinstance(field, Wrapper):
+        return field.around(in_branch, branch)
+    return InBranch(field, branch)
+
+
+def jump(field: Any, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
+    """A state with tangents after a switch, as the outermost wrapper of a field changes it.
+
+    Args:
+      field: see `flow`.
+      t: () time of the switch.
+      y: (k, ...) state before.
+      old: branch before.
+      new: branch after.
+      which: () number of the condition that changes.
+    """
+    change = getattr(field, "jump", None)
+    return y if change is None else change(t, y, old, new, which)
+
+
+class InBranch(NamedTuple):
+    """A field whose conditions have given outcomes.
+
+    Attributes:
+      field: has ``rate``, ``project``, ``undetermined`` and ``loses``; a pytree of its numbers.
+      branch: see `Branch`.
+    """
+
+    field: Any
+    branch: Branch
+
+    @property
+    def system(self) -> Any:
+        """The system of the field."""
+        return self.field.system
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return self.field.groups
+
+    def rate(self, t: Array, y: Array) -> Array:
+        """The rate (k,) in the branch."""
+        plan = plan_of(self.field, len(y))
+        if not plan.on_state:
+            return self._plain(t, y)
+        # Also where it cannot slide: a choice is not rewritten by `simplify`, which would expand
+        # k (d - clip(d)) and leave its rounding as a force within the play of two gears.
+        slide = self._sliding if plan.most_surfaces else self._plain
+        return jax.lax.cond(self.branch.slides, slide, self._plain, t, y)
+
+    def _plain(self, t: Array, y: Array) -> Array:
+        return self.side(t, y, self.branch.outcomes)[0]
+
+    def _sliding(self, t: Array, y: Array) -> Array:
+        balance = self.balance(t, y)
+        mean = balance.mean(balance.weights)
+        # What rounding leaves of forces in balance would be the size of a motion from rest.
+        rounding = _ROUNDINGS * jnp.finfo(y.dtype).eps * jnp.max(jnp.abs(balance.rates), 0)
+        return mean - jax.lax.stop_gradient(jnp.where(jnp.abs(mean) <= rounding, mean, 0.0))
+
+    def balance(self, t: Array, y: Array) -> Balance:
+        """The rates on all sides of the surfaces of the branch, and how fast they lead away.
+
+        Rows without a surface have a weight of 0: each is balanced by itself.
+        """
+        outcomes, before, surfaces = self.branch
+        held, first = surfaces.any(1), jnp.argmax(surfaces, 1)
+
+        def margins(t, y):
+            return self.side(t, y, outcomes)[1].margins
+
+        def look(side):
+            rate = self.side(t, y, side)[0]
+            return rate, jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
+
+        sides = jnp.where(surfaces, before[None], outcomes[None])
+        sides = jnp.concatenate([outcomes[None], sides])
+        # For two rates a loop takes longer to compile than a copy of the program.
+        each = _in_turn if len(sides) == 2 else jax.vmap
+        rates, slopes = each(look)(sides)
+        gains = jnp.where(
+            held[:, None] & held[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(held))
+        )
+        return Balance(rates, jnp.where(held, slopes[0], 0.0), gains)
+
+    def side(self, t: Array, y: Array, outcomes: Array) -> tuple[Array, Conditions]:
+        """The rate, and the conditions, for other outcomes.
+
+        Beyond a surface where a branch is not defined, as max(0, -x)^1.5 for x > 0, the rate is the
+        one that the program gives there: a trial step may pass a little beyond the surface.
+        """
+        plan = plan_of(self.field, len(y))
+        rate, conditions = plan.evaluate(self.field, t, y, outcomes)
+        if plan.partial:
+            # A choice between two rates would have a NaN derivative if either one's is NaN.
+            here = plan.evaluate(self.field, t, y)[1].outcomes
+            outcomes = jnp.where(jnp.isnan(rate).any(), here, outcomes)
+            rate = plan.evaluate(self.field, t, y, outcomes)[0]
+        return rate, conditions
+
+    def margins(self, t: Array, y: Array) -> Array:
+        """(e + 2 w,) numbers: the branch ends where one of them falls through 0.
+
+        They are the margins of the conditions on the state and, for a sliding motion, the weights
+        of the rates behind each surface, then of those before, each times the push of both.
+        """
+        plan, branch = plan_of(self.field, len(y)), self.branch
+        margins = self.side(t, y, branch.outcomes)[1].margins
+        margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
+        return jnp.concatenate([margins, self._weights(t, y)]) if plan.most_surfaces else margins
+
+    def _weights(self, t: Array, y: Array) -> Array:
+        rows = len(self.branch.surfaces)
+        none = lambda t, y: jnp.ones(2 * rows)  # noqa: E731
+        return jax.lax.cond(self.branch.slides, self._pushes, none, t, y)
+
+    def _pushes(self, t: Array, y: Array) -> Array:
+        # Weights would be 0/0 where a surface does not push at all. Of one surface no weight is
+        # needed, so that its sides are compared as they are.
+        balance = self.balance(t, y)
+        own, weights = jnp.diag(balance.gains), balance.weights
+        weights = jnp.zeros(1) if len(own) == 1 else weights
+        before = -balance.slopes_for(weights)
+        pushes = jnp.concatenate([own - before, before]) * jnp.tile(jnp.sign(own), 2)
+        return jnp.where(jnp.tile(self.branch.surfaces.any(1), 2), pushes, 1.0)
+
+    def change(self, t: Array, y: Array, which: Array, slid: bool) -> Array:
+        """() the function whose zero ended the branch, smooth on both sides.
+
+        Args:
+          t: () time.
+          y: (k,) state.
+          which: () its number, as in `margins`.
+          slid: whether it may be an end of sliding.
+        """
+        margins = self.side(t, y, self.branch.outcomes)[1].margins
+        if slid and len(self.branch.surfaces):
+            margins = jnp.concatenate([margins, self._weights(t, y)])
+        return margins[which]
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The nearest state that satisfies the system's constraints."""
+        return self.field.project(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
+        return self.field.undetermined(t, y)
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.field.loses(t0, y0, t1, y1)
+
+
+def _in_turn(function: Callable) -> Callable:
+    """As `jax.vmap`, with a copy of the program for each row."""
+    return lambda rows: jax.tree.map(lambda *found: jnp.stack(found), *map(function, rows))
