@@ -184,6 +184,11 @@ def words(x: Any) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__.strip("_")).lower()
 
 
+def with_unit(name: str, unit: str) -> str:
+    """A name with its unit in brackets, as axes and columns have it; "1" and "" are no unit."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
 def second(labels: Sequence[tuple[str, str]]) -> str:
     """The unit of time for a state with these labels; "" where there are no units.
 

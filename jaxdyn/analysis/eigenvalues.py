@@ -273,3 +273,23 @@ def _certain(x: Any, bar: float) -> str:
     # One digit more than is certain, to hide the rounding of the output.
     places = math.log10(size / bar) + 1 if bar and size else 12
     return f"{x:.{min(12, max(1, math.ceil(places)))}g}"
+
+
+def signed_least(values: np.ndarray, bars: np.ndarray) -> float:
+    """The least absolute value of complex pairs and real numbers, as a function that changes sign.
+
+    Its sign is that of the product of all; it is 0 within the bar, and 1 for no values.
+    """
+    if not len(values):
+        return 1.0
+    least = int(np.argmin(np.abs(values)))
+    if abs(values[least]) <= bars[least]:
+        return 0.0
+    real = values[np.abs(values.imag) <= bars].real
+    return float(np.prod(np.sign(real)) * abs(values[least]))
+
+
+def signed_least_sum(values: np.ndarray, bars: np.ndarray) -> float:
+    """`signed_least` of the sums of two of the values."""
+    i, j = np.triu_indices(len(values), 1)
+    return signed_least(values[i] + values[j], bars[i] + bars[j])

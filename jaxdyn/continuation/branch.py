@@ -22,6 +22,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from jaxdyn._checks import fail
 from jaxdyn.continuation.checkpoint import (
     Advance,
     Begin,
@@ -32,6 +33,8 @@ from jaxdyn.continuation.checkpoint import (
     resume,
 )
 
+#: The default bounds on a parameter: none.
+ANYWHERE = (-math.inf, math.inf)
 _INTERRUPTED = "an interruption"
 #: The end of a branch that closes upon itself.
 CLOSED = "the first one again: it is closed"
@@ -373,6 +376,12 @@ def changes_sign(left: float, right: float, first: bool = False) -> bool:
     A zero at a member counts for the step that leads there, and with `first` also one at the first.
     """
     return left * right < 0 or right == 0 != left or (first and left == 0 != right)
+
+
+def check_bounds(name: str, bounds: Sequence) -> None:
+    """Raise ValueError unless these are two bounds, the lower one first."""
+    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
+        raise fail(name, "two bounds, the lower one first", bounds)
 
 
 def outside(values, within: Sequence[tuple[float, float]]) -> str:

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from jaxdyn.analysis.eigenvalues import rate_eigenvalues
+from jaxdyn.analysis.eigenvalues import rate_eigenvalues, signed_least, signed_least_sum
 from jaxdyn.continuation import augmented, normal_forms
 from jaxdyn.continuation.branch import Correction, Place
 from jaxdyn.continuation.curve import CurvePoint, MakeOfTwo, WithSecond
@@ -92,7 +92,7 @@ def _of_fold(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, 
     tests = {
         CodimensionTwo.CUSP: turning,
         CodimensionTwo.BOGDANOV_TAKENS: double,
-        CodimensionTwo.ZERO_HOPF: _least_sum(rest),
+        CodimensionTwo.ZERO_HOPF: signed_least_sum(rest, np.zeros(len(rest))),
     }
     return tests, turning / (2 * double) if abs(double) > GOAL else math.nan
 
@@ -110,23 +110,10 @@ def _of_hopf(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, 
     tests = {
         CodimensionTwo.BOGDANOV_TAKENS: square,
         CodimensionTwo.BAUTIN: first,
-        CodimensionTwo.ZERO_HOPF: _least(rest),
-        CodimensionTwo.DOUBLE_HOPF: _least_sum(rest),
+        CodimensionTwo.ZERO_HOPF: signed_least(rest, np.zeros(len(rest))),
+        CodimensionTwo.DOUBLE_HOPF: signed_least_sum(rest, np.zeros(len(rest))),
     }
     return tests, first
-
-
-def _least(values: np.ndarray) -> float:
-    """The smallest absolute value, with the sign of the product; 1 for none."""
-    if not len(values):
-        return 1.0
-    real = values[values.imag == 0].real
-    return float(np.prod(np.sign(real)) * np.abs(values).min())
-
-
-def _least_sum(values: np.ndarray) -> float:
-    i, j = np.triu_indices(len(values), 1)
-    return _least(values[i] + values[j])
 
 
 class CurveChart(ChartInUnits[CurvePoint]):

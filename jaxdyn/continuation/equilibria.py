@@ -18,7 +18,7 @@ from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._records import with_captures
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.branch import BranchProblem, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
@@ -32,7 +32,6 @@ from jaxdyn.scales import Groups, at_rest, groups
 from jaxdyn.scene import Scene, check_scene
 
 _DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
-_ANYWHERE = (-np.inf, np.inf)
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
 _LATER = (0.0, 0.37, 1.3)  # times of neighbouring motions at which a forcing is searched for
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
@@ -46,7 +45,7 @@ def continue_equilibria(
     step: float = 0.05,
     members: int = 100,
     down: bool = False,
-    within: tuple[float, float] = _ANYWHERE,
+    within: tuple[float, float] = ANYWHERE,
     report: Callable[[Equilibrium], None] = lambda point: None,
     path: str | Path | Log | None = None,
 ) -> EquilibriumFamily:
@@ -99,15 +98,14 @@ def continue_equilibria(
         "step", step, "It is a length in state and parameter, in units of their sizes."
     )
     members = _checks.whole("members", members)
-    if not (len(within) == 2 and within[0] < within[1]):
-        raise _checks.fail("within", "two bounds, the lower one first", within)
+    check_bounds("within", within)
     parameter = float(_checks.array("parameter", parameter, ()))
     if not within[0] <= parameter <= within[1]:
         wanted = f"one within the bounds {within[0]:g} and {within[1]:g}"
         raise _checks.fail("parameter", wanted, f"{parameter:g}", "Widen within=.")
     make = with_captures("make", make, "parameter")
     first = _first(make, parameter, start, down)
-    return _follow(make, first, (step, members, within), report, path)
+    return _follow(make, first, step, members, within, path, report)
 
 
 @check_first
@@ -118,7 +116,7 @@ def switch_branch(
     step: float = 0.05,
     members: int = 100,
     down: bool = False,
-    within: tuple[float, float] = _ANYWHERE,
+    within: tuple[float, float] = ANYWHERE,
     path: str | Path | Log | None = None,
 ) -> EquilibriumFamily:
     """The other family of equilibria through a branch point, in one of its two directions.
@@ -156,7 +154,7 @@ def switch_branch(
     if solution is None:
         raise _checks.fail("step", "an equilibrium at this distance", "none", "Try a smaller one.")
     first = units.outward(equilibrium_at(make, solution.x, tangent, solution.residual))
-    return _follow(family.make, first, (step, members, within), lambda point: None, path)
+    return _follow(family.make, first, step, members, within, path)
 
 
 def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
@@ -227,10 +225,11 @@ class _Problem(BranchProblem[Equilibrium]):
         return _LOST
 
 
-def _follow(make: Make, first: Equilibrium, limits, report, path) -> EquilibriumFamily:
-    step, most, within = limits
+def _follow(
+    make: Make, first: Equilibrium, step, members, within, path, report=lambda point: None
+) -> EquilibriumFamily:
     problem = _Problem(make, within, groups(make(first.parameter).system))
-    found = follow(problem, first, step, most, report, path)
+    found = follow(problem, first, step, members, report, path)
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 

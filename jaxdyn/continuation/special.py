@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxdyn.analysis.eigenvalues import signed_least_sum
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import Correction, Place, changes_sign
 from jaxdyn.continuation.family import Equilibrium, equilibrium_at
@@ -99,7 +100,9 @@ def pose(kind: Kind, start: Equilibrium) -> Posed | None:
     if kind == Kind.BRANCH:
         return Posed(defining.branch, np.concatenate([x, u[:, -1], [0.0]]), u[:, -1])
     values, vectors = np.linalg.eig(a)
-    i, j = _nearest_pair(values)
+    i, j = np.triu_indices(len(values), 1)
+    least = int(np.argmin(np.abs(values[i] + values[j])))
+    i, j = int(i[least]), int(j[least])
     if values[i].imag == 0 or values[i] != np.conj(values[j]):
         return None
     q = vectors[:, i if values[i].imag > 0 else j]
@@ -162,24 +165,7 @@ def _branch(point: Equilibrium) -> float:
 
 
 def _hopf(point: Equilibrium) -> float:
-    """The smallest sum of two eigenvalues, with the sign of the product; 0 within its bar."""
-    values, bars = point.eigenvalues
-    i, j = np.triu_indices(len(values), 1)
-    if not len(i):
-        return 0.0
-    sums = values[i] + values[j]
-    least = int(np.argmin(np.abs(sums)))
-    if abs(sums[least]) <= bars[i[least]] + bars[j[least]]:
-        return 0.0
-    # Sums come in conjugate pairs, besides real ones.
-    real = sums[np.abs(sums.imag) <= (bars[i] + bars[j])].real
-    return float(np.prod(np.sign(real)) * abs(sums[least]))
-
-
-def _nearest_pair(values: np.ndarray) -> tuple[int, int]:
-    i, j = np.triu_indices(len(values), 1)
-    least = int(np.argmin(np.abs(values[i] + values[j])))
-    return int(i[least]), int(j[least])
+    return signed_least_sum(*point.eigenvalues)
 
 
 #: Functions of an equilibrium that change sign at special points.

@@ -14,7 +14,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._records import with_captures
 from jaxdyn.continuation import augmented
-from jaxdyn.continuation.branch import BranchProblem, follow, outside
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
 from jaxdyn.continuation.checkpoint import CURVE, Codec, Log, of_fields
 from jaxdyn.continuation.codimension_two import CurveChart, point_at, special_points
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
@@ -27,7 +27,6 @@ from jaxdyn.scene import check_scene
 _AT_END = 1e-8  # frequency squared of a Hopf point that is a Bogdanov-Takens point
 _BEYOND = "a Bogdanov-Takens point, beyond which the eigenvalues are real"
 _SAME_PLACE = 1e-6  # relative distance below which two points are the same
-_ANYWHERE = (-np.inf, np.inf)
 
 
 def continue_curve(
@@ -39,7 +38,7 @@ def continue_curve(
     step: float = 0.05,
     members: int = 100,
     down: bool = False,
-    within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
+    within: tuple[tuple[float, float], tuple[float, float]] = (ANYWHERE, ANYWHERE),
     report: Callable[[CurvePoint], None] = lambda point: None,
     path: str | Path | Log | None = None,
 ) -> Curve:
@@ -101,15 +100,15 @@ def continue_curve(
     )
     members = _checks.whole("members", members)
     for bounds in within:
-        if not (len(bounds) == 2 and bounds[0] < bounds[1]):
-            raise _checks.fail("within", "two bounds of each parameter", within)
+        check_bounds("within", bounds)
     curve, x = _start(point, parameters, kind)
     make = with_captures("make", make, "first", "second")
     check_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     units = _units(make, point, x)
-    first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)
+    first = units.outward(_first(units, make, point, curve, x, step, -1.0 if down else 1.0))
     known = point if isinstance(point, CurvePoint) else None
-    return _follow(make, units.outward(first), known, (step, members, within), report, path)
+    found = follow(_Problem(make, known, within, first), first, step, members, report, path)
+    return Curve(kind=first.curve, make=make, **found._asdict())
 
 
 def _units(make: MakeOfTwo, point: Equilibrium | CurvePoint, x: np.ndarray) -> Units:
@@ -193,9 +192,13 @@ class _Problem(BranchProblem[CurvePoint]):
         return {"kind": str(self.kind)}
 
     def special(self, chart: CurveChart, a, b, first: bool) -> list[CurvePoint]:
-        start = self.start
-        begun = None if start is None or start.kind is None else chart.inward(start)
-        return _not_at(begun, special_points(chart, a, b, first))
+        found = special_points(chart, a, b, first)
+        if self.start is None or self.start.kind is None:
+            return found
+        # Without the special point at which the curve starts.
+        start = chart.inward(self.start).x
+        reach = _SAME_PLACE * (1.0 + np.linalg.norm(start))
+        return [point for point in found if np.linalg.norm(point.x - start) > reach]
 
     def end_before(self, new: CurvePoint, special: list[CurvePoint]) -> str:
         real = new.curve == Kind.HOPF and new.unknowns[-1] <= 0
@@ -206,17 +209,3 @@ class _Problem(BranchProblem[CurvePoint]):
 
     def lost(self, reason: str) -> str:
         return "no point of the curve was found beyond"
-
-
-def _follow(make, first: CurvePoint, start: CurvePoint | None, limits, report, path) -> Curve:
-    step, most, within = limits
-    found = follow(_Problem(make, start, within, first), first, step, most, report, path)
-    return Curve(kind=first.curve, make=make, **found._asdict())
-
-
-def _not_at(start: CurvePoint | None, found: list[CurvePoint]) -> list[CurvePoint]:
-    """The points other than the special one where the curve starts."""
-    if start is None:
-        return found
-    reach = _SAME_PLACE * (1.0 + np.linalg.norm(start.x))
-    return [x for x in found if np.linalg.norm(x.x - start.x) > reach]

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
-from jaxdyn._text import second
+from jaxdyn._text import second, with_unit
 from jaxdyn.drawing.curves import Outline, Part, fine, samples_reached
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.trajectory import Trajectory
@@ -184,4 +184,4 @@ def _axis_labels(
     """(d,) labels of the axes, and the unit of time after a number."""
     plain = all(unit == "1" for _, unit in named)
     time = "" if plain else f" {second(piece.scene.labels()) or 's'}"
-    return tuple(x if unit == "1" else f"{x} [{unit}]" for x, unit in named), time
+    return tuple(with_unit(x, unit) for x, unit in named), time

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxdyn._checks import check_first
 from jaxdyn._labelled import Labelled
-from jaxdyn._text import fail, second
+from jaxdyn._text import fail, second, with_unit
 from jaxdyn._units import measure
 from jaxdyn.accuracy.end_error import EndError
 from jaxdyn.analysis.energy_change import energy_change
@@ -38,7 +38,7 @@ def samples(motion: Trajectory | HybridTrajectory) -> tuple[np.ndarray, np.ndarr
 def columns(motion: Trajectory | HybridTrajectory) -> list[str]:
     """Name and unit of each entry of the state, e.g. "vx [m/s]"."""
     labels = pieces_of(motion)[0].scene.labels()
-    return [name if unit == "1" else f"{name} [{unit}]" for name, unit in labels]
+    return [with_unit(name, unit) for name, unit in labels]
 
 
 @check_first

@@ -10,8 +10,7 @@ from orbits.cli.figure_eight import figure_eight_command
 from orbits.cli.find import find_command
 from orbits.cli.loops import loops_command
 from orbits.cli.manifold import manifold_command
-from orbits.cli.prove import prove_command
-from orbits.cli.refine import refine_command
+from orbits.cli.prove import prove_command, refine_command
 from orbits.cli.responses import backbone_command, response_command
 from orbits.cli.search import search_command
 from orbits.cli.section import section_command

@@ -1,5 +1,6 @@
 """The command `orbits basins`: the attractor that each start of a grid approaches."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -59,16 +60,15 @@ def basins_command(
     """
     check_title(title, plot)
     axes = grid("--grid", starts)
-    count = 1
-    for axis in axes.values():
-        count *= len(axis)
-    whole("--grid", count, most=_MOST_STARTS)
+    whole("--grid", math.prod(map(len, axes.values())), most=_MOST_STARTS)
     chosen = scene_settings(name, settings)
     options = {"rounds": rounds, "refine": refine, "period": period}
     with screen(f"finding the basins of {name}", as_object) as out:
         if along is None:
             scene = jaxdyn.scenes.catalogue.build(name, chosen)
-            _check(scene, plot, axes)
+            if plot is not None and len(axes) != 2:
+                remedy = "The picture is over both."
+                raise fail("--plot", "--grid for two entries", len(axes), remedy)
             found = orbits.basins(scene, axes, t1, path=save, **options)
             record = _record(found)
         else:
@@ -84,11 +84,6 @@ def basins_command(
         if plot:
             with out.writing(plot, "drawn in"):
                 found.plot(plot, title=title)
-
-
-def _check(scene: "jaxdyn.Scene", plot: Path | None, axes: dict[str, list[float]]) -> None:
-    if plot is not None and len(axes) != 2:
-        raise fail("--plot", "--grid for two entries", len(axes), "The picture is over both.")
 
 
 def _along(

@@ -7,10 +7,10 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn import _arithmetic as arithmetic
-from jaxdyn._text import choice, fail, whole
-from jaxdyn.cli.screen import Screen, screen
+from jaxdyn._text import choice, whole
+from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, number, read
+from orbits.cli.shared import setting
 
 STOPPED = 1  # exit code: no strand reached its end
 _KINDS = {"stable": ("stable",), "unstable": ("unstable",), "both": ("unstable", "stable")}
@@ -46,7 +46,10 @@ def manifold_command(
             orbits.manifold(orbit, each, branch=branch, error=error, **options)
             for each in _KINDS[kind]
         ]
-        _report(found, as_object, out)
+        if as_object:
+            out.result({"manifolds": [_as_json(one) for one in found]})
+        for one in found:
+            out.print(str(one))
         if not any(one.ok.any() for one in found):
             raise typer.Exit(STOPPED)
         if plot:
@@ -59,23 +62,9 @@ def _section(scene: "jaxdyn.Scene", text: str | None):
     """The event that NAME=LEVEL describes."""
     if text is None:
         return None
-    name, equals, level = text.partition("=")
-    try:
-        if not equals:
-            raise ValueError
-        value = arithmetic.value(level)
-    except ValueError:
-        raise fail("--until", "NAME=LEVEL, such as x=0", repr(text)) from None
+    name, level = setting("--until", text, "x=0")
     names = [label for label, _ in scene.labels()]
-    return jaxdyn.integrate.events.Reaches(names.index(choice("--until", name, names)), value)
-
-
-def _report(found: list["orbits.manifolds.Manifold"], as_object: bool, out: Screen) -> None:
-    if as_object:
-        out.result({"manifolds": [_as_json(one) for one in found]})
-        return
-    for one in found:
-        out.print(str(one))
+    return jaxdyn.integrate.events.Reaches(names.index(choice("--until", name, names)), level)
 
 
 def _as_json(one: "orbits.manifolds.Manifold") -> dict:

@@ -48,10 +48,6 @@ _UNIT = sys.float_info.epsilon
 _DIGITS = 14  # digits of numbers whose error is the closing error
 
 
-def _choreography(claim: "orbits.analysis.Report") -> str:
-    return _NONE if claim.choreography is None else "yes" if claim.choreography else "NO"
-
-
 def _multipliers(claim: "orbits.analysis.Report") -> str:
     shown = claim.multipliers[: len(claim.multiplier_bars)]
     lines = [brief(complex(re, im) if im else re, digits=8) for re, im in shown]
@@ -77,7 +73,7 @@ def _body(claim: "orbits.analysis.Report") -> str:
 
 
 _ROWS = (
-    ("is a choreography", _choreography),
+    ("is a choreography", lambda c: {None: _NONE, True: "yes", False: "NO"}[c.choreography]),
     ("  misses one by", lambda c: _error(c.permutation_error)),
     ("word", lambda c: _NONE if c.word is None else c.word or "1"),
     ("linear stability", lambda c: c.verdict),

@@ -1,6 +1,7 @@
 """The command `orbits section`: where the motions of many starts cross a surface of section."""
 
 import itertools
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,6 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import choice, fail, number_of, whole
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
@@ -23,7 +23,7 @@ from jaxdyn.cli.shared import (
     output_option,
 )
 from jaxdyn.files.output_files import table_path
-from orbits.cli.shared import grid, numbers
+from orbits.cli.shared import grid, numbers, setting
 
 STOPPED = 1  # exit code: a start has fewer crossings than wanted
 _DIRECTIONS = {"up": 1, "down": -1, "both": 0}
@@ -68,7 +68,8 @@ def section_command(
     """Draw a surface of section from many starts, whose energy completes them."""
     check_title(title, plot)
     whole("--crossings", crossings, most=_MOST_CROSSINGS)
-    levels, place = _levels(energy, unknown, sign), _setting("--event", event)
+    levels = _levels(energy, unknown, sign)
+    place = setting("--event", event, "x=0 or every=2*pi")
     chosen, given = scene_settings(name, settings), grid("--starts", starts)
     options = {"t1": t1, "coordinates": coordinates and coordinates.split(","), "rtol": rtol}
     choice("--direction", direction, _DIRECTIONS)
@@ -77,8 +78,18 @@ def section_command(
         plane = _event(scene, place, direction)
         each = [_starts(scene, plane, given, level, unknown, sign) for level in levels]
         tables = [orbits.section(scene, plane, y, crossings=crossings, **options) for y in each]
-        _report(name, tables, as_object, out)
-        _write(tables, csv, plot, title, out)
+        if as_object:
+            record = [orbits.sections.records.as_json(table) for table in tables]
+            out.result({"scene": name, "sections": record})
+        else:
+            for table in tables:
+                _print(table, out)
+        if csv:
+            with out.writing(csv, "written to"):
+                orbits.sections.records.write_csv(csv, tables)
+        if plot:
+            with out.writing(plot, "drawn in"):
+                orbits.drawing.section(tables, plot, title=title)
         if not all(map(_done, tables)):
             raise typer.Exit(STOPPED)
 
@@ -91,42 +102,6 @@ def _levels(energy: str | None, unknown: str | None, sign: int | None) -> list:
         if given is not None:
             raise fail(option, "--energy with it", "none", "The energy determines that entry.")
     return [None]
-
-
-def _report(
-    name: str, tables: list["orbits.sections.SectionPoints"], as_object: bool, out: Screen
-) -> None:
-    if as_object:
-        record = [orbits.sections.records.as_json(table) for table in tables]
-        out.result({"scene": name, "sections": record})
-        return
-    for table in tables:
-        _print(table, out)
-
-
-def _write(
-    tables: list["orbits.sections.SectionPoints"],
-    csv: Path | None,
-    plot: Path | None,
-    title: str | None,
-    out: Screen,
-) -> None:
-    if csv:
-        with out.writing(csv, "written to"):
-            orbits.sections.records.write_csv(csv, tables)
-    if plot:
-        with out.writing(plot, "drawn in"):
-            orbits.drawing.section(tables, plot, title=title)
-
-
-def _setting(option: str, text: str) -> tuple[str, float]:
-    name, equals, value = text.partition("=")
-    try:
-        if not equals:
-            raise ValueError
-        return name.strip(), arithmetic.value(value)
-    except ValueError:
-        raise fail(option, "NAME=LEVEL, such as x=0 or every=2*pi", repr(text)) from None
 
 
 def _event(
@@ -142,10 +117,7 @@ def _event(
 
 def _starts(scene, plane, given: dict[str, list[float]], energy, unknown, sign):
     """The starts with all combinations of the given values; other entries are the scene's own."""
-    n = 1
-    for values in given.values():
-        n *= len(values)
-    whole("--starts", n, most=_MOST_STARTS)
+    whole("--starts", math.prod(map(len, given.values())), most=_MOST_STARTS)
     labels = [label for label, _ in scene.labels()]
     for label in given:
         choice("--starts", label, labels)

@@ -46,6 +46,17 @@ def numbers(option: str, text: str) -> list[float]:
         raise fail(option, "comma-separated numbers", repr(text), remedy) from None
 
 
+def setting(option: str, text: str, example: str) -> tuple[str, float]:
+    """The name and the value in NAME=LEVEL."""
+    name, equals, value = text.partition("=")
+    try:
+        if not equals:
+            raise ValueError
+        return name.strip(), arithmetic.value(value)
+    except ValueError:
+        raise fail(option, f"NAME=LEVEL, such as {example}", repr(text)) from None
+
+
 def bounds(option: str, text: str | None) -> tuple[float, float]:
     """The two bounds in A,B; -inf and inf without a text."""
     if text is None:
@@ -89,30 +100,11 @@ def not_found(
     """
     message = f"{orbit.cause} {remedy}"
     if as_object:
-        screen.result(_failure(orbit, message) | more)
+        best = {"period": orbit.period, "y0": orbit.y0, "largest_error": orbit.residual}
+        failure = {"outcome": orbit.outcome.name, "message": message, "best_iterate": best}
+        screen.result(failure | more)
     screen.print(f"[red]no orbit[/red]{stage and f' ({stage})'}: {message}")
     return typer.Exit(NOT_FOUND)
-
-
-def _failure(orbit: "orbits.Orbit", message: str) -> dict:
-    """Why there is no orbit, and the best iterate, as a JSON object."""
-    best = {"period": orbit.period, "y0": orbit.y0, "largest_error": orbit.residual}
-    return {"outcome": orbit.outcome.name, "message": message, "best_iterate": best}
-
-
-def print_and_save(
-    found: "orbits.proof.Refined | orbits.proof.Certificate",
-    save_to: Path | None,
-    as_object: bool,
-    screen: Screen,
-) -> None:
-    """Print a result of ball arithmetic, and save it if requested."""
-    if as_object:
-        screen.result(found.as_json())
-    screen.print(str(found))
-    if save_to:
-        with screen.writing(save_to, "saved to"):
-            orbits.save(save_to, found)
 
 
 def draw(

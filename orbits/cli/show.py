@@ -44,20 +44,14 @@ def show_command(
         if as_object:
             out.result(json.loads(file.read_text()))
         if isinstance(found, orbits.files.family_files.Listing):
+            runs = found
             _show_family(found, file, plot, quantity, title, out)
-            _write_page(found, live, out)
         else:
+            runs = found.orbit
             _show_orbit(found, file, plot, title, out)
-            _write_page(found.orbit, live, out)
-
-
-def _write_page(
-    found: "orbits.Orbit | orbits.files.family_files.Listing", live: Path | None, out: Screen
-) -> None:
-    """Write the page on which it runs, if requested."""
-    if live:
-        with out.writing(live, "runs in"):
-            found.live(live)
+        if live:
+            with out.writing(live, "runs in"):
+                runs.live(live)
 
 
 def _show_orbit(

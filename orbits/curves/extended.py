@@ -21,7 +21,6 @@ Dhooge (2005), SIAM J. Sci. Comput. 27, 231.
 
 import functools
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import equinox as eqx
@@ -34,7 +33,7 @@ from jaxdyn import Scene, System
 from jaxdyn.continuation.kinds import Kind
 from orbits.closing.closings import Return
 from orbits.closing.given import drive
-from orbits.shooting.segment import Piece, linearize_end
+from orbits.shooting.segment import Piece, linearize_end, map_segments
 
 MakeOfTwo = Callable[[Array, Array], Scene]
 
@@ -202,14 +201,8 @@ class Extended(eqx.Module):
         here = jax.tree.map(np.asarray, _pieces(self, x))
         extended = extended_make(self.make, self.vectors)
         base = extended(jnp.asarray(here.parameter[0]))
-        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(self.segments)]
-        run = functools.partial(linearize_end, base, rtol=self.rtol, make=extended)
-        if self.segments == 1:
-            found = [run(each[0])]
-        else:
-            with ThreadPoolExecutor(self.segments) as threads:
-                found = list(threads.map(run, each))
-        ends, _, slopes = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+        integrate = functools.partial(linearize_end, base, rtol=self.rtol, make=extended)
+        ends, _, slopes = map_segments(integrate, here)
         residual, jacobian = map(np.asarray, _linearize(self, x, here, ends, slopes, frame))
         k = self.k
         monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))

@@ -17,7 +17,7 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
-from jaxdyn.continuation.branch import BranchProblem, follow, outside
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
 from jaxdyn.continuation.units import Units
@@ -93,7 +93,6 @@ def _turning(chart: CurveChart, point: OrbitCurvePoint) -> np.ndarray:
 RTOL = 1e-13
 _GROWTH = 1e3  # largest growth of errors over a segment
 _MOST_SEGMENTS = 32
-_ANYWHERE = (-np.inf, np.inf)
 _LOST = "no orbit of the curve was found beyond: a collision, or an equilibrium"
 
 
@@ -106,7 +105,7 @@ def continue_curve(
     step: float = 0.05,
     members: int = 50,
     down: bool = False,
-    within: tuple[tuple[float, float], tuple[float, float]] = (_ANYWHERE, _ANYWHERE),
+    within: tuple[tuple[float, float], tuple[float, float]] = (ANYWHERE, ANYWHERE),
     segments: int | None = None,
     rtol: float = RTOL,
     report: Callable[[OrbitCurvePoint], None] = lambda point: None,
@@ -153,13 +152,13 @@ def continue_curve(
     members = whole("members", members)
     tolerances(rtol, None)
     for bounds in within:
-        if not (len(bounds) == 2 and bounds[0] < bounds[1]):
-            raise fail("within", "two bounds of each parameter", within)
+        check_bounds("within", bounds)
     orbit, kind, both = _start(point, parameters, kind)
     make = with_captures("make", make, "first", "second")
     extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, units, step, -1.0 if down else 1.0)
-    return _follow(extended, first, (step, members, within), report, path)
+    found = follow(_Problem(extended, within), first, step, members, report, path)
+    return OrbitCurve(kind=first.curve, equations=extended, **found._asdict())
 
 
 def _start(point, parameters, kind: Kind | None) -> tuple[Orbit, Kind, np.ndarray]:
@@ -335,9 +334,3 @@ class _Problem(BranchProblem[OrbitCurvePoint]):
 
     def lost(self, reason: str) -> str:
         return _LOST
-
-
-def _follow(extended: Extended, first: OrbitCurvePoint, limits, report, path) -> OrbitCurve:
-    step, most, within = limits
-    found = follow(_Problem(extended, within), first, step, most, report, path)
-    return OrbitCurve(kind=first.curve, equations=extended, **found._asdict())

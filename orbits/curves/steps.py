@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units
+from jaxdyn.analysis.eigenvalues import map_eigenvalues, map_in_units, signed_least
 from jaxdyn.continuation import newton
 from jaxdyn.continuation.branch import Chart, Correction, Place
 from jaxdyn.continuation.kinds import CodimensionTwo, Kind
@@ -158,7 +158,7 @@ def _tests(extended: Extended, found, cosine: float) -> dict[CodimensionTwo, flo
     noise = _NOISE * extended.rtol * np.prod(1 + np.abs(values))
     rest, rest_bars = _besides(kind, values, bars, cosine)
     i, j = np.triu_indices(len(rest), 1)
-    pair = _least(rest[i] * rest[j] - 1, rest_bars[i] + rest_bars[j])
+    pair = signed_least(rest[i] * rest[j] - 1, rest_bars[i] + rest_bars[j])
     if kind == Kind.FOLD:
         tests = {c.RESONANCE_1_1: _slope(values, 1), c.FOLD_FLIP: _value(values, -1)}
         tests |= {c.FOLD_TORUS: pair}
@@ -196,17 +196,6 @@ def _slope(values: np.ndarray, at: float) -> float:
     """
     others = [np.prod(at - np.delete(values, i)) for i in range(len(values))]
     return float(np.sum(others).real)
-
-
-def _least(values: np.ndarray, bars: np.ndarray) -> float:
-    """The least absolute value, with the sign of the product; 0 within its bar, 1 for no values."""
-    if not len(values):
-        return 1.0
-    least = int(np.argmin(np.abs(values)))
-    if abs(values[least]) <= bars[least]:
-        return 0.0
-    real = values[np.abs(values.imag) <= bars].real
-    return float(np.prod(np.sign(real)) * abs(values[least]))
 
 
 def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:

@@ -4,7 +4,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxdyn import _checks
+from jaxdyn import _checks, _text
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
@@ -61,8 +61,8 @@ def basins(found: Basins, path=None, *, title: str | None = None) -> Figure:
             mark = {"ls": "", "marker": "o", "ms": 6, "mec": "white", "mew": 0.5}
         ax.plot(points[:, i], points[:, j], color=INK, **mark)
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()))
-    said = [f" [{units[name]}]" if units[name] != "1" else "" for name in found.names]
-    ax.set(xlabel=f"{found.names[0]}{said[0]}", ylabel=f"{found.names[1]}{said[1]}")
+    across, up = (_text.with_unit(name, units[name]) for name in found.names)
+    ax.set(xlabel=across, ylabel=up)
     shares = zip(found.attractors, found.fractions, found.bars, strict=False)
     names = [f"{a.said}: {100 * p:.1f} +- {100 * bar:.1f} %" for a, p, bar in shares]
     handles = [Patch(color=c, label=n, alpha=0.75) for c, n in zip(colours, names, strict=True)]

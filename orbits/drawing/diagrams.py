@@ -11,12 +11,11 @@ from jaxdyn.drawing.bifurcations import (
     STRETCHES,
     entry_of,
     equilibrium_stretches,
-    stretches,
 )
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
-from orbits.drawing.families import MARKS
+from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.diagram import Diagram, extremes
 
 
@@ -54,12 +53,7 @@ def diagram(
             ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=equilibria)
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
-        for verdict, points, shown in stretches(
-            family.members,
-            family.special,
-            lambda x: x.stability.verdict,
-            lambda x: x.point.place,
-        ):
+        for verdict, points, shown in orbit_stretches(family.members, family.special):
             for side in (0, 1):
                 line = np.array([(x.parameter, rows[id(x)][side]) for x in points])
                 label_ = f"orbits, {verdict}" if shown else "_"

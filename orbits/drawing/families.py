@@ -2,24 +2,25 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, fail
-from jaxdyn._text import joule
+from jaxdyn._text import joule, with_unit
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.drawing.bifurcations import STRETCHES, stretches
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
 from orbits.analysis.quantities import Quantity, unit
 from orbits.analysis.quantities import quantity as named_quantity
-from orbits.families.family import Family, first_scene
-from orbits.files.family_files import Entry, Listing, listing
+from orbits.families.family import Family, Member, first_scene
+from orbits.files.family_files import Entry, Listing, listing, parameter_name
 
 _WIDTH = 6.8  # inches
-_STRETCHES = {"stable": "-", "unstable": (0, (4, 2)), "undecided": ":"}
 #: Marks of special orbits.
 MARKS = {
     Kind.FOLD: "s",
@@ -60,7 +61,7 @@ def family(
     """
     path, of_orbit = picture_path(path), named_quantity(quantity)
     if isinstance(listed, Family):
-        listed = listing(listed, parameter or _name(listed))
+        listed = listing(listed, parameter or parameter_name(listed))
     if listed.parameter is None and math.isnan(listed.members[0].energy):
         raise fail("listed", "a family with a parameter or an energy", "one without both")
     figure = blank(_WIDTH, 5.0)
@@ -71,7 +72,6 @@ def family(
         return across, float(of_orbit(entry.orbit))
 
     passed = [place(entry) for entry in listed.members]
-
     seen: set[str] = set()
     for (one, here), (two, there) in itertools.pairwise(zip(listed.members, passed, strict=True)):
         verdict = one.verdict if one.verdict == two.verdict else "undecided"
@@ -81,7 +81,7 @@ def family(
             *zip(here, there, strict=True),
             color=PALETTE[0],
             lw=1.8,
-            ls=_STRETCHES[verdict],
+            ls=STRETCHES[verdict],
             label=label,
         )
     ax.plot(*zip(*passed, strict=True), ".", color=PALETTE[0], ms=4, label="_")
@@ -90,8 +90,7 @@ def family(
         there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
-    of_energy = joule(first_scene(listed.members[0].orbit).labels())
-    energy = f"energy [{of_energy}]" if of_energy else "energy"
+    energy = with_unit("energy", joule(first_scene(listed.members[0].orbit).labels()))
     ax.set(xlabel=listed.parameter or energy, ylabel=_label(quantity, listed))
     shown = heading(title, [first_scene(entry.orbit) for entry in listed.members], _WIDTH)
     ax.set_title(shown, fontsize=10)
@@ -105,13 +104,14 @@ def overview(found: Family) -> Figure:
     return family(found, title="")
 
 
-def _name(found: Family) -> str | None:
-    """A name for the parameter of a family; None if it has no parameter."""
-    return None if np.isnan(found.parameters).any() else "parameter"
+def orbit_stretches(
+    members: Sequence[Member], special: Sequence[Member]
+) -> list[tuple[str, list[Member], bool]]:
+    """The stretches of a family of orbits; see `jaxdyn.drawing.bifurcations.stretches`."""
+    return stretches(members, special, lambda x: x.stability.verdict, lambda x: x.point.place)
 
 
 def _label(quantity: str | Quantity, listed: Listing) -> str:
     if not isinstance(quantity, str):
         return getattr(quantity, "__name__", "").strip("_<>").replace("_", " ")
-    one = unit(quantity, first_scene(listed.members[0].orbit))
-    return quantity if one == "1" else f"{quantity} [{one}]"
+    return with_unit(quantity, unit(quantity, first_scene(listed.members[0].orbit)))

@@ -7,11 +7,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxdyn._checks import check_first
-from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, STRETCHES, stretches
+from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, STRETCHES
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
-from orbits.drawing.families import MARKS
+from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.graph import Graph, Place
 
 _KINDS = {str(kind): marker for kind, marker in (*MARKS.items(), *EQUILIBRIUM_MARKERS.items())}
@@ -47,12 +47,7 @@ def graph(
     ax: Any = figure.add_subplot()
     colours = shades(len(found.families))
     for i, (family, colour) in enumerate(zip(found.families, colours, strict=True)):
-        for verdict, points, _ in stretches(
-            family.members,
-            family.special,
-            lambda x: x.stability.verdict,
-            lambda x: x.point.place,
-        ):
+        for verdict, points, _ in orbit_stretches(family.members, family.special):
             line = np.array([(across(x), x.orbit.period) for x in points])
             # Each line is thinner than the last, so that families of equal periods are all seen.
             width = _THIN + _WIDER * (1 - i / len(colours))

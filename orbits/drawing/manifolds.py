@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn import _checks, simulate
-from jaxdyn._checks import check_first
+from jaxdyn import _text, simulate
+from jaxdyn._checks import check_first, fail
+from jaxdyn.drawing.contents import indices_of
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
@@ -42,23 +43,17 @@ def manifold(
     several = [found] if isinstance(found, Manifold) else list(found)
     if not any(one.ok.any() for one in several):
         got = several[0].message if several else "none"
-        raise _checks.fail("found", "manifolds with strands that reached their end", got)
+        raise fail("found", "manifolds with strands that reached their end", got)
     scene = several[0].scene
-    names = [name for name, _ in scene.labels()]
-    entries = tuple(names[:2]) if entries is None else tuple(entries)
-    for name in entries:
-        _checks.choice("entries", name, names)
-    if len(entries) not in (2, 3):
-        raise _checks.fail("entries", "two or three names", len(entries))
-    which = [names.index(name) for name in entries]
+    which = indices_of(entries, scene) or [0, 1]
     figure = blank(_WIDTH, _HEIGHT)
     ax: Any = figure.add_subplot(projection="3d" if len(which) == 3 else None)
     for one in several:
         _draw(ax, one, which)
     for one in {id(one.orbit): one for one in several}.values():
         _draw_base(ax, one, which)
-    labels = [name if unit == "1" else f"{name} [{unit}]" for name, unit in scene.labels()]
-    ax.set(**{f"{axis}label": labels[i] for axis, i in zip("xyz", which, strict=False)})
+    labels = [_text.with_unit(*scene.labels()[i]) for i in which]
+    ax.set(**{f"{axis}label": label for axis, label in zip("xyz", labels, strict=False)})
     ax.set_title(heading(title, [scene], _WIDTH), fontsize=10)
     if len(which) == 2:
         style(ax)

@@ -3,7 +3,6 @@
 import collections
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from jaxdyn.player.choices import Choices, Curve
 from jaxdyn.player.live_pages import write_page
 from jaxdyn.scenes.corners import has_corners
 from orbits.families.family import Family
-from orbits.files.family_files import Entry, Listing, listing
+from orbits.files.family_files import Entry, Listing, listing, parameter_name
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
@@ -33,7 +32,7 @@ def orbit_page(orbit: Orbit | HybridOrbit, path=None) -> PlayerPage:
     Raises:
       ValueError: as `Orbit.live` and `HybridOrbit.live`.
     """
-    path = _page_path(path)
+    path = None if path is None else page_path(path)
     if not orbit.ok:
         raise fail("orbit", "one that was found", orbit.outcome.name, orbit.message)
     chain = isinstance(orbit, HybridOrbit)
@@ -77,11 +76,12 @@ def family_page(family: Family | Listing, path=None) -> PlayerPage:
       ValueError: its orbits are chains of legs, they cannot run on a page, or `path` cannot be
         written.
     """
-    path = _page_path(path)
+    path = None if path is None else page_path(path)
     if isinstance(family, Family):
-        named = None if np.isnan(family.parameters).any() else "parameter"
-        family = listing(family, named)
-    selected = _selection(family.members)
+        family = listing(family, parameter_name(family))
+    number = min(len(family.members), _MOST_MEMBERS)
+    places = np.linspace(0, len(family.members) - 1, number).round().astype(int)
+    selected = [family.members[i] for i in places]
     first = selected[0].orbit
     if isinstance(first, HybridOrbit):
         remedy = "It is drawn by orbits.drawing.family."
@@ -99,29 +99,20 @@ def family_page(family: Family | Listing, path=None) -> PlayerPage:
         f"period {_text.brief(period, time, digits=_DIGITS)}, {verdict}"
         for period, verdict in zip(periods, verdicts, strict=True)
     ]
+    axes = _text.with_unit(what, unit), _text.with_unit("period", time)
     colours = [kind or verdict for kind, verdict in zip(kinds, verdicts, strict=True)]
     choices = Choices(
         dict(zip(names, (entry.orbit.scene for entry in entries), strict=True)),
         choose="member",
         notes=notes,
         whole=True,
-        curve=Curve((_label(what, unit), _label("period", time)), across, periods, colours),
+        curve=Curve(axes, across, periods, colours),
         special={i: kind for i, kind in enumerate(kinds) if kind},
     )
     count = _text.number_of(len(family.members), "orbit")
     shown = f", {len(selected)} of them" if len(selected) < len(family.members) else ""
     name = _text.title_of(first.scene).replace("_", " ")
     return write_page(choices, path, title=f"Family of {count} of {name}{shown}", motions=2)
-
-
-def _page_path(path) -> Path | None:
-    return None if path is None else page_path(path)
-
-
-def _selection(members: Sequence[Entry]) -> list[Entry]:
-    """A selection of members, at most as many as a page takes."""
-    count = min(len(members), _MOST_MEMBERS)
-    return [members[i] for i in np.linspace(0, len(members) - 1, count).round().astype(int)]
 
 
 def _numbers(entries: Sequence[Entry]) -> list[str]:
@@ -166,7 +157,3 @@ def _across(family: Listing, entries: Sequence[Entry]) -> tuple[str, str, list[f
         unit = _text.joule(entries[0].orbit.scene.labels())
         return "energy", unit, [entry.energy for entry in entries]
     return "number", "", [float(i + 1) for i in range(len(entries))]
-
-
-def _label(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import check_first, choice, fail
-from jaxdyn.drawing.bifurcations import STRETCHES, stretches
+from jaxdyn.drawing.bifurcations import STRETCHES
 from jaxdyn.drawing.figures import (
     INK,
     PALETTE,
@@ -26,7 +26,7 @@ from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 from jaxdyn.vibration.inputs import Output
 from orbits.analysis.quantities import amplitude, phase
-from orbits.drawing.families import MARKS
+from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.family import Family, Member
 from orbits.responses.backbone import Backbone
 from orbits.responses.response import FrequencyResponse
@@ -143,8 +143,7 @@ def backbone(
             ratio = f"{resonance.ratio.numerator}:{resonance.ratio.denominator}"
             ax.annotate(ratio, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
     if against == "energy":
-        unit = _text.joule(scene.labels())
-        energy = f"energy [{unit}]" if unit else "energy"
+        energy = _text.with_unit("energy", _text.joule(scene.labels()))
         ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
     else:
         ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
@@ -176,14 +175,7 @@ def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
 def _curve(ax, curve: Family, places: dict, colour, name: str, kinds: dict) -> None:
     """Draw a curve with its stability, and its special points."""
     members = (*curve.members, curve.members[0]) if curve.closed else curve.members
-    for number, (verdict, points, _) in enumerate(
-        stretches(
-            members,
-            curve.special,
-            lambda m: m.stability.verdict,
-            lambda m: m.point.place,
-        )
-    ):
+    for number, (verdict, points, _) in enumerate(orbit_stretches(members, curve.special)):
         line = np.array([places[id(m)] for m in points])
         label = name if not number else "_"
         ax.plot(*line.T, color=colour, lw=1.6, ls=STRETCHES[verdict], label=label)
@@ -198,8 +190,7 @@ def _output(output: Output | None, scene: Scene) -> tuple[Output, str]:
     output = output or next(iter(labels))
     if callable(output):
         return output, getattr(output, "__name__", "").strip("_<>").replace("_", " ")
-    unit = labels[choice("output", output, list(labels))]
-    return output, output if unit == "1" else f"{output} [{unit}]"
+    return output, _text.with_unit(output, labels[choice("output", output, list(labels))])
 
 
 def _title(title: str | None, scene: Scene) -> str:

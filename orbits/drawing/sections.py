@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, fail
+from jaxdyn._text import with_unit
 from jaxdyn.analysis.energy import change
 from jaxdyn.drawing.figures import INK, blank, finish, shades, style
 from jaxdyn.drawing.titles import heading
@@ -59,8 +60,9 @@ def section(
     for i, table in enumerate(tables):
         ax: Any = figure.add_subplot(1, len(tables), i + 1)
         _panel(ax, table)
-        said = titles[i] if titles else _energy_title(table)
-        ax.set_title(said, fontsize=10)
+        energy = None if titles else _one_energy(table)
+        shown = "" if energy is None else f"E = {round(energy, _DECIMALS) + 0.0:.6g}"
+        ax.set_title(titles[i] if titles else shown, fontsize=10)
     about = heading(title, [table.scene for table in tables], width)
     if about:
         figure.suptitle(about, fontsize=10)
@@ -72,7 +74,7 @@ def _panel(ax, table: SectionPoints) -> None:
     for qp, colour in zip(table.qp, shades(len(table.qp)), strict=True):
         ax.plot(*qp.T, ".", color=colour, ms=size, mec="none")
     units = dict(table.scene.labels())
-    across, up = (name if units[name] == "1" else f"{name} [{units[name]}]" for name in table.names)
+    across, up = (with_unit(name, units[name]) for name in table.names)
     ax.set(xlabel=across, ylabel=up)
     if table.counts.any():
         _edge(ax, table)
@@ -107,11 +109,6 @@ def _one_energy(table: SectionPoints) -> float | None:
         return None
     levels = change(table.scene, table.ts[known, 0], table.ys[known, 0])
     return float(np.mean(table.energies[known])) if levels.relative <= _SAME_ENERGY else None
-
-
-def _energy_title(table: SectionPoints) -> str:
-    energy = _one_energy(table)
-    return "" if energy is None else f"E = {round(energy, _DECIMALS) + 0.0:.6g}"
 
 
 def _edge(ax, table: SectionPoints) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxdyn import _checks, simulate
+from jaxdyn import _text, simulate
 from jaxdyn._checks import check_first
+from jaxdyn.drawing.contents import indices_of
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries
 from jaxdyn.drawing.solid import fill
 from jaxdyn.drawing.titles import heading
@@ -35,15 +36,10 @@ def torus(
       ValueError: `entries` are not two or three names of entries, or `path` cannot be written.
     """
     path = picture_path(path)
-    names = [name for name, _ in found.scene.labels()]
-    entries = tuple(names[:3]) if entries is None else tuple(entries)
-    for name in entries:
-        _checks.choice("entries", name, names)
-    if len(entries) not in (2, 3):
-        raise _checks.fail("entries", "two or three names", len(entries))
-    which = [names.index(name) for name in entries]
+    known = found.scene.labels()
+    which = indices_of(entries, found.scene) or [*range(len(known))][:3]
     ts, states = _surface(found)
-    shown, labels = states[..., which], [_label(found, i) for i in which]
+    shown, labels = states[..., which], [_text.with_unit(*known[i]) for i in which]
     if len(which) == 2:
         over = np.broadcast_to(ts, shown.shape[:2])
         shown, labels = np.concatenate([over[..., None], shown], axis=-1), ["t", *labels]
@@ -80,8 +76,3 @@ def _turn_back(flowed: np.ndarray, back: np.ndarray) -> np.ndarray:
     turn = np.exp(-1j * np.arange(len(modes))[:, None] * back[None])
     turned = np.fft.irfft(modes * turn[..., None], n, axis=0)
     return np.concatenate([turned, turned[:1]])
-
-
-def _label(found: Torus, i: int) -> str:
-    name, unit = found.scene.labels()[i]
-    return name if unit == "1" else f"{name} [{unit}]"

@@ -22,7 +22,7 @@ import numpy as np
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import number_of
-from jaxdyn.continuation.branch import BranchProblem, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -88,7 +88,6 @@ _AMPLITUDES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 #: An orbit further from a special point than this multiple of the amplitude is on another branch.
 _BESIDE = 4.0
 _NUDGE = 1e-6  # length along a tangent, for a difference quotient
-_ANYWHERE = (-np.inf, np.inf)
 _ENDS = {
     Kind.REST: "an equilibrium, to which the orbits shrink",
     Kind.GRAZING: "a grazed event, beyond which the chains are not motions",
@@ -118,8 +117,8 @@ def continue_family(
     step: float = 0.05,
     members: int = 50,
     down: bool = False,
-    within: tuple[float, float] = _ANYWHERE,
-    energies: tuple[float, float] = _ANYWHERE,
+    within: tuple[float, float] = ANYWHERE,
+    energies: tuple[float, float] = ANYWHERE,
     hold: Hold = (),
     segments: int | None = None,
     goal: float = GOAL,
@@ -175,16 +174,16 @@ def continue_family(
     _check(orbit, make, parameter, step, members)
     if make is not None and not isinstance(make, OwnNumber):
         make = with_captures("make", make, "parameter")
-    _check_bounds("within", within)
-    _check_bounds("energies", energies)
+    check_bounds("within", within)
+    check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)
     if isinstance(orbit, HybridOrbit):
-        _check_chain(make, energies=energies != _ANYWHERE, hold=hold, segments=segments)
+        _check_chain(make, energies=energies != ANYWHERE, hold=hold, segments=segments)
         chain = ChainEquations.of(orbit, make)
         x = chain.pack(np.asarray(orbit.y0), orbit.spans, value)
         surface = ChainSurface(chain, orbit.rtol, goal)
     else:
-        if energies != _ANYWHERE and not orbit.scene.has_energy:
+        if energies != ANYWHERE and not orbit.scene.has_energy:
             raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
         guess = np.append(np.asarray(orbit.y0), orbit.period)
         start = Equations.of(orbit, conditions(orbit.scene, hold), make)
@@ -286,11 +285,6 @@ def _check_chain(make, **more) -> None:
     for name, given in more.items():
         if given is not None and given is not False and given != ():
             raise fail(name, "none for a chain of legs", "one", "Leave it out.")
-
-
-def _check_bounds(name: str, bounds) -> None:
-    if not (len(bounds) == 2 and bounds[0] < bounds[1]):
-        raise fail(name, "two bounds, the lower one first", bounds)
 
 
 class _Problem(BranchProblem[Member]):

@@ -5,6 +5,8 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from jaxdyn._checks import check_first, fail
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode_fields, encode
@@ -72,6 +74,11 @@ def listing(family: Family, parameter: str | None = None) -> Listing:
     """A family as a list; `parameter` is the name of its parameter, if it has one."""
     members, special = (tuple(map(_entry, many)) for many in (family.members, family.special))
     return Listing(parameter=parameter, members=members, special=special, end=family.end)
+
+
+def parameter_name(family: Family) -> str | None:
+    """A name for the parameter of a family whose own is not known; None without a parameter."""
+    return None if np.isnan(family.parameters).any() else "parameter"
 
 
 @check_first

@@ -18,6 +18,7 @@ from jaxdyn import Scene, _labelled, _text
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
+from jaxdyn.continuation.branch import ANYWHERE, check_bounds
 from jaxdyn.scales import at_rest, groups
 from jaxdyn.scene import check_scene
 from jaxdyn.vibration.inputs import Output
@@ -30,7 +31,6 @@ from orbits.responses.resonances import Resonance, ratios, resonances
 from orbits.shooting.finding import find
 
 _SMALL = 0.02  # amplitude of the first vibration, relative to the sizes of the entries
-_ANYWHERE = (-math.inf, math.inf)
 _TRIES = 4  # amplitudes that are tried, each a third of the one before
 
 
@@ -128,7 +128,7 @@ def backbone(
     *,
     amplitude: float | None = None,
     energy: float = math.inf,
-    frequencies: tuple[float, float] = _ANYWHERE,
+    frequencies: tuple[float, float] = ANYWHERE,
     step: float = 0.1,
     members: int = 200,
     order: int = 1,
@@ -186,7 +186,7 @@ def backbone(
         raise fail("mode", f"at most {len(small)}, the modes that oscillate", mode)
     orbit = _first(scene, small[mode - 1], amplitude)
     lowest = float(energy_at(scene, 0.0, rest)) if scene.has_energy else math.nan
-    bounds = (-math.inf, lowest + energy) if math.isfinite(energy) else _ANYWHERE
+    bounds = (-math.inf, lowest + energy) if math.isfinite(energy) else ANYWHERE
     family = continue_family(
         orbit,
         step=step,
@@ -237,9 +237,8 @@ def _size(member: Member, rest: np.ndarray, units: np.ndarray) -> float:
 
 
 def _periods(frequencies: tuple[float, float]) -> tuple[float, float]:
+    check_bounds("frequencies", frequencies)
     low, high = frequencies
-    if not low < high:
-        raise fail("frequencies", "two bounds, the lower one first", frequencies)
     return (
         2 * math.pi / high if math.isfinite(high) else -math.inf,
         2 * math.pi / low if low > 0 else math.inf,

@@ -11,8 +11,6 @@ linear in x.
 """
 
 import dataclasses
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import equinox as eqx
@@ -31,7 +29,15 @@ from orbits.closing.sizes import PHASES, sizes
 from orbits.motion import advance
 from orbits.orbit import Orbit
 from orbits.shooting import gauss_steps
-from orbits.shooting.segment import UNTIMED, Limits, Make, Piece, linearize_end, scene_of
+from orbits.shooting.segment import (
+    UNTIMED,
+    Limits,
+    Make,
+    Piece,
+    linearize_end,
+    map_segments,
+    scene_of,
+)
 
 
 class Unknowns(NamedTuple):
@@ -267,9 +273,6 @@ class Equations(eqx.Module):
         if self.collocated:
             found, slopes = gauss_steps.linearize_steps(self.scene, here, make=self.make)
             return found.end, found.status, slopes
-        # One compiled program for any number of segments, run in threads on all cores.
-        count = len(here.span)
-        each = [jax.tree.map(lambda leaf, i=i: leaf[i], here) for i in range(count)]
 
         def integrate(piece: Piece):
             if limits.over():
@@ -277,12 +280,8 @@ class Equations(eqx.Module):
             found = linearize_end(self.scene, piece, rtol, limits=limits, make=self.make)
             return jax.block_until_ready(found)
 
-        if count == 1:  # starting a thread takes as long as a few integrations
-            found = [integrate(each[0])]
-        else:
-            with ThreadPoolExecutor(min(count, os.cpu_count() or count)) as threads:
-                found = list(threads.map(integrate, each))
-        return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+        # One compiled program for any number of segments.
+        return map_segments(integrate, here)
 
     def residual(self, x: np.ndarray, here: Piece, ends: np.ndarray) -> np.ndarray:
         """(m,) the residual at x from the segments and their ends (n, k), however obtained."""

@@ -2,11 +2,14 @@
 
 import dataclasses
 import functools
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
@@ -82,6 +85,18 @@ def end_of(
     """A segment's end, without the derivatives."""
     scene = scene_of(scene, make, piece.parameter).starting(piece.start)
     return advance(scene, piece.span, piece.s, t0=piece.t0, rtol=rtol, max_steps=max_steps)
+
+
+def map_segments(integrate: Callable[[Piece], Any], pieces: Piece):
+    """What a function returns for each segment, stacked; several run at once, on all cores."""
+    count = len(pieces.span)
+    each = [jax.tree.map(lambda leaf, i=i: leaf[i], pieces) for i in range(count)]
+    if count == 1:  # starting a thread takes as long as a few integrations
+        found = [integrate(each[0])]
+    else:
+        with ThreadPoolExecutor(min(count, os.cpu_count() or count)) as threads:
+            found = list(threads.map(integrate, each))
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
 
 def linearize_end(

@@ -1,7 +1,6 @@
 """The command `orbits curve`: special equilibria and special orbits in two parameters."""
 
 import itertools
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +9,7 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import choice, fail, whole
+from jaxdyn._text import choice, fail
 from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -26,6 +25,7 @@ from jaxdyn.cli.shared import (
 from orbits.cli.bifurcations.shared import (
     KeepOption,
     StartOption,
+    check_walk,
     equilibrium_start,
     open_file,
 )
@@ -63,9 +63,7 @@ def curve_command(
     lost if the run is interrupted: the same command resumes it.
     """
     check_title(title, plot)
-    whole("--members", members)
-    if not 0 < step < math.inf:
-        raise fail("--step", "> 0", step, "It is a length in the space of states and parameters.")
+    check_walk(members, step)
     limits = bounds("--within", within), bounds("--within2", within2)
     first, second = _names(parameters)
     chosen = scene_settings(name, settings)

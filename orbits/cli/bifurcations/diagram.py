@@ -6,7 +6,6 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import whole
 from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
@@ -21,6 +20,7 @@ from jaxdyn.cli.shared import (
 from orbits.cli.bifurcations.shared import (
     KeepOption,
     StartOption,
+    check_walk,
     equilibrium_start,
     open_file,
 )
@@ -47,7 +47,7 @@ def diagram_command(
     With --save, nothing is lost if the run is interrupted: the same command resumes it.
     """
     check_title(title, plot)
-    whole("--members", members)
+    check_walk(members, step)
     limits = bounds("--within", within)
     chosen = scene_settings(name, settings)
     check_parameter("--parameter", parameter, name)

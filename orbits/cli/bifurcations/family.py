@@ -1,7 +1,6 @@
 """The command `orbits family`: how an orbit changes with a parameter of its scene."""
 
 import itertools
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +9,7 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn._text import fail, whole
+from jaxdyn._text import fail
 from jaxdyn.cli.docstrings import check_parameter, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -23,7 +22,7 @@ from jaxdyn.cli.shared import (
     number,
     read,
 )
-from orbits.cli.bifurcations.shared import open_file
+from orbits.cli.bifurcations.shared import check_walk, open_file
 from orbits.cli.printed import print_family
 from orbits.cli.shared import QuantityOption, SaveOption, bounds, not_found, printer
 
@@ -64,7 +63,7 @@ def family_command(
     FILE.part.
     """
     check_title(title, plot)
-    _check_walk(members, step)
+    check_walk(members, step)
     limits, levels = bounds("--within", within), bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
@@ -94,7 +93,7 @@ def family_command(
             out.result({"scene": name} | orbits.files.family_files.as_json(family))
         else:
             print_family(family, out)
-        _write(family, save_to, part, out)
+        _save(family, save_to, part, out)
         if plot:
             with out.writing(plot, "drawn in"):
                 orbits.drawing.family(family, plot, quantity=quantity, title=title)
@@ -114,12 +113,6 @@ def _maker(name: str, values: dict, parameter: str | None, limits: tuple[float, 
         got = f"{limits[0]:g},{limits[1]:g}"
         raise fail("--within", f"bounds around {parameter} = {value:g}", got, remedy)
     return make, value
-
-
-def _check_walk(members: int, step: float) -> None:
-    whole("--members", members)
-    if not 0 < step < math.inf:
-        raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
 
 
 def _check_outputs(
@@ -162,7 +155,7 @@ def _reporter(
     return report
 
 
-def _write(
+def _save(
     family: "orbits.files.family_files.Listing",
     save_to: Path | None,
     part: Path | None,

@@ -1,5 +1,6 @@
 """Common parts of the commands that begin at an equilibrium."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -7,7 +8,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 import jaxdyn
-from jaxdyn._text import fail
+from jaxdyn._text import fail, whole
 from jaxdyn.cli.shared import output_option
 from jaxdyn.files.output_files import writable
 from orbits.cli.shared import numbers
@@ -30,6 +31,13 @@ StartOption = Annotated[
     str | None,
     typer.Option(metavar="A,B,..", help="State near an equilibrium; the scene's start by default."),
 ]
+
+
+def check_walk(members: int, step: float) -> None:
+    """Raise ValueError unless both numbers are positive."""
+    whole("--members", members)
+    if not 0 < step < math.inf:
+        raise fail("--step", "> 0", step, "It is a length in the space of the unknowns.")
 
 
 def equilibrium_start(name: str, values: dict, start: str | None) -> list[float]:

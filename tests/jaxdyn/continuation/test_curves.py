@@ -137,7 +137,7 @@ def test_wrong_arguments_are_refused():
         jaxdyn.continue_curve(_imperfect, fold)
     with pytest.raises(ValueError, match="less than a step away"):
         jaxdyn.continue_curve(_imperfect, fold, (3.0, -1.0))
-    with pytest.raises(ValueError, match="two bounds of each parameter"):
+    with pytest.raises(ValueError, match="two bounds, the lower one first"):
         jaxdyn.continue_curve(_imperfect, fold, (0.4, 1.0), within=((1, 0), (0, 1)))
     family = jaxdyn.continue_equilibria(lambda p: _imperfect(p, 1.0), -1.0, [-1.3], members=2)
     with pytest.raises(ValueError, match="an ordinary member"):

@@ -164,7 +164,7 @@ def test_wrong_arguments_are_refused():
         orbits.continue_curve(_carried, orbit, kind=Kind.FOLD)
     with pytest.raises(ValueError, match="a Member, an OrbitCurvePoint or an Orbit"):
         orbits.continue_curve(_carried, [1.2, 0.0], (0.04, -0.4))
-    with pytest.raises(ValueError, match="two bounds of each parameter"):
+    with pytest.raises(ValueError, match="two bounds, the lower one first"):
         orbits.continue_curve(
             _carried, orbit, (0.04, -0.4), kind=Kind.FOLD, within=((1, 0), (0, 1))
         )
