@@ -180,15 +180,15 @@ class InBranch(NamedTuple):
         def margins(t, y):
             return self.side(t, y, outcomes)[1].margins
 
-        def look(side):
-            rate = self.side(t, y, side)[0]
-            return rate, jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
+        def slope(rate):
+            return jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
 
         sides = jnp.where(surfaces, before[None], outcomes[None])
         sides = jnp.concatenate([outcomes[None], sides])
         # For two rates a loop takes longer to compile than a copy of the program.
         each = _in_turn if len(sides) == 2 else jax.vmap
-        rates, slopes = each(look)(sides)
+        rates = each(lambda side: self.side(t, y, side)[0])(sides)
+        slopes = jax.vmap(slope)(rates)
         gains = jnp.where(
             held[:, None] & held[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(held))
         )
