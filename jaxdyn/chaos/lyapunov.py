@@ -61,11 +61,6 @@ class TangentsAndDivergence(eqx.Module):
 
     variational: Variational
 
-    @classmethod
-    def of(cls, field) -> "TangentsAndDivergence":
-        """The field with tangents, for a field whose numbers are not perturbed."""
-        return cls(Variational(field, jax.tree.map(lambda _: None, field)))
-
     def rate(self, t: Array, y: Array) -> Array:
         """Rates (k, 1 + m + 1) of all columns."""
         k = y.shape[0]
@@ -75,14 +70,19 @@ class TangentsAndDivergence(eqx.Module):
         return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
 
     @property
-    def field(self):
+    def field(self) -> Any:
         """The field of the state alone."""
         return self.variational.field
 
     @property
-    def single(self):
-        """The field of the state alone, under the name that solvers use."""
+    def single(self) -> Any:
+        """The same, see `Variational`."""
         return self.field
+
+    @property
+    def perturbed(self) -> list[tuple[Array, Array]]:
+        """None of the field's numbers."""
+        return []
 
     def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
         """The same columns of the field in a branch of its conditions; see `plan.branch`."""
@@ -161,7 +161,7 @@ def propagate_tangents(
 
     It stops at the first chunk that does not reach its end.
     """
-    stretching = TangentsAndDivergence.of(field)
+    stretching = TangentsAndDivergence(Variational.of(field))
 
     def again(now: TangentState) -> Array:
         return (now.done < count) & (now.status == Status.OK)

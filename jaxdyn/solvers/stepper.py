@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import diffrax
@@ -320,8 +321,8 @@ def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> AtStart:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:
-      field: has ``rate`` and ``groups``; for a state with tangents also ``single``, the field of
-        the state alone.
+      field: has ``rate`` and ``groups``; for a state with tangents instead of these ``single``, the
+        field of the state alone, and ``perturbed``, see `_rounding_of_tangents`.
       t0: () start time.
       y0: (k, ...) start.
       t1: () end time.
@@ -386,12 +387,14 @@ def _rates_beside(
     (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
     of_state = jnp.maximum(rates[:, 0], sizes / time)
     rates, gap = (_of_tangents(sizes, x[:, 1:]) for x in (rates, gap))
-    if levels == 1 and hasattr(field, "directions"):
-        gap = jnp.maximum(gap, _rounding_of_tangents(field, of_state, rates))
+    if levels == 1 and field.perturbed:
+        gap = jnp.maximum(gap, _rounding_of_tangents(field.perturbed, of_state, rates))
     return rates, notable(gap, rates)
 
 
-def _rounding_of_tangents(field: Any, of_state: Array, rates: Array) -> Array:
+def _rounding_of_tangents(
+    perturbed: Sequence[tuple[Array, Array]], of_state: Array, rates: Array
+) -> Array:
     """(k, c) what rounding makes of rates of tangents that are nothing else; 0 for all others.
 
     A parameter that cancels, such as the mass of a pendulum, has no effect but by rounding. That is
@@ -399,21 +402,18 @@ def _rounding_of_tangents(field: Any, of_state: Array, rates: Array) -> Array:
     perturbed, its tangents are compared with the rates of the state over |p|.
 
     Args:
-      field: has ``field`` and ``directions``; see `jaxdyn.integrate.flow.Variational`.
+      perturbed: arrays of numbers (...) that are perturbed, and by how much in each column
+        (..., c).
       of_state: (k,) rates of the state.
       rates: (k, c) rates of the tangents.
     """
-    numbers, tree = jax.tree.flatten(field.directions, is_leaf=lambda x: x is None)
-    own = zip(numbers, tree.flatten_up_to(field.field), strict=True)
-    values = sum((_perturbed(x, p) for x, p in own if x is not None), jnp.zeros(rates.shape[1]))
+    # (c,) the magnitude of the number that each column perturbs.
+    values = jnp.zeros(rates.shape[1])
+    for p, direction in perturbed:
+        values += jnp.sum(jnp.abs(direction * p[..., None]), axis=tuple(range(p.ndim)))
     usual = of_state[:, None] / jnp.where(values > 0, values, jnp.inf)[None]
     usual = _FEW * jnp.finfo(rates.dtype).eps * usual
     return jnp.where(rates < _ALONE * usual, usual, 0.0)
-
-
-def _perturbed(direction: Array, value: Array) -> Array:
-    """(c,) the magnitude of the number that each column perturbs, if it is in this array."""
-    return jnp.sum(jnp.abs(direction * value[..., None]), axis=tuple(range(value.ndim)))
 
 
 def above_noise(start: AtStart, tolerance: Array) -> AtStart:
