@@ -226,9 +226,12 @@ class StepDecision(NamedTuple):
 class Watch(Record):
     """An observer of accepted steps that may stop the run; see `events`."""
 
-    @abc.abstractmethod
     def towards(self, direction: Array) -> "Watch":
-        """The same for a run in this direction of time: `see` gets direction * t."""
+        """The same for a run in this direction of time: `see` gets direction * t.
+
+        By default it is the value of the watch's field ``direction``.
+        """
+        return dataclasses.replace(self, direction=direction)
 
     @abc.abstractmethod
     def start(self, t0: Array, y0: Array) -> Any:
@@ -302,11 +305,11 @@ class ObservedControl(eqx.Module):
       max_step: () how far it may go by request, if that is limited.
     """
 
-    ts: eqx.AbstractVar[Array]
-    watch: eqx.AbstractVar[Watch | None]
-    limit: eqx.AbstractVar[tuple[Array, Array] | None]
-    look: eqx.AbstractVar[Lookahead | None]
-    max_step: eqx.AbstractVar[Array | None]
+    ts: Array = eqx.field(kw_only=True)
+    watch: Watch | None = eqx.field(kw_only=True, default=None)
+    limit: tuple[Array, Array] | None = eqx.field(kw_only=True, default=None)
+    look: Lookahead | None = eqx.field(kw_only=True, default=None)
+    max_step: Array | None = eqx.field(kw_only=True, default=None)
 
     def wrap(self, direction):
         watch = None if self.watch is None else self.watch.towards(direction)
@@ -440,19 +443,9 @@ class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
 
     Attributes:
       first: () length of the first step.
-      ts: (s,) requested times in the direction of integration; (0,) for none.
-      watch: the observer of the steps, if any.
-      limit: see `ObservedControl`.
-      look: see `ObservedControl`.
-      max_step: see `ObservedControl`.
     """
 
     first: Array
-    ts: Array
-    watch: Watch | None = None
-    limit: tuple[Array, Array] | None = None
-    look: Lookahead | None = None
-    max_step: Array | None = None
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> Seen:
@@ -531,19 +524,9 @@ class FixedSteps(ObservedControl, diffrax.AbstractStepSizeController):
 
     Attributes:
       n: () number of steps.
-      ts: (s,) requested times in the direction of integration; (0,) for none.
-      watch: the observer of the steps, if any.
-      limit: see `ObservedControl`.
-      look: see `ObservedControl`.
-      max_step: see `ObservedControl`.
     """
 
     n: Array
-    ts: Array
-    watch: Watch | None = None
-    limit: tuple[Array, Array] | None = None
-    look: Lookahead | None = None
-    max_step: Array | None = None
 
     def seen(self, state) -> Seen:
         """The samples, the memory of the watch and the number of steps, from the final state."""
