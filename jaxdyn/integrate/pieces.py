@@ -302,8 +302,9 @@ class _Pieces(NamedTuple):
     def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it and its side."""
         t, here = run.t, in_branch(self.field, branch)
+        options = {"method": self.method, "before": run.before}
         if not (self.plan.on_state or self.events):
-            found, sizes = self._march(here, y, t, now, limits, run)
+            found, _, sizes = march(here, y, t, now, self.ts, limits, **options)
             return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
@@ -331,17 +332,12 @@ class _Pieces(NamedTuple):
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
             return seen, end, x, index, crossing.towards, crossing.sizes
-        found, sizes = self._march(here, y, t, end, limits, run)
+        found, _, sizes = march(here, y, t, end, self.ts, limits, **options)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
         return found, end, y, index, crossing.towards, sizes
-
-    def _march(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
-        args = field, y, t, end, self.ts, limits
-        found, _, sizes = march(*args, method=self.method, before=run.before)
-        return found, sizes
 
     def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
         """The branch after a condition has changed, and which are crossed and which are known."""
@@ -349,7 +345,9 @@ class _Pieces(NamedTuple):
         if not self.plan.on_state:
             return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
         _, here = self.plan.evaluate(self.system, t, x, branch.outcomes)
-        by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
+        by_time, rows = self._slopes(t, x, branch.outcomes)
+        rate = InBranch(self.system, branch).rate(t, x)
+        along = by_time + jnp.sum(rows * rate[None], 1)
         noise = self._noise(t, x, by_time, rows)
         own = jnp.arange(e) == index
         # Conditions that change within rounding of one time change together.
@@ -387,7 +385,7 @@ class _Pieces(NamedTuple):
             outcomes, near = found
             _, here = self.plan.evaluate(self.system, t, x, outcomes)
             if self.plan.on_state:
-                by_time, rows, _ = self._slopes(t, x, outcomes, None)
+                by_time, rows = self._slopes(t, x, outcomes)
                 near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
             return jnp.where(run.known | near, outcomes, here.outcomes), near
 
@@ -460,23 +458,20 @@ class _Pieces(NamedTuple):
         each = undecided[None] & (rows[:, None] == np.arange(self.plan.size))
         if self.plan.size < 2:
             return each
-        by_time, normals, _ = self._slopes(t, x, outcomes, None)
+        by_time, normals = self._slopes(t, x, outcomes)
         normals = jnp.concatenate([normals, by_time[:, None]], 1)
         alike = _parallel(jnp.where(undecided[:, None], normals, 0.0))
         own = undecided[None] & undecided[rows, None] & alike[rows]
         first = jnp.argmax(own[:, rows], 1) == np.arange(len(rows))
         return own & first[:, None]
 
-    def _slopes(self, t: Array, x: Array, outcomes: Array, field: InBranch | None):
-        """(e,) and (e, k) derivatives of margins by time and state, (e,) slopes along a motion."""
+    def _slopes(self, t: Array, x: Array, outcomes: Array) -> tuple[Array, Array]:
+        """(e,) and (e, k) derivatives of margins with respect to time and state."""
 
         def margins(t, x):
             return self.plan.evaluate(self.system, t, x, outcomes)[1].margins
 
-        by_time, rows = jax.jacfwd(margins, argnums=(0, 1))(t, x)
-        if field is None:
-            return by_time, rows, by_time
-        return by_time, rows, by_time + jnp.sum(rows * field.rate(t, x)[None], 1)
+        return jax.jacfwd(margins, argnums=(0, 1))(t, x)
 
     @staticmethod
     def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
@@ -490,10 +485,8 @@ class _Pieces(NamedTuple):
             return run.y, run.kinked
         branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
-        margins = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)[
-            1
-        ].margins
-        nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
+        _, here = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)
+        nearest = jnp.argmin(jnp.where(changed, jnp.abs(here.margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
         which = jnp.where(run.left >= 0, run.left, which)
         # Rates are continuous where sliding ends, but those of tangents are not.
