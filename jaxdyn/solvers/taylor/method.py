@@ -110,14 +110,11 @@ class Taylor(Method):
         return self.tangents
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        return self._advance(field, t, h, y, None)
+        return self.advance_within(field, t, h, y, None)
 
     def advance_within(
-        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array] | None
     ) -> Advance:
-        return self._advance(field, t, h, y, tolerance)
-
-    def _advance(self, field: Rate, t: Array, h: Array, y: Array, tolerance) -> Advance:
         nodes = _formulas(field, t, y)[1]
         guarded = is_guarded(nodes)
         checked = not guarded and tolerance is not None and any(map(_hides, nodes))
