@@ -256,16 +256,16 @@ def stop_of(
     events = as_events(events, len(scene.y0))
     sides = (0,) * len(events) if sides is None else sides
     method = check_method(scene, options.solver, several=True)
-    held_to = limits(options)
-    traced = _checks.is_traced((scene, events, t0, t1, held_to))
+    run_limits = limits(options)
+    traced = _checks.is_traced((scene, events, t0, t1, run_limits))
 
-    def run(held_to, method: Method) -> Stop:
+    def run(run_limits, method: Method) -> Stop:
         locate, convert = (_locate, jnp.asarray) if traced else (_compiled, np.asarray)
-        held_to = jax.tree.map(convert, held_to)
-        args = (scene.field, events, scene.y0, t0, t1, held_to)
+        run_limits = jax.tree.map(convert, run_limits)
+        args = (scene.field, events, scene.y0, t0, t1, run_limits)
         return locate(*args, method=method, sides=sides)
 
-    return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]
+    return run_or_switch(run, run_limits, method, default=options.solver is None and not traced)[0]
 
 
 def as_events(events, k: int) -> tuple[Event, ...]:

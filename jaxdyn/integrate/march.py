@@ -662,9 +662,9 @@ def march(
     # Times increase; they are beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
-    open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
-    if open_ is not None:
-        status = jnp.where(open_.any(), int(Status.SINGULAR), status)
+    undetermined = jax.lax.map(lambda end: field.undetermined(*end), ends)
+    if undetermined is not None:
+        status = jnp.where(undetermined.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     seen, steps = control.seen(solution.controller_state), solution.stats["num_accepted_steps"]
     # States within a step that failed do not count.

@@ -227,13 +227,13 @@ class _Pieces(NamedTuple):
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
         )
-        branch, open_ = self._settle(run)
+        branch, ambiguous = self._settle(run)
         # The first piece may be too short to show how large the motion becomes. On a surface where
         # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
         here, tolerance = in_branch(self.field, branch), self.limits.tolerance
         known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
         run = run._replace(branch=branch, before=History(known.sizes, jnp.zeros(())))
-        return _unless_open(run, open_)
+        return _end_if_ambiguous(run, ambiguous)
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
@@ -288,8 +288,8 @@ class _Pieces(NamedTuple):
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
-        branch, open_ = self._settle(reached)
-        return _unless_open(reached._replace(branch=branch), open_ & self.goes_on(reached))
+        branch, ambiguous = self._settle(reached)
+        return _end_if_ambiguous(reached._replace(branch=branch), ambiguous & self.goes_on(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -460,7 +460,7 @@ class _Pieces(NamedTuple):
             return each
         by_time, normals = self._slopes(t, x, outcomes)
         normals = jnp.concatenate([normals, by_time[:, None]], 1)
-        alike = _parallel(jnp.where(undecided[:, None], normals, 0.0))
+        alike = _are_parallel(jnp.where(undecided[:, None], normals, 0.0))
         own = undecided[None] & undecided[rows, None] & alike[rows]
         first = jnp.argmax(own[:, rows], 1) == np.arange(len(rows))
         return own & first[:, None]
@@ -536,18 +536,18 @@ class _Pieces(NamedTuple):
             return jax.lax.fori_loop(0, jnp.maximum(count, 1), step, start)[0]
 
         one, other = jax.lax.map(in_order, jnp.array([False, True]))
-        return one, (jnp.abs(one - other) > _SAME * _sizes(run.y, one, other)).any(0)
+        return one, (jnp.abs(one - other) > _SAME * _tangent_sizes(run.y, one, other)).any(0)
 
 
-def _unless_open(run: _Run, open_: Array) -> _Run:
+def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:
     """The motion, ended where () its rate is left open."""
     status = jnp.where(
-        open_ & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
+        ambiguous & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
     )
     return eqx.tree_at(lambda run: run.result.status, run, status)
 
 
-def _sizes(*of: Array) -> Array:
+def _tangent_sizes(*of: Array) -> Array:
     """(k, ...) sizes of the entries of tangents (k, ...), in any units of rows and columns."""
     sizes = sum(jnp.abs(part) for part in of)
     flat = jnp.reshape(sizes, (len(sizes), -1))
@@ -556,7 +556,7 @@ def _sizes(*of: Array) -> Array:
     return jnp.reshape(rows * columns, sizes.shape)
 
 
-def _parallel(rows: Array) -> Array:
+def _are_parallel(rows: Array) -> Array:
     """(e, e) whether normals (e, m) of surfaces are parallel, in any units; those of 0 are."""
     most = jnp.max(jnp.abs(rows), axis=0)
     rows = rows / jnp.where(most > 0, most, 1.0)[None]

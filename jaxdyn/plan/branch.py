@@ -171,15 +171,15 @@ class InBranch(Record, FieldAround):
         def margins(t, y):
             return self.side(t, y, outcomes)[1].margins
 
-        def look(side):
+        def rate_and_slopes(side):
             rate = self.side(t, y, side)[0]
             return rate, jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
 
         sides = jnp.where(surfaces, before[None], outcomes[None])
         sides = jnp.concatenate([outcomes[None], sides])
         # For two rates a loop takes longer to compile than a copy of the program.
-        each = _in_turn if len(sides) == 2 else jax.vmap
-        rates, slopes = each(look)(sides)
+        each = _map_unrolled if len(sides) == 2 else jax.vmap
+        rates, slopes = each(rate_and_slopes)(sides)
         gains = jnp.where(
             held[:, None] & held[None], (slopes[1:] - slopes[:1]).T, jnp.eye(len(held))
         )
@@ -241,6 +241,6 @@ class InBranch(Record, FieldAround):
         return margins[which]
 
 
-def _in_turn(function: Callable) -> Callable:
+def _map_unrolled(function: Callable) -> Callable:
     """As `jax.vmap`, with a copy of the program for each row."""
     return lambda rows: jax.tree.map(lambda *found: jnp.stack(found), *map(function, rows))

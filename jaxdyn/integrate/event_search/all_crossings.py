@@ -120,8 +120,8 @@ def crossings(
     (event,) = as_events((event,), len(scene.y0))
     method = check_method(scene, solver, several=True)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    held_to = limits(options)
-    given = scene, event, t0, t1, held_to
+    run_limits = limits(options)
+    given = scene, event, t0, t1, run_limits
     rows = None if most is None else _checks.whole("most", most)
     if rows is None:
         remedy = "Pass most=, a number of rows that does not depend on the motion."
@@ -129,19 +129,19 @@ def crossings(
 
     traced = _checks.is_traced(given)
 
-    def run(held_to, method: Method) -> Crossings:
-        held_to = jax.tree.map(jnp.asarray if traced else np.asarray, held_to)
+    def run(run_limits, method: Method) -> Crossings:
+        run_limits = jax.tree.map(jnp.asarray if traced else np.asarray, run_limits)
 
-        def rest(y, t, side, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
-            args = (scene.field, event, y, t, side, t1, held_to)
+        def rest(y, t, side, run_limits: Limits, rows: int) -> tuple[Crossings, Array]:
+            args = (scene.field, event, y, t, side, t1, run_limits)
             return _compiled(*args, method=method, rows=rows)
 
         none = np.zeros(())
         if rows is None:
-            return _every(rest, scene.y0, t0, none, held_to)
-        return rest(scene.y0, t0, none, held_to, rows)[0]
+            return _every(rest, scene.y0, t0, none, run_limits)
+        return rest(scene.y0, t0, none, run_limits, rows)[0]
 
-    found, _ = run_or_switch(run, held_to, method, default=solver is None and not traced)
+    found, _ = run_or_switch(run, run_limits, method, default=solver is None and not traced)
     if throw:
         raise_unless_ok(found.status, scene)
     return found
@@ -211,8 +211,8 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         t, y, side, status, left = carry
         sides = (side,)  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
-        held_to = limits.with_steps(left)
-        end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)
+        run_limits = limits.with_steps(left)
+        end, found = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # If there is no other crossing, the remaining rows take no step.
