@@ -19,7 +19,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import number_of
-from jaxdyn.integrate.event_search.event_values import time_slope
+from jaxdyn.integrate.event_search.event_values import time_tangent
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.march import Limits
@@ -194,10 +194,8 @@ def _find_jvp(primals, tangents, *, method, rows):
     ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
     dys = jnp.zeros_like(ys) if dys is None else dys
     rates = jax.vmap(field.rate)(ts, ys)
-    _, dg = eqx.filter_jvp(values, (event, ts, ys), (d_event, jnp.zeros_like(ts), dys))
-    along = functools.partial(values, event)
-    _, slopes = eqx.filter_jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
-    dts = jnp.where(there, time_slope(dg, slopes, there), 0.0)
+    dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
+    dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
     return (found, left), (tangents, None)
