@@ -417,7 +417,7 @@ class Remembered(NamedTuple):
         return getattr(self.function, "__name__", type(self.function).__name__)
 
 
-def with_captures(name: str, function: Callable, *arguments: str) -> Remembered:
+def with_captures(make: Callable, *arguments: str) -> Remembered:
     """A function that makes scenes, with what it captures now; of these arguments if any are named.
 
     Raises:
@@ -425,13 +425,13 @@ def with_captures(name: str, function: Callable, *arguments: str) -> Remembered:
         changed since.
     """
     if arguments:
-        check_callable(name, function, *arguments)
-    if not isinstance(function, Remembered):
-        return Remembered(function, captures(name, function))
-    if captures(name, function.function) != function.captured:
+        check_callable("make", make, *arguments)
+    if not isinstance(make, Remembered):
+        return Remembered(make, captures("make", make))
+    if captures("make", make.function) != make.captured:
         expected = "the values it captured when what is continued was made"
-        raise fail(name, expected, "others", "Begin again, from the first scene.")
-    return function
+        raise fail("make", expected, "others", "Begin again, from the first scene.")
+    return make
 
 
 class _Place(NamedTuple):

@@ -104,7 +104,7 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise _checks.fail("within", "two bounds of each parameter", within)
     curve, x = _start(point, parameters, kind)
-    make = with_captures("make", make, "first", "second")
+    make = with_captures(make, "first", "second")
     check_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     units = _units(make, point, x)
     first = _first(units, make, point, curve, x, step, -1.0 if down else 1.0)

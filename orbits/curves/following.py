@@ -156,7 +156,7 @@ def continue_curve(
         if not (len(bounds) == 2 and bounds[0] < bounds[1]):
             raise fail("within", "two bounds of each parameter", within)
     orbit, kind, both = _start(point, parameters, kind)
-    make = with_captures("make", make, "first", "second")
+    make = with_captures(make, "first", "second")
     extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, units, step, -1.0 if down else 1.0)
     return _follow(extended, first, (step, members, within), report, path)
