@@ -43,9 +43,9 @@ _UNSPECIFIED = "1"
 #: so that the growth per product takes two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
-#: The growth of all these products is measured again if it is less than this part of that of the
-#: first two: others have only begun to carry sizes to entries that were hardly more than zero. As
-#: rounding may begin to do so at any time, there are at most as many repetitions as entries.
+#: The growth is measured again if over all these products it is less than this part of the growth
+#: over the first two: then sizes are still spreading to entries that were hardly more than zero.
+#: Rounding may start such a spread at any time: there are at most as many repetitions as entries.
 _SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
@@ -462,9 +462,9 @@ def _by_change_of_rate(
     """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
     The rate is evaluated at the start; for a motion from rest also right after it, since the span
-    may be a mere limit; and twice a little later. Then a rounding is added a little later and at
-    the start, and the start is displaced by what rounding makes. It is displaced again by what
-    rounding makes later in the motion, which may be more.
+    may be a mere limit; and twice a little later. It is evaluated again for a state that differs by
+    a rounding, a little later and at the start, and for starts displaced by what rounding makes of
+    the rate: there, and later in the motion, where it may be more.
 
     Each of these changes is made later in the motion first. The direction of a spring whose ends
     nearly coincide, or of friction at rest, depends on the least rounding, but only at a place that

@@ -90,12 +90,12 @@ class Lookahead(eqx.Module):
 
 
 def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
-    """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
+    """The start with sizes for entries at rest that a drive moves later in the span.
 
-    An entry without a size, or with a negligible one, is given a part of the change that the
-    largest rate of the span makes in the time of the motion; entries that it moves in turn are then
-    given sizes in the same way. Measured by itself, the beginning of a pulse would be resolved down
-    to its rounding.
+    An entry without a size, or with a negligible one, gets a part of the change that the largest
+    rate within the span makes in the time of the motion; then the entries that it moves in turn get
+    sizes in the same way. Relative to its own size, the beginning of a pulse would be resolved down
+    to rounding.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     found = look.plan.bounds_of_rate(look.system, low, high, y)
@@ -116,10 +116,10 @@ def look_from_start(
 ) -> tuple[AtStart, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over.
 
-    Where rounding moves a system at rest, no step of an explicit method is short enough to resolve
-    that, so sizes are raised by what it does in the time of the motion. That time is far too long
-    for a stiff link, which reverses the motion at once. A method that damps resolves no vibrations,
-    and keeps its sizes.
+    Where only rounding moves a system at rest, no step of an explicit method is short enough to
+    resolve that motion, so sizes are raised to what rounding does in the time of the motion. For a
+    stiff link, which reverses any motion at once, this would be far too much: methods that damp,
+    which do not resolve its vibrations, keep their sizes.
     """
     start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
@@ -594,10 +594,10 @@ class SolveResult(Record):
 
 
 class History(NamedTuple):
-    """What a motion has shown before a piece of it.
+    """What the earlier pieces of a motion have shown.
 
     Attributes:
-      sizes: (k, ...) its sizes, see `solvers.stepper`.
+      sizes: (k, ...) the sizes of the motion, see `solvers.stepper`.
       step: () the longest mean step of a piece.
     """
 

@@ -88,7 +88,7 @@ class Conditions(NamedTuple):
     """The conditions of a rate at a point of a motion.
 
     Attributes:
-      outcomes: (e,) the outcomes that hold there, each in the branch of those before it.
+      outcomes: (e,) the outcomes that hold there, each in the branch of the conditions before it.
       margins: (e,) how far each is from changing in the branch; negative where it has changed.
       beyond: (e,) the outcomes on the other side of the nearest change.
     """
