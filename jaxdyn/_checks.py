@@ -29,7 +29,7 @@ from jaxdyn._text import whole as whole
 # ---- Conversion of numbers to float arrays, the leaves of a scene
 
 #: Puts a NumPy array on the device, in a fifth of the time of `jnp.asarray` (5 us of 29).
-_placed = jax.jit(lambda x: x)
+_put_on_device = jax.jit(lambda x: x)
 
 
 #: The tightest relative tolerance of a step in 32-bit floats, 8 of their roundings.
@@ -66,7 +66,7 @@ def as_float(x: Any) -> Array:
         return x if x.dtype == float and not x.weak_type else jnp.asarray(x, dtype=float)
     try:
         if is_plain(x) or (isinstance(x, np.ndarray | np.number) and x.dtype.kind in "fiu"):
-            return _placed(np.asarray(x, float))
+            return _put_on_device(np.asarray(x, float))
         return jnp.asarray(x, dtype=float)
     except OverflowError as error:
         raise too_large("number", x) from error
@@ -79,11 +79,11 @@ def as_float(x: Any) -> Array:
 def _says_no_number(x: Any) -> bool:
     """Whether x, or an entry of it, is text or None, or x has names."""
     entries = jax.tree.leaves(x, is_leaf=lambda one: one is None)
-    text = (one is None or isinstance(one, str) or _kind(one) in "USO" for one in entries)
+    text = (one is None or isinstance(one, str) or _dtype_kind(one) in "USO" for one in entries)
     return isinstance(x, dict) or any(text)
 
 
-def _kind(x: Any) -> str:
+def _dtype_kind(x: Any) -> str:
     return getattr(getattr(x, "dtype", None), "kind", "f")
 
 
@@ -175,7 +175,7 @@ def host_array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "
         return np.asarray(x)  # the usual case, in a fifth of the time
     refuse_unreal(x, name)
     try:
-        _numeric(x)
+        _refuse_other_than_numbers(x)
         values = np.asarray(x, float)
     except (TypeError, ValueError, OverflowError) as error:
         raise fail(name, "numbers", reprlib.repr(x), remedy) from error
@@ -209,13 +209,13 @@ def numbers(name: str, x: Any, remedy: str = "") -> Array:
     """The input as a float array, of any shape and value."""
     refuse_unreal(x, name)
     try:
-        _numeric(x)
+        _refuse_other_than_numbers(x)
         return as_float(x)
     except (TypeError, ValueError, OverflowError) as error:
         raise fail(name, "numbers", reprlib.repr(x), remedy) from error
 
 
-def _numeric(x: Any) -> None:
+def _refuse_other_than_numbers(x: Any) -> None:
     """Raise TypeError unless x is numeric."""
     if is_plain(x) or getattr(x, "dtype", None) == np.float64:
         return

@@ -51,7 +51,7 @@ def known_flags(flags: Sequence[str], folder: Path | None) -> list[str]:
     asked = [flag for flag in flags if flag not in answers]
     if asked:
         answers |= {flag: not refusal_of(flag) for flag in asked}
-        _keep(file, answers)
+        _store_answers(file, answers)
     lost = [flag for flag in flags if not answers[flag]]
     if lost:
         warnings.warn(
@@ -91,7 +91,7 @@ def _stored_answers(file: Path | None) -> dict[str, bool]:
     return found if isinstance(found, dict) else {}
 
 
-def _keep(file: Path | None, answers: dict[str, bool]) -> None:
+def _store_answers(file: Path | None, answers: dict[str, bool]) -> None:
     if file:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -307,11 +307,11 @@ def solve_spd(a: Array, b: Array) -> Array:
     x = jnp.concatenate([a, columns], axis=1)
 
     def eliminate(k, x):
-        row = _at(x, k)
-        row = row / _at(row, k)
+        row = _slice(x, k)
+        row = row / _slice(row, k)
         return _clear_column(x, k, row, jnp.arange(n) == k)
 
-    return _each(n, eliminate, x)[:, n:].reshape(b.shape)
+    return _repeat(n, eliminate, x)[:, n:].reshape(b.shape)
 
 
 class Reduced(NamedTuple):
@@ -347,15 +347,15 @@ def solve_psd(a: Array, b: Array, least: Array) -> Reduced:
 
     def eliminate(k, carry):
         x, kept = carry
-        row = _at(x, k)
-        pivot = _at(row, k)
+        row = _slice(x, k)
+        pivot = _slice(row, k)
         # A NaN is kept, to stay visible.
-        keep = ~(pivot <= _at(least, k))
+        keep = ~(pivot <= _slice(least, k))
         row = jnp.where(keep, row / jnp.where(keep, pivot, 1.0), 0.0)
         here = jnp.arange(n) == k
         return _clear_column(x, k, row, here), jnp.where(here, keep, kept)
 
-    x, kept = _each(n, eliminate, (x, jnp.ones(n, bool)))
+    x, kept = _repeat(n, eliminate, (x, jnp.ones(n, bool)))
     solved, combination = (jnp.where(kept[:, None], part, 0.0) for part in (x[:, n:], x[:, :n]))
     return Reduced(solved.reshape(b.shape), kept, combination)
 
@@ -367,12 +367,12 @@ def has_positive_minors(a: Array) -> Array:
 
     def eliminate(k, carry):
         x, positive = carry
-        row = _at(x, k)
-        pivot = _at(row, k)
+        row = _slice(x, k)
+        pivot = _slice(row, k)
         row = row / jnp.where(pivot > 0, pivot, 1.0)
         return _clear_column(x, k, row, jnp.arange(n) == k), positive & (pivot > 0)
 
-    return _each(n, eliminate, (a, jnp.ones((), bool)))[1]
+    return _repeat(n, eliminate, (a, jnp.ones((), bool)))[1]
 
 
 def _clear_column(x: Array, k: Array | int, row: Array, here: Array) -> Array:
@@ -380,10 +380,10 @@ def _clear_column(x: Array, k: Array | int, row: Array, here: Array) -> Array:
 
     Subtracting (pivot - 1) rows from row k itself would lose digits for a large pivot.
     """
-    return jnp.where(here[:, None], row[None, :], x - _at(x, k, axis=1)[:, None] * row[None, :])
+    return jnp.where(here[:, None], row[None, :], x - _slice(x, k, axis=1)[:, None] * row[None, :])
 
 
-def _each(n: int, body: Callable, start: Any) -> Any:
+def _repeat(n: int, body: Callable, start: Any) -> Any:
     """body(k, carry) for k from 0 to n - 1: unrolled where short, else a loop.
 
     Unrolled, the program for the hinges of nine bars takes four times as long to compile.
@@ -393,5 +393,5 @@ def _each(n: int, body: Callable, start: Any) -> Any:
     return functools.reduce(lambda carry, k: body(k, carry), range(n), start)
 
 
-def _at(x: Array, k: Array | int, axis: int = 0) -> Array:
+def _slice(x: Array, k: Array | int, axis: int = 0) -> Array:
     return jax.lax.dynamic_index_in_dim(x, k, axis, keepdims=False)

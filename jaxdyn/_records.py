@@ -173,7 +173,7 @@ def reads_of(function: Any) -> dict[str, Any]:
         owner = {owned.__name__ if isinstance(owned, type) else "self": owned}
     read, outside = code_reads(inside.__code__), inside.__globals__
     cells = dict(zip(inside.__code__.co_freevars, inside.__closure__ or (), strict=True))
-    near = {key: cell.cell_contents for key, cell in cells.items() if full(cell)}
+    near = {key: cell.cell_contents for key, cell in cells.items() if has_value(cell)}
     known = {key: outside[key] for key in read.names if key in outside}
     known |= {key: x for key, x in near.items() if key in read.names}
     defaults = {str(i): x for i, x in enumerate(inside.__defaults__ or ())}
@@ -231,7 +231,7 @@ def _line(instruction: dis.Instruction) -> int | None:
     return instruction.positions.lineno if instruction.positions else None
 
 
-def full(cell: types.CellType) -> bool:
+def has_value(cell: types.CellType) -> bool:
     """Whether a variable of a closure has a value yet."""
     try:
         _ = cell.cell_contents
@@ -273,7 +273,7 @@ def check_captured(record: Any) -> None:
         return
     # The contents are not kept in the record: Equinox takes what is in its __dict__ beside the
     # fields as a part of its structure, so it would no longer match one with the same fields.
-    functions, parts = _contents(record)
+    functions, parts = _kept_walk(record)
     for part in parts:
         check_captured(part)
     if not functions:
@@ -286,7 +286,7 @@ def check_captured(record: Any) -> None:
         raise fail(name, "captured numbers that have not changed", got, _MAKE_AGAIN)
 
 
-def _contents(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
+def _kept_walk(record: Any) -> tuple[tuple[Callable, ...], list[Any]]:
     """The functions and records of `_walk`, from an earlier walk where they cannot change."""
     known = _held_for_good.get(record)
     if known is not None:
@@ -306,13 +306,13 @@ def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
     waiting = [record.__dict__.values()]
     while waiting:
         for x in waiting.pop():
-            way = _way(type(x))
+            way = _kind_of_content(type(x))
             if way is None:
                 continue
             if way == "record":
                 records.append(x)
             elif way == "function":
-                functions += _of_user(x)
+                functions += _functions_of_user(x)
             elif way == "module":
                 functions += _methods(type(x))
                 waiting.append(x.__dict__.values())
@@ -323,7 +323,7 @@ def _walk(record: Any) -> tuple[tuple[Callable, ...], list[Any], bool]:
 
 
 @functools.cache
-def _way(kind: type) -> str | None:
+def _kind_of_content(kind: type) -> str | None:
     """How functions are sought in objects of a type; None where there are none."""
     if issubclass(kind, eqx.Module):
         return "record" if "captured" in kind.__dataclass_fields__ else "module"
@@ -335,7 +335,7 @@ def _way(kind: type) -> str | None:
     return "function" if called else None
 
 
-def _of_user(function: Any) -> tuple[Callable, ...]:
+def _functions_of_user(function: Any) -> tuple[Callable, ...]:
     """A user's function in a tuple; of a function of this library, its owner's user methods."""
     if type(function) is functools.partial or not of_library(
         innermost_function(function).__module__
@@ -417,7 +417,7 @@ class Remembered(NamedTuple):
         return getattr(self.function, "__name__", type(self.function).__name__)
 
 
-def with_captures(name: str, function: Callable, *arguments: str) -> Remembered:
+def with_captures(make: Callable, *arguments: str) -> Remembered:
     """A function that makes scenes, with what it captures now; of these arguments if any are named.
 
     Raises:
@@ -425,13 +425,13 @@ def with_captures(name: str, function: Callable, *arguments: str) -> Remembered:
         changed since.
     """
     if arguments:
-        check_callable(name, function, *arguments)
-    if not isinstance(function, Remembered):
-        return Remembered(function, captures(name, function))
-    if captures(name, function.function) != function.captured:
+        check_callable("make", make, *arguments)
+    if not isinstance(make, Remembered):
+        return Remembered(make, captures("make", make))
+    if captures("make", make.function) != make.captured:
         expected = "the values it captured when what is continued was made"
-        raise fail(name, expected, "others", "Begin again, from the first scene.")
-    return function
+        raise fail("make", expected, "others", "Begin again, from the first scene.")
+    return make
 
 
 class _Place(NamedTuple):
@@ -481,7 +481,7 @@ def _places(functions: list[Callable], attributes: frozenset[str]) -> tuple[_Pla
                 own = () if of_library(cls.__module__) else vars(cls).keys() & attributes
                 found += [_Place(vars(cls), name, vars(cls)[name]) for name in own]
         cells = zip(inside.__code__.co_freevars, inside.__closure__ or (), strict=True)
-        near = {key: cell for key, cell in cells if full(cell)}
+        near = {key: cell for key, cell in cells if has_value(cell)}
         if len(near) < len(inside.__code__.co_freevars):
             return None  # one may yet have a value
         for key in code_reads(inside.__code__).names:
@@ -598,12 +598,12 @@ def _load_function(code: bytes) -> Stored:
 def state_of(record: Any) -> dict[str, Any]:
     """The fields of a record as pickle can store them."""
     names = [field.name for field in dataclasses.fields(record) if field.name in record.__dict__]
-    return {name: _map_functions(_wrap, record.__dict__[name]) for name in names}
+    return {name: _map_functions(_to_stored, record.__dict__[name]) for name in names}
 
 
 def fields_of(state: dict[str, Any]) -> dict[str, Any]:
     """The fields of a record from what `state_of` returned."""
-    return {name: _map_functions(_function, value) for name, value in state.items()}
+    return {name: _map_functions(_from_stored, value) for name, value in state.items()}
 
 
 def _map_functions(change: Any, value: Any) -> Any:
@@ -613,11 +613,11 @@ def _map_functions(change: Any, value: Any) -> Any:
     return value
 
 
-def _wrap(x: Any) -> Any:
+def _to_stored(x: Any) -> Any:
     return Stored(x) if isinstance(x, types.FunctionType) and not _has_name(x) else x
 
 
-def _function(x: Any) -> Any:
+def _from_stored(x: Any) -> Any:
     return x.function if isinstance(x, Stored) else x
 
 

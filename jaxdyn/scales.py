@@ -43,9 +43,9 @@ _UNSPECIFIED = "1"
 #: so that the growth per product takes two square roots.
 _PRODUCTS_BEFORE, _PRODUCTS = 2, 4
 _MEASURED = _PRODUCTS_BEFORE + _PRODUCTS
-#: The growth of all these products is measured again if it is less than this part of that of the
-#: first two: others have only begun to carry sizes to entries that were hardly more than zero. As
-#: rounding may begin to do so at any time, there are at most as many repetitions as entries.
+#: The growth is measured again if over all these products it is less than this part of the growth
+#: over the first two: then sizes are still spreading to entries that were hardly more than zero.
+#: Rounding may start such a spread at any time: there are at most as many repetitions as entries.
 _SETTLED = 1 / 16
 #: Least number of rounds that carry sizes from entry to entry; more follow as long as they reach
 #: further entries.
@@ -94,7 +94,7 @@ _NONLINEAR = 0.5
 #: Distances at which linearity is tested at once, and the number of passes, each between two
 #: neighbouring distances of the last one.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
-#: The looks of `_by_its_change` that are a little after the start, later, with a rounding added
+#: The looks of `_by_change_of_rate` that are a little after the start, later, with a rounding added
 #: and displaced by what rounding makes.
 _SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
 #: Where rounding makes more than this multiple of what it makes later in the motion, or of one
@@ -146,14 +146,14 @@ class Groups(NamedTuple):
         n = max(self.group_of) + 1
         if in_loop and len(x) <= UNROLLED_ENTRIES:
             rows = [[i for i, group in enumerate(self.group_of) if group == g] for g in range(n)]
-            tops = [_maximum([x[i] for i in row]) for row in rows]
+            tops = [_pairwise_maximum([x[i] for i in row]) for row in rows]
             return jnp.stack([tops[group] for group in self.group_of])
         member = np.equal.outer(np.arange(n), self.group_of).reshape(n, -1, *[1] * (x.ndim - 1))
         tops = jnp.max(jnp.where(member, x[None], 0.0), axis=1, keepdims=True)
         return jnp.max(jnp.where(member, tops, 0.0), axis=0)
 
 
-def _maximum(parts: list[Array]) -> Array:
+def _pairwise_maximum(parts: list[Array]) -> Array:
     """The maximum of numbers, found pairwise, so that comparisons do not wait for each other."""
     while len(parts) > 1:
         pairs = [lax.max(a, b) for a, b in zip(parts[::2], parts[1::2], strict=False)]
@@ -222,7 +222,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
     here, span = groups.sizes(lax.abs(y0)), lax.abs(t1 - t0)
     ahead, plan = lax.sign(t1 - t0), jnp.asarray(_PLAN)
     if groups.known:
-        return _by_its_change(field, groups, t0, y0, here, span, ahead)
+        return _by_change_of_rate(field, groups, t0, y0, here, span, ahead)
     weights, rounds = _weights(len(y0)), len(_PLAN)
     off, zero = rounding(y0), jnp.zeros_like(y0)
 
@@ -244,7 +244,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         rounded = ((look == 2) | (look == 3)).astype(float)
         rounded = lax.select(look > 4, 1.0 - 0.4 * (look - 4).astype(float), rounded)
         t = t0 + lax.select(sizing, now.later, LATER * far.astype(float)) * tau * ahead
-        t = t + _of_time(t0, (look == 2).astype(float))
+        t = t + _time_rounding(t0, (look == 2).astype(float))
         way = LATER * tau * ahead * far.astype(float) * rate
         aside = now.aside * sizing.astype(float) * along
         at = y0 + aside + way + tau * noise * (look == 4).astype(float)
@@ -252,17 +252,17 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = f - lax.select(look == 2, then, rate)
-        later, gap = _later_noise(groups, gap, f), _finite(gap)
-        typical = _as_fast(f, gap, tau, u)
+        later, gap = _later_noise(groups, gap, f), _finite_magnitude(gap)
+        typical = _is_as_fast(f, gap, tau, u)
         stays = lax.select((look == 2) & typical, later, stays)
         gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
         counts = (look > 1) & typical
         noise = lax.select(
-            counts, lax.max(noise, _notable(groups, gap, f, u / tau, look == 4)), noise
+            counts, lax.max(noise, _notable_in_groups(groups, gap, f, u / tau, look == 4)), noise
         )
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
-        shrink = 1.0 / lax.max(1.0, now.shrinks * step * _most(carried, u))
-        by_rate = now.first / _or(_most(moved, u), 1 / span) + now.time * tau
+        shrink = 1.0 / lax.max(1.0, now.shrinks * step * _largest_ratio(carried, u))
+        by_rate = now.first / _positive_or(_largest_ratio(moved, u), 1 / span) + now.time * tau
         by_others = now.product + now.step * shrink * step
         kept = lax.max(now.here * here, now.kept * shrink * u)
         new = groups.sizes(lax.max(kept, lax.max(by_rate * moved, by_others * carried)))
@@ -335,7 +335,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     while (sizes == 0).any():
         new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
         if (new == sizes).all():
-            new = with_one_more(field, t, y, sizes, made, alike)
+            new = with_another_size(field, t, y, sizes, made, alike)
         sizes = alike(new)
     slope = terms(field, y, sizes, t)
     fastest = _radius(slope)
@@ -361,7 +361,7 @@ def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def with_one_more(
+def with_another_size(
     field: Any,
     t: float,
     y: np.ndarray,
@@ -385,7 +385,7 @@ def with_one_more(
     """
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
-        way = _reach(made, alike(first.astype(float)), sizes == 0)
+        way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)
         size = _linear_up_to(field, t, y, way, sizes, fastest)
         if np.isfinite(size):
             return np.where(first, size, sizes)
@@ -393,7 +393,7 @@ def with_one_more(
     return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
 
 
-def _reach(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
+def _extended_by_couplings(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
     """(k,) a displacement of some entries, extended to those of `which` that they move."""
     for _ in way:
         way = np.where(which & (way == 0), (made * way).max(axis=1), way)
@@ -460,15 +460,15 @@ def _slopes(field: Any, t: Array, ys: Array) -> Array:
     return jax.vmap(jax.jacfwd(lambda y: field.rate(t, y)))(ys)
 
 
-def _by_its_change(
+def _by_change_of_rate(
     field: Any, groups: Groups, t0: Array, y0: Array, here: Array, span: Array, ahead: Array
 ) -> tuple[Scales, Array]:
     """The result of `at_start` for known groups, of sizes `here` (k,), from the rate.
 
     The rate is evaluated at the start; for a motion from rest also right after it, since the span
-    may be a mere limit; and twice a little later. Then a rounding is added a little later and at
-    the start, and the start is displaced by what rounding makes. It is displaced again by what
-    rounding makes later in the motion, which may be more.
+    may be a mere limit; and twice a little later. It is evaluated again for a state that differs by
+    a rounding, a little later and at the start, and for starts displaced by what rounding makes of
+    the rate: there, and later in the motion, where it may be more.
 
     Each of these changes is made later in the motion first. The direction of a spring whose ends
     nearly coincide, or of friction at rest, depends on the least rounding, but only at a place that
@@ -484,19 +484,19 @@ def _by_its_change(
             (n == np.array(looks)).any() for looks in (_SOON, _LATER, _ROUNDED, _BESIDE)
         )
         plain = far & ~rounded & ~aside
-        tau, sizes = _motion(groups, here, span, first, then, noise, horizon)
+        tau, sizes = _time_and_sizes(groups, here, span, first, then, noise, horizon)
         after = lax.select(n == 1, lax.full_like(span, at_once), _AHEAD * horizon)
         time = after * (soon | (n == 1)).astype(float) + LATER * tau * far.astype(float)
         # A motion from rest leaves its place by the change of its rate.
-        change = 0.5 * LATER * tau / _or(_AHEAD * horizon, lax.full_like(span, 1.0))
+        change = 0.5 * LATER * tau / _positive_or(_AHEAD * horizon, lax.full_like(span, 1.0))
         bend = change * jnp.nan_to_num(then - first, posinf=0.0, neginf=0.0) * far.astype(float)
         time = ahead * time
         off_by = lax.select(n < 10, horizon * noise, tau * most) * aside.astype(float)
         at = y0 + time * (first + bend) + off_by
-        t = t0 + time + _of_time(t0, (far & rounded).astype(float))
+        t = t0 + time + _time_rounding(t0, (far & rounded).astype(float))
         rate = field.rate(t, at + at * off * rounded.astype(float))
         # At rest the rate grows with time from zero; where nothing moves at all, the span remains.
-        slowest = _most(here, groups.largest(lax.abs(rate)))
+        slowest = _largest_ratio(here, groups.largest(lax.abs(rate)))
         slowest = lax.select(moving, slowest, lax.sqrt(after * slowest))
         new = ((n == 0) | (((n == 1) | (n == 2)) & ~moving)) & (slowest > 0)
         moving = (slowest > 0) & (n == 0) | moving & (n > 0)
@@ -505,13 +505,13 @@ def _by_its_change(
         then = lax.select(n == 3, rate, then)
         later = lax.select(plain, rate, later)
         gap = rate - lax.select(n == 6, then, lax.select(far, later, first))
-        stays = lax.select(far & ~plain, lax.max(stays, _later_noise(groups, gap, rate)), stays)
-        gap = _finite(gap)
+        stays = lax.select(far & ~plain, lax.max(stays, _noise_later(groups, gap, rate)), stays)
+        gap = _finite_magnitude(gap)
         gap = lax.select(~far & (gap > _STAYS * stays), stays, gap)
         noise = lax.select((n > 5) & (n < 10) & ~far, lax.max(noise, gap), noise)
-        counts = (n > 5) & (~far | (n == 11) & _as_fast(rate, gap, tau, sizes))
+        counts = (n > 5) & (~far | (n == 11) & _is_as_fast(rate, gap, tau, sizes))
         most = lax.select(
-            counts, lax.max(most, _notable(groups, gap, rate, sizes / tau, aside)), most
+            counts, lax.max(most, _notable_in_groups(groups, gap, rate, sizes / tau, aside)), most
         )
         return (first, then, later, stays, noise, most, horizon, moving), None
 
@@ -519,11 +519,11 @@ def _by_its_change(
     zero = jnp.zeros_like(y0)
     begin = zero, zero, zero, zero, zero, zero, span, jnp.ones((), bool)
     (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(14))
-    tau, sizes = _motion(groups, here, span, f, then, noise, horizon)
+    tau, sizes = _time_and_sizes(groups, here, span, f, then, noise, horizon)
     return Scales(sizes, tau, most), f
 
 
-def _later_noise(groups: Groups, gap: Array, rate: Array) -> Array:
+def _noise_later(groups: Groups, gap: Array, rate: Array) -> Array:
     """(k,) what rounding makes of the rate later in the motion, at least one rounding of it.
 
     Args:
@@ -535,7 +535,7 @@ def _later_noise(groups: Groups, gap: Array, rate: Array) -> Array:
     return groups.largest(jnp.where(jnp.isfinite(rounded), rounded, np.inf))
 
 
-def _motion(
+def _time_and_sizes(
     groups: Groups,
     here: Array,
     span: Array,
@@ -560,7 +560,7 @@ def _motion(
     def known(x: Array) -> Array:
         return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
 
-    change = known(lax.abs(then - rate)) / _or(_AHEAD * horizon, jnp.ones_like(span))
+    change = known(lax.abs(then - rate)) / _positive_or(_AHEAD * horizon, jnp.ones_like(span))
     moves, turns = groups.largest(jnp.stack([known(lax.abs(rate)), change], -1)).T
     turns = lax.select(turns < np.inf, turns, jnp.zeros_like(turns))
     # What is rounding of the motion's displacement is as good as zero: it gives no time.
@@ -582,18 +582,18 @@ def _without_turning(
     There a velocity is as good as zero: by itself it would give a time as short as the way to that
     point, in which nothing else happens.
     """
-    others = _of_other_groups(groups, speeds)
+    others = _largest_of_other_groups(groups, speeds)
     turned = (others > 0) & (there * others < _TURNING * moves)
     there = lax.select(turned, jnp.zeros_like(there), there)
     return there, lax.select(turned, jnp.zeros_like(speeds), speeds)
 
 
-def _of_other_groups(groups: Groups, x: Array) -> Array:
+def _largest_of_other_groups(groups: Groups, x: Array) -> Array:
     """(k,) for each entry the largest of the numbers x (k,) of other groups; 0 without others."""
     first = [groups.group_of.index(group) for group in range(max(groups.group_of) + 1)]
     of_groups = [x[i] for i in first]
     found = [
-        _maximum([jnp.zeros_like(x[0]), *of_groups[:group], *of_groups[group + 1 :]])
+        _pairwise_maximum([jnp.zeros_like(x[0]), *of_groups[:group], *of_groups[group + 1 :]])
         for group in range(len(first))
     ]
     return jnp.stack(found)[np.array(groups.group_of)]
@@ -672,7 +672,7 @@ def _next_stage(
       sizing: () whether it was a round that finds sizes.
     """
     n, again, before, first, tau, step = stage
-    twice = lax.sqrt(_most(new, before))
+    twice = lax.sqrt(_largest_ratio(new, before))
     growth = lax.sqrt(twice)  # per product; a power compiles long
     tau = lax.select(n == _MEASURED, 1 / lax.max(growth, slowest), tau)
     first = lax.select(n == _MEASURED - _PRODUCTS // 2, twice, first)
@@ -682,13 +682,15 @@ def _next_stage(
     n = lax.select(early, jnp.full_like(n, _PRODUCTS_BEFORE), n)
     before = lax.select(n == _PRODUCTS_BEFORE, new, before)
     step = lax.select(n <= _MEASURED, tau, shrink * step)
-    carries = (n == _MEASURED + 1 + _REACH) & (_most(new, u) > 1 / _SETTLED) & (again < len(u))
+    carries = (
+        (n == _MEASURED + 1 + _REACH) & (_largest_ratio(new, u) > 1 / _SETTLED) & (again < len(u))
+    )
     again = again + (early | carries).astype(again.dtype)
     n = n + (sizing & ~carries).astype(n.dtype)
     return _Stage(n, again, before, first, tau, step), new
 
 
-def _of_time(t0: Array, rounded: Array) -> Array:
+def _time_rounding(t0: Array, rounded: Array) -> Array:
     """() a few roundings of the time, which far from 0 are more than those of the state.
 
     They are made later in the motion only: a force that begins right after the start is no noise.
@@ -712,7 +714,9 @@ def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> 
     return lax.select(gap > usual, gap, jnp.zeros_like(gap))
 
 
-def _notable(groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array) -> Array:
+def _notable_in_groups(
+    groups: Groups, gap: Array, rate: Array, usual: Array, aside: Array
+) -> Array:
     """(k,) the result of `notable` in groups, whose rates count as at least `usual` (k,).
 
     At rest the rates themselves vanish. Beside the start, displaced by what rounding made in a
@@ -734,24 +738,26 @@ def _weights(k: int) -> np.ndarray:
     return np.exp(random.uniform(-_LOG_WEIGHT, _LOG_WEIGHT, k)) * random.choice([-1.0, 1.0], k)
 
 
-def _finite(x: Array) -> Array:
+def _finite_magnitude(x: Array) -> Array:
     """The absolute values, 0 for those that are not finite."""
     return jnp.where(jnp.isfinite(x), jnp.abs(x), 0.0)
 
 
-def _as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
+def _is_as_fast(rate: Array, gap: Array, tau: Array, sizes: Array) -> Array:
     """Whether () the rate at a place is that of the motion, not that near a singularity.
 
     Entries that are hardly more than rounding say nothing about it.
     """
     moved = tau * lax.abs(rate)
     return (
-        _most(lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes)
+        _largest_ratio(
+            lax.select(gap < ALL_ROUNDING * lax.abs(rate), moved, jnp.zeros_like(moved)), sizes
+        )
         < _FASTER
     )
 
 
-def _most(a: Array, b: Array) -> Array:
+def _largest_ratio(a: Array, b: Array) -> Array:
     """() the largest a / b where b is positive, of numbers that are not negative; else 0."""
     return lax.reduce_max(_ratio(a, b), (0,))
 
@@ -762,6 +768,6 @@ def _ratio(a: Array, b: Array) -> Array:
     return lax.select(positive, a, jnp.zeros_like(a)) / lax.select(positive, b, jnp.ones_like(b))
 
 
-def _or(a: Array, b: Array) -> Array:
+def _positive_or(a: Array, b: Array) -> Array:
     """() a where it is positive, else b."""
     return lax.select(a > 0, a, b)

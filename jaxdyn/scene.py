@@ -83,6 +83,42 @@ class Field(NamedTuple):
         return self.system.loses(t0, y0, t1, y1)
 
 
+class FieldAround:
+    """A field around another: what it does not define itself is that of the inner one.
+
+    Attributes:
+      field: the inner field.
+    """
+
+    field: Any
+
+    @property
+    def system(self) -> Any:
+        """The system of the field."""
+        return self.field.system
+
+    @property
+    def groups(self) -> Groups:
+        """Which entries of the state share a size."""
+        return self.field.groups
+
+    def rate(self, t: Array, y: Array) -> Array:
+        """The vector field dy/dt."""
+        return self.field.rate(t, y)
+
+    def project(self, t: Array, y: Array) -> Array:
+        """The nearest state that satisfies the system's constraints."""
+        return self.field.project(t, y)
+
+    def undetermined(self, t: Array, y: Array) -> Array | None:
+        """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
+        return self.field.undetermined(t, y)
+
+    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
+        """Whether () a step may pass a state that leaves the acceleration undetermined."""
+        return self.field.loses(t0, y0, t1, y1)
+
+
 class VectorField(eqx.Module):
     """The rate of a scene as a function: f(t, y), or f(t, y, args) for diffrax.
 

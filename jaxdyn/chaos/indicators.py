@@ -60,7 +60,7 @@ class Deviations(System):
     def rate(self, t, y, effects):
         del effects
         columns, averages = self.split(y)
-        rates = _variational(self.field).rate(t, columns)
+        rates = Variational.of(self.field).rate(t, columns)
         u, growing = columns[:, 1:], rates[:, 1:]
         growth = jnp.sum(u * growing / self.sizes[:, None] ** 2, axis=0)
         turning = growing - u * growth[None, :]
@@ -78,7 +78,7 @@ class Deviations(System):
 
     def project(self, t, y):
         columns, averages = self.split(y)
-        columns = _variational(self.field).project(t, columns)
+        columns = Variational.of(self.field).project(t, columns)
         u = columns[:, 1:]
         u = u / jnp.sqrt(jnp.sum((u / self.sizes[:, None]) ** 2, axis=0))[None, :]
         return jnp.concatenate([columns[:, 0], u.T.ravel(), averages])
@@ -93,10 +93,6 @@ class Deviations(System):
         """(k, 1 + m) the motion and its tangents as columns, and the averages."""
         columns = y[: len(y) - (4 if self.averaged else 0)]
         return columns.reshape(1 + self.count, -1).T, y[len(columns) :]
-
-
-def _variational(field: Field) -> Variational:
-    return Variational(field, jax.tree.map(lambda _: None, field))
 
 
 # ---- Indicators that distinguish regular and chaotic motions, for many starts, on all cores

@@ -61,11 +61,6 @@ class TangentsAndDivergence(eqx.Module):
 
     variational: Variational
 
-    @classmethod
-    def of(cls, field) -> "TangentsAndDivergence":
-        """The field with tangents, for a field whose numbers are not perturbed."""
-        return cls(Variational(field, jax.tree.map(lambda _: None, field)))
-
     def rate(self, t: Array, y: Array) -> Array:
         """Rates (k, 1 + m + 1) of all columns."""
         k = y.shape[0]
@@ -75,14 +70,19 @@ class TangentsAndDivergence(eqx.Module):
         return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
 
     @property
-    def field(self):
+    def field(self) -> Any:
         """The field of the state alone."""
         return self.variational.field
 
     @property
-    def single(self):
-        """The field of the state alone, under the name that solvers use."""
+    def single(self) -> Any:
+        """The same, see `Variational`."""
         return self.field
+
+    @property
+    def perturbed(self) -> list[tuple[Array, Array]]:
+        """None of the field's numbers."""
+        return []
 
     def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
         """The same columns of the field in a branch of its conditions; see `plan.branch`."""
@@ -161,7 +161,7 @@ def propagate_tangents(
 
     It stops at the first chunk that does not reach its end.
     """
-    stretching = TangentsAndDivergence.of(field)
+    stretching = TangentsAndDivergence(Variational.of(field))
 
     def again(now: TangentState) -> Array:
         return (now.done < count) & (now.status == Status.OK)
@@ -302,7 +302,7 @@ class LyapunovSpectrum(Record):
         return {name: _text.with_null(getattr(self, name)) for name in names if name != "batches"}
 
 
-def judge(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
+def summary_of(batches: Array, divergence: Array, shear: Array, k: int) -> dict[str, Array]:
     """The fields of a spectrum that follow from the means (BATCHES, m) over its batches."""
     exponents, bars = _mean(batches, shear)
     m = len(exponents)
@@ -427,11 +427,11 @@ def lyapunov_exponents(
     """
     t0, t1 = span(scene, t1, t0)
     _checks.check_untraced("scene", (scene, t0, t1), "Call it outside of jit, grad and vmap.")
-    left_out = _transient(transient, float(t1 - t0))
+    left_out = _checked_transient(transient, float(t1 - t0))
     # One method, with its stages in a loop, for the motion with and without tangents: fast to
     # compile.
     method = check_method(scene, solver).for_tangents.in_loops(1)
-    sizes = _paired(scene, sizes_at_start(scene, t0, t1))
+    sizes = _pairing_sizes(scene, sizes_at_start(scene, t0, t1))
     frame = np.asarray(_frame(scene, sizes, count))
     given = 0.0 if chunk is None else float(_checks.positive("chunk", chunk, "It is a time."))
     found = _spectrum(
@@ -448,7 +448,7 @@ def lyapunov_exponents(
     return found
 
 
-def _transient(transient, time: float) -> float:
+def _checked_transient(transient, time: float) -> float:
     if time == 0:
         raise _checks.fail("t1", "an end after or before t0", "t0 itself")
     if transient is None:
@@ -460,7 +460,7 @@ def _transient(transient, time: float) -> float:
     return left_out
 
 
-def _paired(scene: Scene, sizes: np.ndarray) -> np.ndarray:
+def _pairing_sizes(scene: Scene, sizes: np.ndarray) -> np.ndarray:
     """Sizes (k,) in which the entries of a constant symplectic form are 1.
 
     Exponents come in pairs in the limit of long times, whatever the sizes. In these the form turns
@@ -524,7 +524,7 @@ def _spectrum(
     lost = end.status != Status.OK
     logs, divergences = (jnp.where(lost, jnp.nan, x) for x in (logs, divergences))
     shear = (jnp.log((transient + time) / transient) / time)[None]
-    spectrum = judge(logs / batch, jnp.sum(divergences) / time, shear, len(y0))
+    spectrum = summary_of(logs / batch, jnp.sum(divergences) / time, shear, len(y0))
     return LyapunovSpectrum(
         **spectrum,
         time=time,

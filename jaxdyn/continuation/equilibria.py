@@ -103,7 +103,7 @@ def continue_equilibria(
     if not within[0] <= parameter <= within[1]:
         wanted = f"one within the bounds {within[0]:g} and {within[1]:g}"
         raise _checks.fail("parameter", wanted, f"{parameter:g}", "Widen within=.")
-    make = with_captures("make", make, "parameter")
+    make = with_captures(make, "parameter")
     first = _first(make, parameter, start, down)
     return _follow(make, first, step, members, within, path, report)
 

@@ -38,7 +38,7 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
       >>> bool((again.parameters == first.parameters).all())
       True
     """
-    make = with_captures("make", make)
+    make = with_captures(make)
     walks, _ = checkpoint.walks_in(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
     return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
 

@@ -102,7 +102,7 @@ def continue_curve(
     for bounds in within:
         check_bounds("within", bounds)
     curve, x = _start(point, parameters, kind)
-    make = with_captures("make", make, "first", "second")
+    make = with_captures(make, "first", "second")
     check_scene(make(jnp.asarray(x[-2]), jnp.asarray(x[-1])))
     units = _units(make, point, x)
     first = units.outward(_first(units, make, point, curve, x, step, -1.0 if down else 1.0))

@@ -136,9 +136,6 @@ class EachCrossing(Watch):
     rows: int = eqx.field(static=True)
     direction: Array | float = 1.0
 
-    def towards(self, direction):
-        return EachCrossing(self.field, self.event, self.most, self.rows, direction)
-
     def start(self, t0, y0):
         start = Beginning.of(self.field, (self.event,), self.direction * t0, y0)
         zero, none, no = jnp.zeros_like(t0), jnp.zeros((), int), jnp.zeros((), bool)

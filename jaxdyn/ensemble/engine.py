@@ -210,7 +210,7 @@ def _motions(
         raise _checks.fail("y0s", f"shape (n, {k})", f"shape {starts.shape}", remedy)
     n = len(starts)
     t1 = given.t1 if t1 is None else t1
-    own = _own_numbers(scene, given, n)
+    own = _has_own_numbers(scene, given, n)
     numbers, shared = eqx.partition(given.field, own.field)
     numbers = jax.tree.map(np.asarray, numbers)
     if fixed:
@@ -224,7 +224,7 @@ def _motions(
     ), shared
 
 
-def _own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
+def _has_own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
     """A tree like the scene that says whether each number has an entry for each motion."""
     if jax.tree.structure(scene) != jax.tree.structure(given):
         raise _checks.fail(

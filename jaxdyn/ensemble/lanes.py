@@ -184,7 +184,7 @@ def integrate(
         return _in_pieces(shared, motions, count, limits, watch, method=method, each=each)
     rate = eqx.combine(first.numbers, shared).rate
     loops = 2 if operations(rate, first.t0, first.y0) <= UNROLLED_BELOW else 1
-    work = _Work(shared=shared, limits=limits, watch=watch, method=method.in_loops(loops))
+    work = _LaneStepper(shared=shared, limits=limits, watch=watch, method=method.in_loops(loops))
     put = jax.lax.dynamic_update_index_in_dim
 
     def begin(row) -> _Lane:
@@ -224,7 +224,7 @@ def integrate(
     return jax.tree.map(lambda x: x[:n], ends)
 
 
-class _Work(eqx.Module):
+class _LaneStepper(eqx.Module):
     """How a motion begins, steps and ends."""
 
     shared: Field

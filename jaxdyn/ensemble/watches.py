@@ -92,16 +92,6 @@ class CloseReturn(Watch):
         later, close, before = floats(later, close, before)
         return cls(scene.field, later, close, gap, before)
 
-    def towards(self, direction):
-        return CloseReturn(
-            field=self.field,
-            later=self.later,
-            close=self.close,
-            gap=self.gap,
-            before=self.before,
-            direction=direction,
-        )
-
     def start(self, t0, y0):
         shape = jnp.broadcast_shapes(self.later.shape, self.before.shape)
         best = ClosestReturn(jnp.full(shape, jnp.inf), jnp.full(shape, jnp.nan))
@@ -183,9 +173,6 @@ class Until(Watch):
 
     condition: Callable[[Array, Array], Array]
     direction: Array | float = 1.0
-
-    def towards(self, direction):
-        return Until(self.condition, direction)
 
     def start(self, t0, y0):
         del y0

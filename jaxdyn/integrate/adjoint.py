@@ -66,11 +66,11 @@ class _Backwards(eqx.Module):
     @property
     def shares(self) -> Array:
         """(p,) the magnitudes of the numbers, 1 for those that are 0."""
-        flat = jnp.abs(_flat(eqx.filter(self.field, eqx.is_inexact_array), float))
+        flat = jnp.abs(_as_vector(eqx.filter(self.field, eqx.is_inexact_array), float))
         return jnp.where(flat == 0, 1.0, flat)
 
     def _by_shares(self, by_numbers: Any, dtype) -> Array:
-        return self.shares * _flat(by_numbers, dtype)
+        return self.shares * _as_vector(by_numbers, dtype)
 
     def state(self, z: Array) -> Array:
         """The state (k,) alone; of a rate, the state's rate."""
@@ -151,12 +151,12 @@ class _Backwards(eqx.Module):
         return adjoint, z[half + k :]
 
 
-def _flat(numbers: Any, dtype) -> Array:
+def _as_vector(numbers: Any, dtype) -> Array:
     """The numbers of a pytree as one vector; without any, `ravel_pytree` returns 32-bit floats."""
     return ravel_pytree(numbers)[0].astype(dtype)
 
 
-def _alike(y: Array, z: Array, largest: Array) -> Array:
+def _is_same_state(y: Array, z: Array, largest: Array) -> Array:
     """Whether () two states are the same one, found in two ways; `largest` is the largest entry."""
     return jnp.max(jnp.abs(y - z)) <= _SAME_STATE * largest
 
@@ -187,14 +187,14 @@ def _with_nodes(given, limits, method: Method) -> SolveResult:
 
 
 @_with_nodes.def_fwd
-def _forwards(perturbed, given, limits, method):
+def _primal(perturbed, given, limits, method):
     del perturbed
     out = flow(*given, limits, method=method)
     return out, (out.y1, out.ys)
 
 
 @_with_nodes.def_bwd
-def _back(states, slopes, perturbed, given, limits, method):
+def _gradients(states, slopes, perturbed, given, limits, method):
     """Gradients with respect to all inputs, from those with respect to the states."""
     del perturbed
     field, y0, t0, t1, ts = given
@@ -217,7 +217,7 @@ def _back(states, slopes, perturbed, given, limits, method):
         adjoint, mu = system.unpack(end)
         if switches:
             # A motion that slides on a surface does not return from it the way it came.
-            adjoint = jnp.where(_alike(system.state(end), there, largest), adjoint, jnp.nan)
+            adjoint = jnp.where(_is_same_state(system.state(end), there, largest), adjoint, jnp.nan)
         return (adjoint + by_early, mu), None
 
     nodes = (

@@ -133,11 +133,11 @@ def scales(scene: Scene, ys: np.ndarray) -> np.ndarray:
     does.
     """
     sizes = np.abs(gaps(scene, ys, np.zeros_like(ys))).max(axis=0)
-    return np.asarray(_of_kinds(scene.field, sizes, scene.y0, scene.t1))
+    return np.asarray(_scales_of_kinds(scene.field, sizes, scene.y0, scene.t1))
 
 
 @eqx.filter_jit
-def _of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
+def _scales_of_kinds(field: Field, sizes: Array, y0: Array, t1: Array) -> Array:
     # Angles are not capped at a radian: differences are within a turn.
     kinds = field.groups._replace(most=(np.inf,) * len(y0))
     sizes, moved = kinds.sizes(sizes), at_start(field, kinds, jnp.zeros(()), y0, t1)[0].sizes
@@ -253,12 +253,12 @@ def measure(
       names: names of the estimate, of the solver, and of the finer solution's solver.
       by: runs the finer solution; `run` by default.
     """
-    rungs = _rungs(run, by or run, scene, tolerance)
-    floor = rounding(by or run, scene, rungs.fine, rungs.finer)
-    return rungs.result, _estimate(rungs, scene, ts, floor, names)
+    solutions = _three_solutions(run, by or run, scene, tolerance)
+    floor = rounding(by or run, scene, solutions.fine, solutions.finer)
+    return solutions.result, _estimate(solutions, scene, ts, floor, names)
 
 
-class _Rungs(NamedTuple):
+class _ThreeSolutions(NamedTuple):
     """A solution at a tolerance, and two (s, k) to compare it with.
 
     Attributes:
@@ -276,26 +276,30 @@ class _Rungs(NamedTuple):
     finer: np.ndarray
 
 
-def _rungs(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _Rungs:
+def _three_solutions(run: Run, by: Run, scene: Scene, tolerance: np.ndarray) -> _ThreeSolutions:
     result = run(scene, tolerance)
     fine, finer = _finer(by, scene, tolerance, int(result.steps))
     beside = np.asarray(by(scene, _beside(finer)).ys)
-    return _Rungs(result=result, fine=fine, beside=beside, tolerance=tolerance, finer=finer)
+    return _ThreeSolutions(
+        result=result, fine=fine, beside=beside, tolerance=tolerance, finer=finer
+    )
 
 
-def _estimate(rungs: _Rungs, scene: Scene, ts: Array, floor: np.ndarray, names: Names) -> Estimate:
+def _estimate(
+    solutions: _ThreeSolutions, scene: Scene, ts: Array, floor: np.ndarray, names: Names
+) -> Estimate:
     """The estimate from these solutions, if rounding moves the states by `floor` (s, k)."""
-    ys, fine = np.asarray(rungs.result.ys), rungs.fine
-    off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, rungs.beside))
+    ys, fine = np.asarray(solutions.result.ys), solutions.fine
+    off = gaps(scene, ys, fine) + np.nan_to_num(0.5 * gaps(scene, fine, solutions.beside))
     error = _expected_error(np.abs(off), floor, ys, finer=2)
     kind, solver, other = names
     return Estimate(
         ts=ts,
-        ys=rungs.result.ys,
+        ys=solutions.result.ys,
         error=error,
         rounding=floor,
         scale=scales(scene, fine),
-        fineness=np.array([rungs.tolerance[0], rungs.finer[0]]),
+        fineness=np.array([solutions.tolerance[0], solutions.finer[0]]),
         kind=kind_of(kind, scene),
         solver=solver,
         other=other,
@@ -329,10 +333,10 @@ def solve_to_digits(
     rtol = min(wanted, _MAX_RTOL)
     for _ in range(_MAX_TRIES):
         rtol = max(rtol, FINEST)
-        rungs = _rungs(run, run, scene, np.full(2, rtol))
+        solutions = _three_solutions(run, run, scene, np.full(2, rtol))
         if floor is None:
-            floor = _limit(run, scene, rungs, digits)
-        result, found = rungs.result, _estimate(rungs, scene, ts, floor, names)
+            floor = _rounding_limit(run, scene, solutions, digits)
+        result, found = solutions.result, _estimate(solutions, scene, ts, floor, names)
         missed = float(np.max((found.error + ROUNDING_MARGIN * floor) / found.scale)) / wanted
         short = found.most_digits < digits
         if not (missed > 1 or short) or rtol <= FINEST:
@@ -419,15 +423,17 @@ def _finer(
     return (np.full_like(np.asarray(result.ys), np.nan), tolerance) if ys is None else (ys, used)
 
 
-def _limit(run: Run, scene: Scene, rungs: _Rungs, digits: float) -> np.ndarray:
+def _rounding_limit(
+    run: Run, scene: Scene, solutions: _ThreeSolutions, digits: float
+) -> np.ndarray:
     """(s, k) the effect of rounding on the states; one value for all `digits` near the limit.
 
     Two random perturbations determine it to a factor of ten or so, and it depends somewhat on the
     steps. Where that could decide whether the digits are possible, it is measured with more draws
     and at one tolerance for every number of digits, so that the limit is one number.
     """
-    floor = rounding(run, scene, rungs.fine, rungs.finer)
-    scale = scales(scene, rungs.fine)
+    floor = rounding(run, scene, solutions.fine, solutions.finer)
+    scale = scales(scene, solutions.fine)
     if digits_of(ROUNDING_MARGIN * np.max(floor / scale)) > digits + _NEAR_LIMIT_DIGITS:
         return floor
     fine, finer = _finer(run, scene, np.full(2, _LIMIT_RTOL), 0)

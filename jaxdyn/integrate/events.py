@@ -21,7 +21,7 @@ from jaxdyn._checks import as_float, check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
-from jaxdyn.integrate.event_search.event_values import coincident, time_slope, values
+from jaxdyn.integrate.event_search.event_values import coincident, time_tangent, values
 from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.pieces import first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
@@ -256,16 +256,16 @@ def stop_of(
     events = as_events(events, len(scene.y0))
     sides = (0,) * len(events) if sides is None else sides
     method = check_method(scene, options.solver, several=True)
-    held_to = limits(options)
-    traced = _checks.is_traced((scene, events, t0, t1, held_to))
+    run_limits = limits(options)
+    traced = _checks.is_traced((scene, events, t0, t1, run_limits))
 
-    def run(held_to, method: Method) -> Stop:
+    def run(run_limits, method: Method) -> Stop:
         locate, convert = (_locate, jnp.asarray) if traced else (_compiled, np.asarray)
-        held_to = jax.tree.map(convert, held_to)
-        args = (scene.field, events, scene.y0, t0, t1, held_to)
+        run_limits = jax.tree.map(convert, run_limits)
+        args = (scene.field, events, scene.y0, t0, t1, run_limits)
         return locate(*args, method=method, sides=sides)
 
-    return run_or_switch(run, held_to, method, default=options.solver is None and not traced)[0]
+    return run_or_switch(run, run_limits, method, default=options.solver is None and not traced)[0]
 
 
 def as_events(events, k: int) -> tuple[Event, ...]:
@@ -313,11 +313,8 @@ def _locate_jvp(primals, tangents, *, method, sides):
     y, dy = eqx.filter_jvp(state, (field, y0, t0), (d_field, d_y0, d_t0))
     dy = jnp.zeros_like(y) if dy is None else dy
     f = field.rate(stop.t, y)
-    _, dg = eqx.filter_jvp(value, (events, stop.t, y), (d_events, jnp.zeros_like(t0), dy))
-    along = functools.partial(value, events)
-    _, slope = eqx.filter_jvp(along, (stop.t, y), (jnp.ones_like(t0), f))
-    without = jnp.zeros_like(t0) if d_t1 is None else d_t1
-    dt = jnp.where(happened, time_slope(dg, slope, happened), without)
+    dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened)
+    dt = jnp.where(happened, dt, jnp.zeros_like(t0) if d_t1 is None else d_t1)
     return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
 
 

@@ -11,15 +11,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn.scales import Groups
-from jaxdyn.scene import Field
-from jaxdyn.system import Record, System
+from jaxdyn.scene import Field, FieldAround
+from jaxdyn.system import Record
 
 
-class FixedField(Record):
+class FixedField(Record, FieldAround):
     """A field without array leaves; equal ones share a compiled program.
 
     Attributes:
@@ -39,36 +37,11 @@ class FixedField(Record):
         self.numbers = tuple((x.tobytes(), x.shape, x.dtype.str) for x in arrays)
 
     @property
-    def _field(self) -> Field:
+    def field(self) -> Field:
+        """The field with numbers that are constants."""
         with jax.ensure_compile_time_eval():
             leaves = [
                 jnp.asarray(np.frombuffer(data, kind).reshape(shape))
                 for data, shape, kind in self.numbers
             ]
         return jax.tree.unflatten(self.rest, leaves)
-
-    @property
-    def system(self) -> System:
-        """The system, with numbers that are constants."""
-        return self._field.system
-
-    def rate(self, t: Array, y: Array) -> Array:
-        """The vector field dy/dt."""
-        return self._field.rate(t, y)
-
-    @property
-    def groups(self) -> Groups:
-        """Which entries of the state share a size."""
-        return self._field.groups
-
-    def project(self, t: Array, y: Array) -> Array:
-        """The nearest state that satisfies the system's constraints."""
-        return self._field.project(t, y)
-
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the acceleration undetermined at a state."""
-        return self._field.undetermined(t, y)
-
-    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """Whether () a step may pass a state that leaves the acceleration undetermined."""
-        return self._field.loses(t0, y0, t1, y1)

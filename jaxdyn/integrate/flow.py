@@ -9,6 +9,7 @@ forward and reverse mode both multiply by it. So a gradient costs about as much 
 for the tens of numbers of a mechanics scene, not for thousands (a neural force).
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
@@ -55,6 +56,11 @@ class Variational(eqx.Module):
     field: eqx.Module
     directions: eqx.Module
 
+    @classmethod
+    def of(cls, field: Any) -> "Variational":
+        """A field whose numbers are not perturbed, with tangents."""
+        return cls(field, jax.tree.map(lambda _: None, field))
+
     def around(self, change: Callable, branch: Any) -> "Variational":
         """The same tangents of the field in a branch of its conditions; see `plan.branch`."""
         none = jax.tree.map(lambda _: None, branch)
@@ -68,6 +74,13 @@ class Variational(eqx.Module):
     def single(self):
         """The field of the state without its tangents."""
         return self.field
+
+    @property
+    def perturbed(self) -> list[tuple[Array, Array]]:
+        """The numbers of the field that are perturbed, and their tangents."""
+        numbers, tree = jax.tree.flatten(self.directions, is_leaf=lambda x: x is None)
+        pairs = zip(tree.flatten_up_to(self.field), numbers, strict=True)
+        return [(x, direction) for x, direction in pairs if direction is not None]
 
     def undetermined(self, t: Array, y: Columns) -> Array | None:
         """Whether () the constraints leave the acceleration undetermined at the state."""
@@ -232,9 +245,7 @@ def _flow_jvp(primals, tangents, *, method):
     if d_ts is not None:
         rates = jax.vmap(field.rate)(ts, ys)
         d_ys = d_ys + rates * d_ts.reshape(-1, *[1] * y0.ndim)
-    result = SolveResult(
-        y1=y1, ys=ys, steps=out.steps, rejected=out.rejected, status=out.status, stiff=out.stiff
-    )
+    result = dataclasses.replace(out, y1=y1, ys=ys)
     return result, SolveResult(y1=d_y1, ys=d_ys, steps=None, rejected=None, status=None, stiff=None)
 
 

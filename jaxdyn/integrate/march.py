@@ -90,12 +90,12 @@ class Lookahead(eqx.Module):
 
 
 def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtStart) -> AtStart:
-    """What is known at a start, where a state (k,) at rest is moved by a drive later in the span.
+    """The start with sizes for entries at rest that a drive moves later in the span.
 
-    An entry without a size, or with a negligible one, is given a part of the change that the
-    largest rate of the span makes in the time of the motion; entries that it moves in turn are then
-    given sizes in the same way. Measured by itself, the beginning of a pulse would be resolved down
-    to its rounding.
+    An entry without a size, or with a negligible one, gets a part of the change that the largest
+    rate within the span makes in the time of the motion; then the entries that it moves in turn get
+    sizes in the same way. Relative to its own size, the beginning of a pulse would be resolved down
+    to rounding.
     """
     low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
     found = look.plan.bounds_of_rate(look.system, low, high, y)
@@ -116,10 +116,10 @@ def look_from_start(
 ) -> tuple[AtStart, Lookahead | None]:
     """What is known at the start of a motion, and what steps from there must not pass over.
 
-    Where rounding moves a system at rest, no step of an explicit method is short enough to resolve
-    that, so sizes are raised by what it does in the time of the motion. That time is far too long
-    for a stiff link, which reverses the motion at once. A method that damps resolves no vibrations,
-    and keeps its sizes.
+    Where only rounding moves a system at rest, no step of an explicit method is short enough to
+    resolve that motion, so sizes are raised to what rounding does in the time of the motion. For a
+    stiff link, which reverses any motion at once, this would be far too much: methods that damp,
+    which do not resolve its vibrations, keep their sizes.
     """
     start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
@@ -226,9 +226,12 @@ class StepDecision(NamedTuple):
 class Watch(Record):
     """An observer of accepted steps that may stop the run; see `events`."""
 
-    @abc.abstractmethod
     def towards(self, direction: Array) -> "Watch":
-        """The same for a run in this direction of time: `see` gets direction * t."""
+        """The same for a run in this direction of time: `see` gets direction * t.
+
+        By default it is the value of the watch's field ``direction``.
+        """
+        return dataclasses.replace(self, direction=direction)
 
     @abc.abstractmethod
     def start(self, t0: Array, y0: Array) -> Any:
@@ -302,11 +305,11 @@ class ObservedControl(eqx.Module):
       max_step: () how far it may go by request, if that is limited.
     """
 
-    ts: eqx.AbstractVar[Array]
-    watch: eqx.AbstractVar[Watch | None]
-    limit: eqx.AbstractVar[tuple[Array, Array] | None]
-    look: eqx.AbstractVar[Lookahead | None]
-    max_step: eqx.AbstractVar[Array | None]
+    ts: Array = eqx.field(kw_only=True)
+    watch: Watch | None = eqx.field(kw_only=True, default=None)
+    limit: tuple[Array, Array] | None = eqx.field(kw_only=True, default=None)
+    look: Lookahead | None = eqx.field(kw_only=True, default=None)
+    max_step: Array | None = eqx.field(kw_only=True, default=None)
 
     def wrap(self, direction):
         watch = None if self.watch is None else self.watch.towards(direction)
@@ -440,19 +443,9 @@ class StepControl(ObservedControl, diffrax.AbstractStepSizeController):
 
     Attributes:
       first: () length of the first step.
-      ts: (s,) requested times in the direction of integration; (0,) for none.
-      watch: the observer of the steps, if any.
-      limit: see `ObservedControl`.
-      look: see `ObservedControl`.
-      max_step: see `ObservedControl`.
     """
 
     first: Array
-    ts: Array
-    watch: Watch | None = None
-    limit: tuple[Array, Array] | None = None
-    look: Lookahead | None = None
-    max_step: Array | None = None
     norm: ClassVar[Callable] = staticmethod(lambda y: jnp.max(jnp.sqrt(_mean_square(y))))
 
     def seen(self, state) -> Seen:
@@ -531,19 +524,9 @@ class FixedSteps(ObservedControl, diffrax.AbstractStepSizeController):
 
     Attributes:
       n: () number of steps.
-      ts: (s,) requested times in the direction of integration; (0,) for none.
-      watch: the observer of the steps, if any.
-      limit: see `ObservedControl`.
-      look: see `ObservedControl`.
-      max_step: see `ObservedControl`.
     """
 
     n: Array
-    ts: Array
-    watch: Watch | None = None
-    limit: tuple[Array, Array] | None = None
-    look: Lookahead | None = None
-    max_step: Array | None = None
 
     def seen(self, state) -> Seen:
         """The samples, the memory of the watch and the number of steps, from the final state."""
@@ -611,10 +594,10 @@ class SolveResult(Record):
 
 
 class History(NamedTuple):
-    """What a motion has shown before a piece of it.
+    """What the earlier pieces of a motion have shown.
 
     Attributes:
-      sizes: (k, ...) its sizes, see `solvers.stepper`.
+      sizes: (k, ...) the sizes of the motion, see `solvers.stepper`.
       step: () the longest mean step of a piece.
     """
 
@@ -679,9 +662,9 @@ def march(
     # Times increase; they are beyond t1 where the step control has ended the run there.
     last = jnp.minimum(direction * ts_end[-1], direction * t1)
     ends = jnp.stack([t0, direction * last]), jnp.stack([y0, ys_end[-1]])
-    open_ = jax.lax.map(lambda end: field.undetermined(*end), ends)
-    if open_ is not None:
-        status = jnp.where(open_.any(), int(Status.SINGULAR), status)
+    undetermined = jax.lax.map(lambda end: field.undetermined(*end), ends)
+    if undetermined is not None:
+        status = jnp.where(undetermined.any(), int(Status.SINGULAR), status)
     y1 = jnp.where(status == Status.OK, ys_end[-1], jnp.nan)
     seen, steps = control.seen(solution.controller_state), solution.stats["num_accepted_steps"]
     # States within a step that failed do not count.

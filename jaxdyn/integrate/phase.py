@@ -148,7 +148,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     # The time of an event is known only to rounding, and so is the state.
     size = jnp.append(sizes(field.system, y) + jnp.abs(t * rate), jnp.abs(t))
     by_time, by_state = jax.jacfwd(slopes, argnums=(0, 1))(t, y)
-    parts = [_parts(bound, t, y) for bound in bounds]
+    parts = [_sensitivities(bound, t, y) for bound in bounds]
     rows, others = (jnp.stack(part) for part in zip(*parts, strict=True))
     noise = rows @ size + others
     slope_noise = jnp.abs(jnp.append(by_state, by_time[:, None], axis=1)) @ size
@@ -160,7 +160,7 @@ def _beyond(field: Field, bounds: tuple[Event, ...], near: Array, t: Array, y: A
     )
 
 
-def _parts(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
+def _sensitivities(bound: Event, t: Array, y: Array) -> tuple[Array, Array]:
     """(k + 1,) magnitudes of a value's derivatives by state and time, () by parameters."""
     slopes = eqx.filter_grad(lambda b: b[0].value(*b[1:]))((bound, t, y))
     floats = eqx.filter(bound, eqx.is_inexact_array)

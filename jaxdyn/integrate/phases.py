@@ -74,7 +74,7 @@ def simulate_phases(
     if max_phases < 1:
         raise _checks.fail("max_phases", "at least 1", max_phases)
     t, y = jnp.asarray(t0, dtype=float), jnp.asarray(y0, dtype=float)
-    name = _start(phases, t, y) if start is None else _checks.choice("start", start, phases)
+    name = _first_phase(phases, t, y) if start is None else _checks.choice("start", start, phases)
     check_scene(phases[name].scene.starting(y, t1))
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     most = sum(len(phase.exits) for phase in phases.values())  # exits that may be taken at one time
@@ -82,7 +82,7 @@ def simulate_phases(
     names, pieces, path, idle, status = [], [], [], 0, Status.OK
     while name != END and len(pieces) < max_phases and t < t1 and status == Status.OK:
         report_progress(f"phase {name} from t = {float(t):.4g}")
-        here, stay = name, _stay(phases[name], t, y, t1, samples, options)
+        here, stay = name, _run_phase(phases[name], t, y, t1, samples, options)
         if stay.piece is not None:
             names.append(name)
             pieces.append(stay.piece)
@@ -91,7 +91,7 @@ def simulate_phases(
         for number in stay.exits:
             if name == here:  # else the other event was an exit of a phase already left
                 path.append((name, number))
-                t, y, name = _leave(phases, here, number, t, y)
+                t, y, name = _take_exit(phases, here, number, t, y)
         if not stay.exits:
             break
     if name != END and len(pieces) >= max_phases and t < t1 and status == Status.OK:
@@ -113,7 +113,7 @@ def simulate_phases(
     )
 
 
-def _start(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
+def _first_phase(phases: Mapping[str, Phase], t: Array, y: Array) -> str:
     """The phase that a motion starts in."""
     alike = {k: phase for k, phase in phases.items() if y.shape == phase.scene.y0.shape}
     number = int(_first_fit(list(alike.values()), t, y)) if alike else -1
@@ -134,7 +134,7 @@ def _check_within(phase: Phase, name: str, t: Array, y: Array) -> None:
         raise _checks.fail("y0", f"a start of phase {name}", f"one beyond {event}", remedy)
 
 
-class _Stay(NamedTuple):
+class _PhaseRun(NamedTuple):
     """The evolution of a state in a phase."""
 
     piece: Trajectory | None  # None where it leaves at once
@@ -144,14 +144,14 @@ class _Stay(NamedTuple):
     status: Status
 
 
-def _stay(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _Stay:
+def _run_phase(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions) -> _PhaseRun:
     """How a state leaves a phase, and the motion until then."""
     scene = phase.scene.starting(y, t1)
     if not phase.exits:
         piece = simulate(scene, t1, t0=t, samples=samples, throw=False, **options._asdict())
         end = jnp.where(piece.status == Status.OK, t1, jnp.nan)
         status = Status(int(piece.status))
-        return _Stay(piece=piece, t=end, y=piece.ys[-1], exits=(), status=status)
+        return _PhaseRun(piece=piece, t=end, y=piece.ys[-1], exits=(), status=status)
     beyond = np.asarray(phase.fit(t, y).beyond)
     if beyond.any():
         end, at, exits, status = t, y, (int(np.argmax(beyond)),), Status.OK
@@ -166,7 +166,7 @@ def _stay(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions)
     if taken and end + phase.exits[taken[0]].lasts(end, at) > t1:  # the span ends first
         end, exits = jnp.asarray(t1, dtype=float), ()
     elif taken and end <= t:
-        return _Stay(piece=None, t=t, y=at, exits=exits, status=status)
+        return _PhaseRun(piece=None, t=t, y=at, exits=exits, status=status)
     until_when = end if status == Status.OK else t1
     piece = simulate(scene, until_when, t0=t, samples=samples, throw=False, **options._asdict())
     if taken and not exits:
@@ -174,14 +174,14 @@ def _stay(phase: Phase, t: Array, y: Array, t1, samples, options: SolverOptions)
     passed = np.asarray(phase.fit(end, at).passed)
     if np.delete(passed, taken).any():
         lost = jnp.full_like(y, jnp.nan)
-        return _Stay(
+        return _PhaseRun(
             piece=_cut_at_bound(phase, piece),
             t=lost[0],
             y=lost,
             exits=(),
             status=Status.BOUND_PASSED,
         )
-    return _Stay(piece=piece, t=end, y=at, exits=exits, status=status)
+    return _PhaseRun(piece=piece, t=end, y=at, exits=exits, status=status)
 
 
 def _cut_at_bound(phase: Phase, piece: Trajectory) -> Trajectory:
@@ -192,14 +192,14 @@ def _cut_at_bound(phase: Phase, piece: Trajectory) -> Trajectory:
     return eqx.tree_at(lambda piece: (piece.ys, piece.status), piece, (ys, status))
 
 
-def _leave(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
+def _take_exit(phases: Mapping[str, Phase], here: str, number: int, t: Array, y: Array):
     """Time, state and name of the phase after an exit of the phase `here`."""
     way = phases[here].exits[number]
     t, y = t + way.lasts(t, y), way.change(t, y)
-    return t, y, way.names[int(_following(phases, here, way, t, y))]
+    return t, y, way.names[int(_next_phase(phases, here, way, t, y))]
 
 
-def _following(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: Array):
+def _next_phase(phases: Mapping[str, Phase], here: str, way: Exit, t: Array, y: Array):
     """Index () of the phase that follows an exit of the phase `here`, among `way.names`."""
     if way.choose is not None:
         return way.choose(t, y)
@@ -264,7 +264,7 @@ def follow(
         t, y = t + way.lasts(t, y), way.change(t, y)
         if i + 1 < len(path):
             following = way.names.index(_checks.choice("path", path[i + 1][0], way.names))
-            as_expected = as_expected & (_following(phases, name, way, t, y) == following)
+            as_expected = as_expected & (_next_phase(phases, name, way, t, y) == following)
         t, y = nan_unless(as_expected, t), nan_unless(as_expected, y)
         if not _checks.is_traced(as_expected) and not as_expected:
             break  # a start of NaN would raise

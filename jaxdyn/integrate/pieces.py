@@ -227,13 +227,13 @@ class _Pieces(NamedTuple):
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
         )
-        branch, open_ = self._settle(run)
+        branch, ambiguous = self._settle(run)
         # The first piece may be too short to show how large the motion becomes. On a surface where
         # a force jumps, the rate in the branch does not, and the jump is not taken for rounding.
         here, tolerance = in_branch(self.field, branch), self.limits.tolerance
         known, _ = look_from_start(here, self.t0, y0, self.t1, tolerance, self.method)
         run = run._replace(branch=branch, before=History(known.sizes, jnp.zeros(())))
-        return _unless_open(run, open_)
+        return _end_if_ambiguous(run, ambiguous)
 
     def goes_on(self, run: _Run) -> Array:
         """Whether another piece follows."""
@@ -288,8 +288,8 @@ class _Pieces(NamedTuple):
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.
-        branch, open_ = self._settle(reached)
-        return _unless_open(reached._replace(branch=branch), open_ & self.goes_on(reached))
+        branch, ambiguous = self._settle(reached)
+        return _end_if_ambiguous(reached._replace(branch=branch), ambiguous & self.goes_on(reached))
 
     def _before_break(self, t: Array, now: Array) -> Array:
         """The time `now`, or the first after t at which a step ends by request."""
@@ -302,8 +302,9 @@ class _Pieces(NamedTuple):
     def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
         """A piece up to a time: result, end, state there, the event that ended it and its side."""
         t, here = run.t, in_branch(self.field, branch)
+        options = {"method": self.method, "before": run.before}
         if not (self.plan.on_state or self.events):
-            found, sizes = self._march(here, y, t, now, limits, run)
+            found, _, sizes = march(here, y, t, now, self.ts, limits, **options)
             return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
         plain = InBranch(self.system, branch)
         events = self.events
@@ -331,17 +332,12 @@ class _Pieces(NamedTuple):
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
             return seen, end, x, index, crossing.towards, crossing.sizes
-        found, sizes = self._march(here, y, t, end, limits, run)
+        found, _, sizes = march(here, y, t, end, self.ts, limits, **options)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
         return found, end, y, index, crossing.towards, sizes
-
-    def _march(self, field: Any, y: Array, t: Array, end: Array, limits: Limits, run: _Run):
-        args = field, y, t, end, self.ts, limits
-        found, _, sizes = march(*args, method=self.method, before=run.before)
-        return found, sizes
 
     def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
         """The branch after a condition has changed, and which are crossed and which are known."""
@@ -349,7 +345,9 @@ class _Pieces(NamedTuple):
         if not self.plan.on_state:
             return branch, jnp.zeros(e, bool), jnp.zeros(e, bool)
         _, here = self.plan.evaluate(self.system, t, x, branch.outcomes)
-        by_time, rows, along = self._slopes(t, x, branch.outcomes, InBranch(self.system, branch))
+        by_time, rows = self._slopes(t, x, branch.outcomes)
+        rate = InBranch(self.system, branch).rate(t, x)
+        along = by_time + jnp.sum(rows * rate[None], 1)
         noise = self._noise(t, x, by_time, rows)
         own = jnp.arange(e) == index
         # Conditions that change within rounding of one time change together.
@@ -387,7 +385,7 @@ class _Pieces(NamedTuple):
             outcomes, near = found
             _, here = self.plan.evaluate(self.system, t, x, outcomes)
             if self.plan.on_state:
-                by_time, rows, _ = self._slopes(t, x, outcomes, None)
+                by_time, rows = self._slopes(t, x, outcomes)
                 near = (jnp.abs(here.margins) <= self._noise(t, x, by_time, rows)) & ~of_time
             return jnp.where(run.known | near, outcomes, here.outcomes), near
 
@@ -460,23 +458,20 @@ class _Pieces(NamedTuple):
         each = undecided[None] & (rows[:, None] == np.arange(self.plan.size))
         if self.plan.size < 2:
             return each
-        by_time, normals, _ = self._slopes(t, x, outcomes, None)
+        by_time, normals = self._slopes(t, x, outcomes)
         normals = jnp.concatenate([normals, by_time[:, None]], 1)
-        alike = _parallel(jnp.where(undecided[:, None], normals, 0.0))
+        alike = _are_parallel(jnp.where(undecided[:, None], normals, 0.0))
         own = undecided[None] & undecided[rows, None] & alike[rows]
         first = jnp.argmax(own[:, rows], 1) == np.arange(len(rows))
         return own & first[:, None]
 
-    def _slopes(self, t: Array, x: Array, outcomes: Array, field: InBranch | None):
-        """(e,) and (e, k) derivatives of margins by time and state, (e,) slopes along a motion."""
+    def _slopes(self, t: Array, x: Array, outcomes: Array) -> tuple[Array, Array]:
+        """(e,) and (e, k) derivatives of margins with respect to time and state."""
 
         def margins(t, x):
             return self.plan.evaluate(self.system, t, x, outcomes)[1].margins
 
-        by_time, rows = jax.jacfwd(margins, argnums=(0, 1))(t, x)
-        if field is None:
-            return by_time, rows, by_time
-        return by_time, rows, by_time + jnp.sum(rows * field.rate(t, x)[None], 1)
+        return jax.jacfwd(margins, argnums=(0, 1))(t, x)
 
     @staticmethod
     def _noise(t: Array, x: Array, by_time: Array, rows: Array) -> Array:
@@ -490,10 +485,8 @@ class _Pieces(NamedTuple):
             return run.y, run.kinked
         branch = run.branch
         changed = jnp.asarray(self.plan.of_time) & (branch.outcomes != run.old.outcomes)
-        margins = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)[
-            1
-        ].margins
-        nearest = jnp.argmin(jnp.where(changed, jnp.abs(margins), jnp.inf))
+        _, here = self.plan.evaluate(self.system, run.t, state_of(run.y), run.old.outcomes)
+        nearest = jnp.argmin(jnp.where(changed, jnp.abs(here.margins), jnp.inf))
         which = jnp.where(run.crossed.any(), jnp.argmax(run.crossed), nearest)
         which = jnp.where(run.left >= 0, run.left, which)
         # Rates are continuous where sliding ends, but those of tangents are not.
@@ -543,18 +536,18 @@ class _Pieces(NamedTuple):
             return jax.lax.fori_loop(0, jnp.maximum(count, 1), step, start)[0]
 
         one, other = jax.lax.map(in_order, jnp.array([False, True]))
-        return one, (jnp.abs(one - other) > _SAME * _sizes(run.y, one, other)).any(0)
+        return one, (jnp.abs(one - other) > _SAME * _tangent_sizes(run.y, one, other)).any(0)
 
 
-def _unless_open(run: _Run, open_: Array) -> _Run:
+def _end_if_ambiguous(run: _Run, ambiguous: Array) -> _Run:
     """The motion, ended where () its rate is left open."""
     status = jnp.where(
-        open_ & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
+        ambiguous & (run.result.status == Status.OK), int(Status.CHATTERING), run.result.status
     )
     return eqx.tree_at(lambda run: run.result.status, run, status)
 
 
-def _sizes(*of: Array) -> Array:
+def _tangent_sizes(*of: Array) -> Array:
     """(k, ...) sizes of the entries of tangents (k, ...), in any units of rows and columns."""
     sizes = sum(jnp.abs(part) for part in of)
     flat = jnp.reshape(sizes, (len(sizes), -1))
@@ -563,7 +556,7 @@ def _sizes(*of: Array) -> Array:
     return jnp.reshape(rows * columns, sizes.shape)
 
 
-def _parallel(rows: Array) -> Array:
+def _are_parallel(rows: Array) -> Array:
     """(e, e) whether normals (e, m) of surfaces are parallel, in any units; those of 0 are."""
     most = jnp.max(jnp.abs(rows), axis=0)
     rows = rows / jnp.where(most > 0, most, 1.0)[None]

@@ -111,9 +111,9 @@ def simulate(
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
     error = None
     if digits is None:
-        held_to = limits(options, dt)  # checked first, since the choice of a method uses them
+        run_limits = limits(options, dt)  # checked first, since the choice of a method uses them
         method = check_method(scene, solver, dt, rtol=rtol)
-        result, switched = _solve(scene, (t0, t1, ts), held_to, method, default=solver is None)
+        result, switched = _solve(scene, (t0, t1, ts), run_limits, method, default=solver is None)
     else:
         if dt is not None or atol is not None or rtol != RTOL:
             remedy = "The tolerances are found from digits."
@@ -145,8 +145,8 @@ def _to_digits(
 
     def run(scene: Scene, tolerance, noise: Noise = QUIET) -> SolveResult:
         rtol, atol = tolerance
-        held_to = limits(options._replace(rtol=rtol, atol=Share(atol)))
-        return _solve(scene, span, held_to, method, default=default, noise=noise)[0]
+        run_limits = limits(options._replace(rtol=rtol, atol=Share(atol)))
+        return _solve(scene, span, run_limits, method, default=default, noise=noise)[0]
 
     # Where the tolerance is loose, stability limits the steps first.
     loose, default = limits(options._replace(rtol=_LOOSE_RTOL)), options.solver is None
@@ -211,18 +211,18 @@ def solve(
     """
     _checks.float64(rtol)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    held_to = limits(options, dt)
+    run_limits = limits(options, dt)
     method = check_method(scene, solver, dt, rtol=rtol)
     _checks.flag("fixed", fixed)
     _checks.flag("adjoint", adjoint)
     extras = {"default": solver is None, "fixed": fixed, "adjoint": adjoint, "noise": noise}
-    return _solve(scene, (t0, t1, ts), held_to, method, **extras)[0]
+    return _solve(scene, (t0, t1, ts), run_limits, method, **extras)[0]
 
 
 def _solve(
     scene: Scene,
     span: Span,
-    held_to: Limits,
+    run_limits: Limits,
     method: Method,
     *,
     default: bool,
@@ -239,7 +239,7 @@ def _solve(
     field = field if noise is None else RoundedField(field, noise)
     # A search through the scene's numbers takes half as long as an empty program.
     numbers = () if noise is None and notes_on(scene) is not None else (field,)
-    traced = any(map(_checks.is_traced, (*numbers, y0, *span, *held_to)))
+    traced = any(map(_checks.is_traced, (*numbers, y0, *span, *run_limits)))
     t0, t1, ts = (host_floats(x, "time") for x in span)
     if traced:
         method = within_trace(scene, method) if default else method
@@ -248,7 +248,7 @@ def _solve(
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
     march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
-    out, switched = run_or_switch(run, held_to, method, default=default and not traced)
+    out, switched = run_or_switch(run, run_limits, method, default=default and not traced)
     if not switched and len(ts) == n:
         return out, False
     # A slice in JAX, `as_float`, and `asarray` without a type would compile for each number.

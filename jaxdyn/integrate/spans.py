@@ -129,7 +129,8 @@ def sampled_span(scene: Scene, t1, t0, samples, rtol: Any) -> tuple[Array, Array
                 f"{np.asarray(ts)}",
                 "Sort them, or move t0 or t1.",
             )
-    return t0, t1, _place(ts)
+    # `jnp.linspace` and `as_float` would compile a program for each number of samples.
+    return t0, t1, jnp.asarray(ts, float)
 
 
 def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
@@ -140,11 +141,6 @@ def _evenly_spaced(t0: float, t1: float, n: int) -> Array:
 
 #: Moving the times to the device takes as long as five empty programs.
 _kept_times = functools.lru_cache(_KEPT_SPANS)(_evenly_spaced)
-
-
-def _place(ts) -> Array:
-    # `jnp.linspace` and `as_float` would compile a program for each number of samples.
-    return jnp.asarray(ts, float)
 
 
 def _check_memory(scene: Scene, samples: int) -> None:
@@ -208,7 +204,8 @@ def fill(ts: Array, ys: Array) -> tuple[Array, Array]:
         return ts, ys
     more = padding(*ys.shape)
     last = np.minimum(np.arange(len(ts) + more), len(ts) - 1)
-    return _put_on_device(np.asarray(ts)[last]), _put_on_device(np.asarray(ys)[last])
+    # On the host: slices and conversions in JAX would compile for each number of samples.
+    return jax.device_put(np.asarray(ts)[last]), jax.device_put(np.asarray(ys)[last])
 
 
 def cut_rows(values: T, filled: int, n: int) -> T:
@@ -216,7 +213,7 @@ def cut_rows(values: T, filled: int, n: int) -> T:
 
     def rows(x: Any) -> Any:
         mine = np.shape(x)[:1] == (filled,) and not _checks.is_traced(x)
-        return _put_on_device(np.asarray(x)[:n]) if mine else x
+        return jax.device_put(np.asarray(x)[:n]) if mine else x
 
     return jax.tree.map(rows, values)
 
@@ -239,8 +236,3 @@ def of_samples(function: Callable[..., T]) -> Callable[..., T]:
         return cut_rows(function(longer, *args, **kwargs), len(ts), n)
 
     return shared
-
-
-def _put_on_device(x: np.ndarray) -> Array:
-    # Slices and conversions in JAX would compile for each number of samples.
-    return jax.device_put(x)

@@ -39,7 +39,7 @@ def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value
     if name in CALLS:
         return enclose_program(inner_program(eqn), args, unknown)
     if any(jnp.issubdtype(v.aval.dtype, jnp.integer) for v in eqn.outvars):
-        return _without(eqn, unknown)  # integers that a branch fixes are known numbers
+        return _without_rule(eqn, unknown)  # integers that a branch fixes are known numbers
     if name in _ENTRY_BY_ENTRY:
         n = _ENTRY_BY_ENTRY[name] or len(args)
         if any(isinstance(x, Interval) for x in args[n:]):
@@ -53,10 +53,10 @@ def _apply(eqn, args: list[_Value], unknown: set[str] | None) -> Sequence[_Value
         return [_RULES[name](*map(as_interval, args))]
     if name in _RULES_WITH_PARAMETERS:
         return [_RULES_WITH_PARAMETERS[name](params, *args)]
-    return _without(eqn, unknown)
+    return _without_rule(eqn, unknown)
 
 
-def _without(eqn, unknown: set[str] | None) -> list[_Value]:
+def _without_rule(eqn, unknown: set[str] | None) -> list[_Value]:
     """The results of an operation that has no bounds."""
     if unknown is not None:
         unknown.add(eqn.primitive.name)

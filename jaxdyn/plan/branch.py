@@ -16,9 +16,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jaxdyn._numerics import solve_spd
+from jaxdyn._records import Record
 from jaxdyn.plan.evaluation import Conditions
 from jaxdyn.plan.plan import Wrapper, plan_of
-from jaxdyn.scales import Groups
+from jaxdyn.scene import FieldAround
 
 
 class Branch(NamedTuple):
@@ -128,7 +129,7 @@ def jump(field: Any, t: Array, y: Array, old: Branch, new: Branch, which: Array)
     return y if change is None else change(t, y, old, new, which)
 
 
-class InBranch(NamedTuple):
+class InBranch(Record, FieldAround):
     """A field whose conditions have given outcomes.
 
     Attributes:
@@ -138,16 +139,6 @@ class InBranch(NamedTuple):
 
     field: Any
     branch: Branch
-
-    @property
-    def system(self) -> Any:
-        """The system of the field."""
-        return self.field.system
-
-    @property
-    def groups(self) -> Groups:
-        """Which entries of the state share a size."""
-        return self.field.groups
 
     def rate(self, t: Array, y: Array) -> Array:
         """The rate (k,) in the branch."""
@@ -186,7 +177,7 @@ class InBranch(NamedTuple):
         sides = jnp.where(surfaces, before[None], outcomes[None])
         sides = jnp.concatenate([outcomes[None], sides])
         # For two rates a loop takes longer to compile than a copy of the program.
-        each = _in_turn if len(sides) == 2 else jax.vmap
+        each = _map_unrolled if len(sides) == 2 else jax.vmap
         rates = each(lambda side: self.side(t, y, side)[0])(sides)
         slopes = jax.vmap(slope)(rates)
         gains = jnp.where(
@@ -249,19 +240,7 @@ class InBranch(NamedTuple):
             margins = jnp.concatenate([margins, self._weights(t, y)])
         return margins[which]
 
-    def project(self, t: Array, y: Array) -> Array:
-        """The nearest state that satisfies the system's constraints."""
-        return self.field.project(t, y)
 
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the acceleration undetermined at a state (k,)."""
-        return self.field.undetermined(t, y)
-
-    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """Whether () a step may pass a state that leaves the acceleration undetermined."""
-        return self.field.loses(t0, y0, t1, y1)
-
-
-def _in_turn(function: Callable) -> Callable:
+def _map_unrolled(function: Callable) -> Callable:
     """As `jax.vmap`, with a copy of the program for each row."""
     return lambda rows: jax.tree.map(lambda *found: jnp.stack(found), *map(function, rows))

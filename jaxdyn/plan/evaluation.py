@@ -88,7 +88,7 @@ class Conditions(NamedTuple):
     """The conditions of a rate at a point of a motion.
 
     Attributes:
-      outcomes: (e,) the outcomes that hold there, each in the branch of those before it.
+      outcomes: (e,) the outcomes that hold there, each in the branch of the conditions before it.
       margins: (e,) how far each is from changing in the branch; negative where it has changed.
       beyond: (e,) the outcomes on the other side of the nearest change.
     """
@@ -207,18 +207,18 @@ class BranchEvaluation:
                 self.unread.add("a loop of many rounds with conditions")
             elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
                 self.unread.add("a loop of unknown length")
-            elif name == "eq" and (taken := self._operand(*args)) is not None:
+            elif name == "eq" and (taken := self._is_chosen(*args)) is not None:
                 return [Value(taken, on, math.inf)]
             elif name == "eq" and self._are_apart(*args):
                 return [Value(jnp.zeros(eqn.outvars[0].aval.shape, bool), on, math.inf)]
         return self._as_it_stands(eqn, args, on)
 
-    def take(self, which: Array, no: Value, yes: Value, found: Value) -> None:
+    def note_choice(self, which: Array, no: Value, yes: Value, found: Value) -> None:
         """Note that a result of ``max`` or ``min`` is the operand that an outcome chooses."""
         if found.array is not None:
             self._taken[id(found.array)] = which, no, yes, found, len(self.conditions) - 1
 
-    def compare(self, a: Value, b: Value) -> None:
+    def note_comparison(self, a: Value, b: Value) -> None:
         """Note that an outcome says which of two values is the larger one."""
         if self.branch is not None:
             self._compared.append((a, b))
@@ -234,7 +234,7 @@ class BranchEvaluation:
             for x, y in self._compared
         )
 
-    def _operand(self, a: Value, b: Value) -> Array | None:
+    def _is_chosen(self, a: Value, b: Value) -> Array | None:
         """Whether one value is the operand that was taken for the other, a maximum or minimum.
 
         The rules for derivatives of JAX 0.10 and older ask for it: such a derivative jumps.
@@ -489,7 +489,7 @@ def _compare(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     name = eqn.primitive.name
     a, b = args if name[0] == "l" else args[::-1]
     found, on = evaluation.holds(a, b, strict=name[:2] in ("lt", "gt"))
-    evaluation.compare(a, b)
+    evaluation.note_comparison(a, b)
     return Value(None if found is None else found > 0.5, on)
 
 
@@ -522,7 +522,7 @@ def _larger(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     found, on = evaluation.holds(a, b, bends=True)
     ends = (a, b) if eqn.primitive.name == "max" else (b, a)
     larger = _select(found, *ends, on, evaluation)
-    evaluation.take(found, *ends, larger)
+    evaluation.note_choice(found, *ends, larger)
     return larger
 
 

@@ -60,14 +60,14 @@ def _apply(eqn, args: list[_InTime]) -> list[_InTime]:
         with jax.ensure_compile_time_eval():
             return [_InTime(np.asarray(x)) for x in bind(eqn, [x.array for x in args])]
     if name == "scan" and (known := loop(eqn)) is not None:
-        return _loop(known, args)
+        return _scan(known, args)
     if name == "mul" and any(x.array is not None and not np.any(x.array) for x in args):
         return [_InTime(None) for _ in eqn.outvars]
     period = common_period([x.period for x in args])
     return [_InTime(None, period=period) for _ in eqn.outvars]
 
 
-def _loop(known: Loop, args: list[_InTime]) -> list[_InTime]:
+def _scan(known: Loop, args: list[_InTime]) -> list[_InTime]:
     n, m = known.consts, known.carry
     args = [_InTime(None, period=x.period) for x in args]
     for _ in range(m + 2):  # until each carried value depends on all that it may depend on
@@ -105,14 +105,14 @@ def _coefficients(x: _InTime) -> tuple[np.ndarray, np.ndarray] | None:
     return None if x.array is None or x.period else (np.zeros(np.shape(x.array)), x.array)
 
 
-def _line(a: Any, b: Any) -> _InTime:
+def _affine(a: Any, b: Any) -> _InTime:
     a, b = np.broadcast_arrays(a, b)
     if not a.any():
         return _InTime(b)
     return _InTime(np.stack([a, b]), affine=True, period=math.inf)
 
 
-def _by_parts(eqn, *args: _InTime) -> _InTime | None:
+def _linear(eqn, *args: _InTime) -> _InTime | None:
     """The result of an operation that is linear in all arguments: a sum, or moved entries."""
     parts = [_coefficients(x) for x in args]
     known = [part for part in parts if part is not None]
@@ -120,7 +120,7 @@ def _by_parts(eqn, *args: _InTime) -> _InTime | None:
         return None
     with jax.ensure_compile_time_eval():
         a, b = (np.asarray(bind(eqn, [jnp.asarray(p[i], float) for p in known])[0]) for i in (0, 1))
-    return _line(a, b)
+    return _affine(a, b)
 
 
 def _scale(eqn, x: _InTime, y: _InTime) -> _InTime | None:
@@ -130,11 +130,11 @@ def _scale(eqn, x: _InTime, y: _InTime) -> _InTime | None:
     if eqn.primitive.name == "div":
         if not x.affine:
             return None
-        return _line(line.array[0] / factor.array, line.array[1] / factor.array)
-    return _line(line.array[0] * factor.array, line.array[1] * factor.array)
+        return _affine(line.array[0] / factor.array, line.array[1] / factor.array)
+    return _affine(line.array[0] * factor.array, line.array[1] * factor.array)
 
 
-def _turning(eqn, x: _InTime) -> _InTime:
+def _trigonometric(eqn, x: _InTime) -> _InTime:
     turn = math.pi if eqn.primitive.name == "tan" else 2 * math.pi
     rates = np.abs(np.ravel(x.array[0]))
     return _InTime(None, period=common_period([turn / r for r in rates.tolist() if r]))
@@ -149,9 +149,9 @@ def _remainder(eqn, x: _InTime, d: _InTime) -> _InTime | None:
 
 
 _OF_AFFINE: dict[str, Callable] = {
-    **dict.fromkeys(("add", "sub", "neg", "broadcast_in_dim", "reshape", "squeeze"), _by_parts),
-    **dict.fromkeys(("concatenate", "stack", "slice", "convert_element_type"), _by_parts),
+    **dict.fromkeys(("add", "sub", "neg", "broadcast_in_dim", "reshape", "squeeze"), _linear),
+    **dict.fromkeys(("concatenate", "stack", "slice", "convert_element_type"), _linear),
     **dict.fromkeys(("mul", "div"), _scale),
-    **dict.fromkeys(("sin", "cos", "tan"), _turning),
+    **dict.fromkeys(("sin", "cos", "tan"), _trigonometric),
     "rem": _remainder,
 }

@@ -98,11 +98,11 @@ def furthest_seen(
         n, h = carry
         return n + 1, 0.5 * h
 
-    def going(carry: tuple[Array, Array]) -> Array:
+    def goes_on(carry: tuple[Array, Array]) -> Array:
         n, h = carry
         return (n < _MOST_HALVINGS) & hidden(h)
 
-    n, h = jax.lax.while_loop(going, again, (jnp.zeros((), int), t1 - t0))
+    n, h = jax.lax.while_loop(goes_on, again, (jnp.zeros((), int), t1 - t0))
     return jnp.where(n == 0, t1, t0 + h)
 
 
@@ -158,7 +158,7 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
         margins = plan.bounds_of_margins(system, jnp.minimum(a, b), jnp.maximum(a, b), branch)
         return (margins.low >= 0).all()
 
-    def look(carry):
+    def search(carry):
         n, a, w, _ = carry
         end = way * t1
         b = jnp.minimum(a + w, end)
@@ -172,10 +172,10 @@ def next_change(plan: Plan, system: PyTree, t0: Array, t1: Array, branch: Array)
         w = jnp.where(onwards, 2.0 * w, 0.5 * (b - a))
         return n + 1, jnp.where(onwards | changed, b, a), w, changed
 
-    def going(carry) -> Array:
+    def goes_on(carry) -> Array:
         n, a, _, changed = carry
         return (n < _MOST_INTERVALS) & (a < way * t1) & ~changed
 
     start = jnp.zeros((), int), way * t0, jnp.abs(t1 - t0), jnp.zeros((), bool)
-    _, a, _, changed = jax.lax.while_loop(going, look, start)
+    _, a, _, changed = jax.lax.while_loop(goes_on, search, start)
     return jnp.where(changed, way * a, t1)

@@ -55,13 +55,13 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
     table = getattr(solver, "tableau", None)
     if type(solver) is diffrax.Euler:  # the only explicit solver of diffrax without a table
         return EULER
-    reason, remedy = _unsuitable(solver, table)
+    reason, remedy = _why_unsuitable(solver, table)
     if reason:
         got = solver if isinstance(solver, type) else type(solver)
         name = f"{getattr(got, '__name__', got)}, {reason}"
         raise _checks.fail("solver", "a Runge-Kutta solver of diffrax", name, remedy)
-    if not _explicit(solver, table):
-        return _guest(solver)
+    if not _is_explicit(solver, table):
+        return _diffrax_method(solver)
     assert table is not None
     # The solver itself is not passed on: with arrays among its fields it has no hash.
     rows = tuple(_row(x) for x in (table.c, table.b_sol, table.b_error, *table.a_lower))
@@ -96,7 +96,7 @@ def _nothing(t, y, args):
     return 0.0 * y
 
 
-def _unsuitable(solver, table) -> tuple[str, str]:
+def _why_unsuitable(solver, table) -> tuple[str, str]:
     """Why a solver takes no steps of an ODE, and what to take instead; empty where it does."""
     if not isinstance(solver, diffrax.AbstractSolver):
         return "which is not a solver", "Pass an instance, such as diffrax.Tsit5()."
@@ -107,7 +107,7 @@ def _unsuitable(solver, table) -> tuple[str, str]:
     return "", ""
 
 
-def _explicit(solver, table) -> bool:
+def _is_explicit(solver, table) -> bool:
     """Whether one strictly lower triangular table describes a solver completely."""
     implicit = isinstance(solver, diffrax.AbstractImplicitSolver)
     return isinstance(table, diffrax.ButcherTableau) and not (implicit or table.implicit)
@@ -171,16 +171,16 @@ def _with_tolerances(solver, rtol: Array, atol: Array):
     return eqx.tree_at(open_to, solver, (rtol, atol, optimistix.rms_norm))
 
 
-def _guest(solver) -> DiffraxMethod:
+def _diffrax_method(solver) -> DiffraxMethod:
     try:
         hash(solver)
     except TypeError:  # with arrays among its fields it has no hash, and is not looked up
-        return _find_guest.__wrapped__(solver)
-    return _find_guest(solver)
+        return _make_diffrax_method.__wrapped__(solver)
+    return _make_diffrax_method(solver)
 
 
 @functools.cache
-def _find_guest(solver) -> DiffraxMethod:
+def _make_diffrax_method(solver) -> DiffraxMethod:
     term = diffrax.ODETerm(_nothing)
     if getattr(solver, "scan_kind", "") is None:  # its default kind of loop has no forward mode
         loops = eqx.tree_at(lambda s: s.scan_kind, solver, "lax", is_leaf=lambda x: x is None)

@@ -18,7 +18,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
-from jaxdyn.scales import Groups
+from jaxdyn.scene import FieldAround
 
 #: Constants of the generator splitmix64 (Steele, Lea, Flood, 2014, OOPSLA, 453).
 _GOLDEN = 0x9E3779B97F4A7C15
@@ -37,7 +37,7 @@ class Noise(NamedTuple):
 QUIET = Noise(np.zeros(()), np.zeros((), np.uint64))
 
 
-class RoundedField(eqx.Module):
+class RoundedField(eqx.Module, FieldAround):
     """A field whose steps start from a slightly perturbed state, time and numbers.
 
     Attributes:
@@ -48,31 +48,9 @@ class RoundedField(eqx.Module):
     field: Any
     noise: Noise
 
-    @property
-    def system(self) -> Any:
-        """The system of the field."""
-        return self.field.system
-
     def around(self, change: Callable, branch: Any) -> "RoundedField":
         """The same noise of the field in a branch of its conditions; see `plan.branch`."""
         return RoundedField(change(self.field, branch), self.noise)
-
-    def rate(self, t: Array, y: Array) -> Array:
-        """The rate of the field itself."""
-        return self.field.rate(t, y)
-
-    @property
-    def groups(self) -> Groups:
-        """Which entries of the state share a size."""
-        return self.field.groups
-
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """Whether () the constraints leave the acceleration undetermined."""
-        return self.field.undetermined(t, y)
-
-    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """Whether () a step may pass a state that leaves the acceleration undetermined."""
-        return self.field.loses(t0, y0, t1, y1)
 
     def project(self, t: Array, y: Array) -> Array:
         """A perturbed state (k,), projected onto the constraints; y itself without constraints."""

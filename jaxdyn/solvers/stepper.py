@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import diffrax
@@ -203,7 +204,9 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
 
         now, start, y = perturbed_start(args, sign * t0, y0)
 
-        tolerance = None if sizes is None else (self.tolerance[0], absolute(self.tolerance, sizes))
+        tolerance = (
+            None if sizes is None else (self.tolerance[0], absolute_error(self.tolerance, sizes))
+        )
         step = _advance(self.method, terms, now, sign, start, h, y, tolerance)
         y1, carry = step.onto(y0, carry)
         end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
@@ -320,14 +323,14 @@ def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> AtStart:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:
-      field: has ``rate`` and ``groups``; for a state with tangents also ``single``, the field of
-        the state alone.
+      field: has ``rate`` and ``groups``; for a state with tangents instead of these ``single``, the
+        field of the state alone, and ``perturbed``, see `_rounding_of_tangents`.
       t0: () start time.
       y0: (k, ...) start.
       t1: () end time.
     """
     with_tangents = field
-    field, y = _alone(field, y0)
+    field, y = _without_tangents(field, y0)
     scales, rate = at_start(field, field.groups, t0, y, t1)
     sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
@@ -364,7 +367,7 @@ def _rates_beside(
     def look(carry: tuple[Array, ...], at: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         beside, rates, down, up, gap = carry
         t, side, rounded, begins = at
-        grown = _of_tangents(sizes, PART * time * rates[:, 1:])
+        grown = _tangent_sizes(sizes, PART * time * rates[:, 1:])
         beside = lax.select(begins, beside.at[:, 1:].set(grown), beside)
         moved = flat + side * jnp.concatenate([beside[:, :1], ways[:, 1:] * beside[:, 1:]], axis=1)
         moved = moved * (1.0 + near[:, None] * rounded)
@@ -385,13 +388,15 @@ def _rates_beside(
     begin = zero.at[:, 0].set(PART * sizes), zero, zero, zero, zero
     (_, rates, _, _, gap), _ = lax.scan(look, begin, (*places, rounded, begins))
     of_state = jnp.maximum(rates[:, 0], sizes / time)
-    rates, gap = (_of_tangents(sizes, x[:, 1:]) for x in (rates, gap))
-    if levels == 1 and hasattr(field, "directions"):
-        gap = jnp.maximum(gap, _rounding_of_tangents(field, of_state, rates))
+    rates, gap = (_tangent_sizes(sizes, x[:, 1:]) for x in (rates, gap))
+    if levels == 1 and field.perturbed:
+        gap = jnp.maximum(gap, _rounding_of_tangents(field.perturbed, of_state, rates))
     return rates, notable(gap, rates)
 
 
-def _rounding_of_tangents(field: Any, of_state: Array, rates: Array) -> Array:
+def _rounding_of_tangents(
+    perturbed: Sequence[tuple[Array, Array]], of_state: Array, rates: Array
+) -> Array:
     """(k, c) what rounding makes of rates of tangents that are nothing else; 0 for all others.
 
     A parameter that cancels, such as the mass of a pendulum, has no effect but by rounding. That is
@@ -399,21 +404,18 @@ def _rounding_of_tangents(field: Any, of_state: Array, rates: Array) -> Array:
     perturbed, its tangents are compared with the rates of the state over |p|.
 
     Args:
-      field: has ``field`` and ``directions``; see `jaxdyn.integrate.flow.Variational`.
+      perturbed: arrays of numbers (...) that are perturbed, and by how much in each column
+        (..., c).
       of_state: (k,) rates of the state.
       rates: (k, c) rates of the tangents.
     """
-    numbers, tree = jax.tree.flatten(field.directions, is_leaf=lambda x: x is None)
-    own = zip(numbers, tree.flatten_up_to(field.field), strict=True)
-    values = sum((_perturbed(x, p) for x, p in own if x is not None), jnp.zeros(rates.shape[1]))
+    # (c,) the magnitude of the number that each column perturbs.
+    values = jnp.zeros(rates.shape[1])
+    for p, direction in perturbed:
+        values += jnp.sum(jnp.abs(direction * p[..., None]), axis=tuple(range(p.ndim)))
     usual = of_state[:, None] / jnp.where(values > 0, values, jnp.inf)[None]
     usual = _FEW * jnp.finfo(rates.dtype).eps * usual
     return jnp.where(rates < _ALONE * usual, usual, 0.0)
-
-
-def _perturbed(direction: Array, value: Array) -> Array:
-    """(c,) the magnitude of the number that each column perturbs, if it is in this array."""
-    return jnp.sum(jnp.abs(direction * value[..., None]), axis=tuple(range(value.ndim)))
 
 
 def above_noise(start: AtStart, tolerance: Array) -> AtStart:
@@ -428,7 +430,7 @@ def above_noise(start: AtStart, tolerance: Array) -> AtStart:
     least = jnp.where(share > 0, _NOISE * start.time * start.noise / share, 0.0).reshape(k, -1)
     flat = start.sizes.reshape(k, -1)
     state = jnp.maximum(flat[:, :1], least[:, :1])
-    tangents = jnp.maximum(flat[:, 1:], _of_tangents(state[:, 0], least[:, 1:]))
+    tangents = jnp.maximum(flat[:, 1:], _tangent_sizes(state[:, 0], least[:, 1:]))
     flat = jnp.concatenate([state, tangents], axis=1)
     return start._replace(sizes=flat.reshape(start.sizes.shape))
 
@@ -440,7 +442,7 @@ def _above_later_noise(
 
     A mode that symmetry keeps at zero is nothing but the rounding of others, which grows with them.
     """
-    single, x = _alone(field, y)
+    single, x = _without_tangents(field, y)
     here, *beside = lax.map(lambda x: single.rate(t, x), shifted(x))
     gap = functools.reduce(jnp.maximum, [jnp.abs(each - here) for each in beside])
     own = sizes.reshape(len(x), -1)[:, 0]
@@ -461,10 +463,10 @@ def state_of(y: Array) -> Array:
 
 def groups_of(field: Any, y: Array) -> Groups:
     """The groups of the state alone."""
-    return _alone(field, y)[0].groups
+    return _without_tangents(field, y)[0].groups
 
 
-def _alone(field: Any, y: Array) -> tuple[Any, Array]:
+def _without_tangents(field: Any, y: Array) -> tuple[Any, Array]:
     """The field of the state without its tangents, and the state (k,)."""
     while y.ndim > 1:
         field, y = field.single, y[..., 0]
@@ -478,7 +480,7 @@ def grow(groups: Groups, sizes: Array, y: Array) -> Array:
     flat = sizes.reshape(len(y), -1), jnp.abs(y).reshape(len(y), -1)
     old, now = flat
     state = jnp.maximum(old[:, 0], groups.sizes(now[:, 0], in_loop=True))
-    found = jnp.concatenate([state[:, None], _of_tangents(state, now[:, 1:])], axis=1)
+    found = jnp.concatenate([state[:, None], _tangent_sizes(state, now[:, 1:])], axis=1)
     return jnp.maximum(old, found).reshape(y.shape)
 
 
@@ -497,12 +499,12 @@ def allowed_error(tolerance: Array, sizes: Array, y0: Array, y1: Array) -> Array
     now = jnp.maximum(jnp.abs(y0), jnp.abs(y1))
     if y0.ndim > 1:
         state, flat = sizes.reshape(len(now), -1)[:, 0], now.reshape(len(now), -1)
-        wide = jnp.concatenate([flat[:, :1], _of_tangents(state, flat[:, 1:])], axis=1)
+        wide = jnp.concatenate([flat[:, :1], _tangent_sizes(state, flat[:, 1:])], axis=1)
         now = wide.reshape(now.shape)
-    return absolute(tolerance, sizes) + tolerance[0] * now
+    return absolute_error(tolerance, sizes) + tolerance[0] * now
 
 
-def absolute(tolerance: Array, sizes: Array) -> Array:
+def absolute_error(tolerance: Array, sizes: Array) -> Array:
     """The part (k, ...) of the error that a step may have that does not depend on the step.
 
     It is positive even for an entry that never moves, and has no error.
@@ -510,7 +512,7 @@ def absolute(tolerance: Array, sizes: Array) -> Array:
     return tolerance[1] + tolerance[2] * sizes + jnp.finfo(sizes.dtype).tiny
 
 
-def _of_tangents(state: Array, tangents: Array) -> Array:
+def _tangent_sizes(state: Array, tangents: Array) -> Array:
     """Sizes (k, c) of tangents whose entries have magnitudes (k, c); see above.
 
     Where entries of the state have no size, and so never move, their tangents are as large as the

@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._records import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, groups, shifted, with_one_more
+from jaxdyn.scales import at_rest, groups, shifted, with_another_size
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
@@ -153,7 +153,7 @@ def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np
         new = np.where(found == 0, alike(scene, (made * found).max(axis=1)), found)
         if (new == found).all():
             own = functools.partial(alike, scene)
-            new = with_one_more(scene.field, 0.0, y0, found, made, own, 1 / time)
+            new = with_another_size(scene.field, 0.0, y0, found, made, own, 1 / time)
         found = alike(scene, new)
     return found
 

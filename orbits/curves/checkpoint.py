@@ -34,7 +34,7 @@ def load(path: str | Path, make: MakeOfTwo) -> tuple[OrbitCurve, ...]:
       ValueError: the file is of another kind, was edited or damaged, or its orbits do not close in
         these scenes.
     """
-    make = with_captures("make", make, "first", "second")
+    make = with_captures(make, "first", "second")
     walks, _ = walks_in(path, (ORBIT_CURVE,))
     return tuple(_curve(walk, make) for walk in walks)
 

@@ -154,7 +154,7 @@ def continue_curve(
     for bounds in within:
         check_bounds("within", bounds)
     orbit, kind, both = _start(point, parameters, kind)
-    make = with_captures("make", make, "first", "second")
+    make = with_captures(make, "first", "second")
     extended, start, units = _unknowns(make, orbit, kind, both, segments, rtol)
     first = _first(extended, start, units, step, -1.0 if down else 1.0)
     found = follow(_Problem(extended, within), first, step, members, report, path)

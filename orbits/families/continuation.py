@@ -173,7 +173,7 @@ def continue_family(
     )
     _check(orbit, make, parameter, step, members)
     if make is not None and not isinstance(make, OwnNumber):
-        make = with_captures("make", make, "parameter")
+        make = with_captures(make, "parameter")
     check_bounds("within", within)
     check_bounds("energies", energies)
     value = 0.0 if parameter is None else float(parameter)

@@ -331,7 +331,7 @@ def load(path: str | Path, make: Make) -> Diagram:
         parameter or with conditions, or does not hold equilibria and orbits of these scenes.
     """
     walks, notes = walks_in(path, (EQUILIBRIA, ORBITS))  # a file of another kind has another make
-    make = with_captures("make", make, "parameter")
+    make = with_captures(make, "parameter")
     equilibria = tuple(equilibria_of(walk, make) for walk in walks if walk.begin.what == EQUILIBRIA)
     around = [walk for walk in walks if walk.begin.what == ORBITS]
     depths = [decode(walk.begin.note.get(DOUBLINGS, 0), int, DOUBLINGS, OTHER) for walk in around]

@@ -188,7 +188,7 @@ def connect_equilibria(
     if (make is None) != (parameter is None):
         raise _checks.fail("parameter", "given together with `make`", parameter)
     p = np.nan if parameter is None else float(_checks.array("parameter", parameter, ()))
-    make = None if make is None else with_captures("make", make, "parameter")
+    make = None if make is None else with_captures(make, "parameter")
     posed, rates = _pose(check_scene(a), b, make, p, branch, segments, rtol)
     longest = np.log(1 / 1e-6) / rates[0] + _LONGEST / rates.min() if time is None else time
     longest = float(_checks.positive("time", longest, "It is the length of a strand."))

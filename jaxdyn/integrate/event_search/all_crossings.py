@@ -19,7 +19,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn._numerics import in_one_kernel
 from jaxdyn._text import number_of
-from jaxdyn.integrate.event_search.event_values import time_slope
+from jaxdyn.integrate.event_search.event_values import time_tangent
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.march import Limits
@@ -120,8 +120,8 @@ def crossings(
     (event,) = as_events((event,), len(scene.y0))
     method = check_method(scene, solver, several=True)
     options = SolverOptions(rtol, atol, solver, max_steps, max_step, breaks)
-    held_to = limits(options)
-    given = scene, event, t0, t1, held_to
+    run_limits = limits(options)
+    given = scene, event, t0, t1, run_limits
     rows = None if most is None else _checks.whole("most", most)
     if rows is None:
         remedy = "Pass most=, a number of rows that does not depend on the motion."
@@ -129,19 +129,19 @@ def crossings(
 
     traced = _checks.is_traced(given)
 
-    def run(held_to, method: Method) -> Crossings:
-        held_to = jax.tree.map(jnp.asarray if traced else np.asarray, held_to)
+    def run(run_limits, method: Method) -> Crossings:
+        run_limits = jax.tree.map(jnp.asarray if traced else np.asarray, run_limits)
 
-        def rest(y, t, side, held_to: Limits, rows: int) -> tuple[Crossings, Array]:
-            args = (scene.field, event, y, t, side, t1, held_to)
+        def rest(y, t, side, run_limits: Limits, rows: int) -> tuple[Crossings, Array]:
+            args = (scene.field, event, y, t, side, t1, run_limits)
             return _compiled(*args, method=method, rows=rows)
 
         none = np.zeros(())
         if rows is None:
-            return _every(rest, scene.y0, t0, none, held_to)
-        return rest(scene.y0, t0, none, held_to, rows)[0]
+            return _every(rest, scene.y0, t0, none, run_limits)
+        return rest(scene.y0, t0, none, run_limits, rows)[0]
 
-    found, _ = run_or_switch(run, held_to, method, default=solver is None and not traced)
+    found, _ = run_or_switch(run, run_limits, method, default=solver is None and not traced)
     if throw:
         raise_unless_ok(found.status, scene)
     return found
@@ -194,10 +194,8 @@ def _find_jvp(primals, tangents, *, method, rows):
     ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
     dys = jnp.zeros_like(ys) if dys is None else dys
     rates = jax.vmap(field.rate)(ts, ys)
-    _, dg = eqx.filter_jvp(values, (event, ts, ys), (d_event, jnp.zeros_like(ts), dys))
-    along = functools.partial(values, event)
-    _, slopes = eqx.filter_jvp(along, (ts, ys), (jnp.ones_like(ts), rates))
-    dts = jnp.where(there, time_slope(dg, slopes, there), 0.0)
+    dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
+    dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
     return (found, left), (tangents, None)
@@ -211,8 +209,8 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         t, y, side, status, left = carry
         sides = (side,)  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
-        held_to = limits.with_steps(left)
-        end, found = first_event(field, (event,), y, t, t1, held_to, sides, method=method)
+        run_limits = limits.with_steps(left)
+        end, found = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # If there is no other crossing, the remaining rows take no step.

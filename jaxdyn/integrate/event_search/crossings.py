@@ -504,9 +504,6 @@ class _CrossingWatch(Watch):
         pairs = zip(self.sampler.events, self.sides, strict=True)
         return tuple(event for event, side in pairs if not _is_known(side))
 
-    def towards(self, direction):
-        return _CrossingWatch(self.sampler, self.sides, self.in_time, direction)
-
     def start(self, t0, y0):
         field, t = self.sampler.field, self.direction * t0
         here = evaluate(field, self.sampler.events, t, y0)

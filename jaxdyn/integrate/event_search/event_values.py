@@ -1,7 +1,8 @@
 """Values of events along a motion, their slopes, and their rounding errors."""
 
 import functools
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -72,7 +73,8 @@ def sizes(system: System, y: Array) -> Array:
 
 def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> EventValues:
     """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
-    rows, terms = _terms(field, events, t, y)
+    by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
+    terms = jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
     eps = jnp.finfo(y.dtype).eps
     known = jnp.maximum(sizes(field.system, y), size)
     return EventValues(
@@ -124,12 +126,6 @@ def _neighbours(k: int) -> np.ndarray:
     ways = rng.uniform(0.75, 1.25, (_NEIGHBOUR_PAIRS, 1 + k))
     ways[1:] *= rng.choice([-1.0, 1.0], ways[1:].shape)
     return np.concatenate([ways, -ways])
-
-
-def _terms(field, events: tuple, t: Array, y: Array) -> tuple[Array, Array]:
-    """(E, k) derivatives of values with respect to the state; (E, 1 + k) terms of their slopes."""
-    by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
-    return rows, jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
 
 
 def values_and_signs(
@@ -230,16 +226,26 @@ class EventSampler(eqx.Module):
         return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
 
 
-def time_slope(rise, slope, happened):
-    """The derivative of the time of an event, from that of its value at a fixed time.
+def time_tangent(
+    value: Callable, event: Any, d_event: Any, t: Array, y: Array, dy: Array, rate: Array, happened
+) -> Array:
+    """The tangent of the time of an event, by the implicit function theorem.
 
     Args:
-      rise: the derivative of the value at a fixed time; None if it is 0 for all numbers.
-      slope: the derivative along the motion; None likewise.
+      value: (event, t, y) -> the function that is zero.
+      event: the event, or several.
+      d_event: the tangent of its numbers.
+      t: the time at which it happens; one or several, as its value is.
+      y: the state then.
+      dy: the tangent of the state at that time, kept fixed.
+      rate: the rate of the state.
       happened: whether the event happened.
     Raises:
-      ValueError: the slope is 0 whatever the numbers, as that of a sign is.
+      ValueError: the value has no slope whatever the numbers, as a sign has none.
     """
+    _, rise = eqx.filter_jvp(value, (event, t, y), (d_event, jnp.zeros_like(t), dy))
+    along = functools.partial(value, event)
+    _, slope = eqx.filter_jvp(along, (t, y), (jnp.ones_like(t), rate))
     if slope is None:
         raise _checks.fail(
             "derivative of the time of an event",

@@ -743,8 +743,8 @@ def products(nodes: list[Node]) -> int:
 
 def is_guarded(nodes: list[Node]) -> bool:
     """Whether a formula has another case where a quantity equals some number exactly."""
-    moving = (any(isinstance(a, Node) and a.moving for a in node.args) for node in nodes)
-    return any(m and node.op in STEADY for m, node in zip(moving, nodes, strict=True))
+    guards = (node for node in nodes if node.op in STEADY)
+    return any(isinstance(a, Node) and a.moving for node in guards for a in node.args)
 
 
 # ---- A rate evaluated by its formulas: repeated parts are computed once, parts that cancel never

@@ -110,17 +110,14 @@ class Taylor(Method):
         return self.tangents
 
     def advance(self, field: Rate, t: Array, h: Array, y: Array) -> Advance:
-        return self._advance(field, t, h, y, None)
+        return self.advance_within(field, t, h, y, None)
 
     def advance_within(
-        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array]
+        self, field: Rate, t: Array, h: Array, y: Array, tolerance: tuple[Array, Array] | None
     ) -> Advance:
-        return self._advance(field, t, h, y, tolerance)
-
-    def _advance(self, field: Rate, t: Array, h: Array, y: Array, tolerance) -> Advance:
         nodes = _formulas(field, t, y)[1]
         guarded = is_guarded(nodes)
-        checked = not guarded and tolerance is not None and any(map(_hides, nodes))
+        checked = not guarded and tolerance is not None and any(map(_may_hide, nodes))
         given = t, h, y
         if tolerance is not None:
             # The divisions are here for the reason given at `rough_power`.
@@ -224,13 +221,13 @@ def _series(rate: Rate, t: Array, y: Array, longest: int | None) -> Series | Non
     except NotElementary:
         return None
     moving = frozenset(node.op for node in nodes if node.moving)
-    return Series(products(nodes), not any(map(_ends, nodes)), moving)
+    return Series(products(nodes), not any(map(_has_unguarded_root, nodes)), moving)
 
 
 _series_of = trace_once(_series)
 
 
-def _hides(node: Node) -> bool:
+def _may_hide(node: Node) -> bool:
     """Whether the series of a step may be that of another function than the one at its end.
 
     An exponential may be flat, to all digits, at the start. A root may pass a double zero of its
@@ -244,7 +241,7 @@ def _hides(node: Node) -> bool:
     return node.op in ("exp", "tanh", "sqrt")
 
 
-def _ends(node: Node) -> bool:
+def _has_unguarded_root(node: Node) -> bool:
     """Whether a formula is finite where its derivatives are not: a root that nothing guards at 0.
 
     Negative powers are infinite there, as is the rate.
