@@ -199,6 +199,12 @@ def second(labels: Sequence[tuple[str, str]]) -> str:
     return next((unit for unit in rates if unit.isalpha()), "s") if units else ""
 
 
+def rad_per_second(labels: Sequence[tuple[str, str]]) -> str:
+    """The unit of an angular frequency, e.g. "rad/s"; "" without a unit of time."""
+    unit = second(labels)
+    return f"rad/{unit}" if unit else ""
+
+
 def joule(labels: Sequence[tuple[str, str]]) -> str:
     """The unit of energy for a state with these labels: "J", or "" where they are not SI units."""
     speeds = {unit.rpartition("/")[0] for _, unit in labels if "/" in unit}

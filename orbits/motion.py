@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, Status
+from jaxdyn import Scene, Status, System
 from jaxdyn._checks import is_traced
 from jaxdyn.analysis.energy import potential
 from jaxdyn.analysis.regularized import logarithmic_span, regularize, solve_regularized
@@ -101,6 +101,11 @@ def attracts(scene: Scene, ts: np.ndarray | None = None, ys: Array | None = None
     at = (ts, ys) if known else (np.zeros(1), np.asarray(scene.y0)[None])
     depth = np.asarray(_depth(scene, *at))
     return bool(np.isfinite(depth).all() and depth.min() > _LEAST_DEPTH * np.median(depth))
+
+
+def has_several_points(system: System) -> bool:
+    """Whether a system is several free points, whose motion is seen from their centre of mass."""
+    return isinstance(system, FreePoints) and len(system.m) > 1
 
 
 def gravitates(scene: Scene) -> bool:

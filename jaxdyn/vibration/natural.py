@@ -106,8 +106,7 @@ class NaturalModes:
 
     @property
     def _unit(self) -> str:
-        second = _text.second(self.labels)
-        return f"rad/{second}" if second else ""
+        return _text.rad_per_second(self.labels)
 
 
 def _entry(x: complex, real: bool) -> str:

@@ -23,7 +23,7 @@ from orbits.analysis.pieces import Periodic, pieces
 from orbits.closing.closings import choreography
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import at_s, gravitates, quick_solve
+from orbits.motion import at_s, gravitates, has_several_points, quick_solve
 from orbits.orbit import Orbit, relocate
 
 #: Largest permutation error of a choreography.
@@ -80,10 +80,9 @@ def identify(orbit: Orbit | HybridOrbit) -> Identity:
     if isinstance(orbit, HybridOrbit):
         return Identity(None, float("nan"), e, momentum, None)
     system = orbit.scene.system
-    several = isinstance(system, FreePoints) and len(system.m) > 1
     error = permutation_error(orbit)
     return Identity(
-        choreography=bool(error < CHOREOGRAPHY) if several else None,
+        choreography=bool(error < CHOREOGRAPHY) if has_several_points(system) else None,
         permutation_error=error,
         energy=e,
         angular_momentum=momentum,
@@ -213,7 +212,7 @@ def normal_form(orbit: Orbit) -> Orbit:
             "The normal form is defined only for these.",
         )
     scene = orbit.scene
-    centred = _centre(scene, np.asarray(orbit.y0))
+    centred = np.concatenate([(x - x.mean(axis=0)).ravel() for x in _points(np.asarray(orbit.y0))])
     t, body = _passage(scene.starting(centred), orbit.period)
     y = _state_after(scene, centred, t)
     r, v = _points(y)
@@ -250,11 +249,6 @@ def has_normal_form(orbit: Orbit) -> bool:
 def _points(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     r, v = y.reshape(2, 3, 2)
     return r, v
-
-
-def _centre(scene: Scene, y: np.ndarray) -> np.ndarray:
-    r, v = _points(y)
-    return np.concatenate([(r - r.mean(axis=0)).ravel(), (v - v.mean(axis=0)).ravel()])
 
 
 def _state_after(scene: Scene, y: np.ndarray, t: float) -> np.ndarray:

@@ -19,6 +19,7 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.monodromy import monodromy as monodromy
 from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN, Closing, Symmetry
+from orbits.closing.given import has_constraints
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, gap
 from orbits.shooting import newton
@@ -177,7 +178,9 @@ def _run(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
     if orbit.mesh is not None:
         end, status, m = _by_collocation(orbit, rtol)
     else:
-        end, status, m = _by_integration(orbit, rtol)
+        whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
+        end, status, slopes = linearize_end(scene, whole, rtol)
+        m = slopes.start
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
     # The inverse rotation is exact to rounding, so nothing is solved.
@@ -191,7 +194,7 @@ def log_determinant(orbit: Orbit) -> tuple[float, float]:
     however unstable the motion is. The state must not be constrained.
     """
     scene = orbit.scene
-    if type(scene.system).project is not System.project:
+    if has_constraints(scene):
         return math.nan, math.nan
     ts = np.arange(_SAMPLES) * orbit.period / _SAMPLES
     flow = quick_solve(scene, orbit.period, ts=ts, rtol=orbit.rtol, solver=orbit.solver)
@@ -205,14 +208,6 @@ def log_determinant(orbit: Orbit) -> tuple[float, float]:
 def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
     """(s,) the divergence of the rate at times and states (s, k)."""
     return jax.vmap(lambda t, y: jnp.trace(jax.jacfwd(scene.rate, argnums=1)(t, y)))(ts, ys)
-
-
-def _by_integration(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
-    """The end of the period, the status, and the derivative (k, k) of the end in the start."""
-    scene = orbit.scene
-    whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
-    end, status, slopes = linearize_end(scene, whole, rtol)
-    return end, status, slopes.start
 
 
 def _by_collocation(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import check_first, fail
-from jaxdyn.formulations.newton import FreePoints
 from orbits.analysis.alignment import (
     SAMPLES,
     TOLERANCE,
@@ -22,7 +21,7 @@ from orbits.analysis.evidence import closure
 from orbits.analysis.pieces import Periodic, offset_along, offsets, pieces, states_at
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.motion import quick_solve
+from orbits.motion import has_several_points, quick_solve
 from orbits.orbit import Orbit, relocate
 
 #: Takes the place of `TOLERANCE` for orbits so unstable that their own periods differ by as much.
@@ -97,7 +96,7 @@ def _mismatch(orbit: Periodic, shift: float) -> float:
     ts = shift + np.arange(2 * SAMPLES) * period / SAMPLES
     flow = quick_solve(scene, ts[-1], ts=ts, rtol=orbit.rtol, solver=orbit.solver)
     ys = np.asarray(flow.ys).reshape(2, SAMPLES, -1)
-    if _several_points(orbit):
+    if has_several_points(scene.system):
         first, second = (centre(y, np.asarray(scene.system.m)) for y in ys)
         return distance_after_rotation(first, second)[0]
     off = jax.vmap(scene.system.difference)(ys[1], ys[0])
@@ -121,17 +120,11 @@ def match(a: Orbit | HybridOrbit, b: Orbit | HybridOrbit) -> Match | None:
     (period_a, _), (period_b, _) = minimal_period(a), minimal_period(b)
     if isinstance(a, Orbit) and isinstance(b, Orbit):
         a, b = _over(a, period_a), _over(b, period_b)
-        if _several_points(a):
+        if has_several_points(a.scene.system):
             return match_points(a, b)
     if abs(period_a - period_b) > TOLERANCE * period_a:
         return None
     return _match_states(a, b, period_b)
-
-
-def _several_points(orbit: Orbit) -> bool:
-    """Whether it is an orbit of several free points, seen from their centre of mass."""
-    system = orbit.scene.system
-    return isinstance(system, FreePoints) and len(system.m) > 1
 
 
 def _over(orbit: Orbit, period: float) -> Orbit:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 import jaxdyn
 import orbits
-from jaxdyn._text import brief, choice, second
+from jaxdyn._text import brief, choice, rad_per_second
 from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
@@ -138,8 +138,8 @@ def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdy
 
 def _reporter(out: Screen):
     def report(member) -> None:
-        unit = second(member.orbit.scene.labels())
-        frequency = brief(2 * math.pi / member.orbit.period, unit and f"rad/{unit}")
+        unit = rad_per_second(member.orbit.scene.labels())
+        frequency = brief(2 * math.pi / member.orbit.period, unit)
         out.show_task(f"at {frequency}, {member.stability.verdict}")
 
     return report

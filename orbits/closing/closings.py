@@ -350,13 +350,13 @@ class Reversal(Closing):
     name: str = eqx.field(static=True, default="reversal")
 
     def free(self, k):
-        places, signs = _table(self.here, k)
+        places, signs = _places_and_signs(self.here, k)
         index = np.arange(k)
         return index[(places > index) | ((places == index) & (signs > 0))]
 
     def start(self, system, u, base):
         y = base.at[self.free(len(base))].set(u)
-        places, signs = _table(self.here, len(base))
+        places, signs = _places_and_signs(self.here, len(base))
         # Of two entries that `here` exchanges, the later one follows from the earlier one.
         follows = np.flatnonzero(places < np.arange(len(base)))
         y = y.at[follows].set(signs[follows] * y[places[follows]])
@@ -379,7 +379,7 @@ class Reversal(Closing):
 
     def _changes(self, k: int) -> np.ndarray:
         """Entries of a state that `there` changes, with only one of any two that it exchanges."""
-        places, signs = _table(self.there, k)
+        places, signs = _places_and_signs(self.there, k)
         index = np.arange(k)
         return np.flatnonzero((places > index) | ((places == index) & (signs < 0)))
 
@@ -388,7 +388,7 @@ class Reversal(Closing):
         # The reversal whose fixed set a motion meets at time t maps time 0 to 2 t.
         for symmetry, at in ((self.here, 0.0), (self.there, float(scene.t1) / self.parts)):
             symmetry.check(scene, 2 * at)
-            places, signs = _table(symmetry, len(scene.y0))
+            places, signs = _places_and_signs(symmetry, len(scene.y0))
             twice = np.array_equal(places[places], np.arange(len(places)))
             if not (symmetry.reversing and twice and (signs == signs[places]).all()):
                 raise fail("closing", "time reversals of order 2", "another symmetry")
@@ -506,15 +506,15 @@ def symmetric_closing(scene: Scene) -> str:
     d = scene.points(jnp.zeros(()), scene.y0).r.shape[1] if scene.has_points else 0
     axes = [name for n in range(d - 1, 0, -1) for name in itertools.combinations("xyz"[:d], n)]
     for across in map("".join, axes):
-        if _suits(mirror(scene, across), scene):
+        if _applies(mirror(scene, across), scene):
             return f'closing=orbits.closing.mirror(scene, "{across}")'
     k = len(scene.y0)
-    if k % 2 == 0 and _suits(reversal(time_reversal(k)), scene):
+    if k % 2 == 0 and _applies(reversal(time_reversal(k)), scene):
         return f"closing=orbits.reversal(orbits.time_reversal({k}))"
     return ""
 
 
-def _suits(closing: Closing, scene: Scene) -> bool:
+def _applies(closing: Closing, scene: Scene) -> bool:
     try:
         closing.check(scene)
     except ValueError:
@@ -522,7 +522,7 @@ def _suits(closing: Closing, scene: Scene) -> bool:
     return True
 
 
-def _table(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:
+def _places_and_signs(symmetry: Symmetry, k: int) -> tuple[np.ndarray, np.ndarray]:
     places = np.arange(k) if symmetry.places is None else np.array(symmetry.places)
     return places, np.ones(k) if symmetry.signs is None else np.array(symmetry.signs, float)
 
@@ -612,7 +612,7 @@ class Condition(Record):
         del scene
 
 
-def _hold(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+def _fix_entry(entry: int, level, guess: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Bounds that hold one entry of start and period, if the guess has the level."""
     if guess[entry] == float(level):
         here = np.arange(len(guess)) == entry % len(guess)
@@ -644,7 +644,7 @@ class Period(Condition):
         return period - self.length
 
     def fix(self, guess, lower, upper):
-        return _hold(-1, self.length, guess, lower, upper)
+        return _fix_entry(-1, self.length, guess, lower, upper)
 
     def check(self, scene):
         positive("period", array("period", self.length, (), "It is a time."), "It is a time.")
@@ -665,7 +665,7 @@ class Section(Condition):
         return y0[self.entry] - self.level
 
     def fix(self, guess, lower, upper):
-        return _hold(self.entry, self.level, guess, lower, upper)
+        return _fix_entry(self.entry, self.level, guess, lower, upper)
 
     def check(self, scene):
         k = len(scene.y0)

@@ -94,7 +94,7 @@ def pose(
         if drive_period(scene) is not None:
             low[-1] = high[-1] = guess[-1]
     closings, held = _closings(scene, closing), conditions(scene, hold)
-    for condition in held if type(scene.system).project is System.project else ():
+    for condition in () if has_constraints(scene) else held:
         low, high = condition.fix(guess, low, high)
     return Problem(
         scene=scene,
@@ -144,6 +144,18 @@ def _limits(name: str, value, k: int, without: float) -> np.ndarray:
 def is_driven(scene: Scene) -> bool:
     """Whether the rate depends on time; False is proved from the program of the rate."""
     return plan_of(scene.field, len(scene.y0)).depends_on_time
+
+
+def has_constraints(scene: Scene) -> bool:
+    """Whether states are projected onto constraints."""
+    return type(scene.system).project is not System.project
+
+
+def refuse_constraints(name: str, scene: Scene) -> None:
+    """Raise ValueError for a scene with constraints."""
+    if has_constraints(scene):
+        remedy = "Use a minimal set of coordinates."
+        raise fail(name, "a scene without constraints", "one with them", remedy)
 
 
 def in_step(scene: Scene, period: float) -> float:

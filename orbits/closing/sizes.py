@@ -88,14 +88,14 @@ def _sizes(scene: Scene) -> np.ndarray:
             found = coupled_sizes(scene, found)
     else:
         found = coupled_sizes(scene, found)
-        slope, noise = _near(scene)
+        slope, noise = _linear_terms(scene)
         noise = noise / np.maximum(np.diag(slope), 1 / radian)
         found = np.where(found > _RESOLVED * alike(scene, noise), found, 0.0)
     if (found > 0).all():
         return found
     if not found.any():
         return sizes_at_rest(scene, y0)
-    return _fill(scene, found, _near(scene)[0], radian)
+    return _fill_zeros(scene, found, _linear_terms(scene)[0], radian)
 
 
 def sizes_at_rest(scene: Scene, y: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ def coupled_sizes(scene: Scene, each: np.ndarray) -> np.ndarray:
     nilpotent, as at a Bogdanov-Takens point.
     """
     share = _SHARE if groups(scene.system).known else 1.0
-    slope, _ = _near(scene)
+    slope, _ = _linear_terms(scene)
     fastest = max(float(np.abs(np.linalg.eigvals(slope)).max()), 1 / float(scene.t1))
     for _ in range(len(each)):
         made = share * alike(scene, slope @ each / fastest)
@@ -141,7 +141,7 @@ def largest_entry(vector: np.ndarray, each: np.ndarray) -> int:
     return int(np.argmax(size > (1 - _ALIKE) * size.max()))
 
 
-def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
+def _fill_zeros(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np.ndarray:
     """The sizes, where those that are 0 follow from what the others change in a time.
 
     At least one size is not 0. An entry that no other one moves has the size at which the rate's
@@ -158,7 +158,7 @@ def _fill(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float) -> np
     return found
 
 
-def _near(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def _linear_terms(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """(k, k) the terms of |J| at the start, 0 where they are rounding; (k,) that of the rate."""
     ys = shifted(np.asarray(scene.y0))
     rates, slopes = (np.asarray(x) for x in _rates_and_slopes(scene, jnp.asarray(ys)))

@@ -99,11 +99,6 @@ def family(
     return finish(figure, path)
 
 
-def overview(found: Family) -> Figure:
-    """The picture of a family in a notebook: untitled."""
-    return family(found, title="")
-
-
 def orbit_stretches(
     members: Sequence[Member], special: Sequence[Member]
 ) -> list[tuple[str, list[Member], bool]]:

@@ -89,11 +89,6 @@ def frequency_response(
     return finish(figure, path)
 
 
-def overview(found: FrequencyResponse) -> Figure:
-    """The picture of a frequency response in a notebook: untitled."""
-    return frequency_response(found, title="")
-
-
 @check_first
 def backbone(
     found: Backbone | Sequence[Backbone],
@@ -198,5 +193,4 @@ def _title(title: str | None, scene: Scene) -> str:
 
 
 def _frequency(scene: Scene) -> str:
-    second = _text.second(scene.labels())
-    return f"frequency [rad/{second}]" if second else "frequency"
+    return _text.with_unit("frequency", _text.rad_per_second(scene.labels()))

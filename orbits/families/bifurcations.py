@@ -99,16 +99,9 @@ def _grazings(surface: Surface, a: Member, b: Member) -> list[Member]:
     found = []
     for i in range(len(surface.margins(a.orbit))):
         # A grazed event has no multipliers.
-        point = zero_between(surface, a, b, _margin(i), known=False)
+        point = zero_between(surface, a, b, lambda s, x, i=i: s.margins(x.orbit)[i], known=False)
         found += [] if point is None else [dataclasses.replace(point, kind=Kind.GRAZING)]
     return found
-
-
-def _margin(i: int) -> Test:
-    def test(surface: Surface, member: Member) -> float:
-        return float(surface.margins(member.orbit)[i])
-
-    return test
 
 
 def zero_between(
@@ -192,11 +185,7 @@ def _gradient(equations: Equations, x: Array) -> Array:
 
 
 def _through(value: float) -> Test:
-    def test(surface: Surface, member: Member) -> float:
-        del surface
-        return float(np.prod(member.stability.nontrivial - value).real)
-
-    return test
+    return lambda _, member: float(np.prod(member.stability.nontrivial - value).real)
 
 
 #: Test functions of a member, which change sign at special points.

@@ -32,7 +32,7 @@ from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
-from orbits.closing.given import is_driven
+from orbits.closing.given import is_driven, refuse_constraints
 from orbits.closing.sizes import sizes
 from orbits.families.family import Member, smooth_orbit
 from orbits.motion import quick_solve
@@ -48,10 +48,10 @@ from orbits.orbit import Orbit
 ORDER = 3
 
 
-def _coefficients(function, order: int = ORDER) -> Array:
-    """(order + 1, k) Taylor coefficients at 0 of a function of one number."""
+def _coefficients(function) -> Array:
+    """(ORDER + 1, k) Taylor coefficients at 0 of a function of one number."""
     values, factorial = [function], 1.0
-    for _ in range(order):
+    for _ in range(ORDER):
         before = values[-1]
 
         def derivative(e, before=before):
@@ -132,29 +132,6 @@ def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
         return np.diag(each)
     flow = np.asarray(orbit.scene.rate(jnp.zeros(()), jnp.asarray(orbit.y0)))
     return each[:, None] * np.linalg.svd((flow / each)[None])[2][1:].T
-
-
-def return_coefficients(
-    orbit: Orbit, axes: np.ndarray, each: np.ndarray, u1, u2, rtol: float, driven: bool
-) -> np.ndarray:
-    """(3, d) coefficients of e, e^2, e^3 of the return of the starts e u1 + e^2 u2.
-
-    Args:
-      orbit: an orbit that returns after its period.
-      axes: (k, d) the `basis` of starts.
-      each: (k,) the sizes in which it is orthonormal.
-      u1: (d,) coordinates.
-      u2: (d,) coordinates.
-      rtol: tolerance of the integration.
-      driven: whether the rate depends on time.
-    """
-    y0 = np.asarray(orbit.y0)
-    curve = jnp.asarray(np.stack([y0, axes @ u1, axes @ u2, np.zeros(len(y0))]))
-    end = _carry(orbit.scene, curve, jnp.asarray(orbit.period), rtol)
-    if not driven:
-        # The constant term is the start up to the closing error, which would move the plane.
-        end = _return_curve(orbit.scene, end.at[0].set(jnp.asarray(y0)), jnp.asarray(each))
-    return np.asarray(end[1:]) / each @ (axes / each[:, None])
 
 
 # ---- Super- or subcritical: coefficients of the normal form of the map of an orbit
@@ -254,7 +231,15 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
 
 @dataclasses.dataclass(frozen=True)
 class _Map:
-    """The return map of an orbit: its series along curves, and its derivative."""
+    """The return map of an orbit: its series along curves, and its derivative.
+
+    Attributes:
+      orbit: an orbit that returns after its period.
+      axes: (k, d) the `basis` of starts.
+      each: (k,) the sizes in which it is orthonormal.
+      driven: whether the rate depends on time.
+      rtol: tolerance of the integrations.
+    """
 
     orbit: Orbit
     axes: np.ndarray
@@ -263,8 +248,15 @@ class _Map:
     rtol: float
 
     def along(self, u1: np.ndarray, u2: np.ndarray) -> np.ndarray:
-        """(3, d) coefficients of the return of e u1 + e^2 u2."""
-        return return_coefficients(self.orbit, self.axes, self.each, u1, u2, self.rtol, self.driven)
+        """(3, d) coefficients of e, e^2, e^3 of the return of the starts e u1 + e^2 u2."""
+        orbit, axes, y0 = self.orbit, self.axes, np.asarray(self.orbit.y0)
+        curve = jnp.asarray(np.stack([y0, axes @ u1, axes @ u2, np.zeros(len(y0))]))
+        end = _carry(orbit.scene, curve, jnp.asarray(orbit.period), self.rtol)
+        if not self.driven:
+            # The constant term is the start up to the closing error, which would move the plane.
+            known = end.at[0].set(jnp.asarray(y0))
+            end = _return_curve(orbit.scene, known, jnp.asarray(self.each))
+        return np.asarray(end[1:]) / self.each @ (axes / self.each[:, None])
 
     def derivative(self) -> np.ndarray:
         """(d, d) the derivative of the return map."""
@@ -306,38 +298,40 @@ class _Form(NamedTuple):
     length: float
 
 
-def _fold(of: _Map) -> _Form:
-    _, _, q, p = of.critical(1.0)
-    quadratic = float(p @ of.along(q, 0 * q)[1])
-    return _Form(quadratic, quadratic, True, of.length(q))
+def _fold(returns: _Map) -> _Form:
+    _, _, q, p = returns.critical(1.0)
+    quadratic = float(p @ returns.along(q, 0 * q)[1])
+    return _Form(quadratic, quadratic, True, returns.length(q))
 
 
-def _branch(of: _Map) -> _Form:
-    a, _, q, p = of.critical(1.0)
-    second = of.along(q, 0 * q)[1]
+def _branch(returns: _Map) -> _Form:
+    a, _, q, p = returns.critical(1.0)
+    second = returns.along(q, 0 * q)[1]
     eye = np.eye(len(a))
     bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
     h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
-    return _Form(float(p @ of.along(q, h / 2)[2]), float(p @ second), True, of.length(q))
+    return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), True, returns.length(q))
 
 
-def _doubling(of: _Map) -> _Form:
-    a, _, q, p = of.critical(-1.0)
-    h = np.linalg.solve(np.eye(len(a)) - a, 2 * of.along(q, 0 * q)[1])
-    return _Form(float(p @ of.along(q, h / 2)[2]), np.nan, True, of.length(q))
+def _doubling(returns: _Map) -> _Form:
+    a, _, q, p = returns.critical(-1.0)
+    h = np.linalg.solve(np.eye(len(a)) - a, 2 * returns.along(q, 0 * q)[1])
+    return _Form(float(p @ returns.along(q, h / 2)[2]), np.nan, True, returns.length(q))
 
 
-def _torus(of: _Map) -> _Form:
-    a, value, q, p = of.critical()
+def _torus(returns: _Map) -> _Form:
+    a, value, q, p = returns.critical()
     turn, eye = value / abs(value), np.eye(len(a))
     turns = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
-    seconds = np.stack([of.along(2 * (z * q).real, 0 * q.real)[1] for z in turns])
+    seconds = np.stack([returns.along(2 * (z * q).real, 0 * q.real)[1] for z in turns])
     mixed = np.linalg.solve(eye - a, seconds.mean(axis=0))
     double = np.linalg.solve(turn**2 * eye - a, 2 * (turns**-2 @ seconds) / _PHASES)
-    thirds = np.stack([of.along(2 * (z * q).real, (z * z * double).real + mixed)[2] for z in turns])
+    thirds = np.stack(
+        [returns.along(2 * (z * q).real, (z * z * double).real + mixed)[2] for z in turns]
+    )
     cubic = p @ (turns**-1 @ thirds) / _PHASES
     simple = min(abs(turn**3 - 1), abs(turn**4 - 1)) > _RESONANT
-    return _Form(float((cubic / turn).real), np.nan, bool(simple), of.length(q))
+    return _Form(float((cubic / turn).real), np.nan, bool(simple), returns.length(q))
 
 
 _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
@@ -371,9 +365,7 @@ def _check(orbit: Orbit) -> None:
     if orbit.closing.turns:
         remedy = "Write the scene in a frame that rotates with the orbit."
         raise fail("point", "an orbit that closes without a rotation", "a relative one", remedy)
-    if type(orbit.scene.system).project is not System.project:
-        remedy = "Use a minimal set of coordinates."
-        raise fail("point", "a scene without constraints", "one with them", remedy)
+    refuse_constraints("point", orbit.scene)
     known = stability(dataclasses.replace(orbit, closing=PLAIN), throw=False)
     if known.integrals:
         remedy = "Its bifurcations are those of conservative scenes; add a little damping."

@@ -100,7 +100,7 @@ class Family:
     def _repr_html_(self):
         from orbits.drawing import families
 
-        return families.overview(self)
+        return families.family(self, title="")
 
     def live(self, path=None):
         """A page on which its orbits run, one of them chosen by a slider or in a picture.

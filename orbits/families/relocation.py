@@ -69,15 +69,15 @@ def find_again(
     """
     path = path_of(known.orbit, make, hold)
     if known.kind == Kind.FOLD:
-        return _fold(known, path, parameter)
-    return _zero(known, path, parameter, guess)
+        return _zero_of_slope(known, path, parameter)
+    return _zero_of_test(known, path, parameter, guess)
 
 
 def _not_found() -> SearchError:
     return SearchError("The special orbit was not found again. Take a shorter step.")
 
 
-def _zero(known: SpecialOrbit, path: Path, p: float, guess) -> SpecialOrbit:
+def _zero_of_test(known: SpecialOrbit, path: Path, p: float, guess) -> SpecialOrbit:
     """The orbit where the test of its kind is zero, by Newton's method."""
     settled, before = False, np.inf
     for _ in range(_STEPS):
@@ -121,7 +121,7 @@ def _ahead(here: SpecialOrbit, path: Path, step: float) -> tuple[np.ndarray, flo
     return y0, float(period)
 
 
-class _Here(NamedTuple):
+class _PointAtLength(NamedTuple):
     """An orbit of a family, as a function of a length along the family.
 
     Attributes:
@@ -137,34 +137,27 @@ class _Here(NamedTuple):
     residual: float
 
 
-def _fold(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
+def _zero_of_slope(known: SpecialOrbit, path: Path, p: float) -> SpecialOrbit:
     """The orbit where the parameter is stationary along the family."""
     orbit = known.orbit
     posed = pose(orbit, path(jnp.asarray(known.parameter)).held)
     along = direction_at(posed, orbit.rtol)
-    a = _at(posed, path, along, 0.0, posed.x, p, orbit.rtol)
+    a = _at_length(posed, path, along, 0.0, posed.x, p, orbit.rtol)
     s, t = 0.0, _FIRST
     for _ in range(_STEPS):
         ahead = a.x + (t - s) * along.units * along.way
-        b = _at(posed, path, along, t, ahead, a.parameter, orbit.rtol)
+        b = _at_length(posed, path, along, t, ahead, a.parameter, orbit.rtol)
         if abs(t - s) <= _LEVEL or a.turning == b.turning:
             equations = placed(posed, path(jnp.asarray(b.parameter)))
-            found = orbit_at(
-                equations,
-                b.x,
-                residual=b.residual,
-                outcome=Outcome.FOUND,
-                iterations=0,
-                rtol=orbit.rtol,
-            )
+            found = orbit_at(equations, b.x, b.residual, Outcome.FOUND, rtol=orbit.rtol)
             return SpecialOrbit(Kind.FOLD, found, b.parameter)
         s, t, a = t, t - b.turning * (t - s) / (b.turning - a.turning), b
     raise _not_found()
 
 
-def _at(
+def _at_length(
     posed: Posed, path: Path, along: FoldDirection, s: float, x, p: float, rtol: float
-) -> _Here:
+) -> _PointAtLength:
     """The orbit at a length from the known fold, by Newton's method in unknowns and parameter."""
     units, rows = along.units, along.rows
     for _ in range(_STEPS):
@@ -190,5 +183,5 @@ def _at(
         x, p = x + step[:-1] * units, p + float(step[-1]) * unit
         if np.abs(step).max() <= _LEVEL:
             ahead = np.linalg.lstsq(system, np.eye(len(off))[-1], rcond=_RANK)[0]
-            return _Here(x, p, float(ahead[-1]), float(np.abs(off[:-1]).max()))
+            return _PointAtLength(x, p, float(ahead[-1]), float(np.abs(off[:-1]).max()))
     raise _not_found()

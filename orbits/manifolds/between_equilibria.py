@@ -16,8 +16,7 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scene import check_scene
-from jaxdyn.system import System
-from orbits.closing.given import is_driven
+from orbits.closing.given import is_driven, refuse_constraints
 from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.directions import of_equilibrium
@@ -105,9 +104,6 @@ class ConnectionEquations(Links):
     def unpack(self, x: Array) -> tuple[Array, Array | None, Array]:
         """The travel time, the parameter, and the states (segments - 1, k) between links."""
         return x[0], None if self.make is None else x[1], self.states(x)
-
-    def states(self, x: Array) -> Array:
-        return x[-(self.segments - 1) * self.near.shape[1] :].reshape(self.segments - 1, -1)
 
     def pack(self, time, parameter, states) -> np.ndarray:
         """The inverse of `unpack`."""
@@ -202,9 +198,7 @@ def _pose(
     a: Scene, b, make: Make | None, p: float, branch: str, segments: int, rtol: float
 ) -> tuple[ConnectionEquations, np.ndarray]:
     """The chain that is to connect the equilibria, and the rates of leaving and slowest arrival."""
-    if type(a.system).project is not System.project:
-        remedy = "Use a minimal set of coordinates."
-        raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
+    refuse_constraints("a", a)
     if is_driven(a):
         remedy = "It has no equilibria."
         raise _checks.fail("a", "an autonomous scene", "one that depends on time", remedy)

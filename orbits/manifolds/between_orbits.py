@@ -11,9 +11,8 @@ from jaxtyping import Array
 from jaxdyn import Scene, _checks
 from jaxdyn.analysis.energy import change, energy
 from jaxdyn.integrate.events import Event
-from jaxdyn.system import System
 from orbits.analysis.stability import stability
-from orbits.closing.given import is_driven
+from orbits.closing.given import is_driven, refuse_constraints
 from orbits.closing.sizes import sizes
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
 from orbits.manifolds.links import Links, Solution, sample, solve
@@ -58,9 +57,6 @@ class OrbitChain(Links):
     conserved: bool = eqx.field(static=True)
     segments: int = eqx.field(static=True)
     rtol: float
-
-    def states(self, x):
-        return x[-(self.segments - 1) * self.starts.shape[1] :].reshape(self.segments - 1, -1)
 
     def beside(self, i: int, phase: Array, step: Array) -> tuple[Array, Array]:
         """A state (k,) of orbit i, and the one at a distance from it along the manifold."""
@@ -187,9 +183,7 @@ def _check(a: Orbit, b: Orbit) -> bool:
     if is_driven(scene):
         got = "one that depends on time"
         raise _checks.fail("a", "an orbit of an autonomous scene", got, "Leave out the drive.")
-    if type(scene.system).project is not System.project:
-        remedy = "Use a minimal set of coordinates."
-        raise _checks.fail("a", "a scene without constraints", "one with them", remedy)
+    refuse_constraints("a", scene)
     y = jnp.asarray(b.y0)
     if not np.array_equal(scene.rate(jnp.zeros(()), y), b.scene.rate(jnp.zeros(()), y)):
         remedy = "Find both in the scene with the same numbers."

@@ -141,7 +141,7 @@ def no_connection(
     iterations: int,
     orbits: tuple[Orbit, Orbit] | None = None,
 ) -> Connection:
-    """The record of a chain of links that was not closed, with NaN for what was sought.
+    """The record of a search that found no connection; the numbers sought are NaN.
 
     Args:
       posed: the chain.

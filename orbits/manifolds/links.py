@@ -43,9 +43,9 @@ class Links(eqx.Module):
         `steps` (2,) are the distances of the ends of the chain from what it connects.
         """
 
-    @abc.abstractmethod
     def states(self, x: Array) -> Array:
         """The states (segments - 1, k) between links, which are the last of the unknowns."""
+        return x[-(self.segments - 1) * len(self.each) :].reshape(self.segments - 1, -1)
 
     @abc.abstractmethod
     def gaps(self, x: Array, steps: Array) -> Array:
@@ -108,7 +108,7 @@ def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:
         halvings=_HALVINGS,
     )
     x, residual, iterations = x + units * found.x, found.residual, found.iterations
-    goal = _goal(chain, x)
+    goal = _GOAL * max(1.0, float(np.abs(chain.states(x) / np.asarray(chain.each)).max()))
     if not (found.finite and residual <= goal):
         return Solution(x, residual, False, False, np.full(len(x), np.nan), iterations)
     slopes = found.jacobian / units
@@ -123,10 +123,6 @@ def _units(slopes: np.ndarray) -> np.ndarray:
     """(n,) units of the unknowns in which derivatives with respect to them (m, n) have length 1."""
     lengths = np.linalg.norm(slopes, axis=0)
     return 1 / np.where(lengths > 0, lengths, 1.0)
-
-
-def _goal(chain: Links, x: np.ndarray) -> float:
-    return _GOAL * max(1.0, float(np.abs(chain.states(x) / np.asarray(chain.each)).max()))
 
 
 @eqx.filter_jit

@@ -55,8 +55,7 @@ class Backbone:
     @_text.never_raising
     def __repr__(self) -> str:
         scene = self.family.members[0].orbit.scene
-        second = _text.second(scene.labels())
-        unit = f"rad/{second}" if second else ""
+        unit = _text.rad_per_second(scene.labels())
         first, last = (float(self.frequencies[i]) for i in (0, -1))
         ends = f"{_text.brief(first, unit)} to {_text.brief(last, unit)}"
         special = [
@@ -105,9 +104,8 @@ class Backbone:
         members, axes = self.family.members, ("vibration",)
         labels = members[0].orbit.scene.labels()
         coordinates = labels[: len(labels) // 2]
-        second = _text.second(labels)
         named = {
-            "frequency": Values(axes, self.frequencies, f"rad/{second}" if second else "1"),
+            "frequency": Values(axes, self.frequencies, _text.rad_per_second(labels) or "1"),
             "energy": Values(axes, self.energies, _text.joule(labels) or "1"),
             "verdict": Values(axes, [m.stability.verdict for m in members]),
         }

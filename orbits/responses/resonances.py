@@ -58,9 +58,8 @@ class Resonance:
 
     def __repr__(self) -> str:
         ratio = f"{self.ratio.numerator}:{self.ratio.denominator}"
-        second = _text.second(self.member.orbit.scene.labels())
-        at = _text.brief(self.frequency, f"rad/{second}" if second else "")
-        return f"{ratio} with mode {self.mode} at {at}"
+        unit = _text.rad_per_second(self.member.orbit.scene.labels())
+        return f"{ratio} with mode {self.mode} at {_text.brief(self.frequency, unit)}"
 
 
 def ratios(family: Family, linear: np.ndarray) -> np.ndarray:
@@ -99,7 +98,7 @@ def resonances(
     for a, b, before, after in places:
         for i, mode in enumerate(others):
             for ratio in _fractions(before[i], after[i], order):
-                member = _at(family, a, b, ratio, sign)
+                member = _locate(family, a, b, ratio, sign)
                 if member is not None:
                     found.append(Resonance(member, mode, ratio))
     return found
@@ -166,7 +165,7 @@ def _fractions(a: float, b: float, order: int) -> list[Fraction]:
     return sorted(found, reverse=bool(b < a))
 
 
-def _at(family: Family, a: Member, b: Member, ratio: Fraction, sign: float) -> Member | None:
+def _locate(family: Family, a: Member, b: Member, ratio: Fraction, sign: float) -> Member | None:
     """The member between two others where a pair of multipliers has the angle of a ratio."""
     turned = np.exp(2j * np.pi * float(ratio))
 

@@ -35,7 +35,7 @@ from orbits.families.bifurcations import zero_between
 from orbits.families.continuation import continue_family
 from orbits.families.family import Family, Member
 from orbits.families.steps import OrbitChart
-from orbits.families.surface import OrbitSurface, Surface
+from orbits.families.surface import OrbitSurface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.finding import GOAL, find
 from orbits.shooting.segment import Make, OwnNumber
@@ -81,7 +81,7 @@ class FrequencyResponse:
     def _repr_html_(self):
         from orbits.drawing import responses
 
-        return responses.overview(self)
+        return responses.frequency_response(self, title="")
 
     to_pandas = _labelled.to_pandas
     to_xarray = _labelled.to_xarray
@@ -132,8 +132,7 @@ class FrequencyResponse:
             for member in in_order(curve)
         ]
         unit = labels.get(output, "1") if isinstance(output, str) else "1"
-        second = _text.second(tuple(labels.items()))
-        frequency = f"rad/{second}" if second else "1"
+        frequency = _text.rad_per_second(tuple(labels.items())) or "1"
         units = {"level": "", "frequency": frequency, "amplitude": unit, "phase": "rad"}
         units |= {"verdict": "", "kind": ""}
         columns = zip(*rows, strict=True)
@@ -192,14 +191,11 @@ def in_order(curve: Family) -> list[Member]:
 def _is_on_step(before: Member, after: Member, point: Member) -> bool:
     """Whether a special point lies on the step from one member to the next."""
     here, there = before.point.place, after.point.place
-    way = (there - here) / _scale(here, there)
-    share = float(way @ ((point.point.place - here) / _scale(here, there)) / (way @ way))
-    return share <= 1.0
-
-
-def _scale(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     size = np.maximum(np.abs(here), np.abs(there))
-    return np.where(size > 0, size, 1.0)
+    units = np.where(size > 0, size, 1.0)
+    way = (there - here) / units
+    share = float(way @ ((point.point.place - here) / units) / (way @ way))
+    return share <= 1.0
 
 
 def frequency_response(
@@ -318,16 +314,12 @@ def _passes(curve: Family, orbit: Orbit, omega: float) -> bool:
 
 def _crossings(curve: Family, value: float) -> list[Member]:
     """The responses of a family at a value of its parameter."""
-
-    def off(surface: Surface, member: Member) -> float:
-        del surface
-        return member.parameter - value
-
     surface = OrbitSurface(curve.equations, curve.members[0].orbit.rtol, GOAL)
     found = []
     for a, b in itertools.pairwise(curve.members):
         if (a.parameter - value) * (b.parameter - value) <= 0:
-            found.append(zero_between(surface.at(a.point), a, b, off))
+            zero = zero_between(surface.at(a.point), a, b, lambda _, m: m.parameter - value)
+            found.append(zero)
     return [member for member in found if member is not None]
 
 

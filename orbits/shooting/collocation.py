@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxdyn import Scene, Status, System
+from jaxdyn import Scene, Status
 from jaxdyn._checks import fail
 from jaxdyn._text import number_of
 from jaxdyn.solvers import RADAU9
-from orbits.closing.given import Problem
+from orbits.closing.given import Problem, has_constraints
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome
@@ -177,8 +177,8 @@ def _states_at(equations: Equations, scene: Scene, ts: np.ndarray) -> np.ndarray
     return np.asarray(quick_solve(scene, ts[-1], ts=ts, rtol=_SAMPLE_RTOL, solver=solver).ys)
 
 
-def is_stiff(equations: Equations, guess: np.ndarray) -> bool:
-    """Whether the default method takes too many steps for the motion from a guess (k + 1,)."""
+def exceeds_step_limit(equations: Equations, guess: np.ndarray) -> bool:
+    """Whether the default method takes more than `STEPS_MOST` steps from a guess (k + 1,)."""
     span = guess[-1] / equations.closing.parts
     scene = equations.scene.starting(guess[:-1], span)
     flow = quick_solve(scene, span, rtol=_SAMPLE_RTOL, max_steps=STEPS_MOST)
@@ -412,6 +412,10 @@ class _Point(NamedTuple):
     def residual(self) -> np.ndarray:
         return np.concatenate([self.chain.rest.ravel(), self.closing])
 
+    @property
+    def size(self) -> float:
+        return float(np.abs(self.residual).max())
+
 
 def solve(
     equations: Equations,
@@ -424,19 +428,19 @@ def solve(
     """The solution near x (n,), within the bounds, as far as an effort leads."""
     goal, max_iterations, report = effort.goal, effort.max_iterations, effort.report
     scales = scales_of(equations, x)
-    point = _at(equations, x, scales)
+    point = _linearize_at(equations, x, scales)
     accepted, done = 0, 0
-    report(Iteration(index=0, residual=_size(point), period=x[-1], step=0.0))
+    report(Iteration(index=0, residual=point.size, period=x[-1], step=0.0))
     while accepted < max_iterations and np.isfinite(point.residual).all():
         step = _step(equations, point, scales, lower, upper)
-        new = _shorter_if_needed(equations, point, scales, step, lower, upper, effort)
+        new = _backtrack(equations, point, scales, step, lower, upper, effort)
         if new is None:
             break
         accepted += 1
         moved = float(np.linalg.norm((new.x - point.x) / scales.x))
         point = new
-        report(Iteration(index=accepted, residual=_size(point), period=point.x[-1], step=moved))
-        done += _size(point) <= goal
+        report(Iteration(index=accepted, residual=point.size, period=point.x[-1], step=moved))
+        done += point.size <= goal
         if done > _ROUNDS_AT_GOAL or effort.over:
             break
     at_bound = ((point.x <= lower) | (point.x >= upper)) & (lower < upper)
@@ -444,13 +448,13 @@ def solve(
         x=point.x,
         residual=point.residual,
         iterations=accepted,
-        converged=bool(_size(point) <= goal),
+        converged=bool(point.size <= goal),
         at_bound=bool(at_bound.any()),
         limit=accepted >= max_iterations,
     )
 
 
-def _at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
+def _linearize_at(equations: Equations, x: np.ndarray, scales: Scales) -> _Point:
     here = jax.tree.map(np.asarray, pieces(equations, x))
     found, slopes = gauss_steps.linearize_steps(equations.scene, here, make=equations.make)
     left, end = np.asarray(slopes.start), np.asarray(found.end)
@@ -513,7 +517,7 @@ def _step(equations, point: _Point, scales: Scales, lower, upper) -> np.ndarray:
     return scales.x * (found - kernel @ np.linalg.lstsq(kernel, found, rcond=None)[0])
 
 
-def _shorter_if_needed(
+def _backtrack(
     equations, point: _Point, scales, step, lower, upper, effort: Effort
 ) -> _Point | None:
     for halvings in range(_HALVINGS_MOST):
@@ -522,14 +526,10 @@ def _shorter_if_needed(
         new = np.clip(point.x + step / 2**halvings, lower, upper)
         if not new[-1] > 0:
             continue
-        found = _at(equations, new, scales)
+        found = _linearize_at(equations, new, scales)
         if np.linalg.norm(found.residual) < np.linalg.norm(point.residual):
             return found
     return None
-
-
-def _size(point: _Point) -> float:
-    return float(np.abs(point.residual).max())
 
 
 def _inner_states(equations: Equations) -> slice:
@@ -577,11 +577,6 @@ _MESHES_MOST = 8
 _COARSE_RTOL = 1e-6
 
 
-def is_applicable(equations: Equations) -> bool:
-    """Whether collocation can solve the equations: no states are projected onto constraints."""
-    return type(equations.scene.system).project is System.project
-
-
 @dataclasses.dataclass(frozen=True)
 class Collocation(Strategy):
     """Gauss collocation on an adaptive mesh instead of integrations.
@@ -599,35 +594,24 @@ class Collocation(Strategy):
           ValueError: see the limits.
         """
         problem, equations, effort = search.problem, search.equations, search.effort
-        if not is_applicable(equations):
+        if has_constraints(equations.scene):
             remedy = "Leave it out: by shooting."
             raise fail("strategy", "one for a scene with projected constraints", self, remedy)
         if search.segments is not None:
             raise fail("segments", "none with collocation", search.segments)
-        equations = dataclasses.replace(equations, stiff=is_stiff(equations, problem.guess))
+        stiff = exceeds_step_limit(equations, problem.guess)
+        equations = dataclasses.replace(equations, stiff=stiff)
         found = _search(problem, equations, effort)
         if found is None:  # the motion from the guess ends early
             x = equations.pack(problem.guess[:-1], (), 0.0, 0.0, problem.guess[-1])
-            return orbit_at(
-                equations,
-                x,
-                residual=math.nan,
-                outcome=Outcome.COLLISION,
-                iterations=0,
-                rtol=effort.rtol,
-            )
+            return orbit_at(equations, x, math.nan, Outcome.COLLISION, rtol=effort.rtol)
         last, result, error, trouble = found
         outcome = outcome_of(InUnits(last, result.x, effort.rtol), result, trouble)
         if outcome == Outcome.FOUND and error > effort.goal:
             outcome = Outcome.MESH_LIMIT
-        return orbit_at(
-            last,
-            result.x,
-            residual=max(float(np.abs(result.residual).max()), error),
-            outcome=outcome,
-            iterations=result.iterations,
-            rtol=effort.rtol,
-        )
+        residual = max(float(np.abs(result.residual).max()), error)
+        number = result.iterations
+        return orbit_at(last, result.x, residual, outcome, rtol=effort.rtol, iterations=number)
 
     @staticmethod
     def may_help(search: Search, failed: Orbit) -> bool:
@@ -635,12 +619,12 @@ class Collocation(Strategy):
 
         It may where the motion from the guess is stiff, or integrations take too many steps.
         """
-        if not is_applicable(search.equations):
+        if has_constraints(search.equations.scene):
             return False
-        return failed.outcome == Outcome.STEP_LIMIT or _stiff(search.problem, search.equations)
+        return failed.outcome == Outcome.STEP_LIMIT or _is_stiff(search.problem, search.equations)
 
 
-def _stiff(problem: Problem, equations: Equations) -> bool:
+def _is_stiff(problem: Problem, equations: Equations) -> bool:
     """Whether stability, not accuracy, limits the steps along the guess."""
     scene, part = problem.scene, problem.guess[-1] / equations.closing.parts
     flow = quick_solve(scene, part, rtol=_COARSE_RTOL, max_steps=STEPS_MOST)
@@ -669,18 +653,13 @@ def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | 
     if guess is None:
         return None
     mesh, period, angle, done = guess.mesh, guess.period, 0.0, 0
-    trouble = Trouble(*_place(equations, mesh, angle, period))
+    trouble = Trouble(*_pose_on_mesh(equations, mesh, angle, period))
     for _ in range(_MESHES_MOST):
-        here, x = _place(equations, mesh, angle, period)
+        here, x = _pose_on_mesh(equations, mesh, angle, period)
         effort.begin(f"collocation in {number_of(here.segments, 'step')}")
         lower, upper = here.bounds(problem.lower, problem.upper)
-        result = solve(
-            here,
-            np.clip(x, lower, upper),
-            lower=lower,
-            upper=upper,
-            effort=effort,
-        )
+        x = np.clip(x, lower, upper)
+        result = solve(here, x, lower=lower, upper=upper, effort=effort)
         done += result.iterations
         if not np.isfinite(result.residual).all() or effort.over:
             break
@@ -693,7 +672,7 @@ def _search(problem: Problem, equations: Equations, effort: Effort) -> _Found | 
     return _Found(here, dataclasses.replace(result, iterations=done), error, trouble)
 
 
-def _place(
+def _pose_on_mesh(
     equations: Equations, mesh: Mesh, angle: float, period: float
 ) -> tuple[Equations, np.ndarray]:
     """The equations on a mesh, and the unknowns x of the motion on it."""

@@ -34,7 +34,7 @@ from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
 from orbits.closing.given import Problem, is_driven, repeats
 from orbits.closing.sizes import alike, coupled_sizes, sizes
-from orbits.motion import gravitates, quick_solve
+from orbits.motion import gravitates, has_several_points, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations, InUnits
@@ -141,14 +141,7 @@ class Deflated(Strategy):
             at = equations.pack(orbit.y0, (), orbit.angle, 0.0, orbit.period)
             if not orbit.ok or distance(equations, at, several) > SAME:
                 return orbit
-        return orbit_at(
-            cuts,
-            found.x,
-            residual=found.residual,
-            outcome=Outcome.NO_OTHER,
-            iterations=0,
-            rtol=effort.rtol,
-        )
+        return orbit_at(cuts, found.x, found.residual, Outcome.NO_OTHER, rtol=effort.rtol)
 
 
 def known_orbits(orbits: Sequence[Orbit], scene: Scene) -> list[KnownOrbit]:
@@ -306,7 +299,7 @@ def _square_over(system: System, y0: Array, period: Array, one: KnownOrbit) -> A
         lengths = longer ** (2 / 3)
         half = len(y0) // 2
         y0 = jnp.concatenate([y0[:half] / lengths, y0[half:] * jnp.sqrt(lengths)])
-    if _several_points(system):
+    if has_several_points(system):
         off = jax.vmap(jax.vmap(lambda y: _dots(system, y0 / one.scales) - y))(one.points)
     else:
         off = jax.vmap(jax.vmap(lambda y: system.difference(y0, y) / one.scales))(one.points)
@@ -317,10 +310,6 @@ def _square_over(system: System, y0: Array, period: Array, one: KnownOrbit) -> A
     # The gradient is zero on the orbit, where its direction is unknown and steps are zero.
     late = 0.0 if one.scaled else (longer - 1.0) ** 2
     return jnp.maximum(nearest + late, jnp.finfo(float).tiny)
-
-
-def _several_points(system: System) -> bool:
-    return isinstance(system, FreePoints) and len(system.m) > 1
 
 
 def _dots(system: System, y: Array) -> Array:
@@ -337,7 +326,7 @@ def _known_orbit(orbit: Orbit) -> KnownOrbit:
     ts = np.linspace(0.0, period, _SAMPLES + 1)
     ys = quick_solve(scene, period, ts=ts, rtol=_RTOL, solver=orbit.solver).ys
     scales = _scales(scene, np.asarray(ys))
-    if _several_points(scene.system):
+    if has_several_points(scene.system):
         curves = _images(scene.system, np.asarray(ys) / scales)
         points, sides = curves[:, :-1], jnp.diff(curves, axis=1)
     elif is_driven(scene):  # only the phases of the drive at which a period may begin

@@ -78,14 +78,7 @@ def _orbit_after_descent(search: Search) -> Orbit:
     x = equations.spread(guess[:-1], guess[-1], effort.rtol, angle=search.angle)
     end = descend(equations, x, lower=lower, upper=upper, effort=effort)
     if not end.near:
-        return orbit_at(
-            equations,
-            end.x,
-            residual=end.residual,
-            outcome=Outcome.DESCENT_ENDED,
-            iterations=0,
-            rtol=effort.rtol,
-        )
+        return orbit_at(equations, end.x, end.residual, Outcome.DESCENT_ENDED, rtol=effort.rtol)
     orbit = Shooting().orbit(search.at(equations, end.x))
     if orbit.ok or end.arrived:
         return orbit
@@ -128,14 +121,14 @@ def descend(
     """
     closed = InUnits(equations, x, _RTOL, effort.limits(_MAX_STEPS))
     units, each = closed.units.x, closed.sizes
-    path, _ = _path(equations, x, each)
+    path, _ = _path(jnp.asarray(x), equations, each)
     lengths = np.append(units[:-1], x[-1])  # the period by its own size
     state = _adam().init(jnp.asarray(x))
     best, best_residual, least, step = x, np.nan, np.inf, 0.0
     mark, marked = np.inf, 0
     for index in range(_STEPS_MOST):
         residual, jacobian = closed(x)
-        by_x = _path(equations, x, each)
+        by_x = _path(jnp.asarray(x), equations, each)
         error, gradient = _error(residual, jacobian, by_x, float(path), units)
         if not (np.isfinite(error) and np.isfinite(gradient).all()):  # a collision
             break
@@ -172,15 +165,11 @@ def _error(
 
 @jax.jit
 @jax.value_and_grad
-def _path_of_x(x: Array, equations: Equations, each: Array) -> Array:
+def _path(x: Array, equations: Equations, each: Array) -> Array:
+    """() the path that the rate at the start would cover, in sizes (k,); and its gradient (n,)."""
     scene = equations.scene_at(equations.unpack(x).parameter)
     rate = scene.rate(jnp.zeros(()), equations.start(x))
     return x[-1] * jnp.linalg.norm(rate / each)
-
-
-def _path(equations: Equations, x: np.ndarray, each: np.ndarray) -> tuple[Array, Array]:
-    """() path that the rate at the start would cover, in sizes (k,), and its gradient (n,)."""
-    return _path_of_x(jnp.asarray(x), equations, each)
 
 
 @functools.cache

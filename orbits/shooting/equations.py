@@ -141,7 +141,7 @@ class Equations(eqx.Module):
         return np.concatenate([start, np.ravel(between), more, [period]]).astype(float)
 
     def place(self, x: np.ndarray) -> np.ndarray:
-        """(p,) the unknowns but for the states between segments, so the same for any segments."""
+        """(p,) the unknowns without the states between segments: the same for any segmentation."""
         start, between = self.unpack(x)[:2]
         return np.delete(x, slice(start.size, start.size + between.size))
 

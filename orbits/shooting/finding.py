@@ -109,7 +109,7 @@ def find(
       6.325914
     """
     if rough or collocation is not None or unlike:
-        strategy = _of_flags(strategy, rough, collocation, unlike)
+        strategy = _strategy_of_flags(strategy, rough, collocation, unlike)
     check_strategy(strategy)
     problem = pose(
         scene, y0=y0, period=period, lower=lower, upper=upper, closing=closing, hold=hold
@@ -155,7 +155,7 @@ def _symmetry_hint(problem: Problem) -> str:
     return way and f"The guess is symmetric: {way} needs half of the period and of the unknowns."
 
 
-def _of_flags(
+def _strategy_of_flags(
     strategy: Strategy, rough: bool, collocation: bool | None, unlike: Sequence[Orbit]
 ) -> Strategy:
     """The strategy that arguments of version 0.2 stand for; the next version removes them.

@@ -112,13 +112,10 @@ def retime(
             break
         new = new.copy()
         new[free] += step * units[free]
-        if not ((lower <= new) & (new <= upper)).all() or not _near(new[-1] / x[-1]):
+        near = 1 / _PERIOD_FACTOR_MOST < new[-1] / x[-1] < _PERIOD_FACTOR_MOST
+        if not near or not ((lower <= new) & (new <= upper)).all():
             break
     return x
-
-
-def _near(factor: float) -> bool:
-    return 1 / _PERIOD_FACTOR_MOST < factor < _PERIOD_FACTOR_MOST
 
 
 # ---- Newton's method on the closing equations, in as many segments as rounding requires
@@ -180,10 +177,10 @@ def _solution(closed: InUnits, x: np.ndarray, search: Search) -> Orbit:
     return orbit_at(
         equations,
         result.x,
-        residual=float(np.max(np.abs(result.residual))),
-        outcome=outcome_of(closed, result, trouble),
-        iterations=result.iterations,
+        float(np.max(np.abs(result.residual))),
+        outcome_of(closed, result, trouble),
         rtol=effort.rtol,
+        iterations=result.iterations,
     )
 
 

@@ -141,14 +141,7 @@ def _outcome_if_joined(closed: InUnits, result: Result) -> Outcome:
     """The outcome of an iteration at whose end the segments join."""
     if not is_confirmed(closed, result.x):
         return Outcome.UNCONFIRMED
-    orbit = orbit_at(
-        closed.equations,
-        result.x,
-        residual=math.nan,
-        outcome=Outcome.FOUND,
-        iterations=result.iterations,
-        rtol=closed.rtol,
-    )
+    orbit = orbit_at(closed.equations, result.x, math.nan, Outcome.FOUND, rtol=closed.rtol)
     growth = max(1.0, largest(closed.transitions(result.x)))
     known = is_determined(orbit, closed.equations.closing.parts * math.log10(growth))
     return Outcome.FOUND if known else Outcome.UNDETERMINED
@@ -207,11 +200,11 @@ def _at_rounding(closed: InUnits, result: Result) -> bool:
 def orbit_at(
     equations: Equations,
     x: np.ndarray,
-    *,
     residual: float,
     outcome: Outcome,
-    iterations: int,
+    *,
     rtol: float,
+    iterations: int = 0,
 ) -> Orbit:
     """The orbit at a point x of the unknowns."""
     unknowns = equations.unpack(x)

@@ -60,7 +60,7 @@ class Effort:
         return self.clock.computing > self.seconds
 
     def limits(self, max_steps: int = MAX_STEPS) -> Limits:
-        """The limits of the evaluations that it pays for."""
+        """The limits of evaluations within this effort."""
         return Limits(max_steps, lambda: self.over)
 
     def share(self, part: float) -> "Effort":

@@ -212,14 +212,14 @@ class Monodromy:
         scene, each, k = self.scene, self.each, len(self.each)
         found = _Confirmed([], [], [])
         leaks = _largest(_leaks, _nearby(scene, each), each)
-        here = _at(scene, 0.0, np.asarray(scene.y0)).gradients
-        there = here if self.back is None else _at(scene, 0.0, self.ahead).gradients
+        here = _local_on_host(scene, 0.0, np.asarray(scene.y0)).gradients
+        there = here if self.back is None else _local_on_host(scene, 0.0, self.ahead).gradients
         for name, several in here.items():
             leak = leaks[name].reshape(-1)
             later = there[name].reshape(-1, k) * each
             for i, w in enumerate(several.reshape(-1, k) * each):
                 row = w @ self.basis
-                same = self.back is None or _same(w @ self.back, later[i])
+                same = self.back is None or _is_unturned(w @ self.back, later[i])
                 if leak[i] < _EXACT and same and self._keeps(row @ self.m - row, row):
                     found.add(name if several.ndim == 1 else f"{name} {'xyz'[i]}", row)
                 elif leak[i] < _EXACT:
@@ -236,7 +236,7 @@ class Monodromy:
             same = (
                 back is None
                 or name not in later
-                or _same(back @ (np.asarray(later[name]) / self.each), move / self.each)
+                or _is_unturned(back @ (np.asarray(later[name]) / self.each), move / self.each)
             )
             if same and self._keeps(self.m @ g - g, g):
                 found.add(name, g)
@@ -275,7 +275,7 @@ def _pairs(found: _Confirmed) -> list[tuple[str, np.ndarray]]:
     return list(zip(found.names, found.known, strict=True))
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
+def _is_unturned(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.linalg.norm(a - b) <= _TURNED * np.linalg.norm(b))
 
 
@@ -290,7 +290,7 @@ def symmetries(scene: Scene, each: np.ndarray) -> dict[str, Any]:
     They are tested on the vector field alone. If that depends on time, the flow is not among them.
     """
     y0 = np.asarray(scene.y0)
-    here, leaks = _at(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
+    here, leaks = _local_on_host(scene, 0.0, y0), _largest(_commutators, _nearby(scene, each), each)
     candidates = {"flow": here.rate, **here.moves}
     return {name: g for name, g in candidates.items() if leaks[name] < _EXACT}
 
@@ -309,7 +309,7 @@ def keeps_form(scene: Scene, each: np.ndarray) -> bool:
 
 def _nearby(scene: Scene, each: np.ndarray) -> list[_Local]:
     """The candidates at a few times and states in general position near the start."""
-    return [_at(scene, t, y) for t, y in _places(scene, each)]
+    return [_local_on_host(scene, t, y) for t, y in _places(scene, each)]
 
 
 def _places(scene: Scene, each: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -360,7 +360,7 @@ def _local(scene: Scene, t, y: Array) -> _Local:
     )
 
 
-def _at(scene: Scene, t, y: np.ndarray) -> _Local:
+def _local_on_host(scene: Scene, t, y: np.ndarray) -> _Local:
     """`_local` on the host."""
     return jax.tree.map(np.asarray, _local(scene, np.asarray(t, float), y))
 
