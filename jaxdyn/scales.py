@@ -85,6 +85,9 @@ _LOG_WEIGHT = 0.2
 #: Part of the size that its rate gives to a group, in the time that others show, up to which the
 #: group counts as zero.
 _TURNING = 2.0**-6
+#: A drive is looked at after the span and its halves, so often; it has begun where it is this part
+#: of its largest value there; the time of what it moves is at most this multiple of that time.
+_HALVES, _BEGUN, _SLOWER = 48, 0.5, 4.0
 #: Part of what the other entries make of an entry at rest below which its own value is rounding.
 _ROUNDING = 1e-9
 #: Part of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is at 0.
@@ -198,7 +201,9 @@ class Scales(NamedTuple):
     noise: Array | None = None
 
 
-def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tuple[Scales, Array]:
+def at_start(
+    field: Any, groups: Groups, t0: Array, y0: Array, t1: Array, *, driven: bool = True
+) -> tuple[Scales, Array]:
     """The scales of the motion from (t0, y0) before it is known, and its rate (k,) there.
 
     Where units say what belongs together, the time is the shortest in which the rate, or its change
@@ -211,19 +216,78 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
 
     An entry has the size 0 if nothing moves it; the time is at most |t1 - t0|.
 
+    A drive may be zero at the start, as A sin(omega t) is, and then the rate there shows nothing. A
+    motion that begins so, from rest, has the time in which the drive begins to act, or, if that is
+    shorter, the time that |J| gives to what it moves; units are not needed for that.
+
     Args:
       field: an object with ``rate(t, y)``.
       groups: the groups of its state.
       t0: () start time.
       y0: (k,) start.
       t1: () end time.
+      driven: whether the rate may depend on time.
     Limits: the rate must have derivatives in forward mode; those that are not finite count as 0.
     """
     here, span = groups.sizes(lax.abs(y0)), lax.abs(t1 - t0)
-    ahead, plan = lax.sign(t1 - t0), jnp.asarray(_PLAN)
-    if groups.known:
-        return _by_change_of_rate(field, groups, t0, y0, here, span, ahead)
-    weights, rounds = _weights(len(y0)), len(_PLAN)
+    ahead = lax.sign(t1 - t0)
+    drive = _drive(field, t0, y0, span, ahead) if driven else _no_drive(y0, span)
+    if not groups.known:
+        return _by_its_derivatives(field, groups, t0, y0, here, drive, ahead)
+    scales, rate = _by_change_of_rate(field, groups, t0, y0, here, span, ahead)
+    if not driven:
+        return scales, rate
+    alone = Groups(tuple(range(len(y0))), (np.inf,) * len(y0))
+
+    def from_rest(scales: Scales) -> Scales:
+        found, _ = _by_its_derivatives(field, alone, t0, y0, lax.abs(y0), drive, ahead)
+        return Scales(groups.sizes(lax.max(found.sizes, here)), found.time, scales.noise)
+
+    return lax.cond(drive.from_rest, from_rest, lambda scales: scales, scales), rate
+
+
+class _Drive(NamedTuple):
+    """What moves a motion later in the span where its rate at the start does not.
+
+    Attributes:
+      most: (k,) the largest rates of entries that have none at the start.
+      span: () the span, or, where everything is at rest, the time in which the drive begins.
+      from_rest: () whether a drive moves a state of which nothing moves at the start.
+    """
+
+    most: Array
+    span: Array
+    from_rest: Array
+
+
+def _no_drive(y0: Array, span: Array) -> _Drive:
+    return _Drive(jnp.zeros_like(y0), span, jnp.zeros((), bool))
+
+
+def _drive(field: Any, t0: Array, y0: Array, span: Array, ahead: Array) -> _Drive:
+    """The drive of a start, from the rates of its state (k,) after the span and its halves."""
+    after = span * np.append(0.0, 0.5 ** np.arange(_HALVES)).astype(y0.dtype)
+    rates = lax.map(lambda time: field.rate(t0 + ahead * time, y0), after)
+    still = rates[0] == 0
+    change = jnp.where(still[None], _finite_magnitude(rates), 0.0)
+    most = jnp.max(change, axis=0)
+    begun = ((change > 0) & (change >= _BEGUN * most[None])).any(axis=1)
+    begins = jnp.min(jnp.where(begun, after, span))
+    from_rest = still.all() & (most > 0).any()
+    return _Drive(most, lax.select(from_rest, lax.min(span, _SLOWER * begins), span), from_rest)
+
+
+def _by_its_derivatives(
+    field: Any,
+    groups: Groups,
+    t0: Array,
+    y0: Array,
+    here: Array,
+    drive: _Drive,
+    ahead: Array,
+) -> tuple[Scales, Array]:
+    """The result of `at_start` from the rate and its Jacobian, for a start of sizes `here` (k,)."""
+    plan, weights, rounds, span = jnp.asarray(_PLAN), _weights(len(y0)), len(_PLAN), drive.span
     off, zero = rounding(y0), jnp.zeros_like(y0)
 
     def looks(carry):
@@ -252,7 +316,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = f - lax.select(look == 2, then, rate)
-        later, gap = _later_noise(groups, gap, f), _finite_magnitude(gap)
+        later, gap = _noise_later(groups, gap, f), _finite_magnitude(gap)
         typical = _is_as_fast(f, gap, tau, u)
         stays = lax.select((look == 2) & typical, later, stays)
         gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
@@ -261,6 +325,7 @@ def at_start(field: Any, groups: Groups, t0: Array, y0: Array, t1: Array) -> tup
             counts, lax.max(noise, _notable_in_groups(groups, gap, f, u / tau, look == 4)), noise
         )
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
+        moved = lax.select(n == 0, lax.max(moved, drive.most), moved)
         shrink = 1.0 / lax.max(1.0, now.shrinks * step * _largest_ratio(carried, u))
         by_rate = now.first / _positive_or(_largest_ratio(moved, u), 1 / span) + now.time * tau
         by_others = now.product + now.step * shrink * step

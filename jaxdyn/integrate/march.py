@@ -121,7 +121,9 @@ def look_from_start(
     stiff link, which reverses any motion at once, this would be far too much: methods that damp,
     which do not resolve its vibrations, keep their sizes.
     """
-    start, look = sizes_at_start(field, t0, y0, t1), lookahead(field, len(y0), t0, t1)
+    driven = plan_of(without_wrappers(field), len(y0)).depends_on_time
+    start = sizes_at_start(field, t0, y0, t1, driven=driven)
+    look = lookahead(field, len(y0), t0, t1)
     if look is not None and look.plan.hides and y0.ndim == 1:
         start = _sizes_of_drives(look, t0, t1, y0, start)
     return start if method.damps else above_noise(start, tolerance), look

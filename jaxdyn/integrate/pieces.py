@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.crossings import Crossing, Sides, first_crossing
+from jaxdyn.integrate.event_search.event_values import count
 from jaxdyn.integrate.march import History, Limits, SolveResult, look_from_start, march
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.branch import Branch, InBranch, in_branch, jump
@@ -114,6 +115,8 @@ class _Run(NamedTuple):
       event: () index of the event that ended it, -1 for none.
       towards: () sign of the value of that event after it.
       begun: () whether there was a piece.
+      sides: (E,) signs of the values of the events at t, or before where they are within rounding
+        of zero; 0 where they are not known.
       before: what the motion has shown so far.
       stalled: () number of the last pieces in which it hardly moved.
       kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
@@ -130,6 +133,7 @@ class _Run(NamedTuple):
     event: Array
     towards: Array
     begun: Array
+    sides: Array
     before: History
     stalled: Array
     kinked: Array
@@ -177,6 +181,7 @@ def run_pieces(
         towards=run.towards,
         steps=run.result.steps + run.result.rejected,
         sizes=state_of(run.before.sizes),
+        sides=run.sides,
     )
     return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
 
@@ -223,6 +228,7 @@ class _Pieces(NamedTuple):
             event=jnp.asarray(-1),
             towards=jnp.zeros(()),
             begun=jnp.zeros((), bool),
+            sides=jnp.concatenate([jnp.zeros(0), *self._given_sides()]),
             before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
@@ -252,7 +258,7 @@ class _Pieces(NamedTuple):
         now = jnp.where(self.goes_on(run), now, run.t)
         used = run.result.steps + run.result.rejected
         limits = self.limits.with_steps(self.limits.max_steps[0] - used)
-        found, end, y_end, index, towards, sizes = self._move(branch, run, y, now, limits)
+        found, end, y_end, index, towards, sizes, sides = self._move(branch, run, y, now, limits)
         within = (self.way * self.ts > self.way * run.t) & (self.way * self.ts <= self.way * end)
         rows = within.reshape(-1, *[1] * y.ndim)
         step = jnp.abs(end - run.t) / jnp.maximum(found.steps, 1)
@@ -282,6 +288,7 @@ class _Pieces(NamedTuple):
             event=jnp.where(found.status == Status.OK, event, -1),
             towards=towards,
             begun=jnp.ones((), bool),
+            sides=sides,
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
             kinked=kinked,
@@ -300,15 +307,20 @@ class _Pieces(NamedTuple):
         return self.way * jnp.minimum(first, self.way * now)
 
     def _move(self, branch: Branch, run: _Run, y: Array, now: Array, limits: Limits):
-        """A piece up to a time: result, end, state there, the event that ended it and its side."""
+        """A piece up to a time: result, end, state there, the event that ended it, its side.
+
+        The last results are the sizes of the motion, and the sides of the events at the end. These
+        are kept where a time ends the piece: an event may happen at that time.
+        """
         t, here = run.t, in_branch(self.field, branch)
         options = {"method": self.method, "before": run.before}
         if not (self.plan.on_state or self.events):
             found, _, sizes = march(here, y, t, now, self.ts, limits, **options)
-            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes
+            return found, now, found.y1, jnp.asarray(-1), jnp.zeros(()), sizes, run.sides
         plain = InBranch(self.system, branch)
         events = self.events
-        sides = tuple(jnp.where(run.begun, 0, side) for side in self.sides)
+        ends = np.cumsum([count(event) for event in events])[:-1]
+        sides = tuple(jnp.split(run.sides, ends)) if events else ()
         if self.plan.on_state:
             margins = Margins.of(plain, self.plan, t, state_of(y))
             # A piece begins within its branch.
@@ -329,15 +341,22 @@ class _Pieces(NamedTuple):
         end = jnp.where(hit, crossing.t, now)
         x = jnp.where(hit, crossing.y, seen.y1)
         index = jnp.where(hit, crossing.event, -1)
+        sides = crossing.sides[: len(run.sides)]
+        sides = jnp.where(hit, 0.0, jnp.where(sides == 0, run.sides, sides))
         if y.ndim == 1:
             seen = eqx.tree_at(lambda seen: seen.status, seen, crossing.status)
-            return seen, end, x, index, crossing.towards, crossing.sizes
+            return seen, end, x, index, crossing.towards, crossing.sizes, sides
         found, _, sizes = march(here, y, t, end, self.ts, limits, **options)
         status = jnp.where(crossing.status == Status.OK, found.status, crossing.status)
         found = eqx.tree_at(lambda found: found.status, found, status)
         flat = found.y1.reshape(len(y), -1)
         y = jnp.concatenate([x[:, None], flat[:, 1:]], 1).reshape(y.shape)
-        return found, end, y, index, crossing.towards, sizes
+        return found, end, y, index, crossing.towards, sizes, run.sides
+
+    def _given_sides(self) -> list[Array]:
+        """The given signs of the values of each event just after the start."""
+        pairs = zip(self.events, self.sides, strict=True)
+        return [jnp.broadcast_to(jnp.asarray(side, float), count(event)) for event, side in pairs]
 
     def _switch(self, branch: Branch, t: Array, x: Array, index: Array):
         """The branch after a condition has changed, and which are crossed and which are known."""

@@ -319,7 +319,7 @@ class AtStart(NamedTuple):
     noise: Array | None = None
 
 
-def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> AtStart:
+def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array, *, driven: bool = True) -> AtStart:
     """The sizes of a state (k, ...) at its start, and the rate and the time of its motion.
 
     Args:
@@ -328,10 +328,11 @@ def sizes_at_start(field: Any, t0: Array, y0: Array, t1: Array) -> AtStart:
       t0: () start time.
       y0: (k, ...) start.
       t1: () end time.
+      driven: whether the rate may depend on time.
     """
     with_tangents = field
     field, y = _without_tangents(field, y0)
-    scales, rate = at_start(field, field.groups, t0, y, t1)
+    scales, rate = at_start(field, field.groups, t0, y, t1, driven=driven)
     sizes = jnp.maximum(field.groups.sizes(jnp.abs(y)), PART * scales.sizes)
     if y0.ndim == 1:
         return AtStart(sizes, scales.time, rate, scales.noise)

@@ -62,6 +62,44 @@ def test_a_motion_that_is_about_to_turn_has_the_scales_of_one_that_turns():
         assert time == pytest.approx(turning[1], rel=1e-3)
 
 
+def driven(t, y, k):
+    # Three masses and springs in a row, from rest: the rate at the start is zero.
+    x = jnp.concatenate([jnp.zeros(1), y[:3], y[2:3]])
+    force = jnp.array([0.0, 0.0, 25.0]) * jnp.sin(6 * t)
+    return jnp.concatenate([y[3:], k * (x[2:] - 2 * x[1:-1] + x[:-2]) + force])
+
+
+METRES = [(f"{x}{i}", unit) for x, unit in (("x", "m"), ("v", "m/s")) for i in range(3)]
+
+
+@pytest.mark.parametrize("names", [None, METRES])
+def test_a_drive_that_is_zero_at_the_start_says_how_large_a_motion_from_rest_becomes(names):
+    for k, span in ((200.0, 10.0), (200.0, 1e6), (1e6, 10.0)):
+        sizes, time = start(jaxdyn.ode(driven, np.zeros(6), span, params=k, names=names))
+        assert 0.3 < time * k**0.5 < 3.0
+        assert 1e-3 < (sizes[3:] * k / 150.0).max() < 100.0
+    # An entry that moves by itself, here a clock, does not hide that all others are at rest.
+    clock = jaxdyn.ode(lambda t, y: [1.0, *driven(t, y[1:], 200.0)], np.zeros(7), 1e3)
+    assert start(clock)[0][1:].max() < 100.0
+
+
+@pytest.mark.parametrize("names", [None, METRES])
+def test_a_drive_that_is_zero_at_the_start_has_digits_and_derivatives(names):
+    def end(k, t1):
+        return jaxdyn.solve(jaxdyn.ode(driven, np.zeros(6), t1, params=k, names=names), t1).y1[0]
+
+    def exact(k, t1):
+        squares, shapes = np.linalg.eigh(k * np.array([[2, -1, 0], [-1, 2, -1], [0, -1, 1.0]]))
+        own = np.sqrt(squares)
+        parts = np.sin(6 * t1) - 6 / own * np.sin(own * t1)
+        return (shapes[0] * shapes[2] * 25.0 / (squares - 36.0)) @ parts
+
+    found = end(200.0, 100.0)
+    np.testing.assert_allclose(found, exact(200.0, 100.0), rtol=1e-8)
+    slope = (exact(200.001, 100.0) - exact(199.999, 100.0)) / 0.002
+    np.testing.assert_allclose(jax.jacfwd(end)(200.0, 100.0), slope, rtol=1e-6)
+
+
 def test_a_force_that_jumps_at_the_start_is_no_rounding():
     # Its tolerance would be as large as the jump: no digit would be right, without a warning.
     pulled = scenes.particle(position=(2.0, 0.3), velocity=(0.0, 0.0), t1=1.0)

@@ -381,6 +381,8 @@ class Crossing(NamedTuple):
       towards: () sign of its value after the crossing.
       steps: () number of steps of the search, also rejected ones.
       sizes: (k,) sizes of the motion so far, see `solvers.stepper`.
+      sides: (E,) signs of the values at the end of the span, where nothing happened; for a value
+        within rounding of zero the sign before, 0 where none is known.
     """
 
     t: Array
@@ -390,6 +392,7 @@ class Crossing(NamedTuple):
     towards: Array
     steps: Array
     sizes: Array
+    sides: Array
 
 
 def first_crossing(
@@ -447,6 +450,7 @@ def first_crossing(
         towards=towards,
         steps=out.steps + out.rejected,
         sizes=sizes,
+        sides=seen.end.side,
     )
     return out, found
 

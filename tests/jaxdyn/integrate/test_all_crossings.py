@@ -9,7 +9,7 @@ from odes import lorenz
 
 import jaxdyn
 from jaxdyn import Status, scenes
-from jaxdyn.integrate.events import Reaches, until
+from jaxdyn.integrate.events import Every, Reaches, until
 
 TIGHT = {"rtol": 1e-13}
 RISES, FALLS, BOTH = (Reaches(0, 0.0, way) for way in (1, -1, 0))
@@ -166,3 +166,24 @@ def test_misuse_is_refused():
     assert "most: expected a whole number" in refusal(lambda: jaxdyn.crossings(SWING, BOTH, most=0))
     traced = refusal(lambda: jax.jit(lambda t: jaxdyn.crossings(SWING, BOTH, t).ts)(1.0))
     assert "Pass most=" in traced
+
+
+def square(t, y):
+    return [y[1], jnp.where(jnp.mod(t, 7.0) < 1.0, 0.0, 1.0) - 2.0 * y[0]]
+
+
+def test_an_event_at_the_time_of_a_switch_happens():
+    # A stroboscope of a square wave: the piece before ends on the event, the next begins on it.
+    scene = jaxdyn.ode(square, [0.1, 0.0], 30.0)
+    for period, count in ((7.0, 4), (3.5, 8)):
+        found = jaxdyn.crossings(scene, Every(jnp.asarray(period)), 30.0)
+        np.testing.assert_allclose(found.ts, period * np.arange(1, count + 1), rtol=1e-14)
+    assert float(jaxdyn.until(scene, Every(jnp.asarray(7.0)), 30.0).t) == pytest.approx(7.0)
+    back = jaxdyn.until(scene, Every(jnp.asarray(7.0)), 0.0, t0=30.0)
+    assert float(back.t) == pytest.approx(28.0)
+
+
+def test_an_event_at_the_time_of_a_break_happens():
+    scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 10.0)
+    stop = jaxdyn.until(scene, Every(jnp.asarray(2.0)), 10.0, breaks=[1.0, 2.0])
+    assert float(stop.t) == pytest.approx(2.0)
