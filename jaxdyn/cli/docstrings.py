@@ -123,11 +123,7 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     """
     found = _by_name(texts or ())
     if _scene_files.is_in_file(name):
-        if name.endswith(_scene_files.TEXT):  # names are case-insensitive there
-            found = {key.lower(): value for key, value in found.items()}
-        for key in found:
-            _scene_files.check_parameter(name, f"parameter of {name}", key)
-        return found
+        return {parameter_name(f"parameter of {name}", key, name): found[key] for key in found}
     zoo = scenes()
     known = zoo[choice("scene", name, zoo, "jaxdyn list")].parameters
     for key, text in found.items():
@@ -136,12 +132,17 @@ def scene_settings(name: str, texts: Iterable[str] | None) -> dict[str, str]:
     return found
 
 
-def check_parameter(option: str, parameter: str, name: str) -> None:
-    """Raise ValueError unless an option names a parameter of a scene."""
-    if _scene_files.is_in_file(name):
-        _scene_files.check_parameter(name, option, parameter)
-    else:
-        choice(option, parameter, scenes()[name].parameters)
+def parameter_name(option: str, parameter: str, name: str) -> str:
+    """The name by which a scene knows the parameter that an option names.
+
+    Raises:
+      ValueError: the scene has no such parameter.
+    """
+    if not _scene_files.is_in_file(name):
+        return choice(option, parameter, scenes()[name].parameters)
+    _scene_files.check_parameter(name, option, parameter)
+    # Names are case-insensitive in equations as text.
+    return parameter.lower() if name.endswith(_scene_files.TEXT) else parameter
 
 
 def _by_name(texts: Iterable[str]) -> dict[str, str]:

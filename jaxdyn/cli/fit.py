@@ -10,7 +10,7 @@ from rich.markup import escape
 
 import jaxdyn
 from jaxdyn._text import choice, fail
-from jaxdyn.cli.docstrings import check_parameter, scene_settings
+from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -85,12 +85,11 @@ def fit_command(
 
 def _check(name: str, free: list[str], chosen: dict[str, str]) -> Callable[[], tuple]:
     """A function that returns the scene as a function of the free numbers, and their guesses."""
-    names = [text.partition("=")[0] for text in free]
-    if not names:
+    if not free:
         raise fail("--free", "a number to be estimated", "none", "For example --free g.")
     guessed = scene_settings(name, [text for text in free if "=" in text])
+    names = [parameter_name("--free", text.partition("=")[0], name) for text in free]
     for one in names:
-        check_parameter("--free", one, name)
         if one in chosen:
             raise fail(f"--set {one}", "another number", "one that is free", f"--free {one}=GUESS.")
 

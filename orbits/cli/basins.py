@@ -10,7 +10,7 @@ from rich.markup import escape
 import jaxdyn
 import orbits
 from jaxdyn._text import fail, whole, with_null
-from jaxdyn.cli.docstrings import scene_settings
+from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -98,6 +98,7 @@ def _along(
     out: Screen,
 ) -> "orbits.discovery.BasinFractions":
     parameter, low, high = along
+    parameter = parameter_name("--along", parameter, name)
     whole("--values", values, least=2, most=_MOST_VALUES)
     if not low < high:
         raise fail("--along", "NAME LOW HIGH, the lower value first", f"{low} {high}")

@@ -13,6 +13,7 @@ from orbits.families.steps import parameter_at
 from orbits.families.surface import OrbitSurface
 from orbits.orbit import Orbit, SearchError
 from orbits.shooting.equations import Equations
+from orbits.shooting.outcomes import Trouble
 from orbits.shooting.strategy import GOAL, RTOL
 
 #: The usual distance of an orbit from an equilibrium, as a share of the sizes of its entries.
@@ -21,8 +22,9 @@ _SMALL = 1e-2
 #: systems.
 _SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
 _NO_ORBIT = (
-    "No orbit was found at this amplitude. Try a smaller one, or leave it out: far from the "
-    "equilibrium, orbits are not ellipses, and at a degenerate Hopf point none may begin."
+    "No orbit was found at this amplitude, which is in units of the state. Try a smaller one, or "
+    "leave it out: far from the equilibrium, orbits are not ellipses, and at a degenerate Hopf "
+    "point none may begin."
 )
 _NO_ORBIT_AT_ALL = (
     "No orbit was found at amplitudes down to 1 / 100 of the usual one. From a degenerate Hopf "
@@ -81,7 +83,8 @@ def from_hopf(
         across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
         surface = OrbitSurface(equations, RTOL, GOAL)
         found = surface.nearest(guess, across=across)
-        if found is not None:
+        # Far from the equilibrium all that hardly moves closes, to the sizes that its start has.
+        if found is not None and Trouble(equations, guess)(equations, found.x) is None:
             return surface.orbit(found), parameter_at(surface, found.x)
     raise SearchError(_NO_ORBIT if amplitude is not None else _NO_ORBIT_AT_ALL)
 

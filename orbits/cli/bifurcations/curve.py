@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import choice, fail
-from jaxdyn.cli.docstrings import check_parameter, scene_settings
+from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -65,10 +65,8 @@ def curve_command(
     check_title(title, plot)
     check_walk(members, step)
     limits = bounds("--within", within), bounds("--within2", within2)
-    first, second = _names(parameters)
     chosen = scene_settings(name, settings)
-    for parameter in (first, second):
-        check_parameter("--parameters", parameter, name)
+    first, second = (parameter_name("--parameters", one, name) for one in _names(parameters))
     if kind is not None:
         if from_orbit is None:
             raise fail("--kind", "none without --from-orbit", repr(kind))

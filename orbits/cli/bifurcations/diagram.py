@@ -6,7 +6,7 @@ import typer
 
 import jaxdyn
 import orbits
-from jaxdyn.cli.docstrings import check_parameter, scene_settings
+from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -50,7 +50,7 @@ def diagram_command(
     check_walk(members, step)
     limits = bounds("--within", within)
     chosen = scene_settings(name, settings)
-    check_parameter("--parameter", parameter, name)
+    parameter = parameter_name("--parameter", parameter, name)
     with screen(f"looking for equilibria of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = orbits.families.parameters.maker(name, values, parameter)

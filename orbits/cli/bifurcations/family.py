@@ -10,7 +10,7 @@ import typer
 import jaxdyn
 import orbits
 from jaxdyn._text import fail
-from jaxdyn.cli.docstrings import check_parameter, scene_settings
+from jaxdyn.cli.docstrings import parameter_name, scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -67,7 +67,7 @@ def family_command(
     limits, levels = bounds("--within", within), bounds("--energies", energies)
     chosen = scene_settings(name, settings)
     if parameter is not None:
-        check_parameter("--parameter", parameter, name)
+        parameter = parameter_name("--parameter", parameter, name)
     part = save_to and save_to.with_name(f"{save_to.name}.part")
     with screen(f"looking for an orbit of {name}", as_object) as out:
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)

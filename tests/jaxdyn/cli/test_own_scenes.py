@@ -124,8 +124,9 @@ def test_a_text_of_xppaut_is_read(folder, command):
     (folder / "capital.ode").write_text(text.upper().replace("# A SWING", "# A swing"))
     again = command("jaxdyn", "run", "capital.ode", "--set", "K=1", "--json")[1]
     assert json.loads(again)["y"] == motion["y"]
-    err = command("orbits", "family", "capital.ode", "--parameter", "K", "--within", "1,2")[2]
-    assert "--parameter: expected one of k, total, v, x, got 'K'. Did you mean 'k'?" in err
+    words = ("orbits", "family", "capital.ode", "--within", "1,2", "--parameter")
+    assert "--within: expected bounds around k = 4" in command(*words, "K")[2]
+    assert "--parameter: expected one of k, total, v, x, got 'm'" in command(*words, "M")[2]
     code, out, _ = command("jaxdyn", "list", "swing.ode", "--json")
     assert json.loads(out)["swing.ode"]["summary"] == "A swing"
     code, _, err = command("jaxdyn", "run", "swing.ode", "--set", "m=1")

@@ -60,7 +60,7 @@ def test_tipping_points_along_a_parameter(basins, tmp_path):
 def test_what_it_refuses(basins, command):
     assert "--along: expected NAME LOW HIGH" in basins("--along", "load", "1", "0")[2]
     assert "--values" in basins("--along", "load", "0", "1", "--values", "1")[2]
-    assert "number of" in basins("--along", "mass", "0", "1")[2]
+    assert "--along: expected one of load" in basins("--along", "mass", "0", "1")[2]
     assert "grid: expected one of" in basins("--grid", "z=1")[2]
     assert (
         "--plot: expected --grid for two"

@@ -46,6 +46,18 @@ def test_misuse_of_a_hopf_point_is_refused():
             orbits.from_hopf(equilibria, point, amplitude=wrong)
 
 
+def brusselator(b):
+    return jaxdyn.ode(odes.brusselator, [1.0, 1.5], 6.0, params=(1.0, b))
+
+
+@pytest.mark.slow
+def test_an_amplitude_in_other_units_than_the_state_is_refused():
+    """So far away that a motion that hardly moves closes to its size."""
+    equilibria = jaxdyn.continue_equilibria(brusselator, 1.9, [1.0, 1.9], within=(1.9, 2.1))
+    with pytest.raises(orbits.SearchError, match="units of the state"):
+        orbits.from_hopf(equilibria, equilibria.special[0], amplitude=1e8)
+
+
 @pytest.mark.slow
 def test_lorenz_orbits_are_followed_from_their_hopf_point_towards_the_homoclinic(tmp_path):
     start = [7.1, 7.1, 19.0]
