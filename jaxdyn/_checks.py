@@ -98,7 +98,7 @@ def refuse_unreal(x: Any, name: str = "number") -> None:
     A date or a duration of NumPy is a number only in some unit, and the conversion of a complex
     number would drop its imaginary part.
     """
-    kind = "c" if type(x) is complex else getattr(getattr(x, "dtype", None), "kind", "")
+    kind = "c" if type(x) is complex else _dtype_kind(x)
     if kind in ("m", "M"):
         remedy = "Subtract dates from each other, and divide by a unit: x / np.timedelta64(1, 's')."
         raise fail(name, "numbers", f"{x!r}, in units of NumPy", remedy)
@@ -221,8 +221,7 @@ def _refuse_other_than_numbers(x: Any) -> None:
         return
     # numpy would convert the text "1" and the boolean True to the number 1.
     for leaf in jax.tree.leaves(x):
-        kind = getattr(leaf, "dtype", np.dtype(float)).kind
-        if isinstance(leaf, str | bool | complex) or kind in "bcUSO":
+        if isinstance(leaf, str | bool | complex) or _dtype_kind(leaf) in "bcUSO":
             raise TypeError
 
 

@@ -26,7 +26,7 @@ from jaxdyn.integrate.spans import MAX_STEPS, SolverOptions, limits, span
 from jaxdyn.integrate.trajectory import raise_unless_ok
 from jaxdyn.plan.branch import Branch
 from jaxdyn.scales import sizes_at_start
-from jaxdyn.scene import Field, Scene
+from jaxdyn.scene import Field, FieldAround, Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
 from jaxdyn.status import Status
@@ -49,35 +49,30 @@ _LOST = 1e-10
 _MERGED = -1e100
 
 
-class TangentsAndDivergence(eqx.Module):
+class TangentsAndDivergence(eqx.Module, FieldAround):
     """A field for a state, its tangents, and the integral of the Jacobian's diagonal.
 
     The columns of its state (k, 1 + m + 1) are the motion, m tangents, and the integrals of the k
     diagonal entries of the Jacobian, whose sum is the integral of the divergence of the rate.
 
     Attributes:
-      variational: the motion with its tangents.
+      field: the motion with its tangents.
     """
 
-    variational: Variational
+    field: Variational
 
     def rate(self, t: Array, y: Array) -> Array:
         """Rates (k, 1 + m + 1) of all columns."""
         k = y.shape[0]
         # The unit vectors are further tangents at this time: one linearisation for all.
-        rates = self.variational.rate(t, jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1))
+        rates = self.field.rate(t, jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1))
         diagonal = jnp.sum(rates[:, -k:] * jnp.eye(k), axis=1)
         return jnp.concatenate([rates[:, :-k], diagonal[:, None]], axis=1)
 
     @property
-    def field(self) -> Any:
-        """The field of the state alone."""
-        return self.variational.field
-
-    @property
     def single(self) -> Any:
-        """The same, see `Variational`."""
-        return self.field
+        """The field of the state alone."""
+        return self.field.field
 
     @property
     def perturbed(self) -> list[tuple[Array, Array]]:
@@ -86,13 +81,13 @@ class TangentsAndDivergence(eqx.Module):
 
     def around(self, change: Callable, branch: Any) -> "TangentsAndDivergence":
         """The same columns of the field in a branch of its conditions; see `plan.branch`."""
-        return TangentsAndDivergence(self.variational.around(change, branch))
+        return TangentsAndDivergence(self.field.around(change, branch))
 
     def jump(self, t: Array, y: Array, old: Branch, new: Branch, which: Array) -> Array:
         """State and tangents after a switch; how it stretches volumes counts as divergence."""
         k = y.shape[0]
         columns = jnp.concatenate([y[:, :-1], jnp.eye(k)], axis=1)
-        columns = self.variational.jump(t, columns, old, new, which)
+        columns = self.field.jump(t, columns, old, new, which)
         # The saltation matrix is the identity with a matrix of rank one: det = 1 + its trace.
         factor = jnp.abs(1.0 + jnp.trace(columns[:, -k:] - jnp.eye(k)))
         merges = factor < _LOST
@@ -101,15 +96,7 @@ class TangentsAndDivergence(eqx.Module):
 
     def project(self, t: Array, y: Array) -> Array:
         """The state on its constraints, with its tangents along them."""
-        return jnp.concatenate([self.variational.project(t, y[:, :-1]), y[:, -1:]], axis=1)
-
-    def undetermined(self, t: Array, y: Array) -> Array | None:
-        """See `Field.undetermined`."""
-        return self.variational.undetermined(t, y)
-
-    def loses(self, t0: Array, y0: Array, t1: Array, y1: Array) -> Array | None:
-        """See `Field.loses`."""
-        return self.variational.loses(t0, y0, t1, y1)
+        return jnp.concatenate([self.field.project(t, y[:, :-1]), y[:, -1:]], axis=1)
 
 
 class TangentState(NamedTuple):

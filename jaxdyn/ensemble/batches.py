@@ -90,7 +90,9 @@ class Job(NamedTuple):
         if self.mesh is None:
             n = len(batch.y0)
             queue = jax.tree.map(self._pad, batch)
-            out = _alone(self.shared, queue, n, *common, method=self.method, together=self.together)
+            out = _on_one_device(
+                self.shared, queue, n, *common, method=self.method, together=self.together
+            )
             return jax.tree.map(lambda x: np.asarray(x)[:n], out)
         return self._share_out(batch, common, self.mesh)
 
@@ -114,7 +116,7 @@ class Job(NamedTuple):
         return np.concatenate([x, np.zeros((self.chunk - len(x), *x.shape[1:]), x.dtype)])
 
 
-_alone = jax.jit(integrate, static_argnames=("method", "together"))
+_on_one_device = jax.jit(integrate, static_argnames=("method", "together"))
 
 
 @functools.cache

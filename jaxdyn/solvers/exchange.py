@@ -64,7 +64,8 @@ def from_diffrax(solver: diffrax.AbstractSolver) -> Method:
         return _diffrax_method(solver)
     assert table is not None
     # The solver itself is not passed on: with arrays among its fields it has no hash.
-    rows = tuple(_row(x) for x in (table.c, table.b_sol, table.b_error, *table.a_lower))
+    numbers = table.c, table.b_sol, table.b_error, *table.a_lower
+    rows = tuple(tuple(np.asarray(x, float).tolist()) for x in numbers)
     return _pair(type(solver).__name__, solver.order(diffrax.ODETerm(_nothing)), rows)
 
 
@@ -85,10 +86,6 @@ def _pair(name: str, order: int, rows: Rows) -> Pair:
         weights=weights,
         position_only=False,
     )
-
-
-def _row(x: np.ndarray) -> tuple[float, ...]:
-    return tuple(np.asarray(x, float).tolist())
 
 
 def _nothing(t, y, args):

@@ -128,14 +128,11 @@ class _Lanes:
         if isinstance(x, _Wide):
             return x.array
         if isinstance(x, _Apart):
-            rows = jnp.stack([self._broadcast(entry) for entry in x.entries.flat])
+            rows = jnp.stack([jnp.broadcast_to(entry, self.lanes) for entry in x.entries.flat])
             return rows.reshape(*x.entries.shape, *self.lanes)
         return jnp.broadcast_to(
             x.reshape(*x.shape, *(1 for _ in self.lanes)), (*x.shape, *self.lanes)
         )
-
-    def _broadcast(self, entry) -> Array:
-        return jnp.broadcast_to(entry, self.lanes)
 
     def _entries(self, x: _Value) -> np.ndarray:
         if isinstance(x, _Apart):
@@ -179,7 +176,7 @@ class _Lanes:
             if jnp.issubdtype(entries[1].dtype, jnp.inexact):
                 # This is what XLA does for arrays: one division for all lanes.
                 return entries[0] * (1.0 / entries[1])
-        return bind(eqn, [self._broadcast(x) if differ else x for x in entries])[0]
+        return bind(eqn, [jnp.broadcast_to(x, self.lanes) if differ else x for x in entries])[0]
 
     def _whole(self, eqn, args: list[_Value]) -> Sequence[Array]:
         name, params, n = eqn.primitive.name, eqn.params, len(self.lanes)

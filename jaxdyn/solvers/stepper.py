@@ -87,31 +87,14 @@ class StepLoop(diffrax.AbstractAdjoint):
                 # The failure of a rejected step does not end the run: the next step is shorter.
                 solved = diffrax.RESULTS.where(keep, solved, success)
                 result = diffrax.RESULTS.where(diffrax.is_okay(solved), controlled, solved)
-            return _Run(
-                t,
-                tnext,
-                y,
-                solver_state,
-                controller_state,
-                result,
-                run.accepted + jnp.where(keep, 1, 0),
-            )
+            accepted = run.accepted + jnp.where(keep, 1, 0)
+            return _Run(t, tnext, y, solver_state, controller_state, result, accepted)
 
         order = solver.error_order(terms)
-        start = init_state
-        run = jax.lax.while_loop(
-            going,
-            step,
-            _Run(
-                start.tprev,
-                start.tnext,
-                start.y,
-                start.solver_state,
-                start.controller_state,
-                start.result,
-                jnp.asarray(0),  # weak, as in diffrax
-            ),
-        )
+        start, none = init_state, jnp.asarray(0)  # weak, as in diffrax
+        states = start.solver_state, start.controller_state
+        begin = _Run(start.tprev, start.tnext, start.y, *states, start.result, none)
+        run = jax.lax.while_loop(going, step, begin)
         final = dataclasses.replace(
             start,
             y=run.y,
@@ -209,8 +192,9 @@ class Stepper(diffrax.AbstractAdaptiveSolver):
         )
         step = _advance(self.method, terms, now, sign, start, h, y, tolerance)
         y1, carry = step.onto(y0, carry)
-        end = None if isinstance(step.part, float) else _end(t0, t1, step.part)
-        t1 = t1 if end is None else end
+        end = None
+        if not isinstance(step.part, float):  # a float is the default: the whole step
+            t1 = end = jnp.where(step.part < 1.0, t0 + step.part * (t1 - t0), t1)
         y1 = simplify(args.project)(sign * t1, y1)
         lost = args.loses(sign * t0, y0, sign * t1, y1)
         y1 = y1 if lost is None else jnp.where(lost, jnp.nan, y1)
@@ -259,11 +243,6 @@ def _advance(
     if tolerance is None:
         return method.advance(field, t, h, y)
     return method.advance_within(field, t, h, y, tolerance)
-
-
-def _end(t0: Array, t1: Array, part: Array) -> Array:
-    """() the end of a part of a step."""
-    return jnp.where(part < 1.0, t0 + part * (t1 - t0), t1)
 
 
 def is_stiff(count: Array) -> Array:

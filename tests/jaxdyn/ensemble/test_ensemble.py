@@ -14,7 +14,7 @@ from helpers import SOLVED, gap, kepler, run_python
 from jaxdyn import Scene, ensemble, ode, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, QuadraticDrag
 from jaxdyn.ensemble import batches, engine, watches
-from jaxdyn.ensemble.batches import _alone
+from jaxdyn.ensemble.batches import _on_one_device
 from jaxdyn.ensemble.lanes import WIDTH
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.march import Watch
@@ -161,9 +161,9 @@ def test_what_fails_has_a_status_and_nan_and_leaves_the_others_alone():
 def test_new_numbers_and_other_counts_do_not_compile_again():
     scene, y0s = near_eight(N)
     ensemble.run(scene, y0s, 0.1)
-    before = _alone._cache_size()
+    before = _on_one_device._cache_size()
     ensemble.run(scenes.three_body(m=(1.0, 2.0, 3.0)), y0s[:3], 0.2, rtol=1e-8, t0=0.1)
-    assert _alone._cache_size() == before
+    assert _on_one_device._cache_size() == before
 
 
 def return_of(scene, y0s, t1, **kwargs):
