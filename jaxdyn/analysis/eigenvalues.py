@@ -276,9 +276,10 @@ def _certain(x: Any, bar: float) -> str:
 
 
 def signed_least(values: np.ndarray, bars: np.ndarray) -> float:
-    """The least absolute value of complex pairs and real numbers, as a function that changes sign.
+    """The least absolute value of several numbers, with the sign of the product of all.
 
-    Its sign is that of the product of all; it is 0 within the bar, and 1 for no values.
+    As a test function it changes sign where a real number passes 0, but not where a complex pair
+    comes near it. It is 0 within the error bar, and 1 if there are no numbers.
     """
     if not len(values):
         return 1.0

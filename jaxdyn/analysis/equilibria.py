@@ -124,7 +124,11 @@ def equilibria(
       >>> len(found), found.complete
       (5, True)
     """
-    _refuse_traced(scene, low, high, t)
+    remedy = (
+        "Find the equilibria outside of jit, grad and vmap; `equilibria.equilibrium(scene, y)` "
+        "carries their derivatives."
+    )
+    _checks.check_untraced("equilibria", (scene, low, high, t), remedy)
     box = _box(low, high, len(check_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field
@@ -222,17 +226,6 @@ def _coupled_sizes(field: Field, a: Array, each: Array) -> Array:
     made = jnp.abs(a) / jnp.where(scale > 0, scale, jnp.inf)
     each = alike(each)
     return jax.lax.fori_loop(0, len(each), lambda _, x: jnp.maximum(x, alike(made @ x)), each)
-
-
-def _refuse_traced(*numbers) -> None:
-    if _checks.is_traced(numbers):
-        raise _checks.fail(
-            "equilibria",
-            "known numbers",
-            "traced ones",
-            "Find the equilibria outside of jit, grad and vmap; `equilibria.equilibrium(scene, y)` "
-            "carries their derivatives.",
-        )
 
 
 def _box(low, high, k: int) -> Box:

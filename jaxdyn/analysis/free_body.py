@@ -202,7 +202,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
     points = Points(*map(np.asarray, found.points))
     accelerations = np.asarray(found.a), np.asarray(found.terms)
     bodies = [_body(part, points, *accelerations) for part in found.parts]
-    forces = [_of_effects(system, found, points, bodies), _of_loads(found.loads, bodies)]
+    forces = [_effect_forces(system, found, points, bodies), _load_forces(found.loads, bodies)]
     known = [[f for some in forces for f in some[i]] for i in range(len(bodies))]
     bodies = [body._replace(forces=tuple(own)) for body, own in zip(bodies, known, strict=True)]
     bodies, determined = _with_joints(bodies, found.joints, found.multipliers)
@@ -308,39 +308,30 @@ def _body(part: Part, points: Points, a: np.ndarray, terms: np.ndarray) -> FreeB
     )
 
 
-def _of_effects(
+def _effect_forces(
     system: System, found: _Found, points: Points, bodies: list[FreeBody]
 ) -> list[list[Force]]:
     """The forces of the effects on each body."""
-    pieces = []  # (name, its force on each body, None for none)
-    for name, f in found.pieces:
-        f = np.asarray(f)
-        pieces.append(
-            (
-                name,
-                [
-                    _force_on_body(f, part, found.parts, points, body)
-                    for part, body in zip(found.parts, bodies, strict=True)
-                ],
-            )
-        )
+    pairs = list(zip(found.parts, bodies, strict=True))
+    # (name, its force on each body, None for none)
+    pieces = [
+        (name, [_force_on_body(np.asarray(f), part, found.parts, points, b) for part, b in pairs])
+        for name, f in found.pieces
+    ]
     for name, f, at in found.on_coordinates:
         pieces.append((name, _wrenches(system, name, np.asarray(f), at, found, bodies)))
     names = [name for name, _ in pieces]
-    own: list[list[Force]] = [[] for _ in bodies]
+    acting: list[list[Force]] = [[] for _ in bodies]
     for i, (name, forces) in enumerate(pieces):
-        acting = [k for k, force in enumerate(forces) if force is not None]
-        for k in acting:
+        pushed = [(k, force) for k, force in enumerate(forces) if force is not None]
+        for k, force in pushed:
             called = name
             if names.count(name) > 1:
-                others = [bodies[j].name for j in acting if j != k]
-                called = (
-                    f"{name} of {others[0]}"
-                    if len(others) == 1
-                    else (f"{name} {names[:i].count(name) + 1}")
-                )
-            own[k].append(forces[k]._replace(name=called))
-    return own
+                others = [bodies[j].name for j, _ in pushed if j != k]
+                called = f"{name} {names[:i].count(name) + 1}"
+                called = f"{name} of {others[0]}" if len(others) == 1 else called
+            acting[k].append(force._replace(name=called))
+    return acting
 
 
 def _force_on_body(
@@ -404,14 +395,13 @@ def _wrenches(
     return out
 
 
-def _of_loads(loads: tuple[Load, ...], bodies: list[FreeBody]) -> list[list[Force]]:
-    own: list[list[Force]] = [[] for _ in bodies]
+def _load_forces(loads: tuple[Load, ...], bodies: list[FreeBody]) -> list[list[Force]]:
+    acting: list[list[Force]] = [[] for _ in bodies]
     for load in loads:
         none = np.zeros_like(bodies[load.on].angular_rate)
-        own[load.on].append(
-            Force(load.name, np.asarray(load.force), np.asarray(load.at), none, EFFECT)
-        )
-    return own
+        force = Force(load.name, np.asarray(load.force), np.asarray(load.at), none, EFFECT)
+        acting[load.on].append(force)
+    return acting
 
 
 def _with_joints(
@@ -430,27 +420,16 @@ def _with_joints(
     if not unknown:
         return bodies, True
     size = max([np.abs(j.at - bodies[j.on].centre).max() for j in joints], default=0.0) or 1.0
+    free = [b._replace(forces=()) for b in bodies]
     columns = [
-        _equations(
-            [
-                _with_joint([b._replace(forces=()) for b in bodies], joint, unit, BALANCE)[i]
-                for i in range(len(bodies))
-            ],
-            size,
-        )
+        _equations(_with_joint(free, joint, unit, BALANCE), size)
         for joint in unknown
         for unit in np.eye(len(joint.directions))
     ]
-    missing = [
-        b._replace(
-            forces=(
-                Force(
-                    "", b.m * b.acceleration - b.force, b.centre, b.angular_rate - b.moment, EFFECT
-                ),
-            )
-        )
-        for b in bodies
-    ]
+    missing = []
+    for b in bodies:
+        force, couple = b.m * b.acceleration - b.force, b.angular_rate - b.moment
+        missing.append(b._replace(forces=(Force("", force, b.centre, couple, EFFECT),)))
     matrix = np.stack(columns, axis=1)
     found, _, rank, _ = np.linalg.lstsq(matrix, _equations(missing, size), rcond=_RANK)
     for joint in unknown:

@@ -131,7 +131,7 @@ def chaos_map(
 
     program = program_text(lambda scene, t, y: scene.rate(t, y), one, 0.0, one.y0)
     with rows_in(path, _LAYOUT, (program, every, t1, rtol), _CHUNK) as kept:
-        *values, status = kept.of(every, rows).T.reshape(4, len(first), len(second))
+        *values, status = kept.compute(every, rows).T.reshape(4, len(first), len(second))
     return ChaosMap(first, second, *values, status=status.astype(int))
 
 

@@ -60,11 +60,11 @@ def point_at(
     if curve == Kind.FOLD:
         w = np.linalg.svd(a)[0][:, -1]
         w = w if left is None or w @ left >= 0 else -w
-        tests, coefficient = _of_fold(held, unknowns, values, w)
+        tests, coefficient = _fold_tests(held, unknowns, values, w)
         frequency = math.nan
     else:
         w = np.full(len(a), np.nan)
-        tests, coefficient = _of_hopf(held, unknowns, values, a)
+        tests, coefficient = _hopf_tests(held, unknowns, values, a)
         frequency = math.sqrt(max(unknowns[-1], 0.0))
     scale = 1.0 + np.linalg.norm(a, 2)
     return CurvePoint(
@@ -82,7 +82,7 @@ def point_at(
     )
 
 
-def _of_fold(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, float]:
+def _fold_tests(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, float]:
     k = len(w)
     v = unknowns[k + 2 :] / np.linalg.norm(unknowns[k + 2 :])
     flat = np.append(v, 0.0)
@@ -97,7 +97,7 @@ def _of_fold(make: WithSecond, unknowns, values, w: np.ndarray) -> tuple[Tests, 
     return tests, turning / (2 * double) if abs(double) > GOAL else math.nan
 
 
-def _of_hopf(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, float]:
+def _hopf_tests(make: WithSecond, unknowns, values, a: np.ndarray) -> tuple[Tests, float]:
     k, square = len(a), float(unknowns[-1])
     frequency = np.sqrt(complex(square))
     rest = values.values

@@ -8,7 +8,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records import with_captures
 from jaxdyn.continuation import checkpoint
-from jaxdyn.continuation.branch import read
+from jaxdyn.continuation.branch import Branch, read
 from jaxdyn.continuation.curve import Curve, CurvePoint, MakeOfTwo
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
@@ -40,26 +40,27 @@ def load(path: str | Path, make: Make | MakeOfTwo) -> tuple[EquilibriumFamily | 
     """
     make = with_captures(make)
     walks, _ = checkpoint.walks_in(path, (checkpoint.EQUILIBRIA, checkpoint.CURVE))
-    return tuple(equilibria(walk, make) if _of_one(walk) else _curve(walk, make) for walk in walks)
+    readers = {checkpoint.EQUILIBRIA: equilibria, checkpoint.CURVE: _curve}
+    return tuple(readers[walk.begin.what](walk, make) for walk in walks)
 
 
 def equilibria(walk: checkpoint.SavedBranch, make: Make) -> EquilibriumFamily:
     """The family of equilibria of a walk."""
-    found = read(walk, checkpoint.of_fields(Equilibrium))
-    for point in (found.members[0], found.members[-1]):
-        _check(make, point)
+    found = _read(walk, Equilibrium, make)
     return EquilibriumFamily(found.members, found.special, found.end, make)
 
 
-def _of_one(walk: checkpoint.SavedBranch) -> bool:
-    return walk.begin.what == checkpoint.EQUILIBRIA
-
-
 def _curve(walk: checkpoint.SavedBranch, make: MakeOfTwo) -> Curve:
-    found = read(walk, checkpoint.of_fields(CurvePoint))
+    found = _read(walk, CurvePoint, make)
+    return Curve(kind=found.members[0].curve, make=make, **found._asdict())
+
+
+def _read(walk: checkpoint.SavedBranch, kind: type, make: Make | MakeOfTwo) -> Branch:
+    """The branch of a walk, whose first and last points are checked."""
+    found = read(walk, checkpoint.of_fields(kind))
     for point in (found.members[0], found.members[-1]):
         _check(make, point)
-    return Curve(kind=found.members[0].curve, make=make, **found._asdict())
+    return found
 
 
 def _check(make: Make | MakeOfTwo, point: Equilibrium | CurvePoint) -> None:

@@ -73,7 +73,7 @@ def solve(
         the step, see `_is_nearer`; 0 takes all steps.
       diverged: growth of the residual after which there is no solution nearby.
     """
-    here = best = _at(equations, np.asarray(start, float), 0)
+    here = best = _evaluate(equations, np.asarray(start, float), 0)
     small = 0
     for iteration in range(1, steps + polish + 1):
         if not here.finite or here.residual > diverged * best.residual:
@@ -85,7 +85,7 @@ def solve(
             break
         damped = halvings and not small
         tried = (
-            _at(equations, here.x + 0.5**i * change, iteration)
+            _evaluate(equations, here.x + 0.5**i * change, iteration)
             for i in range(1 + halvings if damped else 1)
         )
         new = next(
@@ -100,7 +100,7 @@ def solve(
     return best
 
 
-def _at(equations: Equations, x: np.ndarray, iterations: int) -> Solution:
+def _evaluate(equations: Equations, x: np.ndarray, iterations: int) -> Solution:
     value, jacobian, *more = equations(x)
     return Solution(x, np.asarray(value), np.asarray(jacobian), tuple(more), iterations)
 

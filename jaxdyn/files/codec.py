@@ -72,7 +72,7 @@ def encode(value: Any, without: tuple[str, ...] = ()) -> Any:
         return _encode_array(np.asarray(value))
     if isinstance(value, eqx.Module):
         return _encode_part(value)
-    if dataclasses.is_dataclass(value) or _is_named(value):
+    if dataclasses.is_dataclass(value) or _is_named_tuple(value):
         names = [name for name in _field_names(type(value)) if name not in without]
         return {name: encode(getattr(value, name)) for name in names}
     if isinstance(value, dict):
@@ -83,7 +83,7 @@ def encode(value: Any, without: tuple[str, ...] = ()) -> Any:
         return _encode_number(value)
     if value is None or isinstance(value, bool | int | str):
         return value
-    raise _no_data(value)
+    raise _unencodable(value)
 
 
 def _encode_number(x: float) -> float | str | None:
@@ -110,7 +110,7 @@ def _encode_part(part: Any) -> dict[str, Any]:
 
 def _encode_field(value: Any) -> Any:
     """A field of a part of a scene as JSON, which can be read if the part's class is known."""
-    if isinstance(value, eqx.Module) or _is_named(value):
+    if isinstance(value, eqx.Module) or _is_named_tuple(value):
         return _encode_part(value)
     if isinstance(value, tuple | list):
         return [_encode_field(x) for x in value]
@@ -118,10 +118,10 @@ def _encode_field(value: Any) -> Any:
         raise fail("record", "finite numbers", repr(value))
     if value is None or isinstance(value, bool | int | float | str | np.ndarray | jax.Array):
         return encode(value)
-    raise _no_data(value)
+    raise _unencodable(value)
 
 
-def _no_data(value: Any) -> ValueError:
+def _unencodable(value: Any) -> ValueError:
     return fail(
         "record",
         "numbers, strings and modules",
@@ -131,7 +131,7 @@ def _no_data(value: Any) -> ValueError:
     )
 
 
-def _is_named(value: Any) -> bool:
+def _is_named_tuple(value: Any) -> bool:
     """Whether a value is a named tuple."""
     return isinstance(value, tuple) and hasattr(value, "_fields")
 
@@ -311,7 +311,7 @@ def decode_part(
     """
     found = value
     if isinstance(value, dict):
-        found = _decode_named(value, name, _known_classes((cls, *parts)))
+        found = _decode_object(value, name, _known_classes((cls, *parts)))
     if not isinstance(found, cls):
         raise fail(name, f"a {cls.__name__}", type(found).__name__, remedy)
     return found
@@ -336,7 +336,7 @@ def _known_classes(kinds: tuple[type, ...]) -> dict[str, type]:
     return found
 
 
-def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) -> Any:
+def _decode_object(value: dict[str, Any], name: str, classes: dict[str, type]) -> Any:
     if name.count(".") > MAX_DEPTH:
         raise fail(name[:20] + "...", f"at most {MAX_DEPTH} modules in each other", "more")
     called = value.get("type")
@@ -344,7 +344,7 @@ def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) ->
     if cls is None:
         raise fail(name, "the name of a class that is imported", reprlib.repr(called), _ANOTHER)
     names = {*_field_names(cls)}
-    value = _defaults(cls) | value
+    value = _default_values(cls) | value
     if names != value.keys() - {"type"}:
         wrong = sorted(names ^ (value.keys() - {"type"}))
         raise fail(name, f"the fields of {cls.__name__}", f"missing or extra {wrong}", _ANOTHER)
@@ -365,7 +365,7 @@ def _decode_named(value: dict[str, Any], name: str, classes: dict[str, type]) ->
     return part
 
 
-def _defaults(cls: type) -> dict[str, Any]:
+def _default_values(cls: type) -> dict[str, Any]:
     """The default values of fields, for those that a class has gained since a file was written."""
     if issubclass(cls, tuple):
         return {}
@@ -376,7 +376,7 @@ def _defaults(cls: type) -> dict[str, Any]:
 def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:
     """The value of a traced field of a part: numbers, parts, tuples of them, or None."""
     if isinstance(item, dict) and "shape" not in item:
-        return _decode_named(item, name, classes)
+        return _decode_object(item, name, classes)
     if item == [] or (isinstance(item, list) and any(isinstance(x, dict) for x in item)):
         return tuple(_decode_field(x, name, classes) for x in item)
     if item is None or isinstance(item, bool):

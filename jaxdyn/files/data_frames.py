@@ -21,9 +21,9 @@ def dataset(motion: Trajectory | HybridTrajectory) -> Any:
     _labelled.package("xarray", "to_xarray")
     _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
-        return _labelled.to_dataset(_labels_of_phases(motion))
+        return _labelled.to_dataset(_labelled_phases(motion))
     shape = motion.batch_shape
-    scene = motion.one(*(0 for _ in shape)).scene
+    scene = _first_scene(motion)
     axes = (*_axes(shape), "sample" if shape else "t")
     time = Values(axes, motion.ts, _units(scene)["t"])
     return _labelled.to_dataset(
@@ -31,7 +31,7 @@ def dataset(motion: Trajectory | HybridTrajectory) -> Any:
     )
 
 
-def _labels_of_phases(motion: HybridTrajectory) -> Labelled:
+def _labelled_phases(motion: HybridTrajectory) -> Labelled:
     """The samples of the phases in order, and the state after the last exit, if there is one."""
     frames = frame(motion)
     units = frames.attrs["units"]
@@ -48,13 +48,13 @@ def frame(motion: Trajectory | HybridTrajectory) -> Any:
     pandas = _labelled.package("pandas", "to_pandas")
     _checks.check_untraced("motion", motion, _UNTRACED)
     if isinstance(motion, HybridTrajectory):
-        return _of_phases(pandas, motion)
-    found, scene = _table(pandas, motion), motion.one(*(0 for _ in motion.batch_shape)).scene
-    found.attrs["units"] = _units(scene)
+        return _frame_of_phases(pandas, motion)
+    found = _table(pandas, motion)
+    found.attrs["units"] = _units(_first_scene(motion))
     return found
 
 
-def _of_phases(pandas: Any, motion: HybridTrajectory) -> Any:
+def _frame_of_phases(pandas: Any, motion: HybridTrajectory) -> Any:
     """The frames of the phases in order, and the state after the last exit, if there is one."""
     parts = [_table(pandas, piece) for piece in motion.pieces]
     names = list(motion.names)
@@ -73,12 +73,17 @@ def _of_phases(pandas: Any, motion: HybridTrajectory) -> Any:
 def _table(pandas: Any, motion: Trajectory) -> Any:
     """The frame of one motion, or of a batch, which is numbered along its axes."""
     shape, ts, ys = motion.batch_shape, np.asarray(motion.ts), np.asarray(motion.ys)
-    scene = motion.one(*(0 for _ in shape)).scene
+    scene = _first_scene(motion)
     if not shape:
         return _rows(pandas, scene, ts, ys)
     numbers = [x.ravel() for x in np.indices(ts.shape)[:-1]]
     index = pandas.MultiIndex.from_arrays([*numbers, ts.ravel()], names=[*_axes(shape), "t"])
     return _rows(pandas, scene, index, ys.reshape(-1, ys.shape[-1]))
+
+
+def _first_scene(motion: Trajectory) -> Scene:
+    """The scene of a motion, or of the first of a batch."""
+    return motion.one(*(0 for _ in motion.batch_shape)).scene
 
 
 def _axes(shape: tuple[int, ...]) -> list[str]:

@@ -51,28 +51,28 @@ class Rows:
         self._known = [decode(record, Chunk, "path", DAMAGED).rows for record in found]
         self._next = 0
 
-    def of(self, inputs: Any, compute: Callable[[Any], np.ndarray]) -> np.ndarray:
-        """The rows (n, m) of inputs, arrays or a pytree of them with a first axis of n.
+    def compute(self, inputs: Any, function: Callable[[Any], np.ndarray]) -> np.ndarray:
+        """The rows (n, m) of a function of inputs, which are a pytree of arrays with n rows.
 
         Calls must come in the same order whenever a file is continued.
         """
         n = len(jax.tree.leaves(inputs)[0])
         if self._journal is None:
-            return compute(inputs)
+            return function(inputs)
         parts = []
         for first in range(0, n, self.chunk):
             some = jax.tree.map(lambda x, first=first: x[first : first + self.chunk], inputs)
-            parts.append(self._one(some, min(self.chunk, n - first), compute))
+            parts.append(self._chunk(some, min(self.chunk, n - first), function))
         return np.concatenate(parts)
 
-    def _one(self, inputs: Any, count: int, compute: Callable[[Any], np.ndarray]) -> np.ndarray:
+    def _chunk(self, inputs: Any, count: int, function: Callable[[Any], np.ndarray]) -> np.ndarray:
         if self._next < len(self._known):
             rows = self._known[self._next]
             if rows.ndim != 2 or len(rows) != count:
                 raise fail("path", f"{count} rows in a line", str(rows.shape), DAMAGED)
         else:
             assert self._journal is not None
-            rows = np.asarray(compute(inputs), float)
+            rows = np.asarray(function(inputs), float)
             self._journal.add(encode(Chunk(rows)))
         self._next += 1
         return rows

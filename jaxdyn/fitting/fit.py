@@ -216,7 +216,7 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
         if missing:
             raise _checks.fail("noise", "one for each column", f"none for {', '.join(missing)}")
         each = [
-            _checks.positive(f"noise of {name}", _of_measured(noise[name], table, i))
+            _checks.positive(f"noise of {name}", _fill_gaps(noise[name], table, i))
             for i, name in enumerate(table.names)
         ]
     else:
@@ -232,7 +232,7 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
     return jnp.asarray(found)
 
 
-def _of_measured(noise: Any, table: measurements.Measured, column: int) -> Any:
+def _fill_gaps(noise: Any, table: measurements.Measured, column: int) -> Any:
     """The noise of a column, with 1 in place of NaN where nothing was measured."""
     if np.shape(noise) != (table.count,) or np.asarray(noise).dtype.kind != "f":
         return noise
@@ -276,8 +276,8 @@ def _report(model, sections, sigma, solution, names, table, dof) -> Fit:
     weights = (
         jnp.ones_like(sections.values) * solution.noise[None, None] if sigma is None else sigma
     )
-    residuals = -_of_table(solution.residuals, table)
-    sd = _of_table(weights, table)
+    residuals = -_in_rows(solution.residuals, table)
+    sd = _in_rows(weights, table)
     columns = zip(table.names, sd.T, strict=True)
     noise = {name: _mean(x) if finite else np.nan for name, x in columns}
     good = status in (FitStatus.CONVERGED, FitStatus.UNDETERMINED)
@@ -308,7 +308,7 @@ def _mean(x: np.ndarray) -> float:
     return float(np.mean(kept)) if len(kept) else np.nan
 
 
-def _of_table(x, table: measurements.Measured) -> np.ndarray:
+def _in_rows(x, table: measurements.Measured) -> np.ndarray:
     """(s, c) the values that belong to each measurement, NaN for gaps."""
     x, s = np.asarray(x), len(table.ts)
     parts = np.array_split(np.arange(s), len(x))

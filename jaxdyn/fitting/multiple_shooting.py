@@ -78,7 +78,6 @@ class Solution(NamedTuple):
       cost: () half the sum of squares of whitened residuals.
       iterations: () number of steps.
       converged: () whether the last step was small.
-      pinned: () multiplier of a pinned parameter, 0 without one.
     """
 
     x: Unknowns

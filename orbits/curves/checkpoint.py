@@ -15,7 +15,7 @@ from orbits.closing.closings import Return, Symmetry
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo
 from orbits.curves.steps import frame_at, orbit_of
-from orbits.curves.units import of_equations, of_unknowns, units_of
+from orbits.curves.units import equation_units, units_of, unknown_units
 
 #: What the file of a continuation calls a curve of orbits.
 ORBIT_CURVE = "curve of orbits"
@@ -55,7 +55,7 @@ def codec(extended: Extended) -> Codec:
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)
-        known = decode(record["orbit"], Closed, "file", OTHER)
+        known = decode(record["orbit"], _Closing, "file", OTHER)
         return OrbitCurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
 
     return Codec(pack, unpack)
@@ -73,7 +73,7 @@ def about(extended: Extended) -> dict[str, Any]:
     }
 
 
-class Closed(NamedTuple):
+class _Closing(NamedTuple):
     """How an orbit was found."""
 
     residual: float
@@ -111,11 +111,11 @@ def _check(extended: Extended, point: OrbitCurvePoint) -> None:
         # The length of the vector is that of the point's own frame.
         size = np.linalg.norm(extended.unpack(x).vectors[0][0] / units.each)
         residual = extended(x, frame._replace(rows=frame.rows / size))[0]
-        residual = residual / of_equations(extended, units, len(residual))
+        residual = residual / equation_units(extended, units, len(residual))
     except (TypeError, ValueError, IndexError) as error:
         got = f"{type(error).__name__}: {error}"[:120]
         raise fail("make", "the scenes of the file", got, OTHER) from error
     worst = np.abs(residual).max()
-    if not worst <= _HOLDS * (1.0 + np.abs(x / of_unknowns(extended, units)).max()):
+    if not worst <= _HOLDS * (1.0 + np.abs(x / unknown_units(extended, units)).max()):
         got = f"others, in which an orbit misses its equations by {worst:.1e}"
         raise fail("make", "the scenes of the file", got, OTHER)

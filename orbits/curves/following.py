@@ -30,7 +30,7 @@ from orbits.curves.checkpoint import ORBIT_CURVE, about, codec
 from orbits.curves.curve import OrbitCurve, OrbitCurvePoint
 from orbits.curves.extended import VECTORS, Extended, MakeOfTwo, extended_make
 from orbits.curves.steps import CurveChart, partial_return, point_at, solve
-from orbits.curves.units import as_member, of_place, units_at
+from orbits.curves.units import as_member, place_units, units_at
 from orbits.families.family import Member, smooth_orbit
 from orbits.orbit import Orbit
 from orbits.shooting.segment import Piece, linearize_end
@@ -292,7 +292,7 @@ def _first(
         found = solve(extended, start, place, fixed, units)
         if found is None:
             continue
-        moved = (found.x[extended.place] - place) / of_place(units)
+        moved = (found.x[extended.place] - place) / place_units(units)
         if np.linalg.norm(moved) <= step:
             point = point_at(extended, found, fixed, units)
             backwards = point.tangent[extended.place[-1]] * sign < 0

@@ -14,7 +14,7 @@ from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.units import Units
 from orbits.curves.curve import OrbitCurvePoint
 from orbits.curves.extended import Extended, Frame
-from orbits.curves.units import as_member, of_equations, of_place, of_unknowns, units_of
+from orbits.curves.units import as_member, equation_units, place_units, units_of, unknown_units
 from orbits.orbit import Orbit, Outcome
 
 #: Largest residual of a point, relative to 1 + the largest entry of its unknowns, in units.
@@ -40,18 +40,18 @@ def solve(
       units: the units.
     """
     frame = frame_at(extended, start, point, along, units)
-    own = of_unknowns(extended, units)
+    x_units = unknown_units(extended, units)
 
     def equations(x: np.ndarray) -> tuple:
         if not extended.unpack(x).period > 0:
             return np.full(1, np.nan), np.zeros((1, len(x)))  # no orbit
-        value, jacobian, monodromy = extended(x * own, frame)
-        rows = of_equations(extended, units, len(value))
-        return value / rows, jacobian * own / rows[:, None], monodromy
+        value, jacobian, monodromy = extended(x * x_units, frame)
+        rows = equation_units(extended, units, len(value))
+        return value / rows, jacobian * x_units / rows[:, None], monodromy
 
-    found = newton.solve(equations, start / own, rank=_DEPENDENT)
+    found = newton.solve(equations, start / x_units, rank=_DEPENDENT)
     good = found.settled and found.residual <= GOAL * (1.0 + np.abs(found.x).max())
-    return found._replace(x=found.x * own) if good else None
+    return found._replace(x=found.x * x_units) if good else None
 
 
 class CurveChart(Chart[OrbitCurvePoint]):
@@ -67,17 +67,17 @@ class CurveChart(Chart[OrbitCurvePoint]):
         self.measured = extended.place
 
     def place(self, member: OrbitCurvePoint) -> Place:
-        own = of_unknowns(self.extended, self.units)
-        return Place(member.unknowns / own, member.tangent / own)
+        x_units = unknown_units(self.extended, self.units)
+        return Place(member.unknowns / x_units, member.tangent / x_units)
 
     def correct(self, last: OrbitCurvePoint, start, plane) -> Correction | str:
-        own = of_unknowns(self.extended, self.units)
-        along, point = last.tangent[self.measured], (plane * own)[self.measured]
-        found = solve(self.extended, start * own, point, along, self.units)
+        x_units = unknown_units(self.extended, self.units)
+        along, point = last.tangent[self.measured], (plane * x_units)[self.measured]
+        found = solve(self.extended, start * x_units, point, along, self.units)
         if found is None:
             return "Newton's method does not converge"
         new = point_at(self.extended, found, along, self.units)
-        return Correction(found.x / own, found.iterations, new)
+        return Correction(found.x / x_units, found.iterations, new)
 
     def outward(self, member: OrbitCurvePoint) -> OrbitCurvePoint:
         return member if member.kind else as_member(self.extended, member)
@@ -89,7 +89,7 @@ def point_at(
     """The record of a point; its tangent points the same way as `along` (k + 3,), in units."""
     tangent = np.linalg.svd(found.jacobian[:-1])[2][-1]
     place = tangent[extended.place]
-    sign = 1.0 if place @ (along / of_place(units)) >= 0 else -1.0
+    sign = 1.0 if place @ (along / place_units(units)) >= 0 else -1.0
     tangent = sign * tangent / np.linalg.norm(place)
     unknowns = extended.unpack(found.x)
     orbit = orbit_of(extended, found.x, found.residual, found.iterations)
@@ -104,7 +104,7 @@ def point_at(
         angle=math.acos(min(max(cosine, -1.0), 1.0)) if torus else math.nan,
         residual=found.residual,
         unknowns=found.x,
-        tangent=tangent * of_unknowns(extended, units),
+        tangent=tangent * unknown_units(extended, units),
         tests=_tests(extended, values, cosine),
         units=units.numbers,
     )
@@ -210,7 +210,7 @@ def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
     y0 = unknowns.states[0]
     flow = np.asarray(extended.make(*unknowns.parameters).rate(jnp.zeros(()), jnp.asarray(y0)))
     flow = flow / each
-    normal = along / of_place(units)
+    normal = along / place_units(units)
     return Frame(
         sizes=each,
         time=units.time,
@@ -218,5 +218,5 @@ def frame_at(extended: Extended, start, point, along, units: Units) -> Frame:
         start=y0,
         flow=flow / (np.linalg.norm(flow) or 1.0) / each,
         point=point,
-        along=normal / (np.linalg.norm(normal) or 1.0) / of_place(units),
+        along=normal / (np.linalg.norm(normal) or 1.0) / place_units(units),
     )

@@ -45,16 +45,16 @@ def as_member(extended: Extended, point: OrbitCurvePoint, sense: float = 1.0) ->
     _, ys = _motion(extended, scene, np.asarray(unknowns.states))
     each = np.maximum(units.each, sizes_along(scene, ys, sizes(scene)))
     units = units._replace(each=each, time=_radian(float(unknowns.period)))
-    length = np.linalg.norm(point.tangent[extended.place] / of_place(units))
+    length = np.linalg.norm(point.tangent[extended.place] / place_units(units))
     return dataclasses.replace(point, tangent=sense * point.tangent / length, units=units.numbers)
 
 
-def of_place(units: Units) -> np.ndarray:
+def place_units(units: Units) -> np.ndarray:
     """(k + 3,) the units of start, period and parameters."""
     return np.concatenate([units.each, [units.time], units.parameters])
 
 
-def of_unknowns(extended: Extended, units: Units) -> np.ndarray:
+def unknown_units(extended: Extended, units: Units) -> np.ndarray:
     """(n,) the units of all unknowns."""
     states = np.tile(units.each, (extended.segments, 1))
     vectors = np.tile(units.each, (extended.segments, extended.vectors, 1))
@@ -63,7 +63,7 @@ def of_unknowns(extended: Extended, units: Units) -> np.ndarray:
     return extended.pack(states, vectors, units.time, units.parameters, extra)
 
 
-def of_equations(extended: Extended, units: Units, count: int) -> np.ndarray:
+def equation_units(extended: Extended, units: Units, count: int) -> np.ndarray:
     """(r,) the units of `count` equations: first of states, then of numbers without a unit."""
     joints = np.tile(units.each, (extended.segments - 1) * (1 + extended.vectors))
     closing = np.tile(extended.closing.residual_units(units.each), 1 + extended.vectors)

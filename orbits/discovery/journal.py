@@ -153,14 +153,11 @@ def distinct(
     kept: list[Find] = []
     for find in finds:
         alike = [k for k in kept if abs(k.invariant - find.invariant) <= _ALIKE * k.invariant]
-        if any(_one_start(k, find) for k in alike):
+        if any(
+            np.abs(np.subtract(k.y0, find.y0)).max() <= _ONE * max(map(abs, k.y0)) for k in alike
+        ):
             continue
         orbit = find.orbit(scene, closings, rtol) if alike else None
         if not any(same_orbit(k.orbit(scene, closings, rtol), orbit) for k in alike):
             kept.append(find)
     return sorted(kept, key=lambda find: (find.invariant, find.sample))
-
-
-def _one_start(a: Find, b: Find) -> bool:
-    size = max(map(abs, a.y0))
-    return bool(np.abs(np.subtract(a.y0, b.y0)).max() <= _ONE * size)

@@ -12,6 +12,7 @@ Reference: Richardson (1980), Celestial Mechanics 22, 241; Henon (1969), Astrono
 1, 223, for retrograde orbits; Szebehely (1967), Theory of Orbits, chapter 5, for L4 and L5.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -223,15 +224,7 @@ def _axial(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     return _Guess((x + gamma * across, 0.0, 0.0, 0.0, gamma * vy, gamma * vz), period)
 
 
-def _short(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
-    return _triangular(mu, place, amplitude, 1)
-
-
-def _long(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
-    return _triangular(mu, place, amplitude, -1)
-
-
-def _triangular(mu: float, place: np.ndarray, amplitude: float | None, sign: int) -> _Guess:
+def _triangular(mu: float, place: np.ndarray, amplitude: float | None, *, sign: int) -> _Guess:
     """An oscillation in the plane about L4 or L5, from its farthest point along x."""
     root = 1 - 27 * mu * (1 - mu)
     if root <= 0:
@@ -335,7 +328,7 @@ _FAMILIES = {
     "lyapunov": _Family(_lyapunov, _POINTS[:3]),
     "vertical": _Family(_vertical, _POINTS, planar=False),
     "axial": _Family(_axial, _POINTS[:2], planar=False, sized=False),
-    "short period": _Family(_short, _POINTS[3:]),
-    "long period": _Family(_long, _POINTS[3:]),
+    "short period": _Family(functools.partial(_triangular, sign=1), _POINTS[3:]),
+    "long period": _Family(functools.partial(_triangular, sign=-1), _POINTS[3:]),
     "distant retrograde": _Family(_retrograde, _POINTS),
 }

@@ -172,7 +172,7 @@ def _divergences(scene: Scene, ts: Array, ys: Array) -> Array:
 
 
 def _after(scene: Scene, span: float) -> Scene | None:
-    """The scene from where its own motion is after a time; None where it does not get there."""
+    """The scene, started where its motion is after a time; None if the motion ends before."""
     run = quick_solve(scene, span, rtol=_RTOL)
     return scene.starting(run.y1) if run.status == Status.OK else None
 

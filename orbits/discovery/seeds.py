@@ -109,7 +109,7 @@ def returns(
     Raises:
       ValueError: not 0 <= `shortest` < `longest` <= `span`.
     """
-    _times(span, shortest, longest)
+    _check_periods(span, shortest, longest)
     count = _SAMPLES
     ts = np.linspace(0.0, span, count)
     flow = quick_solve(scene, span, ts=ts, rtol=1e-10)
@@ -194,7 +194,7 @@ def rows(ab: np.ndarray) -> np.ndarray:
     return np.concatenate([r, ab, ab, -2 * ab], axis=1)
 
 
-def _times(span, shortest, longest) -> None:
+def _check_periods(span, shortest, longest) -> None:
     positive("span", span)
     if not 0 <= shortest < longest <= span:
         raise fail("longest", f"above shortest = {shortest}, at most span = {span}", longest)

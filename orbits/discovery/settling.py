@@ -257,7 +257,7 @@ class Settling(abc.ABC):
         """(n,) number of the attractor of each start."""
         self.computed += len(y0s)
         found = np.full(len(y0s), -1)
-        ends = self.kept.of(y0s, self.ends)
+        ends = self.kept.compute(y0s, self.ends)
         if not self.attractors:
             self.sizes = self.largest(y0s[np.isfinite(ends).all(axis=1)])
         for number in range(1, self.rounds + 1):
@@ -268,7 +268,7 @@ class Settling(abc.ABC):
             open_ = (found < 0) & np.isfinite(ends).all(axis=1)
             if last or not open_.any():
                 break
-            ends[open_] = self.kept.of(ends[open_], self.ends)
+            ends[open_] = self.kept.compute(ends[open_], self.ends)
         return found
 
     def beside(self, y: np.ndarray) -> np.ndarray:

@@ -97,7 +97,7 @@ def find_all(
     for i, (y0, span) in enumerate(zip(starts, np.broadcast_to(spans, len(starts)), strict=True)):
         while len(found) < most:
             report_progress(f"looking for orbits: {number_of(len(found), 'orbit')}", i, len(starts))
-            orbit = _once(closest(y0, span, known=tuple(found)), closest)
+            orbit = _over_shortest_period(closest(y0, span, known=tuple(found)), closest)
             if not orbit.ok or any(same_orbit(known, orbit) for known in found):
                 break
             found.append(orbit)
@@ -105,7 +105,7 @@ def find_all(
     return found
 
 
-def _once(orbit: Orbit, closest: Callable[..., Orbit]) -> Orbit:
+def _over_shortest_period(orbit: Orbit, closest: Callable[..., Orbit]) -> Orbit:
     """The orbit over its shortest period."""
     shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
     if times == 1:

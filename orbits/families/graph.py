@@ -164,7 +164,10 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
             f"which families meet at the {place.kind} at {_where(place)}", len(places)
         )
         if not any(_same(place, other) for other in places):
-            places.append(_with_families(place, several))
+            arrivals = [(i, _arrivals(place, family)) for i, family in enumerate(several)]
+            met = [(i, times) for i, times in arrivals if times]
+            numbers, times = zip(*met, strict=True) if met else ((), ())
+            places.append(dataclasses.replace(place, families=numbers, times=times))
     kept = tuple(place for place in places if len(place.families) + len(place.equilibria) > 1)
     return Graph(families=several, equilibria=tuple(equilibria), places=kept)
 
@@ -213,15 +216,8 @@ def _place(member: Member) -> Place:
     )
 
 
-def _with_families(place: Place, families: Sequence[Family]) -> Place:
-    """The place with all families that reach it."""
-    met = [(i, times) for i, family in enumerate(families) if (times := _arrivals(place, family))]
-    numbers, times = zip(*met, strict=True) if met else ((), ())
-    return dataclasses.replace(place, families=numbers, times=times)
-
-
 def _arrivals(place: Place, family: Family) -> int:
-    """How often orbits of a family trace that of a place at which they arrive; 0 if they do not."""
+    """How often a family's orbits trace the orbit of a place; 0 if the family does not reach it."""
     if any(_same(place, _place(member)) for member in family.special):
         return 1
     members = family.members

@@ -73,12 +73,12 @@ class Point:
         return float(np.linalg.norm((x - self.x) / self.units))
 
     def along(self, direction: np.ndarray, x: np.ndarray) -> float:
-        """How far x (n,) is along a direction (n,) that has unit length here."""
+        """The component of x (n,) less the point along a direction (n,) of unit length here."""
         return float(direction / self.units @ ((x - self.x) / self.units))
 
     @property
     def place(self) -> np.ndarray:
-        """(p,) the unknowns but for states between segments, so the same for any segments."""
+        """(p,) the unknowns without the states between segments: the same for any segmentation."""
         return self.equations.place(self.x)
 
     @property
@@ -294,10 +294,10 @@ class Surface(abc.ABC):
     def crossing(
         self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
     ) -> tuple[float, np.ndarray]:
-        """How far x is from a crossing of families, and (n,) the direction of the other one.
+        """Distance of x from a crossing of families, and (n,) the direction of the other family.
 
-        The arguments are those of `aside`. The distance is that of the equations from having such a
-        direction, relative to their size; NaN where they have no derivative.
+        The arguments are those of `other_direction`. The distance is that of the equations from
+        having such a direction, relative to their size; NaN where they have no derivative.
         """
         closed = self._closing_in_units(x, self._unknown_sizes(x, sizes))
         (_, jacobian), units = closed(x), closed.units.x
@@ -412,7 +412,7 @@ class OrbitSurface(Surface):
 
 
 def kept_directions(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, r) orthonormal: those of the directions (n,), in units, that keep the equations."""
+    """(n, r) orthonormal basis of those directions (n,), in units, that keep the equations."""
     kept = [np.zeros(jacobian.shape[1])]
     for column in columns:
         size = np.linalg.norm(column)

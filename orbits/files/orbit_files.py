@@ -28,6 +28,8 @@ from orbits.proof.refined import Refined
 # A file holds no functions, and so no events and changes: the legs, or the phases, are given again
 # when it is read, and are refused if the chain does not close by them.
 
+Closes = Callable[[Array, Array], Array]
+
 CHAIN_LAYOUT = Layout("jaxdyn-chain", 1, "orbits.save")
 #: Largest closing error of a chain by the legs that are given with its file.
 _HOLDS = 1e-6
@@ -64,9 +66,7 @@ def _save_chain(path: str | Path, orbit: HybridOrbit, claims: Report | None) -> 
 
 
 def _load_chain(
-    path: str | Path,
-    legs: Sequence[Leg] | Phases,
-    closes: Callable[[Array, Array], Array] | None,
+    path: str | Path, legs: Sequence[Leg] | Phases, closes: Closes | None
 ) -> tuple[HybridOrbit, dict[str, Any]]:
     """See `orbits.load`."""
     known = ChainFile(**decode_fields(CHAIN_LAYOUT.read(path), ChainFile, "file", DAMAGED))
@@ -100,8 +100,6 @@ def _load_chain(
 
 
 # ---- Orbit files: an orbit with all that is claimed about it, written and read
-
-Closes = Callable[[Array, Array], Array]
 
 LAYOUT = Layout("jaxdyn-orbit", 5, "--save, or orbits.save,", {4: False})
 #: Names of the claims of more digits and of a proof, where a file has them.

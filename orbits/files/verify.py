@@ -66,13 +66,10 @@ def verify(
     derived = report(orbit)
     proofs = {name: claims.pop(name) for name in (REFINED, CERTIFICATE) if name in claims}
     known = as_json(derived)
+    compared = [*_compare(claims, known, _units(orbit, known))]
     if isinstance(orbit, HybridOrbit):
-        return derived, [
-            *_not_a_motion(orbit, derived),
-            *_compare(claims, known, _units(orbit, known)),
-        ]
-    found = [*_not_closed(orbit, derived), *_compare(claims, known, _units(orbit, known))]
-    return derived, [*found, *_compare_proofs(orbit, proofs)]
+        return derived, [*_not_a_motion(orbit, derived), *compared]
+    return derived, [*_not_closed(orbit, derived), *compared, *_compare_proofs(orbit, proofs)]
 
 
 def _compare_proofs(orbit: Orbit, proofs: dict[str, Any]):

@@ -5,6 +5,7 @@ the missing velocity is a root of it. Newton's method polishes the root, and doe
 the energy is another function of the unknown.
 """
 
+import functools
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
@@ -207,12 +208,10 @@ def _over(a: Array, b: Array) -> Array:
     return jnp.where(b == 0, jnp.inf, a / jnp.where(b == 0, 1.0, b))
 
 
-def _every(scene, t0, y0s, energies, sign, *, index: int):
+@functools.partial(jax.jit, static_argnames="index")
+def _completed(scene, t0, y0s, energies, sign, *, index: int):
     solve = jax.vmap(lambda y, energy: _solve(scene, t0, y, energy, sign, index))
     return solve(y0s, energies)
-
-
-_completed = jax.jit(_every, static_argnames="index")
 
 
 def least_energies(scene: Scene, event: Reaches, shown: tuple[int, int], qp: Array) -> Array | None:
@@ -229,23 +228,21 @@ def least_energies(scene: Scene, event: Reaches, shown: tuple[int, int], qp: Arr
     left = [i for i in range(len(scene.y0)) if i not in (event.entry, *shown)]
     if len(left) != 1 or event.entry in shown:
         return None
-    return _least(scene, event.level, qp, entries=(event.entry, *shown, left[0]))
+    return _least_energies(scene, event.level, qp, entries=(event.entry, *shown, left[0]))
 
 
-def _least_of_all(scene, level, qp, *, entries: tuple[int, ...]):
+@functools.partial(jax.jit, static_argnames="entries")
+def _least_energies(scene, level, qp, *, entries: tuple[int, ...]):
     taken, q, p, free = entries
 
     def least(point):
-        def of(v):
+        def energy(v):
             y = jnp.zeros(4).at[jnp.array([taken, q, p])].set(jnp.append(level, point))
             return energy_of(scene, jnp.zeros(()), y.at[free].set(v))
 
         zero = jnp.zeros(())
-        slope = jax.grad(of)
+        slope = jax.grad(energy)
         b, a = slope(zero), 0.5 * jax.grad(slope)(zero)
-        return of(-0.5 * b / a)
+        return energy(-0.5 * b / a)
 
     return jax.vmap(least)(qp)
-
-
-_least = jax.jit(_least_of_all, static_argnames="entries")

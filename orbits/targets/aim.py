@@ -259,27 +259,13 @@ def hit(scene: Scene, x, speed) -> Hits:
         near = short <= (1 + _ROUNDING) * np.nanmin(short)
         i = int(np.argmax(np.where(near, np.sign(x) * ranges, -np.inf)))
         return _miss(x, speed, Aim.OUT_OF_REACH, short[i], angle_of(ends[i]))
-    return Hits(
-        x=x,
-        speed=speed,
-        angles=angles,
-        times=times,
-        short=0.0 if len(angles) else np.nan,
-        nearest=np.nan,
-        outcome=outcome,
-    )
+    short = 0.0 if len(angles) else np.nan
+    return Hits(x, speed, angles, times, short, np.nan, outcome)
 
 
 def _miss(x: float, speed: float, outcome: Aim, short=np.nan, nearest=np.nan) -> Hits:
-    return Hits(
-        x=x,
-        speed=speed,
-        angles=np.zeros(0),
-        times=np.zeros(0),
-        short=float(short),
-        nearest=float(nearest),
-        outcome=outcome,
-    )
+    none = np.zeros(0)
+    return Hits(x, speed, none, none, float(short), float(nearest), outcome)
 
 
 @check_first

@@ -224,7 +224,7 @@ class _Search:
 
 
 def _units(here: At) -> np.ndarray:
-    """(n,) units of the parameters: their sizes; of one that is 0, what alone would do."""
+    """(n,) units: the sizes of the parameters; for one that is 0, the change needed of it alone."""
     slope = np.abs(here.slopes).max(axis=0, initial=0.0)
     value = np.abs(here.value).max()
     by_slope = np.where(slope > 0, value / np.where(slope > 0, slope, 1.0), 1.0)

@@ -47,9 +47,9 @@ Make = Callable[[Array], Any]
 
 
 class TimeLimit:
-    """A time limit for all that is found on the way, which begins now.
+    """A limit of the computing time from now on, without compiling.
 
-    It is asked before each search for the next one, which is completed. Compiling does not count.
+    It is checked before each search for the next orbit; a search that has begun is completed.
     """
 
     def __init__(self, seconds: float):
@@ -92,7 +92,7 @@ class Followed(abc.ABC):
             return None
 
     def at(self, numbers: np.ndarray, found: Any, wanted: Callable[[Any], Any]) -> "At":
-        """The state at parameters, with a function of what is found, and all derivatives."""
+        """What is followed at some parameters, and a function of it, with all derivatives."""
 
         def all_of(x: Array) -> tuple[Any, Any]:
             thing = self.differentiable(x, found)

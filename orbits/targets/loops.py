@@ -39,7 +39,7 @@ def depth_of(law: CentralForce, turns: int, loops: int, r: float) -> float:
     wanted = turns / loops
     if isinstance(law, PowerLaw):
         _check_limits(law, turns, loops)
-    found = over_pi(law, _DEPTHS, r)
+    found = apsidal_angles(law, _DEPTHS, r)
     known = np.isfinite(found)
     depths, found = _DEPTHS[known], found[known]
     if not known.any():
@@ -53,7 +53,7 @@ def depth_of(law: CentralForce, turns: int, loops: int, r: float) -> float:
         raise SearchError(_no_shape(law, depths, found))
 
     def over(depth):
-        return over_pi(law, depth, r) - wanted, np.full(len(depth), np.nan)
+        return apsidal_angles(law, depth, r) - wanted, np.full(len(depth), np.nan)
 
     depth, fine = root(over, depths[cells[:1]], depths[cells[:1] + 1])
     if not fine.all():
@@ -105,7 +105,7 @@ def _no_shape(law: CentralForce, depths: np.ndarray, found: np.ndarray) -> str:
     )
 
 
-def over_pi(law: CentralForce, depths: np.ndarray, r: float) -> np.ndarray:
+def apsidal_angles(law: CentralForce, depths: np.ndarray, r: float) -> np.ndarray:
     """(m,) apsidal angles over pi of orbits with these shapes; NaN if there is none."""
     # Padding to one number of shapes avoids a compilation for each number.
     padded = np.append(depths, np.full(len(_DEPTHS) - len(depths), depths[0]))
@@ -207,8 +207,8 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
       >>> loops.count(orbit), orbit.residual < 1e-12
       ((2, 3), True)
     """
-    _coprime(turns, loops)
-    _law(law)
+    _check_coprime(turns, loops)
+    _check_law(law)
     r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
     depth = depth_of(law, turns, loops, r)
     scene, half = _start(law, depth, r, m)
@@ -244,7 +244,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
       >>> round(float(r.min()), 4), round(float(r.max()), 4)
       (0.5, 1.0)
     """
-    _law(law)
+    _check_law(law)
     ratio, r, m = (
         float(positive(name, array(name, x, ())))
         for name, x in (("ratio", ratio), ("r", r), ("m", m))
@@ -253,7 +253,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
         raise fail("ratio", "below 1", ratio, "A circle closes.")
     loops = whole("loops", loops)
     depth = -math.log(ratio)
-    if not np.isfinite(over_pi(law, np.array([depth]), r)).all():
+    if not np.isfinite(apsidal_angles(law, np.array([depth]), r)).all():
         raise SearchError(NOWHERE)
     scene, half = _start(law, depth, r, m)
     return scene.starting(scene.y0, 2 * loops * half)
@@ -280,14 +280,14 @@ def count(orbit: Orbit) -> tuple[int, int]:
     return round(turns), int(np.sum(growing & ~np.roll(growing, -1)))
 
 
-def _coprime(turns, loops) -> None:
+def _check_coprime(turns, loops) -> None:
     common = math.gcd(whole("turns", turns), whole("loops", loops))
     if common > 1:
         remedy = f"It closes after {turns // common} turns already."
         raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)
 
 
-def _law(law) -> None:
+def _check_law(law) -> None:
     check_untraced("law", law, "Find the orbit outside; see orbits.differentiable.")
     if not isinstance(law, CentralForce):
         raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")

@@ -118,7 +118,9 @@ def continue_tori(
     metric = problem.metric
     # The length of the step in units is that of the change of this torus's harmonic.
     length = abs(step) * metric.norm(circle.harmonic(torus.points)) / torus.amplitude
-    first = _Place(torus, _outwards(torus, step, metric), guessed=True)
+    # The first tangent is that of circles that grow, or shrink, about their mean.
+    out = np.sign(step) * (torus.points - torus.points.mean(axis=0))
+    first = _Place(torus, _unit(Unknowns(out, 0.0, 0.0), metric), guessed=True)
     found = follow(problem, first, length, members, lambda place: None, path)
     return TorusFamily(tuple(place.torus for place in found.members), found.end)
 
@@ -211,12 +213,6 @@ class _Problem(BranchProblem[_Place]):
 
     def lost(self, reason: str) -> str:
         return reason
-
-
-def _outwards(torus: Torus, step: float, metric: Metric) -> Unknowns:
-    """The unit tangent of circles that grow, or shrink, about their mean."""
-    out = torus.points - torus.points.mean(axis=0)
-    return _unit(Unknowns(np.sign(step) * out, 0.0, 0.0), metric)
 
 
 def _unit(tangent: Unknowns, metric: Metric) -> Unknowns:

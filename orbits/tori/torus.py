@@ -335,7 +335,8 @@ def torus(
     y0 = np.asarray(orbit.y0)
     turns = np.exp(1j * circle.angles(n))[:, None]
     start = Unknowns(y0 + amplitude * (turns * w).real, nu, orbit.period)
-    held = _held_quantity(orbit.scene)
+    unforced = "energy" if orbit.scene.has_energy else "time"
+    held = "drive" if is_driven(orbit.scene) else unforced
     level = mean_energy(orbit.scene, y0[None])[0] if held == "energy" else math.nan
     target = HasAmplitude(amplitude) if rotation is None else HasRotation(float(rotation))
     blank = Torus(
@@ -376,9 +377,3 @@ def floquet_vector(orbit: Orbit, pair: int) -> tuple[float, np.ndarray]:
     w = each * (basis @ vectors[:, i])
     w = w / w[largest_entry(w, each)]
     return float(np.angle(on_circle[pair])), w / np.linalg.norm(w)
-
-
-def _held_quantity(scene: Scene) -> str:
-    if is_driven(scene):
-        return "drive"
-    return "energy" if scene.has_energy else "time"

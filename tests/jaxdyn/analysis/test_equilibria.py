@@ -255,7 +255,7 @@ def test_equilibria_of_a_traced_scene_are_refused():
         return equilibria(spring_mass(g=g), [-3, -3], [3, 3]).states.min()
 
     message = (
-        r"^equilibria: expected known numbers, got traced .* `equilibria\.equilibrium\(scene, y\)"
+        r"^equilibria: expected numbers, got values traced .* `equilibria\.equilibrium\(scene, y\)"
     )
     for attempt in (jax.grad(least), jax.jit(least)):
         with pytest.raises(ValueError, match=message):

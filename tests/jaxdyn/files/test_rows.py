@@ -19,7 +19,7 @@ def squares(xs):
 def found(path, xs, of=1.0, chunk=2):
     squares.calls = 0
     with rows_in(path, LAYOUT, of, chunk) as rows:
-        return rows.of(xs, squares), rows.of(xs[:1], squares)
+        return rows.compute(xs, squares), rows.compute(xs[:1], squares)
 
 
 def test_rows_that_a_file_has_are_not_computed_again(tmp_path):
