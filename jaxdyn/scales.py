@@ -316,14 +316,7 @@ def _by_its_derivatives(
         f, by_u = jax.jvp(lambda y: field.rate(t, y), (at,), (along,))
         rate, then = lax.select(n == 0, f, rate), lax.select(look == 1, f, then)
         gap = f - lax.select(look == 2, then, rate)
-        later, gap = _noise_later(groups, gap, f), _finite_magnitude(gap)
-        typical = _is_as_fast(f, gap, tau, u)
-        stays = lax.select((look == 2) & typical, later, stays)
-        gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
-        counts = (look > 1) & typical
-        noise = lax.select(
-            counts, lax.max(noise, _notable_in_groups(groups, gap, f, u / tau, look == 4)), noise
-        )
+        noise, stays = _noise_after(look, groups, gap, f, tau, u, noise, stays)
         moved, carried = lax.max(lax.abs(f), lax.abs(rate)), lax.abs(by_u)
         moved = lax.select(n == 0, lax.max(moved, drive.most), moved)
         shrink = 1.0 / lax.max(1.0, now.shrinks * step * _largest_ratio(carried, u))
@@ -341,6 +334,36 @@ def _by_its_derivatives(
     begin = first, none, here, zero, zero, zero + np.inf, zero, jnp.ones((), bool)
     stage, _, sizes, rate, _, _, noise, _ = lax.while_loop(looks, round_, begin)
     return Scales(sizes, stage.tau, MARGIN * noise), rate
+
+
+def _noise_after(
+    look: Array,
+    groups: Groups,
+    gap: Array,
+    rate: Array,
+    tau: Array,
+    sizes: Array,
+    noise: Array,
+    stays: Array,
+) -> tuple[Array, Array]:
+    """What rounding makes of the rate (k,), and of the rate later in the motion, after a look.
+
+    Args:
+      look: () number of the look: 2 is that later in the motion, those after it are at the start.
+      groups: the groups of the state.
+      gap: (k,) the change of the rate in this look.
+      rate: (k,) the rate in it.
+      tau: () the time of the motion.
+      sizes: (k,) its sizes.
+      noise: (k,) the first result so far.
+      stays: (k,) the second one, infinite where it is not known.
+    """
+    later, gap = _noise_later(groups, gap, rate), _finite_magnitude(gap)
+    typical = _is_as_fast(rate, gap, tau, sizes)
+    stays = lax.select((look == 2) & typical, later, stays)
+    gap = lax.select((look > 2) & (gap > _STAYS * stays), stays, gap)
+    found = _notable_in_groups(groups, gap, rate, sizes / tau, look == 4)
+    return lax.select((look > 1) & typical, lax.max(noise, found), noise), stays
 
 
 def sizes_at_start(scene: Any, t0: Any = 0.0, t1: Any = None) -> np.ndarray:
