@@ -306,8 +306,9 @@ def explanation(status: Status, scene: Scene) -> str:
     if status == Status.NOT_FINITE and _is_removable(scene):
         return (
             f"{status.message} The rate is 0/0 at the start and finite beside it. Write the "
-            "quotient so that it is defined there: x / expm1(x) as jnp.where(x == 0, 1.0, s / "
-            "jnp.expm1(s)) with s = jnp.where(x == 0, 1.0, x)."
+            "quotient as its series there, so that it has derivatives: x / expm1(x) as "
+            "jnp.where(near, 1 - x / 2 + x**2 / 12 - x**4 / 720, s / jnp.expm1(s)) with near = "
+            "abs(x) < 1e-2 and s = jnp.where(near, 1.0, x)."
         )
     # Rounding decides whether steps collapse at a singularity or become too many near it.
     singular = status in (Status.STEP_COLLAPSED, Status.NOT_FINITE, Status.STEP_LIMIT)

@@ -1,5 +1,7 @@
 """Rates with conditions, pulses and tables: closed forms, SciPy's DOP853 piece by piece, mpmath."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -387,6 +389,16 @@ def test_a_removable_singularity_is_named():
     run = jaxdyn.simulate(jaxdyn.ode(gate, [-55.0], 1.0), throw=False)
     assert run.status == Status.NOT_FINITE
     assert "0/0 at the start and finite beside it" in run.message
+    advice = re.search(r"as (jnp\.where.+) with near = (.+) and s = (.+)\.$", run.message)
+    value, near, other = advice.groups()
+
+    def advised(x):
+        names = {"jnp": jnp, "x": x, "near": eval(near, {"x": x})}
+        return eval(value, names | {"s": eval(other, names)})
+
+    for x in (0.0, 9.9e-3, 1.1e-2):
+        assert abs(advised(x) - (x / np.expm1(x) if x else 1.0)) < 1e-14
+        assert abs(jax.grad(advised)(x) - (-1 / 2 + x / 6 - x**3 / 180)) < 1e-11
 
 
 def test_what_cannot_be_read_is_said():
