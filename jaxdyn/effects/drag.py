@@ -63,10 +63,9 @@ class DryFriction(Effect):
 
     With creep = 0, the default, this is Coulomb's law: mu N against the motion, -mu N sign(u) on a
     line. There a point sticks as long as the other forces do not exceed mu N, and slides again when
-    they do.
+    they do; several points may stick at the same time.
 
-    Limits: where two points stick at the same time, the motion ends with `Status.CHATTERING`. In
-    the plane and in space, the force has no direction where u is 0, and is zero there:
+    Limits: in the plane and in space, the force has no direction where u is 0, and is zero there:
     end the motion by an event at a small speed and continue with a phase of rest. A creep [m/s] > 0
     regularises the law: it is smooth, accurate to (creep / u)^2 / 2 for speeds well above it, and
     viscous below it, so that nothing sticks. A creep that is traced and 0 does not stick either.
