@@ -166,10 +166,11 @@ class InBranch(Record, FieldAround):
         Rows without a surface have a weight of 0: each is balanced by itself.
         """
         outcomes, before, surfaces = self.branch
+        plan = plan_of(self.field, len(y))
         held, first = surfaces.any(1), jnp.argmax(surfaces, 1)
 
         def margins(t, y):
-            return self.side(t, y, outcomes)[1].margins
+            return plan.state_margins(self.field, t, y, outcomes)
 
         def slope(rate):
             return jax.jvp(margins, (t, y), (jnp.ones_like(t), rate))[1][first]
@@ -195,8 +196,7 @@ class InBranch(Record, FieldAround):
         rate, conditions = plan.evaluate(self.field, t, y, outcomes)
         if plan.partial:
             # A choice between two rates would have a NaN derivative if either one's is NaN.
-            here = plan.evaluate(self.field, t, y)[1].outcomes
-            outcomes = jnp.where(jnp.isnan(rate).any(), here, outcomes)
+            outcomes = jnp.where(jnp.isnan(rate).any(), conditions.outcomes, outcomes)
             rate = plan.evaluate(self.field, t, y, outcomes)[0]
         return rate, conditions
 
@@ -207,8 +207,8 @@ class InBranch(Record, FieldAround):
         of the rates behind each surface, then of those before, each times the push of both.
         """
         plan, branch = plan_of(self.field, len(y)), self.branch
-        margins = self.side(t, y, branch.outcomes)[1].margins
-        margins = jnp.where(plan.of_time | branch.surface, 1.0, margins)
+        margins = plan.state_margins(self.field, t, y, branch.outcomes)
+        margins = jnp.where(branch.surface, 1.0, margins)
         return jnp.concatenate([margins, self._weights(t, y)]) if plan.most_surfaces else margins
 
     def _weights(self, t: Array, y: Array) -> Array:

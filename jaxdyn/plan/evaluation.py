@@ -44,6 +44,10 @@ from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, loop
 BY_TIME, BY_STATE, JUMPS_IN_TIME, JUMPS_WITH_STATE = 1, 2, 4, 8
 _MOVES = BY_TIME | BY_STATE
 OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
+_JUMPS = JUMPS_IN_TIME | JUMPS_WITH_STATE
+#: Likewise, whether it is the result of a function that is not defined for all states, such as a
+#: root.
+_NOT_EVERYWHERE = 16
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
 _TABLE = "searchsorted"
@@ -123,13 +127,15 @@ class BranchEvaluation:
     Args:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
+      state_only: leave out the margins of conditions on time alone.
       every_call: enter every function that is called, though its own rule for derivatives is lost.
       waves: note sines of time as well among the parts that a step may pass over.
 
     Attributes:
       conditions: the conditions met so far.
       unread: names of operations that may hide conditions.
-      partial: whether a function of the state is not defined everywhere, such as a root.
+      partial: whether a condition decides if a function that is not defined everywhere, such as a
+        root, has a value, or whether that value is used.
       leaves: values of time alone that meet the state, or are a result.
       mixed: arguments and values, in turn, of functions of time and state that may be flat except
         in a brief part of a motion.
@@ -141,8 +147,10 @@ class BranchEvaluation:
         time_only: bool = False,
         every_call: bool = False,
         waves: bool = False,
+        state_only: bool = False,
     ):
         self.branch, self.time_only, self.waves = branch, time_only, waves
+        self.state_only = state_only
         self.every_call = every_call or time_only
         self.conditions: list[Condition] = []
         self._found: list[tuple[Array, Array, Array]] = []
@@ -262,7 +270,7 @@ class BranchEvaluation:
             return [Value(None, on, math.inf) for _ in eqn.outvars]
         if eqn.primitive.name == "mul" and any(map(_is_zero, args)):
             on = 0  # as in code that makes a zero with the type and shape of another number
-        self.partial |= eqn.primitive.name in _PARTIAL and bool(args[0].on & BY_STATE)
+        on |= self._note_domain(eqn, args, on)
         waves = self.waves and eqn.primitive.name in _WAVES
         degree = _degree(eqn.primitive.name, eqn.params, args) if on & BY_TIME else 0.0
         degree = math.inf if on & BY_TIME and waves else degree
@@ -272,6 +280,19 @@ class BranchEvaluation:
         if self.time_only and on & BY_TIME:
             self._origins |= {id(x.array): (x, eqn.primitive.name, args) for x in made}
         return made
+
+    def _note_domain(self, eqn, args: list[Value], on: int) -> int:
+        """`_NOT_EVERYWHERE` for a function that is not defined for all states, else 0.
+
+        In a branch its value counts where its argument, or its use, depends on a condition: beyond
+        the surface it may be NaN. A spring's length is a root as well, but of no such thing.
+        """
+        if eqn.primitive.name in _CHOICES:
+            self.partial |= bool(on & _NOT_EVERYWHERE and on & _JUMPS)
+        if eqn.primitive.name not in _PARTIAL or not args[0].on & BY_STATE:
+            return 0
+        self.partial |= bool(args[0].on & _JUMPS)
+        return _NOT_EVERYWHERE
 
     def _meets_state(self, x: Value) -> None:
         """Note a value of time alone that an operation on the state uses, term by term."""
@@ -317,7 +338,8 @@ class BranchEvaluation:
         if self.branch is not None:
             first = sum(c.size for c in self.conditions)
             given = self.branch[first : first + size].reshape(shape)
-        here, margin, beyond = judge(given)
+        left_out = self.state_only and not on & OF_STATE
+        here, margin, beyond = (given, 1.0, given) if left_out else judge(given)
         self.conditions.append(Condition(on, size, bends))
         flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
         self._found.append((flat(here), flat(margin), flat(beyond)))
@@ -360,6 +382,7 @@ class BranchEvaluation:
         found = []
         for cases in zip(*every, strict=True):
             on = _dependence(which, *cases)
+            self.partial |= bool(on & _NOT_EVERYWHERE)
             if any(x.array is None for x in cases):
                 found.append(Value(None, on, math.inf))
                 continue
@@ -405,6 +428,8 @@ _WAVES = frozenset({"sin", "cos"})
 _BRIEF = frozenset({"exp", "exp2", "tanh", "logistic", "erf", "erfc"})
 #: Functions that are not defined for all numbers.
 _PARTIAL = frozenset({"pow", "sqrt", "rsqrt", "log", "log1p", "asin", "acos", "acosh", "atanh"})
+#: Operations that take one of several values.
+_CHOICES = frozenset({"select_n", "gather", "dynamic_slice"})
 #: Operations whose operands are evaluated one by one, to detect a small pulse beside a large drive.
 _TERM_BY_TERM = frozenset(
     {"add", "sub", "neg", "add_any", "stack", "concatenate", "broadcast_in_dim", "reshape"}
@@ -496,6 +521,7 @@ def _compare(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
 def _select(which, no: Value, yes: Value, on: int, evaluation: BranchEvaluation) -> Value:
     """One of two values by an outcome of 0 or 1."""
     on = on | no.on | yes.on
+    evaluation.partial |= bool(on & _NOT_EVERYWHERE)
     if which is None or no.array is None or yes.array is None:
         for x in (no, yes):
             evaluation._meets_state(x)
@@ -612,6 +638,7 @@ def _extreme(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
         return here.astype(float), margin, jnp.argmax(others, -1).astype(float)
 
     found, on = evaluation.condition([x], judge, shape)
+    evaluation.partial |= bool(x.on & _NOT_EVERYWHERE)
     if found is None:
         return Value(None, on | x.on, math.inf)
     if name.startswith("arg"):

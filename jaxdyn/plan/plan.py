@@ -125,6 +125,16 @@ class Plan:
         rate = evaluation.rate(self._program, jax.tree.leaves(system), t, y)
         return rate.array, evaluation.found
 
+    @functools.partial(jax.jit, static_argnums=0)
+    def state_margins(self, system: PyTree, t: Array, y: Array, branch: Array) -> Array:
+        """(e,) the margins of conditions on the state in a branch (e,), 1 for those on time alone.
+
+        Those on time, as of a table, are the larger part of many programs.
+        """
+        evaluation = BranchEvaluation(branch, state_only=True)
+        evaluation.rate(self._program, jax.tree.leaves(system), t, y)
+        return evaluation.found.margins
+
     def time_parts(self, system: PyTree, t: Array, branch: Array | None) -> Array:
         """(u,) the parts of the rate that depend on time alone, in a branch (e,)."""
         parts = [jnp.asarray(x.array, float) for x in self._in_time(system, t, branch).leaves]
