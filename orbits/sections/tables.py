@@ -1,5 +1,6 @@
 """Crossings of many starts with a section, on all cores: `orbits.section`."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
@@ -15,8 +16,10 @@ from jaxdyn._progress import report_progress
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import change
 from jaxdyn.ensemble.crossings import EachCrossing
+from jaxdyn.integrate.event_search.all_crossings import crossings
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL
+from jaxdyn.plan import plan_of
 from jaxdyn.scene import check_scene
 from jaxdyn.solvers import Solver
 from orbits.sections.completion import Completed, outcome_text
@@ -131,8 +134,9 @@ def section(
     Raises:
       ValueError: `event` is not an event, `starts` has a wrong shape, `crossings` is not positive,
         or another number is out of range, as for `simulate`.
-    Limits: no derivatives (`jaxdyn.crossings` has them for one motion, `sections.poincare_map` for
-      the map). Points of chaotic motions lose their digits as motions do: the distribution is
+    Limits: starts of a rate with conditions, as with dry friction or a square wave, run one after
+      the other. No derivatives (`jaxdyn.crossings` has them for one motion, `sections.poincare_map`
+      for the map). Points of chaotic motions lose their digits as motions do: the distribution is
       meaningful, not each late point; `drift` does not measure that.
     Example:
       >>> import jaxdyn, orbits
@@ -196,6 +200,9 @@ class _Table:
         # All starts that are still running have the same number of crossings.
         done = int(self.counts[rows[0]])
         most = min(_CROSSINGS_A_CALL, self.wanted - done)
+        if plan_of(self.scene.field, self._y.shape[1]).size:
+            self._put(rows, done, most, *self._piecewise(rows, end, **options))
+            return
         watch = EachCrossing(self.scene.field, self.event, jnp.asarray(most), _CROSSINGS_A_CALL)
         out = ensemble.run(
             self.scene,
@@ -207,15 +214,33 @@ class _Table:
             threads=threads,
             **options,
         )
-        seen, place = out.seen, slice(done, done + most)
-        self.ts[rows, place] = seen.ts[:, :most]
-        self.ys[rows, place] = seen.ys[:, :most]
-        self.directions[rows, place] = seen.directions[:, :most]
-        self.counts[rows] += seen.count
-        self._t[rows], self._y[rows] = seen.ts[:, most - 1], seen.ys[:, most - 1]
-        few = np.where(seen.lost, Status.NOT_FINITE, Status.FEW_CROSSINGS)
-        ended = np.where(out.status == Status.OK, few, out.status)
-        going = seen.count == most
+        seen = out.seen
+        status = np.where((out.status == Status.OK) & seen.lost, Status.NOT_FINITE, out.status)
+        self._put(rows, done, most, seen.ts, seen.ys, seen.directions, seen.count, status)
+
+    def _piecewise(self, rows: np.ndarray, end: float, **options) -> list[np.ndarray]:
+        """The next crossings of some starts, one after the other, for a rate with conditions.
+
+        An ensemble has no watches for these. The result has times, states, directions, numbers of
+        crossings, and status codes.
+        """
+        options |= {"most": min(_CROSSINGS_A_CALL, self.wanted), "throw": False}
+        starts = (dataclasses.replace(self.scene, y0=self._y[i]) for i in rows)
+        found = [
+            crossings(scene, self.event, end, t0=t, **options)
+            for scene, t in zip(starts, self._t[rows], strict=True)
+        ]
+        return [np.stack(parts) for parts in zip(*found, strict=True)]
+
+    def _put(self, rows: np.ndarray, done: int, most: int, ts, ys, directions, count, status):
+        """Add at most `most` crossings of some starts, which had `done` before."""
+        place, going = slice(done, done + most), count >= most
+        self.ts[rows, place] = ts[:, :most]
+        self.ys[rows, place] = ys[:, :most]
+        self.directions[rows, place] = directions[:, :most]
+        self.counts[rows] += np.minimum(count, most)
+        self._t[rows], self._y[rows] = ts[:, most - 1], ys[:, most - 1]
+        ended = np.where(status == Status.OK, Status.FEW_CROSSINGS, status)
         self.status[rows] = np.where(going, Status.OK, ended)
         self.running[rows] = going & (done + most < self.wanted)
 

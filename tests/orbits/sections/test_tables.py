@@ -1,4 +1,4 @@
-"""orbits.section: the crossings of many starts, in the lanes of an ensemble."""
+"""orbits.section: the crossings of many starts, in an ensemble or one after the other."""
 
 import jax
 import jax.numpy as jnp
@@ -167,3 +167,25 @@ def test_misuse_is_refused():
     assert "EachCrossing alone" in refusal(
         lambda: run(HENON, STARTS.y0s, 1.0, watch=Together(watch, watch))
     )
+
+
+@pytest.mark.slow  # it compiles for 4 s
+def test_a_stroboscope_of_a_square_wave_has_the_states_of_the_motion():
+    period = 3.0
+
+    def pushed(t, y):
+        force = jnp.where(jnp.mod(t, period) < period / 2, 0.4, -0.4)
+        return [y[1], y[0] - y[0] ** 3 - 0.2 * y[1] + force]
+
+    starts = np.array([[0.1, 0.0], [-1.0, 0.1]])
+    scene = jaxdyn.ode(pushed, starts[0], 100.0)
+    found = orbits.section(scene, Every(period), starts, crossings=20)
+    assert found.ok.all()
+    times = period * np.arange(1, 21)
+    assert gap(found.ts, np.tile(times, (2, 1))) < 1e-13
+    for ys, y0 in zip(found.ys, starts, strict=True):
+        motion = jaxdyn.simulate(jaxdyn.ode(pushed, y0, 61.0), samples=times)
+        assert gap(ys, motion.ys) < 1e-10
+    few = orbits.section(scene, Every(period), starts, crossings=20, t1=30.1)
+    assert few.counts.tolist() == [10, 10]
+    assert set(few.status.tolist()) == {Status.FEW_CROSSINGS}
