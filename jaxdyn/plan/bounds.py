@@ -81,7 +81,7 @@ def as_interval(x: _Value) -> Interval:
 _ENTRY_BY_ENTRY: dict[str, int | None] = {
     **dict.fromkeys(("reshape", "broadcast_in_dim", "transpose", "squeeze", "slice", "rev")),
     **dict.fromkeys(("concatenate", "stack", "unstack", "split", "pad", "copy")),
-    **dict.fromkeys(("max", "min", "reduce_sum", "reduce_max", "reduce_min")),
+    **dict.fromkeys(("max", "min", "clamp", "reduce_sum", "reduce_max", "reduce_min")),
     **dict.fromkeys(("cumsum", "cummax", "cummin", "stop_gradient", "convert_element_type")),
     **{"dynamic_slice": 1, "gather": 1},
 }
