@@ -45,8 +45,7 @@ BY_TIME, BY_STATE, JUMPS_IN_TIME, JUMPS_WITH_STATE = 1, 2, 4, 8
 _MOVES = BY_TIME | BY_STATE
 OF_TIME, OF_STATE = BY_TIME | JUMPS_IN_TIME, BY_STATE | JUMPS_WITH_STATE
 _JUMPS = JUMPS_IN_TIME | JUMPS_WITH_STATE
-#: Likewise, whether it is the result of a function that is not defined for all states, such as a
-#: root.
+#: Joined with these for what is made of a function that is not defined for all states, as a root.
 _NOT_EVERYWHERE = 16
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
@@ -69,7 +68,7 @@ class Value(NamedTuple):
     Attributes:
       array: the value; None where it is not computed.
       on: what it depends on: `BY_TIME`, `BY_STATE`, `JUMPS_IN_TIME` and `JUMPS_WITH_STATE`, joined
-        by ``|``; 0 for a value that depends on none of these.
+        by ``|``, and `_NOT_EVERYWHERE`; 0 for a value to which none of these applies.
       degree: its degree as a polynomial in time, where it depends on time alone; infinite if it is
         not a polynomial.
     """

@@ -33,7 +33,8 @@ class Plan:
       bends: (e,) likewise whether the rate is continuous where it changes.
       unread: names of operations that may hide conditions.
       bounded: whether all operations on time alone have bounds.
-      partial: whether the rate contains functions that are not defined for all states.
+      partial: whether a condition decides if a function that is not defined for all states, such as
+        a root, has a value, or whether that value is used.
       mixed: whether it contains functions of time and state that may act just as briefly.
       hides: whether parts of the rate that depend on time alone may act so briefly that a step
         would pass over them.
