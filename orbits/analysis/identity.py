@@ -43,7 +43,7 @@ class Identity:
       choreography: whether all bodies follow one curve, evenly spaced in time; None unless
         several points move freely.
       permutation_error: deviation from a choreography: the largest entry, in units of its size, of
-        y(T/n) minus the relabelled start, for the better of the two directions; NaN where bodies
+        y(T/n) minus the relabelled start, for the better of the two directions; None where bodies
         are not equal.
       energy: kinetic plus potential; None where it is not conserved.
       angular_momentum: about the origin, in the plane of x and y; None where it is not
@@ -53,7 +53,7 @@ class Identity:
     """
 
     choreography: bool | None
-    permutation_error: float
+    permutation_error: float | None
     energy: float | None
     angular_momentum: float | None
     scale_free: float | None
@@ -78,11 +78,12 @@ def identify(orbit: Orbit | HybridOrbit) -> Identity:
     """
     e, momentum = conserved_values(orbit)
     if isinstance(orbit, HybridOrbit):
-        return Identity(None, float("nan"), e, momentum, None)
+        return Identity(None, None, e, momentum, None)
     system = orbit.scene.system
     error = permutation_error(orbit)
+    alike = error is not None and error < CHOREOGRAPHY
     return Identity(
-        choreography=bool(error < CHOREOGRAPHY) if has_several_points(system) else None,
+        choreography=alike if has_several_points(system) else None,
         permutation_error=error,
         energy=e,
         angular_momentum=momentum,
@@ -177,11 +178,11 @@ def _constant(found: list[tuple[np.ndarray, float]], pieces: int) -> float | Non
     return float(values[0]) if np.ptp(values) <= KEPT * size else None
 
 
-def permutation_error(orbit: Orbit) -> float:
-    """Largest entry of y(T / n) minus the relabelled start, in sizes; NaN if bodies differ."""
+def permutation_error(orbit: Orbit) -> float | None:
+    """Largest entry of y(T / n) minus the relabelled start, in sizes; None if bodies differ."""
     system = orbit.scene.system
     if not isinstance(system, FreePoints) or np.ptp(system.m) != 0 or len(system.m) < 2:
-        return float("nan")
+        return None
     n = len(system.m)
     flow = quick_solve(orbit.scene, orbit.period / n, rtol=orbit.rtol, solver=orbit.solver)
     end = np.asarray(flow.y1)

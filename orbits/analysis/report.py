@@ -4,7 +4,6 @@ The command line prints it, files keep it, and `orbits verify` recomputes it.
 """
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -116,7 +115,7 @@ def report(orbit: Orbit | HybridOrbit) -> Report:
         growth=growth(orbit),
         minimal_period=minimal_period(orbit)[0],
         choreography=what.choreography,
-        permutation_error=what.permutation_error if math.isfinite(what.permutation_error) else None,
+        permutation_error=what.permutation_error,
         word=_word(orbit),
         energy=what.energy,
         angular_momentum=what.angular_momentum,

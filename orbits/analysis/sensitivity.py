@@ -284,7 +284,8 @@ class Posed(NamedTuple):
 
 def pose(orbit: Orbit, hold: Hold) -> Posed:
     """The closing equations of an orbit, in as many segments as its growth of errors requires."""
-    guess, held = np.append(np.asarray(orbit.y0), orbit.period), conditions(orbit.scene, hold)
+    guess = np.append(np.asarray(orbit.y0), orbit.period)
+    held = conditions(orbit.scene, hold, (orbit.closing,))
     # Conditions may be traced by derivatives; the segments do not depend on these.
     values = jax.lax.stop_gradient(held)
     if is_traced(values):

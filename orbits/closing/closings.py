@@ -13,7 +13,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -191,6 +191,11 @@ class Closing(Record):
         """(p,) indices of the entries of the start that are unknown; they determine the others."""
         return np.arange(k)
 
+    def fixed(self, k: int) -> np.ndarray:
+        """Indices of entries of the start that have the same value in every motion it allows."""
+        del k
+        return np.arange(0)
+
     def start(self, system: System, u: Array, base: Array) -> Float[Array, " k"]:
         """The start with unknowns u (p,); base (k,) is any start that the closing allows."""
         del base
@@ -353,6 +358,10 @@ class Reversal(Closing):
         places, signs = _places_and_signs(self.here, k)
         index = np.arange(k)
         return index[(places > index) | ((places == index) & (signs > 0))]
+
+    def fixed(self, k):
+        places, signs = _places_and_signs(self.here, k)
+        return np.flatnonzero((places == np.arange(k)) & (signs < 0))
 
     def start(self, system, u, base):
         y = base.at[self.free(len(base))].set(u)
@@ -678,14 +687,15 @@ class Section(Condition):
 Hold = Condition | str | Sequence[Condition | str]
 
 
-def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
+def conditions(scene: Scene, hold: Hold, closings: Iterable[Closing]) -> tuple[Condition, ...]:
     """The conditions in `hold`; the name of an entry stands for its value at the scene's start.
 
     Raises:
       ValueError: an element is neither a `Condition` nor the name of an entry of the state, or
-        does not apply to the scene.
+        does not apply to the scene, or is one on an entry that a closing fixes.
     """
     names = [label for label, _ in scene.system.labels()]
+    fixed = {int(i): closing.name for closing in closings for i in closing.fixed(len(names))}
     given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
     found = []
     for one in given:
@@ -697,5 +707,9 @@ def conditions(scene: Scene, hold: Hold) -> tuple[Condition, ...]:
             raise fail("hold", "a Condition", repr(one), remedy)
         one.check_functions()
         one.check(scene)
+        if isinstance(one, Section) and one.entry in fixed:
+            free = [name for i, name in enumerate(names) if i not in fixed]
+            wanted = f"an entry that {fixed[one.entry]!r} leaves free: {', '.join(free)}"
+            raise fail("hold", wanted, repr(names[one.entry]), "All such starts have that value.")
         found.append(one)
     return tuple(found)

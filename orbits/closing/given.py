@@ -93,7 +93,8 @@ def pose(
         scene = scene.starting(scene.y0, guess[-1])
         if drive_period(scene) is not None:
             low[-1] = high[-1] = guess[-1]
-    closings, held = _closings(scene, closing), conditions(scene, hold)
+    closings = _closings(scene, closing)
+    held = conditions(scene, hold, closings)
     for condition in () if has_constraints(scene) else held:
         low, high = condition.fix(guess, low, high)
     return Problem(

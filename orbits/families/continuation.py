@@ -186,7 +186,7 @@ def continue_family(
         if energies != ANYWHERE and not orbit.scene.has_energy:
             raise fail("energies", "none for a scene without an energy", energies, "Use `within`.")
         guess = np.append(np.asarray(orbit.y0), orbit.period)
-        start = Equations.of(orbit, conditions(orbit.scene, hold), make)
+        start = Equations.of(orbit, conditions(orbit.scene, hold, (orbit.closing,)), make)
         equations = cut_into_segments(
             start, guess, orbit.rtol, segments, orbit.angle, value, least=_SEGMENTS
         )

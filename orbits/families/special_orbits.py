@@ -106,7 +106,7 @@ def path_of(orbit: Orbit, make: Make | Scene, hold: Hold) -> Callable[[Array], P
 
     Names of entries in `hold` stand for their values in `orbit`.
     """
-    held = conditions(orbit.scene, hold)
+    held = conditions(orbit.scene, hold, (orbit.closing,))
     if isinstance(make, Scene):
         scene = make.starting(orbit.y0, orbit.period)
         return lambda energy: Place(scene, (*held, Energy(energy)))

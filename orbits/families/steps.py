@@ -77,7 +77,8 @@ class OrbitChart(Chart[Member]):
             # Where families meet, Newton's shortest steps may alternate between them.
             point = self.surface.nearest(predicted, last.tangent, near=last.point)
         if point is None:
-            return self._why_lost(last, predicted)
+            reason, other = self._why_lost(last, predicted), self.surface.alternative
+            return f"{reason}; {other}" if other else reason
         return Correction(point.x / self.units, point.iterations, point)
 
     def tangent(self, last: Member, found: Correction) -> np.ndarray | str:

@@ -189,6 +189,11 @@ class Surface(abc.ABC):
         del x
         return 0.0
 
+    @property
+    def alternative(self) -> str:
+        """How else the family may be followed where the motion or Newton's method fails."""
+        return ""
+
     def _growth(self, closed: Any, x: np.ndarray) -> float:
         """The largest growth of errors over a segment; NaN if that is not known."""
         del closed, x
@@ -361,6 +366,12 @@ class OrbitSurface(Surface):
         if not self.equations.collocated:
             return 0.0
         return float(quality(self.equations, x).errors.max())
+
+    @property
+    def alternative(self) -> str:
+        if self.equations.collocated:
+            return ""
+        return "from an orbit found with strategy=orbits.Collocation() the family may go further"
 
     def _growth(self, closed: InUnits, x: np.ndarray) -> float:
         return max(float(np.linalg.norm(one)) for one in closed.transitions(x))

@@ -48,6 +48,15 @@ def test_a_condition_that_is_no_equation_is_refused(hold, message):
         orbits.find(scenes.oscillator(), period=6.0, hold=hold)
 
 
+@pytest.mark.parametrize("hold", ["vz", orbits.Section(1, 0.0)])
+def test_an_entry_that_the_closing_fixes_cannot_be_held(hold):
+    scene = scenes.restricted_three_body_in_space()
+    name = "vz" if hold == "vz" else "y"
+    message = f"^hold: expected an entry that 'reversal' leaves free: x, z, vy, got '{name}'"
+    with pytest.raises(ValueError, match=message):
+        orbits.find(scene, closing=orbits.closing.mirror(scene), hold=["z", hold])
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-6])
 def test_the_period_of_a_switched_drive_is_seen_between_its_switches(scale):
     def pushed(t, y, p):

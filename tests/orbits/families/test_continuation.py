@@ -3,12 +3,14 @@
 import dataclasses
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from cycles import Bautin, Moebius, Pitchfork, Torus, cycle
 from helpers import SOLVED
 from scipy.special import ellipk
 
+import jaxdyn
 import orbits
 from jaxdyn import Status, scenes
 from orbits import Kind
@@ -207,3 +209,19 @@ def test_misuse(forks):
     bad = orbits.Orbit(bad.scene, bad.closing, 1.0, orbits.Outcome.BOUND, 1, 1e-14)
     with pytest.raises(ValueError, match="orbit: expected an orbit that closes"):
         orbits.continue_family(bad, make, -0.3)
+
+
+@pytest.mark.slow
+def test_where_the_motion_fails_collocation_is_named():
+    def rate(t, y, mu):
+        x, v = y
+        return jnp.stack([v, mu * (1 - x**2) * v - x + 1e-3 * jnp.sqrt(0.5 - mu)])
+
+    def make(mu):
+        return jaxdyn.ode(rate, [2.0, 0.0], 6.4, params=mu)
+
+    cycle = orbits.find(make(0.4))
+    found = orbits.continue_family(cycle, make, 0.4, members=30)
+    assert 0.4 < found.members[-1].parameter < 0.5
+    assert found.end.startswith("no orbit was found beyond: the motion does not last a period")
+    assert found.end.endswith("strategy=orbits.Collocation() the family may go further")
