@@ -21,6 +21,10 @@ _SMALL = 1e-2
 #: Shares of that distance that are tried: orbits may soon cease to be ellipses, as in fast-slow
 #: systems.
 _SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01])
+#: Multiples of that distance that are tried where the orbit is so small that its parameter and its
+#: period differ from those of the Hopf point by less than this part of them: rounding would decide
+#: which way the family leads. The entries of an equilibrium may be small without any meaning.
+_MULTIPLES, _DIFFERENT = 10.0 ** np.arange(1, 7), 1e-8
 _NO_ORBIT = (
     "No orbit was found at this amplitude, which is in units of the state. Try a smaller one, or "
     "leave it out: far from the equilibrium, orbits are not ellipses, and at a degenerate Hopf "
@@ -47,7 +51,8 @@ def from_hopf(
       amplitude: distance of the start from the equilibrium in the units of the state, along the
         eigenvector in the phase at which its largest entry, in sizes, is at its maximum. By default
         it is a hundredth of the sizes of the equilibrium's entries, or where these are 0 of the
-        distance at which the rate is no longer linear; less where no orbit is found there.
+        distance at which the rate is no longer linear; less where no orbit is found there, more
+        where parameter and period of the orbit are still those of the Hopf point.
     Returns:
       (orbit, parameter), for `continue_family`.
     Raises:
@@ -71,22 +76,47 @@ def from_hopf(
         finite("amplitude", amplitude, "It is a distance in units of the state.")
         if not amplitude:
             raise fail("amplitude", "a number other than 0", amplitude)
-    critical = _critical(family, point)
-    usual = in_sizes(family, point, _SMALL) * _SHARES
-    period = 2 * np.pi / point.frequency
-    for distance in usual if amplitude is None else (amplitude,):
-        start = point.state + distance * critical
-        # The scene starts on the guess: at rest in the origin its entries would have no size.
-        scene = family.make(point.parameter).starting(start, period)
-        equations = Equations(scene=scene, closing=PLAIN, make=family.make)
-        guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
-        across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
-        surface = OrbitSurface(equations, RTOL, GOAL)
-        found = surface.nearest(guess, across=across)
-        # Far from the equilibrium all that hardly moves closes, to the sizes that its start has.
-        if found is not None and Trouble(equations, guess)(equations, found.x) is None:
-            return surface.orbit(found), parameter_at(surface, found.x)
-    raise SearchError(_NO_ORBIT if amplitude is not None else _NO_ORBIT_AT_ALL)
+    usual = in_sizes(family, point, _SMALL)
+    distances = usual * _SHARES if amplitude is None else (amplitude,)
+    orbits = (_orbit_at(family, point, distance) for distance in distances)
+    smallest = next((orbit for orbit in orbits if orbit is not None), None)
+    if smallest is None:
+        raise SearchError(_NO_ORBIT if amplitude is not None else _NO_ORBIT_AT_ALL)
+    if amplitude is not None or _differs(family, point, *smallest):
+        return smallest
+    for distance in usual * _MULTIPLES:
+        larger = _orbit_at(family, point, distance)
+        if larger is None:
+            break
+        if _differs(family, point, *larger):
+            return larger
+    return smallest  # all orbits have the same period, at the same parameter
+
+
+def _orbit_at(
+    family: EquilibriumFamily, point: Equilibrium, distance: float
+) -> tuple[Orbit, float] | None:
+    """The orbit at a distance from a Hopf point, and its parameter; None if none is found."""
+    critical, period = _critical(family, point), 2 * np.pi / point.frequency
+    start = point.state + distance * critical
+    # The scene starts on the guess: at rest in the origin its entries would have no size.
+    scene = family.make(point.parameter).starting(start, period)
+    equations = Equations(scene=scene, closing=PLAIN, make=family.make)
+    guess = equations.pack(start, (), angle=0.0, parameter=point.parameter, period=period)
+    across = equations.pack(critical, (), angle=0.0, parameter=0.0, period=0.0)
+    surface = OrbitSurface(equations, RTOL, GOAL)
+    found = surface.nearest(guess, across=across)
+    # Far from the equilibrium all that hardly moves closes, to the sizes that its start has.
+    if found is None or Trouble(equations, guess)(equations, found.x) is not None:
+        return None
+    return surface.orbit(found), parameter_at(surface, found.x)
+
+
+def _differs(family: EquilibriumFamily, point: Equilibrium, orbit: Orbit, value: float) -> bool:
+    """Whether parameter or period of an orbit are no longer those of the Hopf point."""
+    apart = (value - point.parameter) / units_of(family.make, point).parameters[0]
+    slower = orbit.period * point.frequency / (2 * np.pi) - 1
+    return max(abs(apart), abs(slower)) > _DIFFERENT
 
 
 def in_sizes(family: EquilibriumFamily, point: Equilibrium, share: float) -> float:

@@ -36,6 +36,28 @@ def test_orbits_of_the_normal_form_have_the_radius_of_their_parameter(amplitude)
     assert orbits.stability(orbit).verdict == "stable"
 
 
+def beside(t, y, params):
+    return odes.stuart_landau(t, y - CENTRE, params)
+
+
+#: An equilibrium whose entries are small, and say nothing about the size of orbits around it.
+CENTRE = np.array([1e-4, 2e-5])
+
+
+@pytest.mark.slow
+def test_orbits_around_an_equilibrium_near_the_origin_are_large_enough_to_be_followed():
+    def make(a):
+        return jaxdyn.ode(beside, CENTRE, 1.0, params=(a, 0.5, 2.0))
+
+    equilibria = jaxdyn.continue_equilibria(make, -1.0, CENTRE, step=0.3, members=8)
+    orbit, a = orbits.from_hopf(equilibria, equilibria.special[0])
+    family = orbits.continue_family(orbit, make, a, within=(-1.0, 0.5))
+    assert family.end == "the bounds (-1.0, 0.5)"
+    values = np.array([member.parameter for member in family.members])
+    radii = [np.linalg.norm(np.asarray(member.orbit.y0) - CENTRE) for member in family.members]
+    assert np.allclose(np.square(radii), values, rtol=1e-9, atol=1e-14)
+
+
 def test_misuse_of_a_hopf_point_is_refused():
     equilibria = jaxdyn.continue_equilibria(stuart_landau, -1.0, [0.0, 0.0], step=0.3, members=8)
     (point,) = equilibria.special
