@@ -27,6 +27,7 @@ from jaxdyn.continuation.units import ChartInUnits, InUnits
 _HALVINGS = 25  # most halvings of the interval between two members
 _SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
 _OUTSIDE = 0.1  # part of it: a solution farther beyond its ends belongs to another place
+_ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
 
@@ -73,7 +74,8 @@ def _locate(
         middle = chart.between(a, b, _SHARE)
         if middle is None:
             return None
-        a, b = (a, middle) if test(middle) * left < 0 else (middle, b)
+        # Along a branch at one value of the parameter tests are 0 everywhere, up to rounding.
+        a, b = (a, middle) if changes_sign(left, test(middle), True) else (middle, b)
     return None
 
 
@@ -155,7 +157,8 @@ def _same(a: Equilibrium, b: Equilibrium) -> bool:
 
 
 def _fold(point: Equilibrium) -> float:
-    return float(point.tangent[-1])
+    entry = float(point.tangent[-1])
+    return 0.0 if abs(entry) < _ROUNDING else entry
 
 
 def _branch(point: Equilibrium) -> float:

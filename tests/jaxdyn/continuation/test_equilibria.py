@@ -102,6 +102,24 @@ def test_transcritical_branch_is_followed():
     np.testing.assert_allclose(other.states[:, 0], other.parameters / 2, atol=1e-12)
 
 
+def _chua(t, y, a):
+    x, v, z = y
+    return jnp.stack([a * (v + x / 6 - x**3 / 16), x - v + z, -14 * v])
+
+
+@pytest.mark.parametrize("down", [False, True])
+def test_a_branch_at_one_value_of_the_parameter_has_no_folds(down):
+    # For a = 0 all states with v = 0 and z = -x are equilibria.
+    family = jaxdyn.continue_equilibria(_of(_chua, 3), -2.0, [0.0, 0.0, 0.0], within=(-2, 1))
+    (point,) = family.special
+    other = switch_branch(family, point, members=12, down=down)
+    assert len(other.members) == 12
+    assert {special.kind for special in other.special} <= {Kind.BRANCH}
+    x, v, z = other.states.T
+    assert (np.diff(np.abs(x)) > 0).all()
+    np.testing.assert_allclose([other.parameters, v, z + x], 0.0, atol=1e-12)
+
+
 @pytest.mark.slow
 def test_first_lyapunov_coefficient_of_the_normal_form():
     # With |q| = 1, x = sqrt(2) z: the coefficient is 2 (-1/2) / 2.
