@@ -413,12 +413,16 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
       t: () time at which the field is frozen.
     """
     y, alike = np.asarray(y, float), groups.sizes_on_host
-    most, slope = np.asarray(groups.most), np.abs(slopes(field, y, t))
-    made = slope / (_radius(slope) or 1.0)
+    most, made = np.asarray(groups.most), _made(field, y, t)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))
     here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
-    if 1 / _NOTHING < _linear_up_to(field, t, y, here, np.zeros_like(y)) < np.inf:
-        y, here = (np.where(np.isfinite(most), x, 0.0) for x in (y, most))
+    for block in _blocks(made * here > _ROUNDING * here[:, None]):
+        # Entries so small beside the distance at which they matter are 0, as computed by a search.
+        way, others = np.where(block, here, 0.0), np.where(block, 0.0, here)
+        without, rest = (np.where(block & ~np.isfinite(most), 0.0, x) for x in (y, here))
+        if way.any() and 1 / _NOTHING < _linear_up_to(field, t, without, way, others) < np.inf:
+            y, here = without, rest
+    made = _made(field, y, t)
     sizes = here
     while (sizes == 0).any():
         new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
@@ -431,6 +435,24 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     moved = alike((slope * sizes).max(axis=1) / (fastest or 1.0))
     sizes = np.where(here == 0, np.maximum(sizes, moved), sizes)
     return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
+
+
+def _made(field: Any, y: np.ndarray, t: float) -> np.ndarray:
+    """(k, k) what each entry of size 1 makes of the others in the time of the motion."""
+    slope = np.abs(slopes(field, y, t))
+    return slope / (_radius(slope) or 1.0)
+
+
+def _blocks(acts: np.ndarray) -> np.ndarray:
+    """(b, k) which entries belong to each set of entries that act on each other, in turn.
+
+    Args:
+      acts: (k, k) whether the entry of each column acts on that of each row.
+    """
+    reaches = acts | np.eye(len(acts), dtype=bool)
+    for _ in range(len(acts).bit_length()):
+        reaches = reaches @ reaches
+    return np.unique(reaches & reaches.T, axis=0)
 
 
 def _radius(matrix: np.ndarray) -> float:

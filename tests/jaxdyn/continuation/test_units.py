@@ -174,3 +174,26 @@ def test_points_of_earlier_files_have_no_units_and_lead_on():
     point = dataclasses.replace(plain.special[0], units=None)
     x = switch_branch(plain, point, members=3).states[:, 0]
     assert (np.diff(x) > 0).all()
+
+
+def langford(t, y, p):
+    """Equilibria on the z axis; a Hopf point at z = 0.7."""
+    x, y, z = y
+    turned = [(z - 0.7) * x - 3.5 * y, 3.5 * x + (z - 0.7) * y]
+    return jnp.stack([*turned, 0.6 + p * z - z**3 / 3 - (x**2 + y**2) * (1 + z / 4)])
+
+
+def test_entries_that_are_rounding_give_no_units():
+    def make(p):
+        return jaxdyn.ode(langford, np.zeros(3), 1.0, params=p)
+
+    # As a numerical solution of the equations returns it: zeros are only nearly 0.
+    z = 0.8252778707
+    first, second = (
+        jaxdyn.continue_equilibria(make, -0.5, [x, y, z], within=(-1, 0), down=True)
+        for x, y in ((0.0, 0.0), (2e-19, -3e-21))
+    )
+    (here,), (there,) = first.special, second.special
+    assert here.kind == there.kind == Kind.HOPF
+    np.testing.assert_allclose(there.units, here.units, rtol=1e-6)
+    np.testing.assert_allclose(there.state, [0.0, 0.0, 0.7], atol=1e-12)
