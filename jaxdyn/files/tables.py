@@ -257,10 +257,9 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
     ]
     heads = [_HEAD.fullmatch(name.strip()) for name in first]
     found = Columns()
-    for i, head in enumerate(heads):
+    for i, name in enumerate(_column_names([head["name"] for head in heads if head])):
+        head = heads[i]
         assert head is not None  # all text matches
-        name = head["name"]
-        name = "t" if name.casefold() in _TIMES else name
         if name in found:
             raise fail("names", "different ones", f"{name} twice")
         column = np.array([_number(row, i, first, decimal, path) for row in rows], float)
@@ -272,6 +271,13 @@ def read_csv(path: str | Path, *, names: Sequence[str] | None = None) -> Columns
     if names is None and all(_is_number(name.replace(",", ".")) for name in first):
         raise fail("path", "a line of names first", f"{lines[0][1][:40]!r}", "Pass names=[...].")
     return found
+
+
+def _column_names(names: Sequence[str]) -> list[str]:
+    """The names of columns, with "t" for that of the times; T is a temperature beside another."""
+    timed = any(name == "t" or name.casefold() == "time" for name in names)
+    may_be = [name.casefold() in _TIMES and not (timed and name == "T") for name in names]
+    return ["t" if time else name for name, time in zip(names, may_be, strict=True)]
 
 
 def _in_si(column: np.ndarray, unit: str) -> tuple[np.ndarray, str]:

@@ -196,6 +196,8 @@ _MIN_BRACKET_PART = 2.0**-80  # part of a bracket: an event this close to its be
 #: Most Newton steps or bisections; about five are usual. At a flat zero every second look halves
 #: the bracket.
 _MAX_LOOKS = 200
+#: Units in the last place of the state by which a motion may leave a straight line.
+_BEND_ROUNDINGS = 4
 _SHORT = 2.0**-20  # part by which the last correction falls short where the full one is too much
 
 
@@ -311,13 +313,21 @@ def refine_roots(
 
 
 def move_onto_event(
-    sampler: EventSampler, which: Array, t0: Array, h: Array, y: Array, towards: Array
+    sampler: EventSampler,
+    which: Array,
+    t0: Array,
+    h: Array,
+    y: Array,
+    towards: Array,
+    sizes: Array,
 ) -> tuple[Array, Array]:
     """Time after t0 and state of an event, moved onto it without passing beyond it.
 
     A step ends within rounding of the event. In a straight line from there the value can be brought
     nearer to zero than the rounding of a step: a motion that starts there is known to start on the
-    event, without knowing how large the state has been.
+    event, without knowing how large the state has been. Where the value hardly changes, as the
+    length of a slow link, the line to zero would be long. It is followed only as far as the motion
+    stays on it to rounding.
 
     Args:
       sampler: the events.
@@ -326,6 +336,7 @@ def move_onto_event(
       h: () time after it; infinite if there is no event.
       y: (k,) state then, not beyond the event.
       towards: () sign of the value beyond it.
+      sizes: (k,) sizes of the motion so far.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
     rate = sampler.field.rate(t, y)
@@ -339,7 +350,9 @@ def move_onto_event(
     more = jnp.stack([(1 - _SHORT) * on, on])
     new = y[None] + more[:, None] * rate[None]
     left = -towards * jax.vmap(value)(t + more, new)
-    nearer = (left >= 0) & (left <= jnp.abs(g))
+    bend = 0.5 * jnp.abs(on * (sampler.field.rate(t + on, new[-1]) - rate))
+    straight = jnp.all(bend <= _BEND_ROUNDINGS * jnp.finfo(y.dtype).eps * sizes)
+    nearer = straight & (left >= 0) & (left <= jnp.abs(g))
     best_h, best_y = h, y
     for i in range(len(more)):
         best_h = jnp.where(nearer[i], h + more[i], best_h)
@@ -433,7 +446,7 @@ def first_crossing(
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
-    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards)
+    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, sizes)
     # A step is checked at its end; for the shorter step to the event there is only this check.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)

@@ -97,6 +97,17 @@ def test_tables_as_other_programs_write_them(tmp_path, text):
     assert np.isnan(back["x"][1])
 
 
+@pytest.mark.parametrize("times", ["t", "time (s)", "Time"])
+def test_a_temperature_is_no_time(tmp_path, times):
+    path = tmp_path / "cooling.csv"
+    path.write_text(f"{times},T [K]\n0,300\n1,290\n")
+    back = jaxdyn.read_csv(path)
+    assert list(back) == ["t", "T"]
+    assert back["T"].tolist() == [300.0, 290.0]
+    path.write_text("T,x\n0,3\n1,2\n")
+    assert list(jaxdyn.read_csv(path)) == ["t", "x"]
+
+
 def test_other_tables_are_refused(tmp_path):
     path = tmp_path / "table.csv"
 

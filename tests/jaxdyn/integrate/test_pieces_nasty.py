@@ -226,3 +226,21 @@ def test_adjoints_begin_a_rounding_beyond_a_surface():
     of = end(rate, [1.0, 0.0], 3.0)
     # Central differences of ends at rtol 1e-13.
     assert abs(jax.grad(lambda p: of(p, True))(1e3) - 0.00034309870872) < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("late", [0.0, 1e-14])
+def test_a_follower_with_a_gap_is_released_just_after_the_body_turns(late):
+    # x - z is at the gap to rounding then, and gets nearer to it by as much only after seconds: the
+    # motion was moved along a straight line as far as that.
+    def rate(t, y, late):
+        x, v, z = y
+        right, left = (x - z >= 0.5) & (v > -late), (x - z <= -0.5) & (v < late)
+        return [v, -x, jnp.where(right | left, v, 0.0)]
+
+    scene = jaxdyn.ode(rate, [2.3, 0.0, 1.8], 40.0, params=late)
+    found = jaxdyn.solve(scene, 40.0, rtol=1e-11).y1
+    turned = 40.0 - 12 * np.pi  # since x was 2.3; from x = 1.3 to -2.3 the body pulls z
+    assert np.arccos(1.3 / 2.3) < turned < np.pi
+    exact = [2.3 * np.cos(turned), -2.3 * np.sin(turned), 2.3 * np.cos(turned) + 0.5]
+    assert np.abs(found - np.array(exact)).max() < 1e-11
