@@ -436,8 +436,8 @@ class Scene(Record):
         system.check(t, y)
         try:
             points, depends, second_order = properties_at(self.field, t, y)
-        except ValueError:
-            # A shape is wrong; if a number of an effect made it so, the effect names it.
+        except (ValueError, TypeError, IndexError):
+            # A shape or an index is wrong; if an effect made it so, the effect names it.
             _check_effects(self.effects, system.points(t, y))
             raise
         _check_effects(self.effects, points)

@@ -26,13 +26,14 @@ from jaxtyping import Array
 
 from jaxdyn._arguments import arrays
 from jaxdyn._checks import check_first, floats
-from jaxdyn._numerics import safe_sqrt
-from jaxdyn.formulations.rigid import pose
+from jaxdyn._numerics import nan_unless, safe_sqrt
+from jaxdyn.formulations.rigid import Pose, pose
 from jaxdyn.geometry.frames import check_rotation
 from jaxdyn.geometry.rotations import (
     Matrix,
     matrix_from_rotation_vector,
     wxyz_from_matrix,
+    wxyz_rate_from_body,
 )
 from jaxdyn.geometry.vectors import Scalar, Vector
 from jaxdyn.integrate.spans import of_samples
@@ -223,15 +224,16 @@ def wobble_and_spin(motion: Trajectory) -> WobbleAndSpin:
 
     The second is the turn about z of the whole attitude (its twist), phi + psi of ZXZ Euler
     angles, which is smooth also where e_3' passes through z. Both are counted from the first
-    sample to the last, so samples must be less than half a turn apart. Upside down the twist
-    is undefined.
+    sample to the last; one that makes half a turn or more between two samples is NaN, as it
+    could not be told from a slower one. So is the first where e_3' is along z at a sample, and the
+    second upside down: the angle is undefined there.
     """
-    R = _attitudes(motion)
-    wobble = jnp.unwrap(jnp.arctan2(R[:, 1, 2], R[:, 0, 2]))
-    q = jax.vmap(wxyz_from_matrix)(R)
-    turn = jnp.unwrap(2 * jnp.arctan2(q[:, 3], q[:, 0]))
+    angles, rates = jax.vmap(lambda y: _wobble_and_twist(pose(motion.scene, 0.0, y)))(motion.ys)
+    faster = jnp.maximum(jnp.abs(rates[1:]), jnp.abs(rates[:-1]))
+    near = jnp.max(faster * jnp.abs(jnp.diff(motion.ts))[:, None], axis=0) < jnp.pi
+    turned = jnp.unwrap(angles, axis=0)
     span = motion.ts[-1] - motion.ts[0]
-    return WobbleAndSpin((wobble[-1] - wobble[0]) / span, (turn[-1] - turn[0]) / span)
+    return WobbleAndSpin(*nan_unless(near, (turned[-1] - turned[0]) / span))
 
 
 @check_first
@@ -242,6 +244,18 @@ def tilts(motion: Trajectory) -> Array:
     """(s,) angle of the body's axis e_3' to the vertical [rad]."""
     axis = _attitudes(motion)[..., 2]
     return jnp.arctan2(safe_sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2), axis[:, 2])
+
+
+def _wobble_and_twist(now: Pose) -> tuple[Array, Array]:
+    """(2,) the angles about z of the body's axis and of the body [rad], and (2,) their rates."""
+    axis = now.R_wb[:, 2]
+    moving = now.R_wb @ jnp.stack([now.omega_b[1], -now.omega_b[0], jnp.zeros(())])
+    q = wxyz_from_matrix(now.R_wb)
+    turning = wxyz_rate_from_body(q, now.omega_b)
+    pairs = (axis[:2], moving[:2], 1.0), (q[jnp.array([0, 3])], turning[jnp.array([0, 3])], 2.0)
+    angles = [part * jnp.arctan2(y, x) for (x, y), _, part in pairs]
+    rates = [part * (x * v - y * u) / (x * x + y * y) for (x, y), (u, v), part in pairs]
+    return jnp.stack(angles), jnp.stack(rates)
 
 
 def _attitudes(motion: Trajectory) -> Array:

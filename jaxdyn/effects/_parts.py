@@ -40,8 +40,13 @@ def vector_or_zero(name: str, x: Array, d: int) -> None:
 
 def point_number(name: str, i: int, n: int) -> None:
     """Raise ValueError unless i is the index of one of the n points of a system."""
-    if not -n <= i < n:
+    if not is_index(i, n):
         raise _checks.fail(name, f"a point from 0 to {n - 1}", i, "Points count from 0.")
+
+
+def is_index(i, n: int) -> bool:
+    """Whether i is the index of one of n things, which may count from the end."""
+    return isinstance(i, int | np.integer) and not isinstance(i, bool) and -n <= i < n
 
 
 def end_of(x: Array, j: int | None, anchor: Array) -> Array:
@@ -51,8 +56,13 @@ def end_of(x: Array, j: int | None, anchor: Array) -> Array:
 
 def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
     """(n, d) the force (d,) on point i, its reaction on point j, and zero elsewhere."""
-    weights = np.eye(n)[i] - (0.0 if j is None else np.eye(n)[j])
+    weights = _one_of("i", i, n) - (0.0 if j is None else _one_of("j", j, n))
     return weights[:, None] * force[None, :]
+
+
+def _one_of(name: str, i: int, n: int) -> np.ndarray:
+    point_number(name, i, n)  # a trace comes here before `check` does
+    return np.eye(n)[i]
 
 
 #: Number of terms that a point sums at once; a point with more of them sums parts of them first.

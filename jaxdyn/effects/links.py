@@ -18,6 +18,7 @@ from jaxdyn._numerics import safe_norm, square_norm
 from jaxdyn.effects._parts import (
     at_least_zero,
     end_of,
+    is_index,
     on_ends,
     point_number,
     sums_at,
@@ -29,6 +30,7 @@ from jaxdyn.sketch import Kind, Shape, pin
 _NO_DIRECTION = (
     "A spring or dashpot has no direction where its ends coincide: its force jumps there."
 )
+_ONE_ANGLE = "Leave j out for a damper between a bar and the ground."
 
 
 class Spring(Effect):
@@ -111,10 +113,12 @@ class HingeDamper(Effect):
     j: int | None = eqx.field(static=True, default=None, kw_only=True)
 
     def generalized(self, t, q, v):
-        del t
-        ends = np.eye(q.shape[0])[self.i]
+        del t, q
+        ends = _of_angle("i", self.i, v.shape[0])
         if self.j is not None:
-            ends = ends - np.eye(q.shape[0])[self.j]
+            ends = ends - _of_angle("j", self.j, v.shape[0])
+            if not ends.any():
+                raise _checks.fail("j", f"another angle than i = {self.i}", self.j, _ONE_ANGLE)
         return -self.c * jnp.sum(ends * v) * ends
 
     def check(self, points: Points) -> None:
@@ -212,6 +216,13 @@ def _direction(d: Array) -> Array:
     """(..., d) unit vector along d, 0 where d is 0."""
     length = safe_norm(d)
     return d / jnp.where(length == 0, 1.0, length)[..., None]
+
+
+def _of_angle(name: str, i: int, n: int) -> np.ndarray:
+    """(n,) 1 for coordinate i, 0 for the others."""
+    if not is_index(i, n):
+        raise _checks.fail(name, f"a coordinate from 0 to {n - 1}", i, "Coordinates count from 0.")
+    return np.eye(n)[i]
 
 
 def _check_ends(i: int, j: int | None, n: int) -> None:

@@ -76,14 +76,19 @@ def _at_points(force: Array, on: tuple[int, ...] | None, r: Array) -> Array:
     n, d = r.shape
     # The shape is checked before the force is broadcast, in every trace.
     _checks.check_shape("F", force.shape, (d,), _EACH_AXIS)
-    if not isinstance(on, tuple | None):
-        remedy = "Their numbers, such as (0, 2)."
-        raise _checks.fail("on", "None for all points, or a tuple", repr(on), remedy)
+    _check_points(on, n)
     chosen = jnp.ones(n) if on is None else jnp.asarray(np.eye(n)[list(on)].sum(axis=0))
     return chosen[:, None] * force[None, :]
 
 
 def _check(force: Array, on: tuple[int, ...] | None, points: Points) -> None:
     _checks.array("F", force, (points.r.shape[1],), _EACH_AXIS)
+    _check_points(on, len(points.m))
+
+
+def _check_points(on: tuple[int, ...] | None, n: int) -> None:
+    if not isinstance(on, tuple | None):
+        remedy = "Their numbers, such as (0, 2)."
+        raise _checks.fail("on", "None for all points, or a tuple", repr(on), remedy)
     for i in on or ():
-        point_number("on", i, len(points.m))
+        point_number("on", i, n)

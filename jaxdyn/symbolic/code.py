@@ -148,9 +148,10 @@ LANGUAGES = {
             "",
             f"{_EVERYWHERE} log floor ceil cbrt exp2 erf",
             abs="fabs({0})",
-            max="fmax({0}, {1})",
-            min="fmin({0}, {1})",
-            sign="((double)(({0} > 0) - ({0} < 0)))",
+            # fmax and fmin of NaN and a number are the number.
+            max="({0} > {1} || isnan({0}) ? {0} : {1})",
+            min="({0} < {1} || isnan({0}) ? {0} : {1})",
+            sign="({0} == 0 || isnan({0}) ? {0} : {0} > 0 ? 1.0 : -1.0)",
             rem="fmod({0}, {1})",
             atan2="atan2({0}, {1})",
             pow="pow({0}, {1})",
@@ -212,8 +213,9 @@ def code(
     Raises:
       ValueError: the language is unknown; or `of` contains something without formulas, such as a
         loop of unknown length or a callback, or a function that the language does not have.
-    Limits: plain Python raises an exception where a rate is not a number. A table of `jnp.interp`
-      with n knots is n comparisons; its knots must increase, and with a period be known numbers.
+    Limits: plain Python raises an exception where a rate, or a number from which it is computed, is
+      infinite or not a number. A table of `jnp.interp` with n knots is n comparisons; its knots
+      must increase, and with a period be known numbers.
     Example:
       >>> from jaxdyn import scenes
       >>> from jaxdyn.symbolic.code import code
@@ -268,7 +270,7 @@ def _lines(
 ) -> tuple[list[str], list[str]]:
     """The lines of code that compute some numbers, and the expressions for these."""
     nodes = topological_order(graph, results)
-    uses = _uses(results)
+    uses = _uses(results, to)
     texts: dict[Node, tuple[str, int]] = {node: (text, _WHOLE) for node, text in inputs.items()}
     lines: list[str] = []
 
@@ -289,19 +291,24 @@ def _lines(
     return lines, [at(x, _CHOICE) for x in results]
 
 
-def _uses(results: list[Number]) -> Counter:
+def _uses(results: list[Number], to: Language) -> Counter:
     """How often each node is used."""
     uses: Counter = Counter(x for x in results if isinstance(x, Node))
     waiting = list(uses)
     while waiting:
         node = waiting.pop()
-        often = 2 if node.op in ("pow", "sign") else 1
+        often = 2 if node.op in ("pow", "sign") or _repeats(node.op, to) else 1
         for a in node.args:
             if isinstance(a, Node):
                 if a not in uses:
                     waiting.append(a)
                 uses[a] += often
     return uses
+
+
+def _repeats(op: str, to: Language) -> bool:
+    """Whether the text of an operation contains its arguments more than once."""
+    return to.calls.get(op, "").count("{0}") > 1
 
 
 def _operation(node: Node, at: Callable, to: Language, language: str) -> tuple[str, int]:
@@ -329,7 +336,7 @@ def _operation(node: Node, at: Callable, to: Language, language: str) -> tuple[s
         below = " * ".join(factors)
         return f"1.0 / {f'({below})' if len(factors) > 1 else below}", _PRODUCT
     if op in to.calls:
-        least = _WHOLE if op in ("sign", "pow") else _CHOICE
+        least = _WHOLE if op in ("sign", "pow") or _repeats(op, to) else _CHOICE
         return to.calls[op].format(*(at(a, least) for a in args)), _WHOLE
     if op == "select":
         which, no, yes = (at(a, _LOGIC) for a in args)

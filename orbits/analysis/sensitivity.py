@@ -31,7 +31,8 @@ from orbits.analysis.chain import differentiable_return_map
 from orbits.analysis.monodromy import return_map, tangents
 from orbits.analysis.quantities import extremes_in_time
 from orbits.analysis.stability import Stability, stability
-from orbits.closing.closings import Hold, conditions
+from orbits.closing.closings import Condition, Hold, Section, conditions
+from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import ChainEquations, residuals
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import legs_of
@@ -180,7 +181,9 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       scene: the scene with the numbers to differentiate by: the orbit's own, or a traced copy of
         it. For a chain of legs, the legs or the phases from which it was found.
       orbit: what `find` or `find_hybrid` returned.
-      hold: conditions, as for `find`; they select an orbit of a family. Chains take none.
+      hold: conditions, as for `find`; they select an orbit of a family. Chains take none. The
+        name of an entry stands for the orbit's value; if that is the value at the start of the
+        scene, there are derivatives by the latter.
     Returns:
       The orbit's numbers, equal to those found, with their first derivatives with respect to every
       number of the scene (and of the conditions).
@@ -217,8 +220,32 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
     with jax.ensure_compile_time_eval():
         posed = pose(orbit, hold)
         linear = _linearize(jax.lax.stop_gradient(posed.equations), posed.x, orbit.rtol)
-    y0, period, angle = _implicit(posed.of(scene), posed.x, linear, orbit.rtol)
+        near = _CLOSES * np.asarray(sizes(orbit.scene))
+    equations = posed.of(scene)
+    held = _from_start(equations.conditions, hold, jnp.asarray(scene.y0), near)
+    equations = dataclasses.replace(equations, conditions=held)
+    y0, period, angle = _implicit(equations, posed.x, linear, orbit.rtol)
     return _of_these_numbers(DifferentiableOrbit(scene.starting(y0, period), angle, orbit))
+
+
+def _from_start(
+    held: tuple[Condition, ...], hold: Hold, y0: Array, near: np.ndarray
+) -> tuple[Condition, ...]:
+    """The conditions; a name stands for the value at the start y0 (k,) of the scene.
+
+    It does where the orbit has this value, up to `near` (k,): the condition then has the
+    derivatives of y0. Another orbit's value is a number that does not depend on the scene.
+    """
+    given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
+    found = []
+    for one, name in zip(held, given, strict=True):
+        if isinstance(one, Section) and isinstance(name, str):
+            value = jax.lax.stop_gradient(y0[one.entry])
+            same = jnp.abs(value - one.level) <= near[one.entry]
+            change = first_only(y0[one.entry] - value)
+            one = Section(one.entry, one.level + jnp.where(same, change, 0.0))
+        found.append(one)
+    return tuple(found)
 
 
 def _of_these_numbers(found):

@@ -23,6 +23,10 @@ def turning(n):
     return simulate(scenes.satellite("B"), 1.0, samples=n)
 
 
+def leaning(n):
+    return simulate(scenes.feynman_plate(), 1.0, samples=n)
+
+
 #: Each with a row for each sample, or with one number for all.
 QUESTIONS = {
     "positions": (hanging, lambda motion: motion.r),
@@ -33,7 +37,7 @@ QUESTIONS = {
     "tensions": (hanging, constraints.tensions),
     "moments": (hanging, lambda m: momenta.moment_balance(m, momenta.centre_of_mass)),
     "powers": (hanging, lambda m: momenta.power_balances(m, LinearDrag)),
-    "wobble": (turning, precession.wobble_and_spin),
+    "wobble": (leaning, precession.wobble_and_spin),
     "tilts": (turning, precession.tilts),
     "antenna": (turning, lambda motion: antenna_trace(motion, "B")),
 }

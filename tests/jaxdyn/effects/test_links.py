@@ -7,7 +7,7 @@ import pytest
 from helpers import EXACT, SOLVED, gap
 
 from jaxdyn import Effect, scenes, simulate
-from jaxdyn.effects import Dashpot, HingeDamper, PowerLaw, Spring, SpringNetwork
+from jaxdyn.effects import ConstantForce, Dashpot, HingeDamper, PowerLaw, Spring, SpringNetwork
 
 RNG = np.random.default_rng(3)
 T = jnp.asarray(0.3)
@@ -82,7 +82,27 @@ def test_a_damper_in_a_hinge_takes_the_power_of_its_torque():
     end = simulate(swing, 2.0, samples=2, rtol=1e-13).ys[-1, 1]
     assert gap(end, jnp.exp(-0.3 / 0.5 * 2.0)) < SOLVED
     assert scenes.pendulum(damping=0.0).effects == scenes.pendulum().effects
+    # On a body in space it acts on components of the angular velocity.
+    assert one.generalized(T, jnp.zeros(4), jnp.ones(3)).tolist() == [0.0, -0.5, 0.0]
     with pytest.raises(ValueError, match="N m s"):
         scenes.pendulum(damping=float("nan")).check()
     with pytest.raises(ValueError, match="damping: expected 0 for formulation='constrained'"):
         scenes.pendulum(formulation="constrained", damping=0.1)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        (Spring(2.0, i=9), "Spring: i: expected a point from 0 to 4, got 9"),
+        (Spring(2.0, i="a"), "Spring: i: expected a point from 0 to 4, got a"),
+        (Dashpot(2.0, j=9), "Dashpot: j: expected a point from 0 to 4, got 9"),
+        (SpringNetwork(((0, 9),), 2.0), "SpringNetwork: j: expected a point from 0 to 4, got 9"),
+        (HingeDamper(2.0, i=5), "i: expected a coordinate from 0 to 1, got 5"),
+        (HingeDamper(2.0, i=1, j=-1), "j: expected another angle than i = 1, got -1"),
+        (ConstantForce([1.0, 0.0], on=(9,)), "ConstantForce: on: expected a point from 0 to 4"),
+        (ConstantForce([1.0, 0.0], on=1), "ConstantForce: on: expected None for all points, or"),
+    ],
+)
+def test_an_index_that_does_not_exist_is_refused_by_name(effect, said):
+    with pytest.raises(ValueError, match=said):
+        (scenes.double_pendulum() + effect).check()

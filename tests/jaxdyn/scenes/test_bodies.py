@@ -489,3 +489,13 @@ def test_an_invalid_start_is_refused_by_name(make, message):
 def test_traced_angles_that_lock_are_nan():
     locked = jax.jit(lambda theta: scenes.top(theta, representation="euler").y0)(0.0)
     assert np.isnan(locked).any()
+
+
+def test_a_spin_faster_than_the_samples_is_not_a_number():
+    top = scenes.top(np.pi / 2, precession=3.924, t1=0.2)  # 8 turns
+    seen = [precession.wobble_and_spin(simulate(top, samples=n)) for n in (12, 30)]
+    assert np.isnan(seen[0].spin)
+    assert gap(seen[0].wobble, 3.924) < 1e-8
+    upright = simulate(scenes.satellite("B"), 1.0, samples=20)  # its axis starts along z
+    assert np.isnan(precession.wobble_and_spin(upright).wobble)
+    assert gap(np.array(seen[1]), np.array([3.924, 253.924])) < 1e-8

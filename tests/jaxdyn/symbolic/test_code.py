@@ -108,6 +108,24 @@ def _compiled(source, path):
     subprocess.run(["cc", *flags, str(path.parent / "rate.c"), "-o", str(path)], check=True)
 
 
+@pytest.mark.skipif(shutil.which("cc") is None, reason="a compiler for C is not installed")
+def test_what_is_not_a_number_stays_so_in_c(tmp_path):
+    """fmax(NaN, 0) is 0: a rate outside of its domain would be a number that looks right."""
+
+    def rate(t, y):
+        root = jnp.sqrt(y[0])
+        return [jnp.maximum(root, 0.0), jnp.minimum(y[1], root), jnp.sign(root)]
+
+    scene = jaxdyn.ode(rate, [1.0, 0.5, 0.0])
+    _compiled(code(scene, "c"), tmp_path / "rate.so")
+    function = ctypes.CDLL(str(tmp_path / "rate.so")).rate
+    for y in (np.array([-1.0, 0.5, 0.0]), np.array([0.04, 0.5, 0.0]), np.zeros(3)):
+        found = np.empty(3)
+        arrays = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (y, y, found))
+        function(ctypes.c_double(0.0), *arrays)
+        np.testing.assert_allclose(found, scene.rate(0.0, jnp.asarray(y)), rtol=1e-15)
+
+
 @sampled
 @pytest.mark.skipif(shutil.which("julia") is None, reason="julia is not installed")
 def test_julia(case):

@@ -95,6 +95,23 @@ def test_the_period_of_a_pendulum_at_a_held_angle_by_gravity():
     assert abs(jax.grad(period)(swing.scene.effects[0].g) - exact) < 1e-11
 
 
+def test_the_period_of_a_pendulum_by_the_angle_that_a_name_holds():
+    """A name stands for the value at the scene's start, so it has the derivatives of this."""
+
+    def period(angle):
+        return orbits.differentiable(scenes.pendulum(angle=angle), swing, hold="theta").period
+
+    swing = orbits.find(scenes.pendulum(angle=1.0), period=2.1, hold="theta")
+    h = 1e-20  # complex step through T = 2 pi sqrt(l / g) / agm(1, cos(angle / 2))
+    a, b = 1.0 + 0.0j, np.cos((1.0 + 1j * h) / 2)
+    for _ in range(8):
+        a, b = (a + b) / 2, np.sqrt(a * b)
+    exact = (2 * np.pi * np.sqrt(1 / 9.81) / a).imag / h
+    by_angle = jax.jit(jax.grad(period))
+    assert abs(by_angle(1.0) - exact) < 1e-11
+    assert by_angle(1.2) == 0.0  # the scene starts elsewhere: it is the orbit's value
+
+
 @pytest.mark.parametrize(
     ("search", "remedy"),
     [
