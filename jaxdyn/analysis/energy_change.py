@@ -22,7 +22,8 @@ from jaxdyn.analysis.work_by_effect import power_of
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory
-from jaxdyn.scene import Effect, Scene
+from jaxdyn.plan import plan_of
+from jaxdyn.scene import Effect, Field, Scene
 
 #: Part of the energy's size below which a change by the equations counts as none.
 _MAX_CHANGE_OF_CONSERVED = 1e-9
@@ -121,12 +122,13 @@ def _works(piece: Trajectory, phase: str, change: float, size: float) -> dict[st
         if acts(kind.gain, kind.terms)
     }
     if acts(found.rest, found.terms):
-        works[phase or _by_itself(piece, found.driven)] = change - sum(works.values())
+        works[phase or _by_itself(piece)] = change - sum(works.values())
     return works
 
 
-def _by_itself(piece: Trajectory, driven: np.ndarray) -> str:
-    if driven:
+def _by_itself(piece: Trajectory) -> str:
+    # Its derivative by time would not show a step.
+    if plan_of(Field(piece.scene.system, ()), len(piece.scene.y0)).depends_on_time:
         return "the drive"
     bound = piece.scene.system.undetermined(piece.ts[0], piece.ys[0]) is not None
     return "drift of the constraints" if bound else "the system itself"
@@ -165,16 +167,12 @@ class _Measured(NamedTuple):
     kinds: dict[str, _Kind]
     rest: Array  # (s,) the part of dE/dt of no effect [W]
     terms: Array  # (s,) magnitude of its terms [W]
-    driven: Array  # () whether the system depends on time explicitly
 
 
 @of_samples
 @eqx.filter_jit
 def _measure(motion: Trajectory) -> _Measured:
-    scene, system = motion.scene, motion.scene.system
-
-    def itself(t, y):
-        return system.rate(t, y, ()), system.points(t, y), system.energies(t, y, ())
+    scene = motion.scene
 
     def at(t, y):
         flow = (jnp.ones_like(t), scene.rate(t, y))
@@ -185,12 +183,9 @@ def _measure(motion: Trajectory) -> _Measured:
         whole = jax.jvp(lambda t, y: energy(scene, t, y), (t, y), flow)[1]
         rest = whole - sum((kind.gain for kind in kinds.values()), jnp.zeros(()))
         terms = jnp.abs(whole) + sum((kind.terms for kind in kinds.values()), jnp.zeros(()))
-        by_time = jax.jvp(lambda t: itself(t, y), (t,), (flow[0],))[1]
-        driven = jnp.stack([jnp.any(x != 0) for x in jax.tree.leaves(by_time)]).any()
-        return _Measured(kinds=kinds, rest=rest, terms=terms, driven=driven)
+        return _Measured(kinds=kinds, rest=rest, terms=terms)
 
-    found = jax.vmap(at)(motion.ts, motion.ys)
-    return found._replace(driven=found.driven.any())
+    return jax.vmap(at)(motion.ts, motion.ys)
 
 
 def _kind(scene: Scene, effect: Effect, t: Array, y: Array, flow: tuple[Array, Array]) -> _Kind:

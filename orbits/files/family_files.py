@@ -17,7 +17,7 @@ from orbits.files.encoding import decode_orbit, encode_orbit
 from orbits.hybrid.legs import HybridOrbit
 from orbits.orbit import Orbit
 
-LAYOUT = Layout("jaxdyn-family", 4, "family_files.save", {3: True})
+LAYOUT = Layout("jaxdyn-family", 4, "orbits.save", {3: True})
 _VERDICTS = ("stable", "unstable", "undecided")
 
 

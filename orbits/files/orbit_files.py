@@ -15,7 +15,8 @@ from jaxdyn.files.digests import DAMAGED
 from jaxdyn.files.layout import Layout, format_of
 from orbits.analysis.evidence import closure
 from orbits.analysis.report import Report, as_json, report
-from orbits.files import encoding
+from orbits.families.family import Family
+from orbits.files import encoding, family_files
 from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.hybrid.phases import Phases, legs_of
 from orbits.hybrid.search import ReturnToStart, check_legs
@@ -108,27 +109,32 @@ REFINED, CERTIFICATE = "refined", "certificate"
 
 def save(
     path: str | Path,
-    orbit: Orbit | HybridOrbit | Refined | Certificate,
+    orbit: Orbit | HybridOrbit | Refined | Certificate | Family,
     claims: Report | None = None,
 ) -> None:
-    """Write an orbit with all claims about it, atomically.
+    """Write an orbit with all claims about it, or a family of orbits, atomically.
 
     Args:
       path: path of the JSON file.
       orbit: what `find`, `find_hybrid`, `refine` or `prove` returned; the digits or the certificate
         are claims. For a chain of legs the file has only the numbers, since events and changes are
-        functions.
-      claims: the report about the orbit; made here by default.
+        functions. Or a family, as `continue_family` returns it.
+      claims: the report about the orbit; made here by default. Families have none.
     Raises:
       ValueError: `orbit` is something else, the folder does not exist, or the scene holds a
         function.
     """
+    if isinstance(orbit, Family):
+        family_files.save(path, family_files.listing(orbit, family_files.parameter_name(orbit)))
+        return
     if isinstance(orbit, HybridOrbit):
         _save_chain(path, orbit, claims)
         return
     if not isinstance(orbit, Orbit | Refined | Certificate):
+        table = "Write its table: result.to_pandas().to_csv(path)."
         remedy = "The path comes first: orbits.save(path, orbit)."
-        wanted = "what orbits.find, find_hybrid, refine or prove returned"
+        remedy = table if hasattr(orbit, "to_pandas") else remedy
+        wanted = "an orbit, chain of legs, refined orbit, certificate or family"
         raise fail("orbit", wanted, type(orbit).__name__, remedy)
     more = {}
     if isinstance(orbit, Refined | Certificate):

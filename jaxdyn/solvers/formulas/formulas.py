@@ -11,6 +11,7 @@ the whole program that is made from them.
 """
 
 import collections
+import dataclasses
 import functools
 import itertools
 import math
@@ -482,9 +483,14 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         return [convert(graph, args[0], *kinds)]
     if name == "scatter-add":
         return add_at(graph, eqn, args)
-    if graph.written and name == "ne" and eqn.invars[0].aval.dtype == bool:  # of `jnp.mod`
+    of_conditions = bool(eqn.invars) and eqn.invars[0].aval.dtype == bool
+    if graph.written and name in ("ne", "xor") and of_conditions:  # the former of `jnp.mod`
         return [elementwise(functools.partial(_differ, graph), args)]
+    if name == "argmax" and of_conditions:
+        return [_first_that_holds(args[0], *params["axes"])]
     _check_kinds(eqn)
+    if name == "select_n" and not of_conditions:
+        return [elementwise(functools.partial(_one_of, graph), args)]
     if name in _FOLDED:
         binary, of_none = _FOLDED[name]
         op = _scalar(graph, binary, {}, 1)
@@ -492,6 +498,27 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name == "dot_general":
         return [multiply(graph, *args, *params["dimension_numbers"])]
     return [elementwise(_scalar(graph, name, params, len(args) - 1), args)]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _First:
+    """The index of the first of some conditions that holds; 0 if none does. As in `jnp.select`."""
+
+    conditions: tuple[Number, ...]
+
+
+def _first_that_holds(conditions: np.ndarray, axis: int) -> np.ndarray:
+    rows = np.moveaxis(conditions, axis, 0)
+    columns = rows.reshape(len(rows), -1).T.tolist()
+    return objects([_First(tuple(column)) for column in columns], rows.shape[1:])
+
+
+def _one_of(graph: Graph, which: _First, *cases: Number) -> Number:
+    """One of several numbers, by its index."""
+    found = cases[0]
+    for condition, case in reversed(list(zip(which.conditions, cases, strict=False))):
+        found = graph.select(condition, found, case)
+    return found
 
 
 #: Functions of JAX by the names of their programs: `jnp.searchsorted`, and `jnp.interp`.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import EXACT, SOLVED, gap, kepler
 
-from jaxdyn import Effect, Scene, scenes, simulate
+from jaxdyn import Effect, Scene, scenes, simulate, vibration
 from jaxdyn.analysis.energy import (
     along,
     angular_momentum,
@@ -212,6 +212,11 @@ def test_raw_constraints_drift_and_are_not_driven():
     assert found.causes == ("drift of the constraints",)
     shaken = scenes.shaken_pendulum(t1=0.1, formulation="constrained")
     assert energy_change(simulate(shaken)).causes == ("the drive",)
+
+
+def test_a_step_is_a_drive():
+    pushed = vibration.drive(scenes.oscillator(), "x", vibration.Step(2.0, 0.5))
+    assert energy_change(simulate(pushed, 3.0)).causes == ("the drive",)
 
 
 class _Damped(FreePoints):

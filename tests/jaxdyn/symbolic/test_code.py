@@ -196,6 +196,12 @@ def _slope(t, y):
     return [jax.grad(lambda x: jnp.interp(x, KNOTS, HEIGHTS))(y[0])]
 
 
+def _select(t, y):
+    """The first of several conditions; none may hold, and several may."""
+    beyond = [y < 0.5, (y < 0.75) ^ (y > 2.0), y[::-1] != 0.75]
+    return jnp.select(beyond, [y, jnp.full(2, 2.0), -y[::-1]], 3 * y)
+
+
 TABLES = {
     "plain": _table(),
     "ends": _table(left=-3.0, right=9.0),
@@ -208,6 +214,7 @@ TABLES = {
     "long": jaxdyn.ode(lambda t, y: [jnp.interp(y[0], *LONG)], [0.3]),
     "slope": jaxdyn.ode(_slope, [0.3]),
     "array": jaxdyn.ode(lambda t, y: jnp.interp(y, KNOTS, HEIGHTS), [0.3, 0.4]),
+    "select": jaxdyn.ode(_select, [0.3, 0.4]),
 }
 
 

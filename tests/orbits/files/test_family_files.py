@@ -8,6 +8,8 @@ import pytest
 from helpers import forge
 from scipy.special import ellipk
 
+import jaxdyn
+import orbits
 from jaxdyn import scenes
 from orbits import PLAIN, Kind, drawing
 from orbits.families.parameters import maker
@@ -49,6 +51,23 @@ def test_a_family_is_read_back_to_the_bit(saved):
             )
             assert (a.orbit.period, a.orbit.rtol) == (b.orbit.period, b.orbit.rtol)
             np.testing.assert_array_equal(a.orbit.y0, b.orbit.y0)
+
+
+def test_a_family_that_was_followed_is_saved_like_an_orbit(tmp_path):
+    found = orbits.continue_family(orbits.find(scenes.pendulum(angle=1.0), period=6.0), members=2)
+    orbits.save(tmp_path / "family.json", found)
+    read = jaxdyn.load(tmp_path / "family.json")
+    assert read.end == found.end
+    for one, other in zip(read.members, found.members, strict=True):
+        assert np.array_equal(one.orbit.y0, other.orbit.y0)
+        assert one.verdict == other.stability.verdict
+
+
+def test_how_to_write_a_table_is_told(tmp_path):
+    table = orbits.responses.FrequencyResponse
+    message = "orbit: expected an orbit, .*or family, got FrequencyResponse. Write its table: "
+    with pytest.raises(ValueError, match=message):
+        orbits.save(tmp_path / "response.json", object.__new__(table))
 
 
 def test_a_family_without_a_parameter_has_none_in_its_file(tmp_path):
