@@ -11,7 +11,6 @@ the whole program that is made from them.
 """
 
 import collections
-import dataclasses
 import functools
 import itertools
 import math
@@ -27,6 +26,7 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, PyTree
 
 from jaxdyn._programs import CALLS, Loop, inner_program, loop, programs
+from jaxdyn.solvers.formulas import alternatives
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
     FUNCTIONS,
@@ -456,14 +456,16 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if name in CALLS:
         called = params.get("name")
         if called == _SEARCH and any(x.dtype == object for x in args):
-            raise NotElementary(
-                "a search in a table, as in jnp.interp: write its pieces with jnp.where"
-            )
+            return [_search(graph, eqn, *args)]
         inner = inner_program(eqn)
         consts = [_inputs(graph, c) for c in inner.consts]
         if graph.written and called == _TABLE:
             return _by_pieces(graph, inner.jaxpr, consts, args)
         return _interpret(graph, inner.jaxpr, consts, args)
+    moved = MOVES.get(name, slice(0))
+    if alternatives.occur(x for i, x in enumerate(args) if i not in range(len(args))[moved]):
+        apply = functools.partial(_apply, graph, eqn)
+        return alternatives.apply_to_each(graph, eqn, args, apply, moved)
     if not any(x.dtype == object for x in args):
         known = calculate(eqn, args) or by_jax(eqn.primitive, params, args)
         return [_as_known(graph, x) for x in known]
@@ -487,10 +489,8 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     if graph.written and name in ("ne", "xor") and of_conditions:  # the former of `jnp.mod`
         return [elementwise(functools.partial(_differ, graph), args)]
     if name == "argmax" and of_conditions:
-        return [_first_that_holds(args[0], *params["axes"])]
+        return [alternatives.first_that_holds(args[0], *params["axes"])]
     _check_kinds(eqn)
-    if name == "select_n" and not of_conditions:
-        return [elementwise(functools.partial(_one_of, graph), args)]
     if name in _FOLDED:
         binary, of_none = _FOLDED[name]
         op = _scalar(graph, binary, {}, 1)
@@ -500,31 +500,21 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
     return [elementwise(_scalar(graph, name, params, len(args) - 1), args)]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _First:
-    """The index of the first of some conditions that holds; 0 if none does. As in `jnp.select`."""
-
-    conditions: tuple[Number, ...]
-
-
-def _first_that_holds(conditions: np.ndarray, axis: int) -> np.ndarray:
-    rows = np.moveaxis(conditions, axis, 0)
-    columns = rows.reshape(len(rows), -1).T.tolist()
-    return objects([_First(tuple(column)) for column in columns], rows.shape[1:])
-
-
-def _one_of(graph: Graph, which: _First, *cases: Number) -> Number:
-    """One of several numbers, by its index."""
-    found = cases[0]
-    for condition, case in reversed(list(zip(which.conditions, cases, strict=False))):
-        found = graph.select(condition, found, case)
-    return found
-
-
 #: Functions of JAX by the names of their programs: `jnp.searchsorted`, and `jnp.interp`.
 _SEARCH, _TABLE = "searchsorted", "_interp"
-#: Most knots that are compared one after the other, which reads well; more are halved.
-_LONGEST_CHAIN = 8
+
+
+def _search(graph: Graph, eqn, knots: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The places of numbers in a table, as `jnp.searchsorted` finds them."""
+    if not graph.written or knots.ndim != 1:
+        raise NotElementary(
+            "a search in a table, as in jnp.interp: write its pieces with jnp.where"
+        )
+    # Which side of equal numbers it takes is found out by an example.
+    (example,) = by_jax(
+        eqn.primitive, eqn.params, [np.arange(float(len(knots))), np.zeros(x.shape)]
+    )
+    return alternatives.place(graph, knots, x, equal=bool(example.flat[0]))
 
 
 def _by_pieces(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
@@ -569,7 +559,7 @@ def _by_pieces(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarr
     def choice(first: int, last: int) -> list[np.ndarray]:
         if first == last:
             return piece(first)
-        k = first if last - first <= _LONGEST_CHAIN else (first + last) // 2
+        k = first if last - first <= alternatives.LONGEST_CHAIN else (first + last) // 2
         pairs = zip(choice(k + 1, last), choice(first, k), strict=True)
         which = compared("lt", k)
         return [elementwise(graph.select, [which, *pair]) for pair in pairs]
@@ -638,8 +628,8 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
         return functools.partial(COMPOSED[name], graph)
     if name in COMPARISONS or name in LOGIC or name in TESTS:
         return functools.partial(_condition, graph, name)
-    if name == "select_n" and cases == 2:
-        return graph.select
+    if name == "select_n":
+        return graph.select if cases == 2 else lambda which, *found: found[which]
     if name == "rsqrt":
         return lambda a: graph.div(1.0, graph.function("sqrt", a))
     if name in ("square", "integer_pow"):

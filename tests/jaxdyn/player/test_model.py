@@ -124,6 +124,19 @@ def test_a_road_given_by_a_table():
 
 
 @needs_node
+def test_a_force_that_is_held_between_times():
+    times, values = jnp.linspace(0.0, 9.0, 19), jnp.sin(2.0 * jnp.arange(20.0))
+
+    def rate(t, y):
+        return [y[1], values[jnp.searchsorted(times, t)] - y[0]]
+
+    scene = jaxdyn.ode(rate, [0.0, 0.2], t1=10.0)
+    there = node("run(model).at(model.data.span)", scene)
+    wanted = simulate(scene, samples=2, rtol=1e-13).ys[-1]
+    np.testing.assert_allclose(there, wanted, rtol=0, atol=1e-9)
+
+
+@needs_node
 def test_without_its_friction_a_car_rolls_on():
     # A car without friction has no phases, and no end.
     scene = scenes.car()

@@ -196,6 +196,22 @@ def _slope(t, y):
     return [jax.grad(lambda x: jnp.interp(x, KNOTS, HEIGHTS))(y[0])]
 
 
+def _held(t, y):
+    """The height at the last knot, for several numbers, and a ramp from there on."""
+    knots, heights = jnp.asarray(KNOTS), jnp.asarray(HEIGHTS)
+    last = jnp.searchsorted(knots, y, side="right") - 1
+    here = jnp.clip(last, 0, len(knots) - 2)
+    return jnp.where(last < 0, 7.0, heights[last]) + (y - knots[here]) * heights[here + 1]
+
+
+def _held_twice(t, y):
+    """As a table of parameters, of 300 knots, and of another one."""
+    first, second = (jnp.searchsorted(knots, y[0]) for knots in (LONG[0], ROAD[0]))
+    return [
+        jnp.append(LONG[1], 2.0)[first] * jnp.append(ROAD[1], -1.0)[second] + first.astype(float)
+    ]
+
+
 def _select(t, y):
     """The first of several conditions; none may hold, and several may."""
     beyond = [y < 0.5, (y < 0.75) ^ (y > 2.0), y[::-1] != 0.75]
@@ -215,6 +231,8 @@ TABLES = {
     "slope": jaxdyn.ode(_slope, [0.3]),
     "array": jaxdyn.ode(lambda t, y: jnp.interp(y, KNOTS, HEIGHTS), [0.3, 0.4]),
     "select": jaxdyn.ode(_select, [0.3, 0.4]),
+    "held": jaxdyn.ode(_held, [0.3, 0.4]),
+    "two held": jaxdyn.ode(_held_twice, [0.3]),
 }
 
 
@@ -262,9 +280,14 @@ class Winding(Effect):
 def test_what_cannot_be_written_is_refused():
     loop = scenes.cannonball() + Winding()
     assert "code: expected a rate with formulas, got" in refusal(lambda: code(loop, "c"))
-    knots, heights = jnp.arange(3.0), jnp.ones(3)
-    search = jaxdyn.ode(lambda t, y: [heights[jnp.searchsorted(knots, t)]], [0.0])
-    assert "formulas, got a search in a table" in refusal(lambda: code(search, "c"))
+    knots, heights = jnp.arange(3.0), jnp.ones((3, 3)).at[1, 1].set(2.0)
+
+    def entry(t, y):
+        return [heights[jnp.searchsorted(knots, t), jnp.searchsorted(knots, y[0])]]
+
+    search = jaxdyn.ode(entry, [0.0])
+    assert "of several places in tables" in refusal(lambda: code(search, "c"))
+    heights = heights[0]
     around = jaxdyn.ode(
         lambda t, y, p: [jnp.interp(t, knots, heights, period=p["L"])], [0.0], params={"L": 4.0}
     )

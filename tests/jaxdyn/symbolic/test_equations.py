@@ -569,13 +569,16 @@ def test_what_cannot_be_printed_is_refused():
     def L(t, q, v):
         return 0.5 * v[0] ** 2 - jax.scipy.special.erf(q[0])
 
-    knots = jnp.arange(3.0)
-    search = jaxdyn.ode(lambda t, y: [jnp.ones(4)[jnp.searchsorted(knots, t)]], [0.0])
-    assert "got a search in a table" in refusal(lambda: jaxdyn.equations(search))
-
     odd = jaxdyn.lagrangian(L, [1.0], [0.0])
     said = refusal(lambda: jaxdyn.equations(odd))
     assert "functions whose derivative is known, got erf" in said
+
+
+def test_values_that_are_held_between_times():
+    times, values = jnp.array([1.0, 2.5]), jnp.array([0.5, 2.0, -1.0])
+    held = jaxdyn.ode(lambda t, y: [values[jnp.searchsorted(times, t)] - y[0]], [0.0])
+    (law,) = _motion(held)
+    assert law.strip() == "y0' = (1/2 if t <= 1 else (2 if t <= 5/2 else -1)) - y0"
 
 
 class Winding(Effect):
