@@ -97,6 +97,8 @@ _NONLINEAR = 0.5
 #: Distances at which linearity is tested at once, and the number of passes, each between two
 #: neighbouring distances of the last one.
 _DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
+#: A few distances, at which one pass tells whether a rate is linear beyond 1 / `_NOTHING`.
+_FEW_DISTANCES = np.array([1e-150, 1e-9, 1.0, 1e4, 1e8, 2 / _NOTHING, 1e15, 1e20, 1e50, 1e150])
 #: The looks of `_by_change_of_rate` that are a little after the start, later, with a rounding added
 #: and displaced by what rounding makes.
 _SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
@@ -420,7 +422,10 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
         # Entries so small beside the distance at which they matter are 0, as computed by a search.
         way, others = np.where(block, here, 0.0), np.where(block, 0.0, here)
         without, rest = (np.where(block & ~np.isfinite(most), 0.0, x) for x in (y, here))
-        if way.any() and 1 / _NOTHING < _linear_up_to(field, t, without, way, others) < np.inf:
+        if not way.any():
+            continue
+        far = _linear_up_to(field, t, without, way, others, distances=_FEW_DISTANCES, rounds=1)
+        if 1 / _NOTHING < far < np.inf:
             y, here = without, rest
     made = _made(field, y, t)
     sizes = here
@@ -517,6 +522,8 @@ def _linear_up_to(
     way: np.ndarray,
     sizes: np.ndarray,
     fastest: float = 0.0,
+    distances: np.ndarray = _DISTANCES,
+    rounds: int = _ROUNDS,
 ) -> float:
     """How far along a displacement (k,), in both senses, a rate is linear.
 
@@ -527,9 +534,8 @@ def _linear_up_to(
     """
     slope, off, near = np.abs(slopes(field, y, t)), way * _weights(len(y)), shifted(y)
     alone = (slope > 0) & (sizes == 0) & (way == 0)
-    low, high, bounds = _DISTANCES[0], _DISTANCES[-1], None
-    for _ in range(_ROUNDS):
-        distances = np.geomspace(low, high, len(_DISTANCES))
+    bounds, many = None, len(distances)
+    for _ in range(rounds):
         each = np.maximum(sizes, distances[:, None] * way)
         own = each @ slope.T + fastest * each
         share = np.zeros(len(distances))
@@ -557,7 +563,8 @@ def _linear_up_to(
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
-    return float(low)
+        distances = np.geomspace(low, high, many)
+    return float(distances[0])
 
 
 @eqx.filter_jit
