@@ -196,8 +196,9 @@ _MIN_BRACKET_PART = 2.0**-80  # part of a bracket: an event this close to its be
 #: Most Newton steps or bisections; about five are usual. At a flat zero every second look halves
 #: the bracket.
 _MAX_LOOKS = 200
-#: Units in the last place of the state by which a motion may leave a straight line.
-_BEND_ROUNDINGS = 4
+#: Part of a step over which a motion is a straight line, to rounding: it leaves it by the square of
+#: this.
+_STRAIGHT = 1e-9
 _SHORT = 2.0**-20  # part by which the last correction falls short where the full one is too much
 
 
@@ -319,15 +320,15 @@ def move_onto_event(
     h: Array,
     y: Array,
     towards: Array,
-    sizes: Array,
+    longest: Array,
 ) -> tuple[Array, Array]:
     """Time after t0 and state of an event, moved onto it without passing beyond it.
 
     A step ends within rounding of the event. In a straight line from there the value can be brought
     nearer to zero than the rounding of a step: a motion that starts there is known to start on the
     event, without knowing how large the state has been. Where the value hardly changes, as the
-    length of a slow link, the line to zero would be long. It is followed only as far as the motion
-    stays on it to rounding.
+    length of a slow link, the line to zero would be long. It is not followed farther than a motion
+    is straight.
 
     Args:
       sampler: the events.
@@ -336,7 +337,7 @@ def move_onto_event(
       h: () time after it; infinite if there is no event.
       y: (k,) state then, not beyond the event.
       towards: () sign of the value beyond it.
-      sizes: (k,) sizes of the motion so far.
+      longest: () a time that the motion takes in one step.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
     rate = sampler.field.rate(t, y)
@@ -350,8 +351,8 @@ def move_onto_event(
     more = jnp.stack([(1 - _SHORT) * on, on])
     new = y[None] + more[:, None] * rate[None]
     left = -towards * jax.vmap(value)(t + more, new)
-    bend = 0.5 * jnp.abs(on * (sampler.field.rate(t + on, new[-1]) - rate))
-    straight = jnp.all(bend <= _BEND_ROUNDINGS * jnp.finfo(y.dtype).eps * sizes)
+    # So short a part of a motion is straight; another rate, to see that, would compile long.
+    straight = jnp.abs(on) <= _STRAIGHT * jnp.abs(longest)
     nearer = straight & (left >= 0) & (left <= jnp.abs(g))
     best_h, best_y = h, y
     for i in range(len(more)):
@@ -446,7 +447,8 @@ def first_crossing(
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
-    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, sizes)
+    longest = seen.bracket.high[which]
+    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, longest)
     # A step is checked at its end; for the shorter step to the event there is only this check.
     there = jnp.where(jnp.isfinite(h), h, 0.0)
     step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
