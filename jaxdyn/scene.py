@@ -388,6 +388,7 @@ class Scene(Record):
         """(name, unit) of each entry of the state, "1" for all units where there are none."""
         named = self.system.labels()
         if self.units is not None:
+            _check_units(self.units)
             return tuple((name, _in_units(unit, self.units)) for name, unit in named)
         if any(effect.without_units for effect in self.effects):
             return tuple((name, "1") for name, _ in named)
@@ -397,9 +398,8 @@ class Scene(Record):
         """Raise ValueError if a number is invalid; traced numbers pass."""
         if not isinstance(self.name, str):
             raise _checks.fail("name", "text", repr(self.name))
-        if self.units is not None and not _are_units(self.units):
-            wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
-            raise _checks.fail("units", wanted, repr(self.units))
+        if self.units is not None:
+            _check_units(self.units)
         self.check_functions()
         _checks.refuse_made_before("scene", self.y0, *self.system.converted)
         system = self.system
@@ -469,8 +469,10 @@ def _in_units(unit: str, units: tuple[str, str, str]) -> str:
     return re.sub(r"\b(m|kg|s)\b", lambda found: others[found[0]], unit)
 
 
-def _are_units(units: Any) -> bool:
-    return len(units) == len(_SI) and all(isinstance(x, str) and x.isidentifier() for x in units)
+def _check_units(units: Any) -> None:
+    if len(units) != len(_SI) or not all(isinstance(x, str) and x.isidentifier() for x in units):
+        wanted = 'names of the units of length, mass and time, such as ("AU", "Msun", "day")'
+        raise _checks.fail("units", wanted, repr(units))
 
 
 #: Compiling takes some 0.06 s per effect, and grows faster than their number [measured: 200 drags

@@ -21,6 +21,7 @@ from jaxdyn.ensemble.lanes import Ends
 from jaxdyn.ensemble.watches import Until
 from jaxdyn.integrate.flow import Variational
 from jaxdyn.integrate.march import Watch
+from jaxdyn.integrate.spans import host_floats
 from jaxdyn.plan import plan_of
 from jaxdyn.scales import sizes_at_start, sizes_at_starts
 from jaxdyn.scene import Field, Scene, check_scene
@@ -356,7 +357,7 @@ class _Run:
     ) -> tuple[Ends, tuple[int, ...]]:
         """The ends of all motions in a row, and the axes of the starts."""
         own = self.scene if self.params is None else self.params
-        starts = np.asarray(own.y0 if starts is None else starts, float)
+        starts = host_floats(own.y0 if starts is None else starts, "starts")
         k = len(self.scene.y0)
         _checks.check_shape("starts", starts.shape[-1:], (k,), "The last axis is the state's.")
         shape, flat = starts.shape[:-1], starts.reshape(-1, k)

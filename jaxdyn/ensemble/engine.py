@@ -22,7 +22,7 @@ from jaxdyn.ensemble.batches import Job, cores, device_kind, mesh_of, rows
 from jaxdyn.ensemble.lanes import Ends, Motions
 from jaxdyn.integrate.fixed import FixedField
 from jaxdyn.integrate.march import Watch
-from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits
+from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, host_floats, limits
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import check_method
@@ -167,15 +167,20 @@ def _job(
         raise _checks.fail(
             "watch", "modules with numbers", odd[0], "Make functions in it modules with __call__."
         )
+    remedy = "jax.devices() lists them."
+    if devices is not None and not isinstance(devices, Sequence | np.ndarray):
+        raise _checks.fail("devices", "a list of devices", repr(devices), remedy)
     if devices is not None and not len(devices):
-        raise _checks.fail("devices", "at least one", "none", "jax.devices() lists them.")
+        raise _checks.fail("devices", "at least one", "none", remedy)
+    for device in () if devices is None else devices:
+        if not isinstance(device, jax.Device):
+            raise _checks.fail("devices", "a list of devices", repr(device), remedy)
     # Programs that communicate across devices or processes must run in one order everywhere.
     kind = device_kind(devices)
     threads = 1 if devices is not None else cores() if threads is None else threads
     chunk = rows(kind, len(scene.y0)) if chunk is None else chunk
     for name, number in {"chunk": chunk, "threads": threads}.items():
-        if number < 1:
-            raise _checks.fail(name, "at least 1", number)
+        _checks.whole(name, number)
     mesh = None if devices is None else mesh_of(devices)
     method = check_method(scene, options.solver, several=True)
     if not method.several:
@@ -203,7 +208,7 @@ def _motions(
     check_scene(scene, rtol)
     _checks.flag("fixed", fixed)
     given = scene if params is None else params
-    starts = np.asarray(given.y0 if y0s is None else y0s, float)
+    starts = host_floats(given.y0 if y0s is None else y0s, "y0s")
     k = len(scene.y0)
     if starts.ndim != 2 or starts.shape[1] != k or not len(starts):
         remedy = f"Pass one row for each motion, with the {k} entries of the scene's state."
@@ -245,7 +250,7 @@ def _has_own_numbers(scene: Scene, given: Scene, n: int) -> Scene:
 
 
 def _times(name: str, t, n: int) -> np.ndarray:
-    t = np.asarray(t, float)
+    t = host_floats(t, name)
     if t.shape not in ((), (n,)):
         raise _checks.fail(
             name, f"shape () or ({n},)", f"shape {t.shape}", "Pass one for each motion."

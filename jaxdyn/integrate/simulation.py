@@ -216,7 +216,12 @@ def solve(
     _checks.flag("fixed", fixed)
     _checks.flag("adjoint", adjoint)
     extras = {"default": solver is None, "fixed": fixed, "adjoint": adjoint, "noise": noise}
-    return _solve(scene, (t0, t1, ts), run_limits, method, **extras)[0]
+    times = {"t0": (t0, ()), "t1": (t1, ()), "ts": (ts, (None,))}
+    # Where ts is a matrix, its first column would be taken, without a word.
+    span = tuple(host_floats(x, name) for name, (x, _) in times.items())
+    for given, (name, (_, shape)) in zip(span, times.items(), strict=True):
+        _checks.check_shape(name, given.shape, shape)
+    return _solve(scene, span, run_limits, method, **extras)[0]
 
 
 def _solve(

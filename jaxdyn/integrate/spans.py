@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import itertools
 import math
+import reprlib
 import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -68,6 +69,8 @@ def host_floats(x, name: str = "number") -> Array | np.ndarray:
         return np.asarray(x, float)  # a jnp operation costs as much as a short solve
     except OverflowError as error:
         raise too_large(name, x) from error
+    except (TypeError, ValueError) as error:
+        raise _checks.fail(name, "numbers", reprlib.repr(x)) from error
 
 
 def tolerances(rtol, atol) -> Array | np.ndarray:

@@ -144,9 +144,14 @@ def libration_points(mu) -> Array:
       [ 0.83692  1.15568 -1.00506]
     """
     mu = _checks.array("mu", mu, ())
-    system = RestrictedThreeBody(mu)
     if not _checks.is_traced(mu):
-        system.check(0.0, None)
+        RestrictedThreeBody(mu).check(0.0, None)
+    return _compiled_points(mu)
+
+
+@jax.jit  # a loop outside a program captures mu, and is compiled for each value of it
+def _compiled_points(mu: Array) -> Array:
+    system = RestrictedThreeBody(mu)
     far, zero = 1 - mu, jnp.zeros_like(mu)
 
     @jax.vmap

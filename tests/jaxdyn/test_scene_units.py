@@ -69,3 +69,5 @@ def test_they_change_no_number_and_stay_with_the_scene(tmp_path):
 def test_others_are_refused(units):
     with pytest.raises(ValueError, match="units: expected names of the units of length"):
         dataclasses.replace(year(), units=units).check()
+    with pytest.raises(ValueError, match="units: expected names of the units of length"):
+        dataclasses.replace(year(), units=units).labels()

@@ -421,6 +421,22 @@ def test_simulate_refuses(options, message):
 
 
 @pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ({"ts": 0.5}, r"ts: expected shape \(any,\), got shape \(\)\."),
+        ({"ts": [[0.2, 0.5]]}, r"ts: expected shape \(any,\), got shape \(1, 2\)\."),
+        ({"ts": "ab"}, r"ts: expected numbers, got 'ab'\."),
+        ({"t1": [1.0, 2.0]}, r"t1: expected shape \(\), got shape \(2,\)\."),
+        ({"t0": [0.0]}, r"t0: expected shape \(\), got shape \(1,\)\."),
+    ],
+)
+def test_solve_refuses_times_of_another_shape(times, message):
+    """A matrix of times gave the states at its first column, with the status OK."""
+    with pytest.raises(ValueError, match=f"^{message}"):
+        solve(BALL, **({"t1": 1.0} | times))
+
+
+@pytest.mark.parametrize(
     ("scene", "message"),
     [
         (

@@ -1,5 +1,7 @@
 """Libration points: published numbers, Euler's quintics, and the rate of the scene."""
 
+import logging
+
 import jax
 import numpy as np
 import pytest
@@ -52,3 +54,13 @@ def test_the_derivative_by_the_mass_in_both_modes():
 def test_shares_of_mass_out_of_range_are_refused(mu):
     with pytest.raises(ValueError, match="mu: expected between 0 and 1"):
         scenes.libration_points(mu)
+
+
+def test_new_values_do_not_compile_again():
+    points = scenes.libration_points
+    points(0.1)
+    with jax.log_compiles(), pytest.MonkeyPatch.context() as patch:
+        said: list[str] = []
+        patch.setattr(logging.Logger, "handle", lambda self, record: said.append(record.msg))
+        points(0.2)
+    assert not [text for text in said if text.startswith("Compiling")]
