@@ -416,12 +416,8 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     most, made = np.asarray(groups.most), _made(field, y, t)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))
     here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
-    for block in _blocks(made * here > _ROUNDING * here[:, None]):
-        # Entries so small beside the distance at which they matter are 0, as computed by a search.
-        way, others = np.where(block, here, 0.0), np.where(block, 0.0, here)
-        without, rest = (np.where(block & ~np.isfinite(most), 0.0, x) for x in (y, here))
-        if way.any() and 1 / _NOTHING < _linear_up_to(field, t, without, way, others) < np.inf:
-            y, here = without, rest
+    nothing = _are_rounding(field, t, y, here, most, alike)
+    y, here = (np.where(nothing, 0.0, x) for x in (y, here))
     made = _made(field, y, t)
     sizes = here
     while (sizes == 0).any():
@@ -443,16 +439,29 @@ def _made(field: Any, y: np.ndarray, t: float) -> np.ndarray:
     return slope / (_radius(slope) or 1.0)
 
 
-def _blocks(acts: np.ndarray) -> np.ndarray:
-    """(b, k) which entries belong to each set of entries that act on each other, in turn.
+def _are_rounding(
+    field: Any, t: float, y: np.ndarray, here: np.ndarray, most: np.ndarray, alike: Callable
+) -> np.ndarray:
+    """(k,) which entries are 0, as a search computes it: nothing beside the size they have at 0.
 
-    Args:
-      acts: (k, k) whether the entry of each column acts on that of each row.
+    Those sizes depend on which entries are 0. At first all are, so that none is measured by the
+    rounding of another; those that are more than rounding are themselves again, until none is left.
     """
-    reaches = acts | np.eye(len(acts), dtype=bool)
-    for _ in range(len(acts).bit_length()):
-        reaches = reaches @ reaches
-    return np.unique(reaches & reaches.T, axis=0)
+    small = (here > 0) & ~np.isfinite(most)
+    while small.any():
+        without, sizes = (np.where(small, 0.0, x) for x in (y, here))
+        made, before = _made(field, without, t), None
+        while before is None or (sizes > before).any():
+            before = sizes
+            sizes = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
+            if (sizes == before).all() and (sizes == 0).any():
+                bent = _where_it_bends(field, t, without, sizes, made, alike)
+                sizes = sizes if bent is None else alike(bent)
+        left = small & (here < _NOTHING * sizes)
+        if (left == small).all():
+            break
+        small = left
+    return small
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -493,14 +502,30 @@ def with_another_size(
       alike: takes numbers (k,) to the largest in the group of each.
       fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
     """
+    bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
+    if bent is not None:
+        return bent
+    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+
+
+def _where_it_bends(
+    field: Any,
+    t: float,
+    y: np.ndarray,
+    sizes: np.ndarray,
+    made: np.ndarray,
+    alike: Callable,
+    fastest: float = 0.0,
+) -> np.ndarray | None:
+    """The sizes (k,) of `with_another_size`; None where the rate is linear."""
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
         way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)
         size = _linear_up_to(field, t, y, way, sizes, fastest)
         if np.isfinite(size):
             return np.where(first, size, sizes)
-    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+    return None
 
 
 def _extended_by_couplings(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
