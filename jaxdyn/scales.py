@@ -557,7 +557,7 @@ def _linear_up_to(
         distances = np.geomspace(low, high, len(_DISTANCES))
         each = np.maximum(sizes, distances[:, None] * way)
         own = each @ slope.T + fastest * each
-        share = np.zeros(len(distances))
+        share = np.zeros((len(distances), len(y) + len(y) ** 2))
         for sign in (1, -1):
             at = np.concatenate([near, y + sign * distances[:, None] * off])
             with np.errstate(all="ignore"):
@@ -568,17 +568,19 @@ def _linear_up_to(
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
                 noise = np.where(own > 0, _TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
             ones = np.where(_TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
-            for part in (rows, ones.reshape(len(ones), -1)):
-                share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+            parts = np.hstack([rows, ones.reshape(len(ones), -1)])
+            share = np.maximum(share, np.where(np.isnan(parts), np.inf, parts))
         says = ~(noise > _NONLINEAR)
         if not says.any():
             return np.inf
         # The product of an entry on the way with one that has a size stays the same part of a row.
         # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
+        # Each row is compared with itself: one of such products would hide the others.
         if bounds is None:
             first = share[np.argmax(says)]
-            bounds = 0.5 * first * (first > _NONLINEAR), max(_NONLINEAR, 2 * first)
-        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])))
+            least = np.where(first > _NONLINEAR, 0.5 * first, 0.0)
+            bounds = least, np.maximum(_NONLINEAR, 2 * first)
+        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])).any(axis=1))
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]

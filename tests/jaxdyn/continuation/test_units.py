@@ -231,3 +231,23 @@ def test_starts_near_0_give_the_units_of_0(rate, start):
     (here,), (there,) = first.special, second.special
     assert here.kind == there.kind == Kind.HOPF
     np.testing.assert_allclose(there.units, here.units, rtol=1e-6)
+
+
+def hunt(t, y, p):
+    """Predators with satiation, who are absent on the first family; p is (capacity, units)."""
+    (capacity, (prey, predators)) = p
+    x, eaten = y[0], y[0] / prey * y[1] / predators / (1 + 0.5 * y[0] / prey)
+    return jnp.stack(
+        [x * (1 - x / capacity) - prey * eaten, predators * (eaten - 0.5 * y[1] / predators)]
+    )
+
+
+def test_an_entry_at_0_has_the_size_at_which_it_matters_in_any_unit():
+    def sizes(*units):
+        def make(capacity):
+            return jaxdyn.ode(hunt, np.zeros(2), 1.0, params=(capacity, units))
+
+        plain = jaxdyn.continue_equilibria(make, 0.5 * units[0], [0.5 * units[0], 0.0], members=2)
+        return plain.members[0].units[:3] / [*units, units[0]]
+
+    np.testing.assert_allclose(sizes(1e6, 1e-3), sizes(1.0, 1.0), rtol=1e-6)
