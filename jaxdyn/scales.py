@@ -94,11 +94,9 @@ _ROUNDING = 1e-9
 _NOTHING = 1e-12
 #: Relative change of the terms of a Jacobian at which the rate is no longer linear.
 _NONLINEAR = 0.5
-#: Distances at which linearity is tested at once, and the number of passes, each between two
-#: neighbouring distances of the last one.
-_DISTANCES, _ROUNDS = np.geomspace(1e-150, 1e150, 601), 5
-#: A few distances, at which one pass tells whether a rate is linear beyond 1 / `_NOTHING`.
-_FEW_DISTANCES = np.array([1e-150, 1e-9, 1.0, 1e4, 1e8, 2 / _NOTHING, 1e15, 1e20, 1e50, 1e150])
+#: The distances at which linearity is tested; how many of them at once, in how many passes, each
+#: between two neighbouring distances of the last one: to find a size, or only its magnitude.
+_NEAREST, _FARTHEST, _FINE, _COARSE = 1e-150, 1e150, (601, 5), (31, 2)
 #: The looks of `_by_change_of_rate` that are a little after the start, later, with a rounding added
 #: and displaced by what rounding makes.
 _SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
@@ -418,15 +416,8 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     most, made = np.asarray(groups.most), _made(field, y, t)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))
     here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
-    for block in _blocks(made * here > _ROUNDING * here[:, None]):
-        # Entries so small beside the distance at which they matter are 0, as computed by a search.
-        way, others = np.where(block, here, 0.0), np.where(block, 0.0, here)
-        without, rest = (np.where(block & ~np.isfinite(most), 0.0, x) for x in (y, here))
-        if not way.any():
-            continue
-        far = _linear_up_to(field, t, without, way, others, distances=_FEW_DISTANCES, rounds=1)
-        if 1 / _NOTHING < far < np.inf:
-            y, here = without, rest
+    nothing = _are_rounding(field, t, y, here, most, alike)
+    y, here = (np.where(nothing, 0.0, x) for x in (y, here))
     made = _made(field, y, t)
     sizes = here
     while (sizes == 0).any():
@@ -448,16 +439,29 @@ def _made(field: Any, y: np.ndarray, t: float) -> np.ndarray:
     return slope / (_radius(slope) or 1.0)
 
 
-def _blocks(acts: np.ndarray) -> np.ndarray:
-    """(b, k) which entries belong to each set of entries that act on each other, in turn.
+def _are_rounding(
+    field: Any, t: float, y: np.ndarray, here: np.ndarray, most: np.ndarray, alike: Callable
+) -> np.ndarray:
+    """(k,) which entries are 0, as a search computes it: nothing beside the size they have at 0.
 
-    Args:
-      acts: (k, k) whether the entry of each column acts on that of each row.
+    Those sizes depend on which entries are 0. At first all are, so that none is measured by the
+    rounding of another; those that are more than rounding are themselves again, until none is left.
     """
-    reaches = acts | np.eye(len(acts), dtype=bool)
-    for _ in range(len(acts).bit_length()):
-        reaches = reaches @ reaches
-    return np.unique(reaches & reaches.T, axis=0)
+    small = (here > 0) & ~np.isfinite(most)
+    while small.any():
+        without, sizes = (np.where(small, 0.0, x) for x in (y, here))
+        made, before = _made(field, without, t), None
+        while before is None or (sizes > before).any():
+            before = sizes
+            sizes = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
+            if (sizes == before).all() and (sizes == 0).any():
+                bent = _where_it_bends(field, t, without, sizes, made, alike, passes=_COARSE)
+                sizes = sizes if bent is None else alike(bent)
+        left = small & (here < _NOTHING * sizes)
+        if (left == small).all():
+            break
+        small = left
+    return small
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -498,14 +502,31 @@ def with_another_size(
       alike: takes numbers (k,) to the largest in the group of each.
       fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
     """
+    bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
+    if bent is not None:
+        return bent
+    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+
+
+def _where_it_bends(
+    field: Any,
+    t: float,
+    y: np.ndarray,
+    sizes: np.ndarray,
+    made: np.ndarray,
+    alike: Callable,
+    fastest: float = 0.0,
+    passes: tuple[int, int] = _FINE,
+) -> np.ndarray | None:
+    """The sizes (k,) of `with_another_size`; None where the rate is linear."""
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
         way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)
-        size = _linear_up_to(field, t, y, way, sizes, fastest)
+        size = _linear_up_to(field, t, y, way, sizes, fastest, passes)
         if np.isfinite(size):
             return np.where(first, size, sizes)
-    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+    return None
 
 
 def _extended_by_couplings(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
@@ -522,8 +543,7 @@ def _linear_up_to(
     way: np.ndarray,
     sizes: np.ndarray,
     fastest: float = 0.0,
-    distances: np.ndarray = _DISTANCES,
-    rounds: int = _ROUNDS,
+    passes: tuple[int, int] = _FINE,
 ) -> float:
     """How far along a displacement (k,), in both senses, a rate is linear.
 
@@ -534,11 +554,12 @@ def _linear_up_to(
     """
     slope, off, near = np.abs(slopes(field, y, t)), way * _weights(len(y)), shifted(y)
     alone = (slope > 0) & (sizes == 0) & (way == 0)
-    bounds, many = None, len(distances)
-    for _ in range(rounds):
+    low, high, bounds = _NEAREST, _FARTHEST, None
+    for _ in range(passes[1]):
+        distances = np.geomspace(low, high, passes[0])
         each = np.maximum(sizes, distances[:, None] * way)
         own = each @ slope.T + fastest * each
-        share = np.zeros(len(distances))
+        share = np.zeros((len(distances), len(y) + len(y) ** 2))
         for sign in (1, -1):
             at = np.concatenate([near, y + sign * distances[:, None] * off])
             with np.errstate(all="ignore"):
@@ -549,22 +570,23 @@ def _linear_up_to(
                 ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
                 noise = np.where(own > 0, _TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
             ones = np.where(_TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
-            for part in (rows, ones.reshape(len(ones), -1)):
-                share = np.maximum(share, np.where(np.isnan(part), np.inf, part).max(axis=1))
+            parts = np.hstack([rows, ones.reshape(len(ones), -1)])
+            share = np.maximum(share, np.where(np.isnan(parts), np.inf, parts))
         says = ~(noise > _NONLINEAR)
         if not says.any():
             return np.inf
         # The product of an entry on the way with one that has a size stays the same part of a row.
         # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
+        # Each row is compared with itself: one of such products would hide the others.
         if bounds is None:
             first = share[np.argmax(says)]
-            bounds = 0.5 * first * (first > _NONLINEAR), max(_NONLINEAR, 2 * first)
-        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])))
+            least = np.where(first > _NONLINEAR, 0.5 * first, 0.0)
+            bounds = least, np.maximum(_NONLINEAR, 2 * first)
+        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])).any(axis=1))
         if not len(beyond):
             return np.inf
         low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
-        distances = np.geomspace(low, high, many)
-    return float(distances[0])
+    return float(low)
 
 
 @eqx.filter_jit

@@ -171,21 +171,25 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
     if _driven(scene, y):
         remedy = "It has no equilibria; follow its periodic motions instead."
         raise _checks.fail("make", "an autonomous scene", "one that depends on time", remedy)
-    units = units_at(make, np.append(y, parameter), k)
-    within = units.scene(make)
-    x, up = np.append(y, parameter) / units.x, np.append(np.zeros(k), -1.0 if down else 1.0)
-    values = np.linalg.svd(np.asarray(slope_at(within, x)), compute_uv=False)
-    if not values[-1] > _DEPENDENT * values[0]:
-        raise _checks.fail(
-            "start",
-            "a regular point of one family of equilibria",
-            "dependent equations",
-            "Use a minimal set of coordinates, none redundant; at a branch point begin beside it.",
-        )
-    solution = defining.solve(defining.arc, within, x, np.stack([x, up]))
-    if solution is None:
-        remedy = "jaxdyn.equilibria finds those in a box."
-        raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
+    start, up = np.append(y, parameter), np.append(np.zeros(k), -1.0 if down else 1.0)
+    for _ in range(2):  # once more in the units of what was found: a start may be far from it
+        units = units_at(make, start, k)
+        within = units.scene(make)
+        x = start / units.x
+        values = np.linalg.svd(np.asarray(slope_at(within, x)), compute_uv=False)
+        if not values[-1] > _DEPENDENT * values[0]:
+            raise _checks.fail(
+                "start",
+                "a regular point of one family of equilibria",
+                "dependent equations",
+                "Use a minimal set of coordinates, none redundant; at a branch point begin "
+                "beside it.",
+            )
+        solution = defining.solve(defining.arc, within, x, np.stack([x, up]))
+        if solution is None:
+            remedy = "jaxdyn.equilibria finds those in a box."
+            raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
+        start = np.append((solution.x * units.x)[:k], parameter)
     return units.outward(equilibrium_at(within, solution.x, up, solution.residual))
 
 

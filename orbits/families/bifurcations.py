@@ -47,6 +47,8 @@ _VAGUE = 0.1
 #: Families cross at a point whose distance from a crossing (`Surface.crossing`) is below this part
 #: of its neighbours'.
 _CROSSED = 1e-4
+#: They do not where it is above this part: a place that rounding leaves vague is still nearer.
+_FAR = 0.5
 #: Most halvings of a step in which multipliers seem to have crossed the circle in several ways.
 _HALVINGS = 8
 
@@ -80,6 +82,8 @@ def special_points(
     turns = next((point for kind, point in places if kind == Kind.FOLD), None)
     if turns is not None and _bends(surface, a, b, turns, certain):
         places = [(Kind.BRANCH, turns) if kind == Kind.FOLD else (kind, x) for kind, x in places]
+    if _turns_steeply(surface, a, b, dict(places), certain):
+        places = [(Kind.FOLD if kind == Kind.BRANCH else kind, x) for kind, x in places]
     found = [_with_kind(surface, kind, point) for kind, point in places if point is not None]
     if _leave_in_pairs(surface, a, b):
         found += _boundary(surface, a, b)
@@ -145,8 +149,33 @@ def _bends(surface: Surface, a: Member, b: Member, turns: Member, certain: set[K
     if Kind.BRANCH not in certain or test(surface, a) * test(surface, b) < 0:
         return False
     # Folds and branch points may come in one step, as on the way to a homoclinic orbit.
-    here, *beside = (surface.at(x.point).crossing(*_place(x))[0] for x in (turns, a, b))
-    return here < _CROSSED * max(beside)
+    here, beside = _distances_from_crossing(surface, turns, a, b)
+    return here < _CROSSED * beside
+
+
+def _turns_steeply(
+    surface: Surface, a: Member, b: Member, places: dict[Kind, Member | None], certain: set[Kind]
+) -> bool:
+    """Whether a multiplier passes through 1 at a fold near which the parameter hardly changes.
+
+    In a canard explosion its change along the family is no more than rounding, and leaves open
+    where it has a fold; the multiplier shows the place.
+    """
+    point = places.get(Kind.BRANCH)
+    if point is None or Kind.FOLD in certain or surface.equations.make is None:
+        return False
+    if not _fold(surface, a) * _fold(surface, b) < 0:
+        return False
+    here, beside = _distances_from_crossing(surface, point, a, b)
+    return here > _FAR * beside
+
+
+def _distances_from_crossing(
+    surface: Surface, point: Member, a: Member, b: Member
+) -> tuple[float, float]:
+    """The distance from a crossing of families, and the larger one at two neighbours."""
+    here, *beside = (surface.at(x.point).crossing(*_place(x))[0] for x in (point, a, b))
+    return here, max(beside)
 
 
 def _place(member: Member) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

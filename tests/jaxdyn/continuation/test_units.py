@@ -197,3 +197,57 @@ def test_entries_that_are_rounding_give_no_units():
     assert here.kind == there.kind == Kind.HOPF
     np.testing.assert_allclose(there.units, here.units, rtol=1e-6)
     np.testing.assert_allclose(there.state, [0.0, 0.0, 0.7], atol=1e-12)
+
+
+def atmosphere(t, y, forcing):
+    """Lorenz-84 without the contrast of land and sea: the only linear terms are on the diagonal."""
+    x, u, v = y
+    turned = [x * u - 4 * x * v - u, 4 * x * u + x * v - v]
+    return jnp.stack([-(u**2) - v**2 - 0.25 * x + 0.25 * forcing, *turned])
+
+
+def van_der_pol(t, y, mu):
+    return jnp.stack([y[1], mu * y[1] - y[0] ** 2 * y[1] - y[0]])
+
+
+@pytest.mark.parametrize(
+    ("rate", "start"),
+    [
+        (atmosphere, [1e-17, 1e-17, 0.0]),  # each is large beside the other
+        (atmosphere, [-3e-20, 2e-17, 1e-17]),
+        (atmosphere, [1e-9, 1e-10, -3e-9]),  # as precise as a search is by default
+        (van_der_pol, [1e-17, 0.0]),
+        (van_der_pol, [1e-9, -1e-10]),
+    ],
+)
+def test_starts_near_0_give_the_units_of_0(rate, start):
+    def make(p):
+        return jaxdyn.ode(rate, np.zeros(len(start)), 1.0, params=p)
+
+    first, second = (
+        jaxdyn.continue_equilibria(make, 0.0, y, within=(-0.5, 1.5))
+        for y in (np.zeros(len(start)), start)
+    )
+    (here,), (there,) = first.special, second.special
+    assert here.kind == there.kind == Kind.HOPF
+    np.testing.assert_allclose(there.units, here.units, rtol=1e-6)
+
+
+def hunt(t, y, p):
+    """Predators with satiation, who are absent on the first family; p is (capacity, units)."""
+    (capacity, (prey, predators)) = p
+    x, eaten = y[0], y[0] / prey * y[1] / predators / (1 + 0.5 * y[0] / prey)
+    return jnp.stack(
+        [x * (1 - x / capacity) - prey * eaten, predators * (eaten - 0.5 * y[1] / predators)]
+    )
+
+
+def test_an_entry_at_0_has_the_size_at_which_it_matters_in_any_unit():
+    def sizes(*units):
+        def make(capacity):
+            return jaxdyn.ode(hunt, np.zeros(2), 1.0, params=(capacity, units))
+
+        plain = jaxdyn.continue_equilibria(make, 0.5 * units[0], [0.5 * units[0], 0.0], members=2)
+        return plain.members[0].units[:3] / [*units, units[0]]
+
+    np.testing.assert_allclose(sizes(1e6, 1e-3), sizes(1.0, 1.0), rtol=1e-6)

@@ -140,3 +140,23 @@ def test_both_halves_of_a_branch_of_orbits():
         assert last.stability.verdict == "stable"
         sides.add(np.sign(z))
     assert sides == {1.0, -1.0}
+
+
+def _fitzhugh_nagumo(current):
+    def rate(t, y, current):
+        return [y[0] - y[0] ** 3 / 3 - y[1] + current, 0.08 * (y[0] + 0.7 - 0.8 * y[1])]
+
+    return jaxdyn.ode(rate, [-1.2, -0.6], 10.0, params=current)
+
+
+@pytest.mark.slow
+def test_a_canard_explosion_turns_at_a_fold():
+    """Beside the fold the parameter changes along the family by no more than rounding."""
+    start = [-1.19940804, -0.62426004]
+    found = orbits.diagram(_fitzhugh_nagumo, 0.0, start, within=(0, 0.5))
+    (family,) = found.orbits
+    assert not found.failures
+    assert {point.kind for point in family.special} <= {orbits.Kind.FOLD}
+    np.testing.assert_allclose(
+        [point.parameter for point in family.special], 0.324178522, atol=1e-8
+    )
