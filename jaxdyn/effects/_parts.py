@@ -44,9 +44,10 @@ def point_number(name: str, i: int, n: int) -> None:
         raise _checks.fail(name, f"a point from 0 to {n - 1}", i, "Points count from 0.")
 
 
-def is_index(i, n: int) -> bool:
+def is_index(i: Any, n: int) -> bool:
     """Whether i is the index of one of n things, which may count from the end."""
-    return isinstance(i, int | np.integer) and not isinstance(i, bool) and -n <= i < n
+    whole = isinstance(i, int | np.integer) and not isinstance(i, bool)
+    return whole and -n <= int(i) < n
 
 
 def end_of(x: Array, j: int | None, anchor: Array) -> Array:
@@ -60,7 +61,7 @@ def on_ends(force: Array, n: int, i: int, j: int | None) -> Array:
     return weights[:, None] * force[None, :]
 
 
-def _one_of(name: str, i: int, n: int) -> np.ndarray:
+def _one_of(name: str, i: int, n: int) -> Any:
     point_number(name, i, n)  # a trace comes here before `check` does
     return np.eye(n)[i]
 
