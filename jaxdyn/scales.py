@@ -624,7 +624,8 @@ def _by_change_of_rate(
         )
         plain = far & ~rounded & ~aside
         tau, sizes = _time_and_sizes(groups, here, span, first, then, noise, horizon)
-        after = lax.select(n == 1, lax.full_like(span, at_once), _AHEAD * horizon)
+        begins = (n == 1) & ~moving
+        after = lax.select(begins, lax.full_like(span, at_once), _AHEAD * horizon)
         time = after * (soon | (n == 1)).astype(float) + LATER * tau * far.astype(float)
         # A motion from rest leaves its place by the change of its rate.
         change = 0.5 * LATER * tau / _positive_or(_AHEAD * horizon, lax.full_like(span, 1.0))
@@ -640,6 +641,10 @@ def _by_change_of_rate(
         new = ((n == 0) | (((n == 1) | (n == 2)) & ~moving)) & (slowest > 0)
         moving = (slowest > 0) & (n == 0) | moving & (n > 0)
         horizon = lax.select(new, lax.min(span, _HORIZON * slowest), horizon)
+        # What hardly moves at the start, as at a turning point, may turn long before.
+        turns = _HORIZON * _slowest_turn(groups, here, first, rate - first, after)
+        shorter = ((n == 1) | (n == 2)) & moving & (0 < turns) & (turns < horizon / _HORIZON)
+        horizon = lax.select(shorter, turns, horizon)
         first = lax.select(n == 0, rate, first)
         then = lax.select(n == 3, rate, then)
         later = lax.select(plain, rate, later)
@@ -660,6 +665,22 @@ def _by_change_of_rate(
     (f, then, _, _, noise, most, horizon, _), _ = lax.scan(look, begin, jnp.arange(14))
     tau, sizes = _time_and_sizes(groups, here, span, f, then, noise, horizon)
     return Scales(sizes, tau, most), f
+
+
+def _slowest_turn(groups: Groups, here: Array, rate: Array, gap: Array, after: Array) -> Array:
+    """() the time in which the slowest group of sizes `here` changes by its size, or turns.
+
+    Args:
+      groups: the groups of the state.
+      here: (k,) their sizes.
+      rate: (k,) the rate.
+      gap: (k,) its change after a time.
+      after: () that time.
+    """
+    moves, turns = groups.largest(jnp.abs(jnp.stack([rate, gap], -1))).T
+    by_turn = lax.sqrt(jnp.where(turns > 0, here * after / turns, np.inf))
+    each = lax.min(jnp.where(moves > 0, here / moves, np.inf), by_turn)
+    return jnp.max(jnp.where(each < np.inf, each, 0.0))
 
 
 def _noise_later(groups: Groups, gap: Array, rate: Array) -> Array:

@@ -12,6 +12,7 @@ import jaxdyn
 from jaxdyn import effects, scales, scenes
 from jaxdyn.analysis.regularized import regularize
 from jaxdyn.hard.cases.encounters import pythagorean
+from jaxdyn.integrate.events import Reaches
 
 
 def coupled(t, y):
@@ -177,6 +178,24 @@ def test_a_span_that_is_a_mere_limit_changes_nothing(scene):
         found = start(dataclasses.replace(scene, t1=jnp.asarray(far)))
         np.testing.assert_allclose(found[0], near[0], rtol=1e-4)
         assert found[1] == pytest.approx(near[1], rel=1e-4)
+
+
+#: Starts at which some entry hardly moves, as an event leaves them: at the bottom, at a turn, nearly
+#: upright.
+@pytest.mark.parametrize("y0", [[1e-17, 1.0], [-1e-13, 1.0], [1.0, 1e-17], [3.1, 1e-15]])
+@pytest.mark.parametrize("far", [1e9, 1e20, 1e150])
+def test_a_span_that_is_a_mere_limit_changes_nothing_beside_a_turn(y0, far):
+    scene = scenes.pendulum().starting(jnp.array(y0))
+    near = start(dataclasses.replace(scene, t1=jnp.asarray(10.0)))
+    found = start(dataclasses.replace(scene, t1=jnp.asarray(far)))
+    np.testing.assert_allclose(found[0], near[0], rtol=1e-4)
+    assert found[1] == pytest.approx(near[1], rel=1e-4)
+
+
+def test_an_event_is_as_accurate_however_far_the_limit():
+    scene = scenes.oscillator(k=4.0).starting(jnp.array([1e-13, -2.0]))
+    turn = jaxdyn.until(scene, Reaches(1, 0.0), 1e15)
+    assert abs(float(turn.t) - np.pi / 4) < 1e-11  # the default tolerance
 
 
 def test_a_span_that_is_a_mere_limit_changes_nothing_from_rest_in_logarithmic_time():
