@@ -180,7 +180,7 @@ def test_a_span_that_is_a_mere_limit_changes_nothing(scene):
         assert found[1] == pytest.approx(near[1], rel=1e-4)
 
 
-#: Starts at which some entry hardly moves, as an event leaves them: at the bottom, at a turn, nearly
+#: Starts where some entry hardly moves, as an event leaves them: at the bottom, at a turn, nearly
 #: upright.
 @pytest.mark.parametrize("y0", [[1e-17, 1.0], [-1e-13, 1.0], [1.0, 1e-17], [3.1, 1e-15]])
 @pytest.mark.parametrize("far", [1e9, 1e20, 1e150])
