@@ -134,6 +134,8 @@ def from_rebound(sim: Any, t1=1.0, *, units: Sequence[str] = ()) -> Scene:
     """
     try:
         bodies, G = list(sim.particles), float(sim.G)
+        # Its variational particles, as `init_megno` adds them, come last.
+        bodies = bodies[: len(bodies) - int(getattr(sim, "N_var", 0))]
         r = np.array([[p.x, p.y, p.z] for p in bodies], float)
         v = np.array([[p.vx, p.vy, p.vz] for p in bodies], float)
         m = np.array([p.m for p in bodies], float)

@@ -96,6 +96,14 @@ def test_simulations_there_and_back(monkeypatch):
     assert flat.points(0.0, flat.y0).r.shape == (3, 3)
 
 
+def test_variational_particles_of_a_simulation_are_no_bodies():
+    sim = Simulation()
+    for m, x in ((1.0, 0.0), (1e-3, 1.0), (0.0, 1e-8), (0.0, 1e-8)):
+        sim.add(m=m, x=x, y=0.0, z=0.0, vx=0.0, vy=x, vz=0.0)
+    sim.N_var = 2
+    assert astronomy.from_rebound(sim).system.m.tolist() == [1.0, 1e-3]
+
+
 def test_what_is_no_simulation_is_refused(monkeypatch):
     assert "rebound.Simulation" in refusal(lambda: astronomy.from_rebound(3))
     assert "with bodies" in refusal(lambda: astronomy.from_rebound(Simulation()))
