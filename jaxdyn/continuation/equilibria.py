@@ -187,7 +187,7 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
             )
         solution = defining.solve(defining.arc, within, x, np.stack([x, up]))
         if solution is None:
-            remedy = "jaxdyn.equilibria finds those in a box."
+            remedy = "jaxdyn.equilibria finds those in a box. At a fold, begin beside it."
             raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
         start = np.append((solution.x * units.x)[:k], parameter)
     return units.outward(equilibrium_at(within, solution.x, up, solution.residual))
