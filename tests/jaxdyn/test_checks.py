@@ -126,7 +126,7 @@ def test_times_with_a_unit_are_refused(x):
     ):
         with pytest.raises(ValueError, match=message):
             use()
-    with pytest.raises(ValueError, match=r"^time: expected numbers, got"):
+    with pytest.raises(ValueError, match=r"^t1: expected numbers, got"):
         solve(scene, x)
     with pytest.raises(ValueError, match=r"^number: expected numbers, got"):
         Every(x)
@@ -190,7 +190,7 @@ HUGE = 10**400
 @pytest.mark.parametrize(
     ("use", "name"),
     [
-        (lambda s: solve(s, HUGE), "time"),
+        (lambda s: solve(s, HUGE), "t1"),
         (lambda s: solve(s, 1.0, rtol=HUGE), "number"),
         (lambda s: simulate(s, 1.0, max_steps=HUGE), "max_steps"),
         (lambda s: simulate(s, 1.0, samples=HUGE), "samples"),
