@@ -418,13 +418,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
     nothing = _are_rounding(field, t, y, here, most, alike)
     y, here = (np.where(nothing, 0.0, x) for x in (y, here))
-    made = _made(field, y, t)
-    sizes = here
-    while (sizes == 0).any():
-        new = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
-        if (new == sizes).all():
-            new = with_another_size(field, t, y, sizes, made, alike)
-        sizes = alike(new)
+    sizes = fill_zeros(field, t, y, here, _made(field, y, t), alike)
     slope = terms(field, y, sizes, t)
     fastest = _radius(slope)
     # At a fold the Jacobian itself may be rounding, and so may be what it makes of an entry.
@@ -450,18 +444,24 @@ def _are_rounding(
     small = (here > 0) & ~np.isfinite(most)
     while small.any():
         without, sizes = (np.where(small, 0.0, x) for x in (y, here))
-        made, before = _made(field, without, t), None
-        while before is None or (sizes > before).any():
-            before = sizes
-            sizes = np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes)
-            if (sizes == before).all() and (sizes == 0).any():
-                bent = _where_it_bends(field, t, without, sizes, made, alike, passes=_COARSE)
-                sizes = sizes if bent is None else alike(bent)
+        made, bent = _made(field, without, t), sizes
+        while bent is not None:
+            sizes = _carry(made, alike(bent), alike)
+            bent = _where_it_bends(field, t, without, sizes, made, alike, passes=_COARSE)
         left = small & (here < _NOTHING * sizes)
         if (left == small).all():
             break
         small = left
     return small
+
+
+def _carry(made: np.ndarray, sizes: np.ndarray, alike: Callable) -> np.ndarray:
+    """(k,) sizes, and those that they make of entries without one, in turn."""
+    before = np.zeros_like(sizes)
+    while (sizes > before).any():
+        before = sizes
+        sizes = alike(np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes))
+    return sizes
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -480,7 +480,7 @@ def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def with_another_size(
+def fill_zeros(
     field: Any,
     t: float,
     y: np.ndarray,
@@ -489,9 +489,11 @@ def with_another_size(
     alike: Callable,
     fastest: float = 0.0,
 ) -> np.ndarray:
-    """The sizes (k,), and one more: of an entry that no other moves, where the rate bends.
+    """The sizes (k,), where those that are 0 follow from what the other entries make of them.
 
-    Where the rate is linear, any size is as good as another: the mean of the known ones, or 1.
+    An entry that no other moves has the size at which the rate bends. This is decided for one such
+    entry after the other, together with what follows from it. Where the rate is linear, any size is
+    as good as another: the mean of the known ones, or 1.
 
     Args:
       field: an object with ``rate(t, y)``.
@@ -502,11 +504,13 @@ def with_another_size(
       alike: takes numbers (k,) to the largest in the group of each.
       fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
     """
-    bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
-    if bent is not None:
-        return bent
-    mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-    return np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+    while ((sizes := _carry(made, sizes, alike)) == 0).any():
+        bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
+        if bent is None:
+            mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+            bent = np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
+        sizes = alike(bent)
+    return sizes
 
 
 def _where_it_bends(
@@ -519,7 +523,7 @@ def _where_it_bends(
     fastest: float = 0.0,
     passes: tuple[int, int] = _FINE,
 ) -> np.ndarray | None:
-    """The sizes (k,) of `with_another_size`; None where the rate is linear."""
+    """The sizes (k,), and that of an entry where the rate bends; None where it is linear."""
     for i in np.flatnonzero(sizes == 0):
         first = np.arange(len(y)) == i
         way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)

@@ -26,7 +26,7 @@ from jaxtyping import Array, Float
 from jaxdyn import Scene
 from jaxdyn._records import notes_on
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, groups, shifted, with_another_size
+from jaxdyn.scales import at_rest, fill_zeros, groups, shifted
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2
@@ -145,17 +145,10 @@ def _fill_zeros(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float)
     """The sizes, where those that are 0 follow from what the others change in a time.
 
     At least one size is not 0. An entry that no other one moves has the size at which the rate's
-    Jacobian `slope` (k, k) changes by itself or by 1 over the time. This is decided for one such
-    entry after the other, together with what follows from it.
+    Jacobian `slope` (k, k) changes by itself or by 1 over the time.
     """
-    made, y0 = time * slope, np.asarray(scene.y0)
-    while (found == 0).any():
-        new = np.where(found == 0, alike(scene, (made * found).max(axis=1)), found)
-        if (new == found).all():
-            own = functools.partial(alike, scene)
-            new = with_another_size(scene.field, 0.0, y0, found, made, own, 1 / time)
-        found = alike(scene, new)
-    return found
+    made, y0, own = time * slope, np.asarray(scene.y0), functools.partial(alike, scene)
+    return fill_zeros(scene.field, 0.0, y0, found, made, own, 1 / time)
 
 
 def _linear_terms(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
