@@ -7,6 +7,7 @@ Reference: Keller (1977), in Rabinowitz (ed.), Applications of Bifurcation Theor
 (2000), Numerical Methods for Bifurcations of Dynamical Equilibria, chapter 2.
 """
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,8 +24,9 @@ from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.newton import Solution
 from jaxdyn.continuation.normal_forms import second
-from jaxdyn.continuation.special import EquilibriumChart, special_points
+from jaxdyn.continuation.special import EquilibriumChart, solution_of, special_points
 from jaxdyn.continuation.units import InUnits, units_at, units_of
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
@@ -32,6 +34,7 @@ from jaxdyn.scales import Groups, at_rest, groups
 from jaxdyn.scene import Scene, check_scene
 
 _DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations
+_SAME_PARAMETER = 1e-6  # relative distance of a fold from the parameter of a start, to begin there
 _LOST = "no equilibrium was found beyond: a singularity of the rate, or a branch point"
 _LATER = (0.0, 0.37, 1.3)  # times of neighbouring motions at which a forcing is searched for
 _ASIDE = 0.1  # distance from the start, as a part of the sizes, for the same test
@@ -59,11 +62,13 @@ def continue_equilibria(
       make: the scene for each value of a parameter, e.g. ``lambda rho: lorenz(rho=rho)``; its
         start and span do not matter. A program is compiled for each function, so define it once.
       parameter: the value of the parameter at the start.
-      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest.
+      start: (k,) state near an equilibrium; or (k/2,) coordinates of a state [q, v] at rest. It may
+        be a fold to within some six digits.
       step: length of the first step in state and parameter, each in units of its size (`units`);
         the other steps are up to ten times as long.
       members: largest number of members.
-      down: start towards a smaller parameter.
+      down: start towards a smaller parameter; at a fold, opposite to the default, in which the
+        entry of the state that changes most grows.
       within: bounds on the parameter; the family ends at the first member beyond them.
       report: called with each member as it is found.
       path: a file (.jsonl) that saves each member as it is found, and may contain several families
@@ -146,9 +151,7 @@ def switch_branch(
         raise _checks.fail("special", "a branch point", special.kind or "an ordinary member")
     units = units_of(family.make, special)
     make, here = units.scene(family.make), units.inward(special)
-    tangent = _other_tangent(make, here)
-    largest = np.argmax(np.abs(tangent[:-1]))
-    tangent = tangent * np.sign(tangent[largest]) * (-1.0 if down else 1.0)
+    tangent = _largest_grows(_other_tangent(make, here), down)
     normal = np.stack([here.x + step * tangent, tangent])
     solution = defining.solve(defining.arc, make, normal[0], normal)
     if solution is None:
@@ -185,12 +188,34 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
                 "Use a minimal set of coordinates, none redundant; at a branch point begin "
                 "beside it.",
             )
-        solution = defining.solve(defining.arc, within, x, np.stack([x, up]))
+        solution, along = defining.solve(defining.arc, within, x, np.stack([x, up])), up
         if solution is None:
-            remedy = "jaxdyn.equilibria finds those in a box. At a fold, begin beside it."
+            solution, along = _fold_at(within, x), _largest_grows(_tangent(within, x), down)
+        if solution is None:
+            remedy = "jaxdyn.equilibria finds those in a box."
             raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
         start = np.append((solution.x * units.x)[:k], parameter)
-    return units.outward(equilibrium_at(within, solution.x, up, solution.residual))
+    return units.outward(equilibrium_at(within, solution.x, along, solution.residual))
+
+
+def _fold_at(make: InUnits, x: np.ndarray) -> Solution | None:
+    """The fold at a state and the parameter x (k + 1,); None if it is not at this parameter.
+
+    At a fixed parameter the equations of an equilibrium are dependent there.
+    """
+    fold = solution_of(make, Kind.FOLD, equilibrium_at(make, x, np.zeros(len(x)), math.nan))
+    if fold is None or abs(fold.x[len(x) - 1] - x[-1]) > _SAME_PARAMETER * (1.0 + abs(x[-1])):
+        return None
+    return fold._replace(x=fold.x[: len(x)])
+
+
+def _tangent(make: InUnits, x: np.ndarray) -> np.ndarray:
+    return np.linalg.svd(np.asarray(slope_at(make, x)))[2][-1]
+
+
+def _largest_grows(tangent: np.ndarray, down: bool) -> np.ndarray:
+    """A tangent in the sense in which the state's largest entry grows, or falls with `down`."""
+    return tangent * (-1.0 if (tangent[np.argmax(np.abs(tangent[:-1]))] < 0) != down else 1.0)
 
 
 def _driven(scene: Scene, y: np.ndarray) -> bool:

@@ -68,7 +68,7 @@ def _locate(
         left, right = test(a), test(b)
         # The guess is on the chord: the equations are singular at a branch point itself.
         guess = a.x + left / (left - right) * (b.x - a.x)
-        solution = _solve(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
+        solution = solution_of(make, kind, equilibrium_at(make, guess, a.tangent, np.nan))
         if solution is not None and _inside(a, b, solution.x[: len(a.x)]):
             return _with_coefficients(make, kind, a, solution)
         middle = chart.between(a, b, _SHARE)
@@ -115,11 +115,11 @@ def pose(kind: Kind, start: Equilibrium) -> Posed | None:
 def locate(make: InUnits, near: Equilibrium, x: np.ndarray) -> Equilibrium | None:
     """The special point of the kind of another one, near a guess (k + 1,); None without any."""
     assert near.kind is not None
-    solution = _solve(make, near.kind, equilibrium_at(make, x, near.tangent, np.nan))
+    solution = solution_of(make, near.kind, equilibrium_at(make, x, near.tangent, np.nan))
     return None if solution is None else _with_coefficients(make, near.kind, near, solution)
 
 
-def _solve(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
+def solution_of(make: InUnits, kind: Kind, start: Equilibrium) -> Solution | None:
     """The solution of the equations of a kind, from an equilibrium nearby."""
     posed = pose(kind, start)
     if posed is None:

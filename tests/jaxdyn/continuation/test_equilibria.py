@@ -197,6 +197,25 @@ def test_family_ends_where_the_rate_does():
     assert 0 <= family.parameters[-1] < 0.1
 
 
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("start", [0.0, 1e-9, 3e-5])
+def test_family_that_begins_at_a_fold(start, down):
+    # At p = 0 the equation p = y^2 is singular, and the parameter grows in both directions.
+    family = jaxdyn.continue_equilibria(_square, 0.0, [start], members=6, down=down)
+    assert [(x.kind, x.parameter) for x in family.special] == [(Kind.FOLD, 0.0)]
+    assert np.all(np.diff(family.states[:, 0]) * (-1 if down else 1) > 0)
+    np.testing.assert_allclose(family.states[:, 0] ** 2, family.parameters, rtol=1e-13)
+
+
+def test_state_beside_a_fold_without_equilibrium_is_refused():
+    with pytest.raises(ValueError, match="start: expected a state near an equilibrium"):
+        jaxdyn.continue_equilibria(_square, -1e-4, [0.0])
+
+
+def _square(p):
+    return jaxdyn.ode(lambda t, y, p: p - y**2, [0.0], 1.0, params=p)
+
+
 def test_pendulum_under_torque_folds_at_the_weight():
     # A second-order scene at rest: sin(theta) = p folds at 1, theta = pi / 2.
     def rate(t, y, p):
