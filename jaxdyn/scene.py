@@ -16,7 +16,7 @@ import contextlib
 import dataclasses
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, cast
 
 import diffrax
@@ -259,7 +259,8 @@ class Scene(Record):
         self.y0 = _checks.numbers("y0", y0)
         self.t1 = _checks.numbers("t1", t1)
         self.name = name
-        names = (units,) if isinstance(units, str) else units  # "day" is not d, a and y
+        several = isinstance(units, Iterable) and not isinstance(units, str)
+        names = units if units is None or several else (units,)  # "day" is not d, a and y
         self.units = None if names is None else cast(tuple[str, str, str], tuple(names))
 
     @_text.never_raising

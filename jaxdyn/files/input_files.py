@@ -13,6 +13,18 @@ MAX_VALUES = 4_000_000
 _DIGITS = 18
 
 
+def as_path(path: str | Path, name: str = "path") -> Path:
+    """The path as an object of `pathlib`.
+
+    Raises:
+      ValueError: `path` is neither a string nor a path.
+    """
+    try:
+        return Path(path)
+    except TypeError as error:
+        raise fail(name, "the path of a file", repr(path)) from error
+
+
 def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -> bytes:
     """The content of a file of at most `most` bytes.
 
@@ -26,7 +38,7 @@ def content(path: str | Path, most: int, remedy: str = "", name: str = "file") -
       ValueError: `path` is not a readable file, is larger, or is a device or a pipe, which may
           have no end.
     """
-    path = Path(path)
+    path = as_path(path, name)
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise fail(name, "a file on a disk", f"{path}, a device or a pipe", remedy)

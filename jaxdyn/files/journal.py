@@ -17,7 +17,7 @@ import filelock
 
 from jaxdyn._text import fail
 from jaxdyn.files.digests import digest_of_values, has_digest, json_text
-from jaxdyn.files.input_files import content, parse_json
+from jaxdyn.files.input_files import as_path, content, parse_json
 from jaxdyn.files.layout import Layout
 from jaxdyn.files.output_files import append, replace, target_of, unwritable, writable
 
@@ -142,7 +142,7 @@ def lines(path: str | Path, kind: str, remedy: str) -> list[dict[str, Any]]:
     Raises:
       ValueError: the file is not a journal, or was edited.
     """
-    return _records(_whole_lines(Path(path), kind, remedy), path, kind, remedy)
+    return _records(_whole_lines(as_path(path), kind, remedy), path, kind, remedy)
 
 
 def _whole_lines(path: Path, kind: str, remedy: str) -> bytes:

@@ -14,6 +14,7 @@ import tempfile
 from pathlib import Path
 
 from jaxdyn._text import fail
+from jaxdyn.files.input_files import as_path
 
 _PROBE = 4096  # bytes that must fit: one block of most file systems
 
@@ -29,7 +30,7 @@ def writable(path: str | Path, name: str = "path", suffixes: tuple[str, ...] = (
       ValueError: `path` has another suffix, its folder does not exist or cannot be written to, it
           is not a file, or the disk is full.
     """
-    path = Path(path)
+    path = as_path(path, name)
     if suffixes and path.suffix.lower() not in suffixes:
         raise fail(name, f"a file name ending in {', '.join(suffixes)}", f"'{path}'")
     try:

@@ -101,6 +101,9 @@ def near_libration_point(
     units = np.asarray(getattr(system, "units", np.ones(k)))
     place = np.asarray(libration_point(scene, point))[:2] / units[:2]
     size = None if amplitude is None else amplitude / float(units[0])
+    if size is not None and not size < 1:
+        wanted = f"less than the distance of the two bodies, {units[0]:g}"
+        raise fail("amplitude", wanted, amplitude, "It is in the scene's unit of length.")
     guess = kind.made(float(system.mu), place, size)
     mirrored = [1, 1, -1, 1, 1, -1] if southern else [1] * 6
     return _seed(scene, np.array(guess.start) * mirrored, guess.period)

@@ -65,7 +65,7 @@ def test_they_change_no_number_and_stay_with_the_scene(tmp_path):
     assert "rad/ms" in repr(vibration.modes(spring))
 
 
-@pytest.mark.parametrize("units", [("AU", "day"), ("AU", "Msun", 3), ("AU", "Msun", "a day")])
+@pytest.mark.parametrize("units", [("AU", "day"), 3, ("AU", "Msun", 3), ("AU", "Msun", "a day")])
 def test_others_are_refused(units):
     with pytest.raises(ValueError, match="units: expected names of the units of length"):
         dataclasses.replace(year(), units=units).check()

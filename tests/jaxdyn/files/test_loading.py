@@ -5,7 +5,7 @@ import pytest
 
 import jaxdyn
 from jaxdyn import scenes
-from jaxdyn.files import layout, loading
+from jaxdyn.files import astronomy, layout, loading
 from jaxdyn.files.digests import json_text
 
 
@@ -47,6 +47,9 @@ def test_other_files_are_refused(tmp_path):
         jaxdyn.load(path)
     with pytest.raises(ValueError, match=r"^path: expected a readable file, got .*none"):
         jaxdyn.load(tmp_path / "none")
+    for read in (jaxdyn.load, jaxdyn.read_csv, astronomy.read_horizons):
+        with pytest.raises(ValueError, match=r"^path: expected the path of a file, got None"):
+            read(None)
 
 
 def test_a_package_registers_its_readers(tmp_path, monkeypatch):

@@ -182,6 +182,10 @@ def test_stability_indices_are_those_of_the_pairs():
         (lambda: resonant(scenes.pendulum(), 2, 1), "scene: expected a restricted"),
         (lambda: near_libration_point(space(), amplitude=0.0), "amplitude: expected > 0"),
         (
+            lambda: near_libration_point(space(), amplitude=1e9),
+            "amplitude: expected less than the distance of the two bodies",
+        ),
+        (
             lambda: near_libration_point(scenes.restricted_three_body(), "vertical"),
             "family: expected a planar one",
         ),
