@@ -44,17 +44,21 @@ var Dop853 = (() => {
   // too, but their length was predicted. Where the rate has grown so many times, a singularity is
   // near, and no such step is taken.
   const OVER = 1e-12, TINY = 1e-9, CUTS = 4, PATIENCE = 7, CRAWL = 1e-5, CRAWLS = 200, STEEP = 100;
+  const LOOKS = 8; // times within a step at which conditions on time are evaluated
+  const MOST_PASSED = 100; // changes of conditions at successive numbers; more are rounding
 
   class Dop853 {
     // The motion of dy/dt = rate(t, y) from y at t.
     // span: the time scale of the motion, with either sign; steps are fractions of it.
     // groups: {of: (k) the kind of each entry, most: (k) the largest size of it or null}; entries
     //   of a kind are compared with the largest of them. project: (t, y) onto constraints, or null.
-    // rough: whether the rate has conditions.
-    constructor(rate, t, y, { span = 1, groups = null, project = null, rough = false, rtol = 1e-13 } = {}) {
+    // rough: whether the rate has conditions. outcomes: (t) those of its conditions on time alone, or
+    //   null: a step ends where one changes.
+    constructor(rate, t, y, { span = 1, groups = null, project = null, rough = false, outcomes = null, rtol = 1e-13 } = {}) {
       const k = y.length;
       this.rate = rate;
       this.project = project;
+      this.outcomes = outcomes;
       this.rtol = rtol;
       this.span = Math.abs(span) || 1;
       this.of = groups ? groups.of : y.map((_, i) => i);
@@ -97,6 +101,32 @@ var Dop853 = (() => {
       return h;
     }
 
+    // The last number before a condition on time changes, and the first one after it; null if none
+    // changes on the way to `end`.
+    change(end) {
+      if (!this.outcomes) return null;
+      const given = this.outcomes(this.t), same = (t) => this.outcomes(t).every((x, i) => x === given[i]);
+      let low = this.t, high = null;
+      for (let n = 1; n <= LOOKS && high === null; n++) {
+        const t = n === LOOKS ? end : this.t + (n / LOOKS) * (end - this.t);
+        if (same(t)) low = t;
+        else high = t;
+      }
+      if (high === null) return null;
+      for (;;) {
+        const middle = low + (high - low) / 2;
+        if (middle === low || middle === high) return [low, high];
+        if (same(middle)) low = middle;
+        else high = middle;
+      }
+    }
+
+    // Go on at a time, the next number after the current one.
+    pass(t) {
+      this.t = t;
+      this.now = this.rate(t, this.y);
+    }
+
     // A weighted sum of stages, for one entry.
     static sum(weights, stages, i) {
       let sum = 0;
@@ -107,8 +137,13 @@ var Dop853 = (() => {
     // One step, at most to `end`; false if it failed.
     step(end) {
       if (this.failed) return false;
-      const { y, t, stages } = this, k = y.length, way = end < t ? -1 : 1;
+      const { y, stages } = this, k = y.length, way = end < this.t ? -1 : 1;
       let h = Math.min(this.h, LONGEST * this.span), cuts = 0;
+      const far = Math.max(h, CRAWL * this.span), ahead = () => this.change(far >= Math.abs(end - this.t) ? end : this.t + way * far);
+      let change = ahead();
+      for (let n = 0; change?.[0] === this.t && n < MOST_PASSED; n++, change = ahead()) this.pass(change[1]);
+      const { t } = this;
+      if (change && change[0] !== t) end = change[0];
       let blind = false; // whether the step is accepted whatever its error
       if (this.jumps >= PATIENCE) this.crawl();
       for (;;) {
@@ -132,6 +167,7 @@ var Dop853 = (() => {
           stages[STAGES] = this.rate(there, next);
           if (stages[STAGES].every(Number.isFinite)) {
             this.accept(there, next, dt, cuts);
+            if (last && change) this.pass(change[1]);
             if (this.crawls) this.crawls--;
             const factor = error ? SAFETY * error ** (-1 / 8) : MOST;
             // A step that was cut short says nothing about longer ones.

@@ -26,6 +26,7 @@ from jaxdyn.analysis.momenta import angular_momentum_about, centre_of_mass
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.integrate.events import Event
 from jaxdyn.integrate.phase import END, Exit, Phase
+from jaxdyn.plan import plan_of
 from jaxdyn.player.choices import Ask, Choices, starts, starts_together
 from jaxdyn.player.pages import embed
 from jaxdyn.scene import Scene, check_scene
@@ -77,8 +78,8 @@ def model(
 
     Its functions take (t, y, p). `variants` has one scene for each combination of effects, in the
     order of the binary numbers whose digits say which are on: its `energies`, and its `phases`,
-    each with its `rate`, its exits, and `consistent`, the nearest state on the constraints, or
-    null. `places` returns the positions of the marked points, followed by those of the computed
+    each with its `rate`, its exits, `consistent`, the nearest state on the constraints, or null,
+    and `outcomes`, of its conditions on time alone, or null. `places` returns the positions of the marked points, followed by those of the computed
     corners of the shapes. `forces` returns the material points, followed by the force of each
     effect on each of them. `spin` returns the angular momentum about the origin, the mass centre,
     and the angular momentum about it, or null for each. The rest is data.
@@ -352,10 +353,22 @@ def _phase(
     return {
         "name": name,
         "rate": _javascript(scene, lambda moved, t, y: phases(moved)[name].scene.rate(t, y)),
+        "outcomes": _outcomes(scene, lambda moved: phases(moved)[name].scene),
         "consistent": _consistent(scene, off, name),
         "projects": _projects(here[name].scene.system),
         "exits": [way(number) for number in range(len(here[name].exits))],
     }
+
+
+def _outcomes(scene: Scene, phase: Callable[[Scene], Scene]) -> Function | None:
+    """The outcomes of the conditions on time alone in the rate of a phase, if there are any."""
+
+    def outcomes(moved: Scene, t: Array, y: Array) -> Array:
+        field = phase(moved).field
+        return plan_of(field, len(y)).time_conditions(field, t, None).outcomes
+
+    here = plan_of(phase(scene).field, len(scene.y0))
+    return _javascript(scene, outcomes) if here.of_time.any() else None
 
 
 def _consistent(scene: Scene, off: frozenset[int], name: str) -> Function | None:

@@ -41,6 +41,7 @@ var JaxdynMotion = (() => {
       const phase = this.phase, sizes = this.solver?.sizes;
       this.solver = new Dop853((at, z) => phase.rate(at, z, p), t, y, {
         span, rtol, groups: data.groups, rough: data.rough,
+        outcomes: phase.outcomes ? (at) => phase.outcomes(at, y, p) : null,
         project: phase.projects ? (at, z) => phase.consistent(at, z, p) : null,
       });
       if (sizes) this.solver.sizes = this.solver.sizes.map((x, g) => Math.max(x, sizes[g])); // of all phases

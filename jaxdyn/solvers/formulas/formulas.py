@@ -25,7 +25,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, PyTree
 
-from jaxdyn._programs import CALLS, Loop, inner_program, loop, programs
+from jaxdyn._programs import CALLS, Loop, inner_program, live_operations, loop, programs
 from jaxdyn.solvers.formulas import alternatives
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
@@ -426,7 +426,7 @@ _Values = dict[Any, np.ndarray]
 def _interpret(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
     values: _Values = dict(zip(jaxpr.constvars, consts, strict=True))
     values |= dict(zip(jaxpr.invars, inputs, strict=True))
-    return _results(graph, jaxpr, jaxpr.eqns, values)
+    return _results(graph, jaxpr, live_operations(jaxpr), values)
 
 
 def _results(graph: Graph, jaxpr, eqns: Sequence, values: _Values) -> list[np.ndarray]:
@@ -528,7 +528,7 @@ def _by_pieces(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarr
     values |= dict(zip(jaxpr.invars, inputs, strict=True))
     searches = [i for i, eqn in enumerate(jaxpr.eqns) if eqn.params.get("name") == _SEARCH]
     if len(searches) != 1:
-        return _results(graph, jaxpr, jaxpr.eqns, values)
+        return _results(graph, jaxpr, live_operations(jaxpr), values)
     (i,) = searches
     search, after = jaxpr.eqns[i], jaxpr.eqns[i + 1 :]
     for eqn in jaxpr.eqns[:i]:
@@ -643,6 +643,9 @@ def _scalar(graph: Graph, name: str, params: dict, cases: int) -> Callable:
     if name in ("max", "min"):
         better = "gt" if name == "max" else "lt"
         return lambda a, b: graph.select(_condition(graph, better, a, b), b, a)
+    if name == "clamp":
+        larger, smaller = (_scalar(graph, bound, {}, 1) for bound in ("max", "min"))
+        return lambda low, a, high: smaller(larger(a, low), high)
     raise NotElementary(name)
 
 

@@ -136,6 +136,30 @@ def test_a_force_that_is_held_between_times():
     np.testing.assert_allclose(there, wanted, rtol=0, atol=1e-9)
 
 
+_KNOTS = np.linspace(0.0, 10.0, 41)
+_FORCES = {  # of time alone, with conditions
+    "step": lambda t: jnp.where(t > 1.2345, 1.0, 0.0),
+    "from the start": lambda t: jnp.where(t > 0, 1.0, 0.0),
+    "pulse": lambda t: jnp.where((t > 5.0101) & (t < 5.0151), 100.0, 0.0),
+    "pulses": lambda t: jnp.where(jnp.mod(t, 1.0) < 0.01, 50.0, 0.0),
+    "square wave": lambda t: jnp.sign(jnp.sin(7.0 * t)),
+    "rectified": lambda t: jnp.maximum(0.0, jnp.sin(3.0 * t)),
+    "stairs": lambda t: jnp.floor(3.0 * t),
+    "table": lambda t: jnp.interp(t, _KNOTS, np.sin(_KNOTS**2)),
+    "clamped": lambda t: jax.lax.clamp(-0.5, jnp.sin(t), 0.5),
+}
+
+
+@needs_node
+@pytest.mark.parametrize("name", _FORCES)
+def test_steps_end_where_a_condition_on_time_changes(name):
+    scene = jaxdyn.ode(lambda t, y: [y[1], _FORCES[name](t) - y[0]], [0.0, 0.0], t1=10.0)
+    there, steps = node("[run(model)].map((s) => [s.at(10), s.solver.steps])[0]", scene)
+    wanted = simulate(scene, samples=2, rtol=1e-13).ys[-1]
+    np.testing.assert_allclose(there, wanted, rtol=0, atol=2e-12)
+    assert steps < 200  # a jump that is not foreseen takes twenty
+
+
 @needs_node
 def test_without_its_friction_a_car_rolls_on():
     # A car without friction has no phases, and no end.
