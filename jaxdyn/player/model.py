@@ -79,10 +79,11 @@ def model(
     Its functions take (t, y, p). `variants` has one scene for each combination of effects, in the
     order of the binary numbers whose digits say which are on: its `energies`, and its `phases`,
     each with its `rate`, its exits, `consistent`, the nearest state on the constraints, or null,
-    and `outcomes`, of its conditions on time alone, or null. `places` returns the positions of the marked points, followed by those of the computed
-    corners of the shapes. `forces` returns the material points, followed by the force of each
-    effect on each of them. `spin` returns the angular momentum about the origin, the mass centre,
-    and the angular momentum about it, or null for each. The rest is data.
+    and `outcomes`, of its conditions on time alone, or null. `places` returns the positions of the
+    marked points, followed by those of the computed corners of the shapes. `forces` returns the
+    material points, followed by the force of each effect on each of them. `spin` returns the
+    angular momentum about the origin, the mass centre, and the angular momentum about it, or null
+    for each. The rest is data.
 
     Args:
       scene: the scene.
