@@ -13,15 +13,9 @@ may turn many times, so its size is at most one radian. An entry without a unit,
 |J| u it takes the absolute value of J times one vector, u with generic weights of random signs,
 since the whole of J would take as many derivatives as there are entries; terms that cancel in J u
 do not cancel with these weights.
-
-`at_rest` finds the scales of the motions near an equilibrium, which the rate there does not show.
-It takes them from the entries, from the Jacobian J, and, where all entries are 0, from the distance
-at which the rate is no longer linear. A linear rate at 0 has no such distance, and its motions are
-the same at all sizes: then the sizes of entries that move each other have the ratio in which they
-do so, and one of them is 1; nothing that is compared in these sizes depends on that choice.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
@@ -55,7 +49,7 @@ _REACH = 2
 LATER = 0.37
 #: Distance from the start at which it is evaluated, as a part of the sizes: a coupling that
 #: vanishes at the start, as in a product of two entries at zero, does not vanish there.
-_ASIDE = 1 / 16
+ASIDE = 1 / 16
 #: Time over which the change of a rate is seen, as a part of the horizon.
 _AHEAD = 2.0**-20
 #: The horizon is the span or, if that is shorter, this multiple of the time in which the slowest
@@ -63,7 +57,7 @@ _AHEAD = 2.0**-20
 _HORIZON = 2.0**10
 #: Number of roundings by which a state is shifted to see what rounding makes of its rate, and parts
 #: of them that show more: rounding is random.
-_PERTURBED, _PARTS = 4.0, np.array([0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0])
+PERTURBED, PARTS = 4.0, np.array([0.0, 1.0, 0.6, 0.2, -0.2, -0.6, -1.0])
 #: Where the rate exceeds this multiple of the motion's own, as near a singularity, its rounding
 #: says nothing about the motion.
 _FASTER = 16.0
@@ -79,7 +73,7 @@ USUAL_ALONE = 2.0**3
 #: it, this part of the usual margin is enough.
 _NOISE_LOOKS, MARGIN = 8, 1 / 8
 #: Multiple of that noise above which a rate is more than rounding.
-_TIMES_NOISE = 4.0
+TIMES_NOISE = 4.0
 #: Logarithm of the largest weight of an entry; the least is 1 over it.
 _LOG_WEIGHT = 0.2
 #: Part of the size that its rate gives to a group, in the time that others show, up to which the
@@ -88,15 +82,6 @@ _TURNING = 2.0**-6
 #: A drive is looked at after the span and its halves, so often; it has begun where it is this part
 #: of its largest value there; the time of what it moves is at most this multiple of that time.
 _HALVES, _BEGUN, _SLOWER = 48, 0.5, 4.0
-#: Part of what the other entries make of an entry at rest below which its own value is rounding.
-_ROUNDING = 1e-9
-#: Part of the distance up to which a rate is linear: an equilibrium so much nearer to 0 is at 0.
-_NOTHING = 1e-12
-#: Relative change of the terms of a Jacobian at which the rate is no longer linear.
-_NONLINEAR = 0.5
-#: The distances at which linearity is tested; how many of them at once, in how many passes, each
-#: between two neighbouring distances of the last one: to find a size, or only its magnitude.
-_NEAREST, _FARTHEST, _FINE, _COARSE = 1e-150, 1e150, (601, 5), (31, 2)
 #: The looks of `_by_change_of_rate` that are a little after the start, later, with a rounding added
 #: and displaced by what rounding makes.
 _SOON, _LATER, _ROUNDED, _BESIDE = (2, 3, 6), (4, 5, 8, 10, 11, 12), (5, 6, 7, 11), (8, 9, 12, 13)
@@ -287,8 +272,8 @@ def _by_its_derivatives(
     ahead: Array,
 ) -> tuple[Scales, Array]:
     """The result of `at_start` from the rate and its Jacobian, for a start of sizes `here` (k,)."""
-    plan, weights, rounds, span = jnp.asarray(_PLAN), _weights(len(y0)), len(_PLAN), drive.span
-    off, zero = rounding(y0), jnp.zeros_like(y0)
+    plan, rounds, span = jnp.asarray(_PLAN), len(_PLAN), drive.span
+    weights, off, zero = weights_of(len(y0)), rounding(y0), jnp.zeros_like(y0)
 
     def looks(carry):
         return carry[1] < _NOISE_LOOKS
@@ -395,212 +380,6 @@ def _at_starts(tree, own, numbers, groups: Groups, starts: Array, t0: Array, t1:
 
     axes = [0 if each else None for each in own]
     return jax.vmap(sizes, in_axes=(axes, 0))(numbers, starts)
-
-
-def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales:
-    """The scales of the motions near an equilibrium, or a steady motion; host only.
-
-    The time is 1 over the spectral radius of |J|, where J is the Jacobian of the rate. An entry
-    that is 0, or only rounding of what the others make of it in that time, has the size that they
-    make; an angle has the size 1. Where this says nothing, or all of it is rounding, an entry has
-    the size at which the rate is no longer linear. If the rate is linear, no size follows from it,
-    and the entry has the mean of all sizes, or 1.
-
-    Args:
-      field: an object with ``rate(t, y)``.
-      groups: the groups of its state.
-      y: (k,) the equilibrium.
-      t: () time at which the field is frozen.
-    """
-    y, alike = np.asarray(y, float), groups.sizes_on_host
-    most, made = np.asarray(groups.most), _made(field, y, t)
-    here = np.where(np.isfinite(most), most, alike(np.abs(y)))
-    here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
-    nothing = _are_rounding(field, t, y, here, most, alike)
-    y, here = (np.where(nothing, 0.0, x) for x in (y, here))
-    sizes = fill_zeros(field, t, y, here, _made(field, y, t), alike)
-    slope = terms(field, y, sizes, t)
-    fastest = _radius(slope)
-    # At a fold the Jacobian itself may be rounding, and so may be what it makes of an entry.
-    moved = alike((slope * sizes).max(axis=1) / (fastest or 1.0))
-    sizes = np.where(here == 0, np.maximum(sizes, moved), sizes)
-    return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
-
-
-def _made(field: Any, y: np.ndarray, t: float) -> np.ndarray:
-    """(k, k) what each entry of size 1 makes of the others in the time of the motion."""
-    slope = np.abs(slopes(field, y, t))
-    return slope / (_radius(slope) or 1.0)
-
-
-def _are_rounding(
-    field: Any, t: float, y: np.ndarray, here: np.ndarray, most: np.ndarray, alike: Callable
-) -> np.ndarray:
-    """(k,) which entries are 0, as a search computes it: nothing beside the size they have at 0.
-
-    Those sizes depend on which entries are 0. At first all are, so that none is measured by the
-    rounding of another; those that are more than rounding are themselves again, until none is left.
-    """
-    small = (here > 0) & ~np.isfinite(most)
-    while small.any():
-        without, sizes = (np.where(small, 0.0, x) for x in (y, here))
-        made, bent = _made(field, without, t), sizes
-        while bent is not None:
-            sizes = _carry(made, alike(bent), alike)
-            bent = _where_it_bends(field, t, without, sizes, made, alike, passes=_COARSE)
-        left = small & (here < _NOTHING * sizes)
-        if (left == small).all():
-            break
-        small = left
-    return small
-
-
-def _carry(made: np.ndarray, sizes: np.ndarray, alike: Callable) -> np.ndarray:
-    """(k,) sizes, and those that they make of entries without one, in turn."""
-    before = np.zeros_like(sizes)
-    while (sizes > before).any():
-        before = sizes
-        sizes = alike(np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes))
-    return sizes
-
-
-def _radius(matrix: np.ndarray) -> float:
-    return float(np.abs(np.linalg.eigvals(matrix)).max())
-
-
-def terms(field: Any, y: np.ndarray, sizes: np.ndarray, t: float = 0.0) -> np.ndarray:
-    """(k, k) the largest |J| at and beside a state, a small part of the sizes away."""
-    off = _ASIDE * sizes * _weights(len(y))
-    return np.abs([slopes(field, x, t) for x in (y, y - off, y + off)]).max(axis=0)
-
-
-def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
-    """(k, k) the rate's Jacobian, 0 where it is not finite."""
-    found = np.asarray(_slope(field, jnp.asarray(t, float), jnp.asarray(y)))
-    return np.where(np.isfinite(found), found, 0.0)
-
-
-def fill_zeros(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    sizes: np.ndarray,
-    made: np.ndarray,
-    alike: Callable,
-    fastest: float = 0.0,
-) -> np.ndarray:
-    """The sizes (k,), where those that are 0 follow from what the other entries make of them.
-
-    An entry that no other moves has the size at which the rate bends. This is decided for one such
-    entry after the other, together with what follows from it. Where the rate is linear, any size is
-    as good as another: the mean of the known ones, or 1.
-
-    Args:
-      field: an object with ``rate(t, y)``.
-      t: () time at which the field is frozen.
-      y: (k,) the state.
-      sizes: (k,) the sizes so far, 0 where there is none.
-      made: (k, k) what entries make of each other in the time of the motion.
-      alike: takes numbers (k,) to the largest in the group of each.
-      fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
-    """
-    while ((sizes := _carry(made, sizes, alike)) == 0).any():
-        bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
-        if bent is None:
-            mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-            bent = np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
-        sizes = alike(bent)
-    return sizes
-
-
-def _where_it_bends(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    sizes: np.ndarray,
-    made: np.ndarray,
-    alike: Callable,
-    fastest: float = 0.0,
-    passes: tuple[int, int] = _FINE,
-) -> np.ndarray | None:
-    """The sizes (k,), and that of an entry where the rate bends; None where it is linear."""
-    for i in np.flatnonzero(sizes == 0):
-        first = np.arange(len(y)) == i
-        way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)
-        size = _linear_up_to(field, t, y, way, sizes, fastest, passes)
-        if np.isfinite(size):
-            return np.where(first, size, sizes)
-    return None
-
-
-def _extended_by_couplings(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """(k,) a displacement of some entries, extended to those of `which` that they move."""
-    for _ in way:
-        way = np.where(which & (way == 0), (made * way).max(axis=1), way)
-    return way
-
-
-def _linear_up_to(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    way: np.ndarray,
-    sizes: np.ndarray,
-    fastest: float = 0.0,
-    passes: tuple[int, int] = _FINE,
-) -> float:
-    """How far along a displacement (k,), in both senses, a rate is linear.
-
-    It is linear until terms of its Jacobian change by about their own size, or by `fastest`
-    [1/time]. Terms of entries with sizes (k,) or on the way are compared in a row together; those
-    of other entries, which may have any size, each for itself. Distances at which rounding alone
-    may change them by so much say nothing.
-    """
-    slope, off, near = np.abs(slopes(field, y, t)), way * _weights(len(y)), shifted(y)
-    alone = (slope > 0) & (sizes == 0) & (way == 0)
-    low, high, bounds = _NEAREST, _FARTHEST, None
-    for _ in range(passes[1]):
-        distances = np.geomspace(low, high, passes[0])
-        each = np.maximum(sizes, distances[:, None] * way)
-        own = each @ slope.T + fastest * each
-        share = np.zeros((len(distances), len(y) + len(y) ** 2))
-        for sign in (1, -1):
-            at = np.concatenate([near, y + sign * distances[:, None] * off])
-            with np.errstate(all="ignore"):
-                there = np.asarray(_slopes(field, jnp.asarray(t, float), jnp.asarray(at)))
-                changes = np.abs(there - slopes(field, y, t))
-                rounded, changes = changes[: len(near)].max(axis=0), changes[len(near) :]
-                rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
-                ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
-                noise = np.where(own > 0, _TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
-            ones = np.where(_TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
-            parts = np.hstack([rows, ones.reshape(len(ones), -1)])
-            share = np.maximum(share, np.where(np.isnan(parts), np.inf, parts))
-        says = ~(noise > _NONLINEAR)
-        if not says.any():
-            return np.inf
-        # The product of an entry on the way with one that has a size stays the same part of a row.
-        # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
-        # Each row is compared with itself: one of such products would hide the others.
-        if bounds is None:
-            first = share[np.argmax(says)]
-            least = np.where(first > _NONLINEAR, 0.5 * first, 0.0)
-            bounds = least, np.maximum(_NONLINEAR, 2 * first)
-        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])).any(axis=1))
-        if not len(beyond):
-            return np.inf
-        low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
-    return float(low)
-
-
-@eqx.filter_jit
-def _slope(field: Any, t: Array, y: Array) -> Array:
-    return jax.jacfwd(lambda y: field.rate(t, y))(y)
-
-
-@eqx.filter_jit
-def _slopes(field: Any, t: Array, ys: Array) -> Array:
-    return jax.vmap(jax.jacfwd(lambda y: field.rate(t, y)))(ys)
 
 
 def _by_change_of_rate(
@@ -722,7 +501,7 @@ def _time_and_sizes(
     noise = groups.largest(noise)
 
     def known(x: Array) -> Array:
-        return lax.select(x > _TIMES_NOISE * noise, x, jnp.zeros_like(x))
+        return lax.select(x > TIMES_NOISE * noise, x, jnp.zeros_like(x))
 
     change = known(lax.abs(then - rate)) / _positive_or(_AHEAD * horizon, jnp.ones_like(span))
     moves, turns = groups.largest(jnp.stack([known(lax.abs(rate)), change], -1)).T
@@ -796,7 +575,7 @@ _PLAN = np.array(
         *[_Round(product=1.0)] * _MEASURED,
         _Round(later=LATER, here=1.0, time=1.0),
         *[_Round(kept=1.0, step=1.0)] * _REACH,
-        _Round(aside=_ASIDE, here=1.0, kept=1.0, step=1.0, shrinks=1.0),
+        _Round(aside=ASIDE, here=1.0, kept=1.0, step=1.0, shrinks=1.0),
         _Round(kept=1.0, step=1.0),
     ]
 )
@@ -859,17 +638,17 @@ def _time_rounding(t0: Array, rounded: Array) -> Array:
 
     They are made later in the motion only: a force that begins right after the start is no noise.
     """
-    return rounded * _PERTURBED * jnp.finfo(t0.dtype).eps * t0
+    return rounded * PERTURBED * jnp.finfo(t0.dtype).eps * t0
 
 
 def rounding(y: Array | np.ndarray) -> np.ndarray:
     """(k,) a few roundings of each entry of a state, as a part of it, of either sign."""
-    return _PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
+    return PERTURBED * jnp.finfo(y.dtype).eps * np.resize([1.0, -1.0, -1.0], len(y))
 
 
 def shifted(y: Any) -> Any:
     """(s, k) a state, and states that differ from it by a few roundings."""
-    return y[None] * (1.0 + np.outer(_PARTS, rounding(y)))
+    return y[None] * (1.0 + np.outer(PARTS, rounding(y)))
 
 
 def notable(gap: Array, rate: Array, roundings: float | np.ndarray = _USUAL) -> Array:
@@ -894,7 +673,7 @@ def _notable_in_groups(
     return notable(gap, rate, roundings) * (~aside | (gap > ALL_ROUNDING * rate)).astype(float)
 
 
-def _weights(k: int) -> np.ndarray:
+def weights_of(k: int) -> np.ndarray:
     """(k,) generic weights of either sign; 1 for a single entry."""
     if k == 1:
         return np.ones(1)

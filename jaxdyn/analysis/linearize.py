@@ -24,7 +24,8 @@ from jaxdyn.analysis.eigenvalues import (
     rate_verdict,
     with_bars,
 )
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.analysis.scales_at_rest import at_rest
+from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ASYMMETRY = 1e-9  # relative asymmetry of a stiffness matrix by rounding

@@ -26,7 +26,8 @@ from jaxtyping import Array
 from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn.analysis.linearize import Linearization, classify
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.analysis.scales_at_rest import at_rest
+from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, check_scene
 
 _MAX_ENTRIES = 40  # entries of a state: the symmetries have its square as unknowns

@@ -18,6 +18,7 @@ import numpy as np
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
 from jaxdyn._records import with_captures
+from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.continuation import defining
 from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
@@ -30,7 +31,7 @@ from jaxdyn.continuation.special import EquilibriumChart, solution_of, special_p
 from jaxdyn.continuation.units import InUnits, units_at, units_of
 from jaxdyn.formulations.constrained import Constrained
 from jaxdyn.formulations.extended import innermost
-from jaxdyn.scales import Groups, at_rest, groups
+from jaxdyn.scales import Groups, groups
 from jaxdyn.scene import Scene, check_scene
 
 _DEPENDENT = 1e-10  # ratio of the smallest to the largest singular value of dependent equations

@@ -3,7 +3,7 @@
 All equations of this package are in units in which entries of the state, parameters and time are
 numbers of order 1, so that lengths, ranks and residuals are meaningful. `InUnits` is the scene in
 these units, and `Units` converts points from and to the units of the scene, in which members, files
-and results are. The first member of a family decides the units (`scales.at_rest`); entries that
+and results are. The first member of a family decides the units (`scales_at_rest`); entries that
 grow along it have their largest size so far. Special points have the units of the member before
 them, and so do branches that begin there.
 
@@ -22,13 +22,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import scales
 from jaxdyn.analysis.eigenvalues import Eigenvalues
+from jaxdyn.analysis.scales_at_rest import at_rest, terms
 from jaxdyn.continuation.branch import Chart
 from jaxdyn.continuation.curve import CurvePoint
 from jaxdyn.continuation.family import Equilibrium
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.scales import Groups
+from jaxdyn.scales import Groups, groups
 from jaxdyn.scene import Scene
 
 Point = TypeVar("Point", Equilibrium, CurvePoint)
@@ -182,9 +182,9 @@ def units_at(make: Callable, x: np.ndarray, entries: int) -> Units:
     """The units at an equilibrium x (n,): a state with this many entries, then the parameters."""
     y, values = x[:entries], x[entries:]
     scene = make(*map(jnp.asarray, values))
-    each, time, _ = scales.at_rest(scene.field, scales.groups(scene.system), y)
+    each, time, _ = at_rest(scene.field, groups(scene.system), y)
     each = np.asarray(each)
-    own = scales.terms(scene.field, y, each) @ each
+    own = terms(scene.field, y, each) @ each
     changes = np.asarray(_changes(make, jnp.asarray(y), jnp.asarray(values), jnp.asarray(each)))
     shares = np.divide(changes, own[:, None], out=np.zeros_like(changes), where=own[:, None] > 0)
     most = shares.max(axis=0)

@@ -25,8 +25,9 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene
 from jaxdyn._records import notes_on
+from jaxdyn.analysis.scales_at_rest import at_rest, fill_zeros
 from jaxdyn.plan import plan_of
-from jaxdyn.scales import at_rest, fill_zeros, groups, shifted
+from jaxdyn.scales import groups, shifted
 
 #: Motions mostly have a few harmonics, which change faster than the first one.
 _HARMONIC = 2

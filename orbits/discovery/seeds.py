@@ -17,7 +17,8 @@ from jaxdyn import Scene
 from jaxdyn._checks import array, check_first, fail, positive
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.linearize import check_equilibrium, linearize
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.analysis.scales_at_rest import at_rest
+from jaxdyn.scales import groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.closing.sizes import largest_entry

@@ -18,8 +18,9 @@ from jaxdyn import Scene, _labelled, _text
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
+from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.continuation.branch import ANYWHERE, check_bounds
-from jaxdyn.scales import at_rest, groups
+from jaxdyn.scales import groups
 from jaxdyn.scene import check_scene
 from jaxdyn.vibration.inputs import Output
 from orbits.analysis.quantities import amplitude as amplitude_of
