@@ -49,6 +49,9 @@ from jaxdyn.status import Status
 
 #: Part of the size that a drive gives to an entry later: an entry that is smaller is at rest.
 _REST = 1e-6
+#: A span is halved so often to find where a drive begins: at the end of a half in which it is less
+#: than this part of what it becomes afterwards. Powers of time up to the ninth begin at its start.
+_HALVES, _FALL = 48, 1e-3
 
 
 class Lookahead(eqx.Module):
@@ -93,13 +96,20 @@ def _sizes_of_drives(look: Lookahead, t0: Array, t1: Array, y: Array, start: AtS
     """The start with sizes for entries at rest that a drive moves later in the span.
 
     An entry without a size, or with a negligible one, gets a part of the change that the largest
-    rate within the span makes in the time of the motion; then the entries that it moves in turn get
-    sizes in the same way. Relative to its own size, the beginning of a pulse would be resolved down
-    to rounding.
+    rate makes in the time of the motion; then the entries that it moves in turn get sizes in the
+    same way. Relative to its own size, the beginning of a pulse would be resolved down to rounding.
+
+    The span may be a mere limit, up to which a drive such as t^4 grows far beyond the motion that
+    is asked for. So the rate is that of the span's half, its quarter and so on, until it has fallen
+    at once: in a shorter part the drive has not begun, or is rounding.
     """
-    low, high = jnp.minimum(t0, t1), jnp.maximum(t0, t1)
-    found = look.plan.bounds_of_rate(look.system, low, high, y)
-    most = jnp.maximum(jnp.abs(found.low), jnp.abs(found.high))
+    ends = t0 + (t1 - t0) * 0.5 ** np.arange(_HALVES)
+    low, high = jnp.minimum(t0, ends), jnp.maximum(t0, ends)
+    found = jax.vmap(lambda a, b: look.plan.bounds_of_rate(look.system, a, b, y))(low, high)
+    rates = jnp.maximum(jnp.abs(found.low), jnp.abs(found.high))
+    rates = jnp.where(jnp.isfinite(rates), rates, 0.0)
+    gradual = jnp.cumprod(rates[1:] > _FALL * rates[:-1], axis=0)
+    most = jnp.take_along_axis(rates, jnp.sum(gradual, axis=0)[None], axis=0)[0]
 
     def filled(sizes: Array, rates: Array) -> Array:
         rates = jnp.where(jnp.isfinite(rates), jnp.abs(rates), 0.0)

@@ -244,3 +244,13 @@ def test_tangents_of_tangents_that_rounding_alone_moves_ask_for_no_steps():
     np.testing.assert_allclose(first, exact, atol=1e-9)
     exact[2, 2] = -0.6 * (2 * np.pi) ** 2
     np.testing.assert_allclose(second, exact, atol=1e-8)
+
+
+@pytest.mark.parametrize("limit", [10.0, 3e3, 1e6])
+def test_a_drive_that_grows_up_to_a_far_limit_is_measured_where_it_is(limit):
+    # y' = t^4 - y from 0, whose rate at the limit is up to 1e20 times that at the times asked for.
+    scene = jaxdyn.ode(lambda t, y: t**4 - y, [0.0], t1=limit)
+    ts = np.array([1.0, 10.0])
+    exact = ts**4 - 4 * ts**3 + 12 * ts**2 - 24 * ts + 24 - 24 * np.exp(-ts)
+    found = jaxdyn.solve(scene, limit, ts=ts)
+    np.testing.assert_allclose(np.asarray(found.ys)[:, 0], exact, rtol=1e-13)
