@@ -1,9 +1,9 @@
 """A search for zeros of a rate in a box, from many starts at once.
 
 It makes Levenberg-Marquardt iterations in units of the box, and of the usual change of each rate
-over it, and ends them with a Newton step. An end counts as a zero only if that step is short and
-the rate there is small against its change over the box: a constant rate has no zero, however small
-it is.
+over it, and ends them with steps of Newton's method. An end counts as a zero only if the last of
+these is short and the rate there is small against its change over the box: a constant rate has no
+zero, however small it is.
 """
 
 from typing import NamedTuple
@@ -19,6 +19,8 @@ from jaxdyn.scene import Field
 _ITERATIONS = 80
 _DAMPING = 1e-3  # first damping of an iteration, relative to the largest entry of J^T J
 _LESS, _MORE = 0.2, 5.0  # factors of the damping after a successful step, and after a failed one
+#: Steps of Newton's method that follow, and their largest length, as a part of the box.
+_NEWTON_STEPS, _LONGEST = 20, 0.25
 _CONVERGED = 1e-10  # part of the box: the last Newton step; likewise the rate over its change
 #: Smallest singular value of the Jacobian of an isolated zero, relative to its usual size.
 _MIN_SINGULAR_VALUE = 1e-9
@@ -111,19 +113,41 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
         better = jnp.sum(lacking(new, usual) ** 2) < jnp.sum(f * f)  # False for NaN
         return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
 
-    def end(y):
-        y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
-        # The normal equations square the condition number; a plain Newton step does not. It is the
-        # step of least norm, since on a curve of equilibria the matrix is singular. Each row is in
-        # units of its change over the box.
+    def newton(y):
+        """The step (n,) of least norm, the Jacobian, and the change of each residual over the box.
+
+        The normal equations square the condition number, this does not. The step is that of least
+        norm, since on a curve of equilibria the matrix is singular. Each row is in units of its
+        change over the box.
+        """
         f, a = seen(y)
         rows = jnp.sum(jnp.abs(a), axis=1)
         units = jnp.where(rows > 0, rows, 1.0)
         u, s, vt = jnp.linalg.svd(a / units[:, None], full_matrices=False)
         kept = s > _MIN_SINGULAR_VALUE * s[0]
         step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
+        return step, a, rows
+
+    def go_on(carry):
+        _, size, steps = carry
+        return (size > _CONVERGED) & (steps < _NEWTON_STEPS)
+
+    def advance(carry):
+        y, _, steps = carry
+        step = newton(y)[0]
+        size = jnp.linalg.norm(step)
+        y = y - axes @ (step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, _LONGEST)))
+        return y, size, steps + 1
+
+    def end(y):
+        y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
+        # In a curved valley, such as that of a ring of which a weak force leaves four points, each
+        # step that lessens the residual is short. Newton's steps leave the valley, and return.
+        there, size, _ = jax.lax.while_loop(go_on, advance, (y, jnp.asarray(jnp.inf), 0))
+        y = jnp.where(size <= _CONVERGED, there, y)
+        step, a, rows = newton(y)
         new = y - axes @ step
-        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum((f / usual) ** 2)
+        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum((lacking(y) / usual) ** 2)
         y = jnp.where(better, new, y)
         size, left = jnp.linalg.norm(step), jnp.abs(lacking(y))
         passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)

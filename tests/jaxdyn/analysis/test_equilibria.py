@@ -14,6 +14,7 @@ from jaxdyn.analysis.linearize import modes
 from jaxdyn.effects import UniformGravity
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
+from jaxdyn.formulations.ode import ode
 from jaxdyn.hard.cases.rest import FOLDS, OBLIQUE, oblique_springs
 from jaxdyn.scene import Effect
 from jaxdyn.scenes import cannonball, lorenz
@@ -150,6 +151,36 @@ def test_equilibria_with_small_basins_are_all_found(numbers, expected):
     assert (
         "except the points (0, 0), (0.8, 0.6), where the rate is discontinuous" in found.certainty
     )
+
+
+WEAK, LAG = 5e-8, 0.4  # of the field below: its strength, and the direction of the bulge [rad]
+
+
+def _geostationary(t, y):
+    """A planet with a slightly elliptic equator, in axes that turn with it."""
+
+    def potential(x, y):
+        along, across = np.cos(2 * LAG), np.sin(2 * LAG)
+        bulge = along * (x * x - y * y) + 2 * across * x * y
+        r2 = x * x + y * y
+        return -(r2**-0.5) - WEAK * bulge * r2**-2.5 - 0.5 * r2
+
+    x, y, vx, vy = y
+    ax, ay = jax.grad(potential, argnums=(0, 1))(x, y)
+    return [vx, vy, 2 * vy - ax, -2 * vx - ay]
+
+
+def test_four_equilibria_that_a_weak_force_leaves_of_a_ring():
+    found = equilibria(ode(_geostationary, np.zeros(4)), [-1.1, -1.1], [1.1, 1.1], starts=64)
+    # Towards the bulge, and across: there r^5 = r^2 + 3 WEAK and r^5 = r^2 - 3 WEAK.
+    angles = LAG + np.pi / 2 * np.arange(4)
+    r = np.array([np.roots([1, 0, 0, -1, 0, -3 * WEAK * s]).real.max() for s in (1, -1, 1, -1)])
+    expected = r[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    order = np.argsort(expected[:, 0])
+    assert set(found.kinds) == {"isolated"}
+    # Rounding is larger along the ring by the share of the weak force.
+    assert gap(found.states[:, :2], expected[order]) < 1e-15 / WEAK
+    assert gap(np.hypot(*found.states[:, :2].T), r[order]) < EXACT
 
 
 @pytest.mark.slow
