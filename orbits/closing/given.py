@@ -219,23 +219,33 @@ def repeats(scene: Scene, period: float) -> bool:
 
 def _rates(scene: Scene, later: float, period: float) -> np.ndarray:
     """Rates at many times, at the start and beside it: at a rest state the drive may cancel."""
-    y0 = np.asarray(scene.y0)
-    beside = y0 + _BESIDE * sizes(scene) * (1 + np.arange(len(y0)))
+    y0, away = np.asarray(scene.y0), beside(scene)
     ts = later + period * SPREAD
-    at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, beside))
+    at, off = (np.asarray(rates_at(scene, ts, y)) for y in (y0, y0 if away is None else y0 + away))
     # The rate beside the start may be undefined.
     return np.concatenate([at, off] if np.isfinite(off).all() else [at])
 
 
-def drive(scene: Scene, y: Array, period: Array) -> Array:
+def beside(scene: Scene) -> np.ndarray | None:
+    """(k,) how far from its start the drive of a scene is read; None where it has none."""
+    if not is_driven(scene):
+        return None
+    return _BESIDE * sizes(scene) * (1 + np.arange(len(scene.y0)))
+
+
+def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
     """(4 k,) the change of the rate over a period, zero where that is a multiple of the drive's.
 
     It is taken at the phases at which the rate changes fastest, since a drive may act for a small
     part of its period. A drive that is switched is the same at other times too, so how far its
-    switches are from changing is added.
+    switches are from changing is added. The rate is read at a distance `away` (k,) from y, since
+    at y itself the drive may cancel, as a parametric one does at rest, and then any period would
+    do; where it is undefined there, at y.
     """
     known = jax.lax.stop_gradient(period)
     many = known * jnp.asarray(SPREAD)
+    defined = jnp.isfinite(jax.vmap(scene.rate, (0, None))(many, y + away)).all()
+    y = y + jnp.where(defined, away, 0.0)
 
     def speed(t):
         return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))[1]

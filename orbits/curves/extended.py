@@ -237,8 +237,7 @@ class Extended(eqx.Module):
         held = frame.rows @ w[0] - jnp.eye(len(frame.rows))[0]
         place = jnp.concatenate([start, unknowns.period[None], unknowns.parameters])
         if self.driven:
-            # The drive is read beside the start: at a rest state it may cancel.
-            more = [drive(scene, start + _BESIDE * frame.sizes, unknowns.period)]
+            more = [drive(scene, start, unknowns.period, _BESIDE * frame.sizes)]
         else:
             more = [(jnp.asarray(frame.flow) @ (start - frame.start))[None]]
             if self.kind == Kind.FOLD:

@@ -14,7 +14,7 @@ from jaxdyn.continuation.branch import read
 from jaxdyn.continuation.checkpoint import OTHER, Codec, SavedBranch
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Closing, Symmetry
-from orbits.closing.given import is_driven
+from orbits.closing.given import beside
 from orbits.families.family import Family, Member
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import ChainEquations
@@ -151,7 +151,7 @@ def family_of(walk: SavedBranch, make: Callable[[Array], Scene]) -> Family:
         make=make,
         shares=known.shares,
         s_spans=known.s_spans,
-        driven=is_driven(scene),
+        beside=beside(scene),
         collocated=known.collocated,
         stiff=known.stiff,
     )

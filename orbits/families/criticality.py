@@ -136,7 +136,9 @@ def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
 
 # ---- Super- or subcritical: coefficients of the normal form of the map of an orbit
 
-_CRITICAL = 1e-4  # largest distance of a multiplier from its value at the bifurcation
+#: Largest distance of a multiplier from its value at the bifurcation, and of another one from it
+#: for the two to be a double one.
+_CRITICAL = 1e-4
 _RESONANT = 1e-3  # a smaller |exp(3 i a) - 1| or |exp(4 i a) - 1| means a strong resonance
 _PHASES = 5  # equally spaced phases, which separate the harmonics of a series that are needed
 
@@ -182,6 +184,8 @@ _MEANING = {
     "undecided": "The coefficient is zero within its bar: a point of codimension two is near.",
     "resonance": "The rotation is in a strong resonance (1:3 or 1:4): the coefficient does not "
     "decide. Search for the orbits of three or four periods.",
+    "double": "Two multipliers have the critical value, as where a rate conserves areas: the "
+    "coefficient is not defined. Add a little damping.",
 }
 
 
@@ -219,7 +223,9 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
     kind = Kind(kind)
     _check(orbit)
     moving = is_driven(orbit.scene)
-    each, rtol = sizes(orbit.scene), orbit.rtol
+    # The start of a member may be rounding, as that of a rest state in a driven scene.
+    each = point.point.sizes if isinstance(point, Member) else sizes(orbit.scene)
+    rtol = orbit.rtol
     axes = basis(orbit, moving, each)
     fine, coarse = (
         _FORMS[kind](_Map(orbit, axes, each, moving, tolerance))
@@ -267,8 +273,8 @@ class _Map:
         """The length of a vector with coordinates q (d,) in the state itself, not in sizes."""
         return float(np.linalg.norm(self.axes @ q))
 
-    def critical(self, wanted=None) -> tuple[np.ndarray, complex, np.ndarray, np.ndarray]:
-        """The derivative, the critical multiplier, and its vectors q and p."""
+    def critical(self, wanted=None) -> "_Critical":
+        """The derivative, the critical multiplier, and its vectors."""
         a = self.derivative()
         values, vectors = np.linalg.eig(a)
         if wanted is None:
@@ -281,46 +287,69 @@ class _Map:
             got = ", ".join(f"{z:.6g}" for z in values)
             raise fail("point", f"an orbit with a critical multiplier {expected}", got)
         q = vectors[:, i] / np.linalg.norm(vectors[:, i])
+        if (np.abs(values - values[i]) <= _CRITICAL).sum() > 1:
+            return _Critical(a, values[i], q, None)
         p = np.linalg.inv(vectors)[i]
         p = p / (p @ q)
         if wanted is None:
-            return a, values[i], q, p
+            return _Critical(a, values[i], q, p)
         q, p = q.real / np.linalg.norm(q.real), p.real
-        return a, values[i], q, p / (p @ q)
+        return _Critical(a, values[i], q, p / (p @ q))
+
+
+class _Critical(NamedTuple):
+    """A (d, d), the critical multiplier, q (d,), and p (d,), or None where it is a double one."""
+
+    a: np.ndarray
+    value: complex
+    q: np.ndarray
+    p: np.ndarray | None
 
 
 class _Form(NamedTuple):
-    """The coefficient that decides, the quadratic one, whether it does decide, and |q|."""
+    """The coefficient that decides, the quadratic one, |q|, and why it does not decide, if so."""
 
     coefficient: float
     quadratic: float
-    simple: bool
     length: float
+    doubt: str = ""
+
+
+def _double(returns: _Map, q: np.ndarray) -> _Form:
+    return _Form(np.nan, np.nan, returns.length(q), "double")
 
 
 def _fold(returns: _Map) -> _Form:
     _, _, q, p = returns.critical(1.0)
+    if p is None:
+        return _double(returns, q)
     quadratic = float(p @ returns.along(q, 0 * q)[1])
-    return _Form(quadratic, quadratic, True, returns.length(q))
+    return _Form(quadratic, quadratic, returns.length(q))
 
 
 def _branch(returns: _Map) -> _Form:
     a, _, q, p = returns.critical(1.0)
+    if p is None:
+        return _double(returns, q)
     second = returns.along(q, 0 * q)[1]
     eye = np.eye(len(a))
     bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
     h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
-    return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), True, returns.length(q))
+    return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), returns.length(q))
 
 
 def _doubling(returns: _Map) -> _Form:
     a, _, q, p = returns.critical(-1.0)
+    if p is None:
+        return _double(returns, q)
     h = np.linalg.solve(np.eye(len(a)) - a, 2 * returns.along(q, 0 * q)[1])
-    return _Form(float(p @ returns.along(q, h / 2)[2]), np.nan, True, returns.length(q))
+    return _Form(float(p @ returns.along(q, h / 2)[2]), np.nan, returns.length(q))
 
 
 def _torus(returns: _Map) -> _Form:
     a, value, q, p = returns.critical()
+    if p is None:
+        return _double(returns, q)
     turn, eye = value / abs(value), np.eye(len(a))
     turns = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
     seconds = np.stack([returns.along(2 * (z * q).real, 0 * q.real)[1] for z in turns])
@@ -330,8 +359,9 @@ def _torus(returns: _Map) -> _Form:
         [returns.along(2 * (z * q).real, (z * z * double).real + mixed)[2] for z in turns]
     )
     cubic = p @ (turns**-1 @ thirds) / _PHASES
-    simple = min(abs(turn**3 - 1), abs(turn**4 - 1)) > _RESONANT
-    return _Form(float((cubic / turn).real), np.nan, bool(simple), returns.length(q))
+    resonant = min(abs(turn**3 - 1), abs(turn**4 - 1)) <= _RESONANT
+    doubt = "resonance" if resonant else ""
+    return _Form(float((cubic / turn).real), np.nan, returns.length(q), doubt)
 
 
 _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
@@ -340,10 +370,10 @@ _SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
 
 
 def _judge(kind: Kind, fine: _Form, bars: list[float]) -> Criticality:
-    coefficient, quadratic, simple, length = fine
+    coefficient, quadratic, length, doubt = fine
     bar, other = bars
-    if not simple:
-        verdict, meaning = "undecided", "resonance"
+    if doubt:
+        verdict, meaning = "undecided", doubt
     elif kind == Kind.BRANCH and abs(quadratic) > other + _CRITICAL * abs(coefficient):
         verdict = meaning = "transcritical"
     elif not abs(coefficient) > bar:

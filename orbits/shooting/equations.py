@@ -24,7 +24,7 @@ from jaxdyn._checks import as_float
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing, Condition
-from orbits.closing.given import drive, is_driven
+from orbits.closing.given import beside, drive
 from orbits.closing.sizes import PHASES, sizes
 from orbits.motion import advance
 from orbits.orbit import Orbit
@@ -76,8 +76,8 @@ class Equations(eqx.Module):
       make: (parameter of a family) -> scene; None without a parameter.
       shares: (segments,) fractions of the time to integrate; their sum is 1.
       s_spans: (segments,) spans of logarithmic time; None in plain time.
-      driven: whether the rate depends on time; then each segment starts at its own time, and the
-        rate must repeat after the period.
+      beside: (k,) distance from the start at which the rate is compared with that after the period;
+        None where it does not depend on time.
       collocated: whether a segment is one step of Gauss collocation instead of an integration.
       stiff: whether a stiff method integrates motions, for first guesses.
     """
@@ -88,7 +88,7 @@ class Equations(eqx.Module):
     make: Make | None = eqx.field(static=True, default=None)
     shares: tuple[float, ...] = (1.0,)
     s_spans: tuple[float, ...] | None = None
-    driven: bool = eqx.field(static=True, default=False)
+    beside: np.ndarray | None = None
     collocated: bool = eqx.field(static=True, default=False)
     stiff: bool = eqx.field(static=True, default=False)
 
@@ -106,8 +106,13 @@ class Equations(eqx.Module):
             conditions=conditions,
             make=make,
             s_spans=spans,
-            driven=is_driven(orbit.scene),
+            beside=beside(orbit.scene),
         )
+
+    @property
+    def driven(self) -> bool:
+        """Whether the rate depends on time; then each segment starts at its own time."""
+        return self.beside is not None
 
     @property
     def s_period(self) -> float | None:
@@ -344,8 +349,8 @@ def boundary(equations: Equations, x: Array, start: Array, end: Array) -> Array:
     scene = equations.scene_at(unknowns.parameter)
     miss = equations.closing.residual(scene.system, end, start, unknowns.angle)
     more = [c.value(scene, start, unknowns.period) for c in equations.conditions]
-    if equations.driven:
-        more.append(drive(scene, start, unknowns.period))
+    if equations.beside is not None:
+        more.append(drive(scene, start, unknowns.period, equations.beside))
     return jnp.concatenate([miss, *(jnp.reshape(c, -1) for c in more)])
 
 

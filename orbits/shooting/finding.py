@@ -11,7 +11,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail
 from orbits.closing.closings import PLAIN, Closing, Hold, symmetric_closing
-from orbits.closing.given import Problem, pose
+from orbits.closing.given import Problem, beside, pose
 from orbits.closing.sizes import sizes
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, Outcome, SearchError
@@ -123,7 +123,7 @@ def find(
         scene=problem.scene,
         closing=nearest,
         conditions=problem.conditions,
-        driven=problem.driven,
+        beside=beside(problem.scene),
     )
     search = Search(problem, equations, angle, segments, effort)
     orbit = strategy.orbit(search)

@@ -113,7 +113,7 @@ class Search:
             scene=scene,
             closing=equations.closing,
             conditions=equations.conditions,
-            driven=equations.driven,
+            beside=equations.beside,
         )
         return dataclasses.replace(
             self,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cycles import Bautin, cycle
 from helpers import gap, kepler
+from scipy.integrate import solve_ivp
 from scipy.special import ellipe, ellipk
 
 import jaxdyn
@@ -232,6 +233,39 @@ def van_der_pol(t, y, mu):
 
 
 @pytest.mark.slow
+def mathieu(t, y, p):
+    omega, damping = p
+    return [y[1], -damping * y[1] - (1 + 0.3 * jnp.cos(omega * t)) * y[0] - y[0] ** 3]
+
+
+def test_a_rest_state_by_the_frequency_of_a_parametric_drive():
+    """The drive is seen only beside the rest state."""
+
+    def at(omega):
+        numbers = jnp.stack([jnp.asarray(omega, float), jnp.asarray(0.05)])
+        return jaxdyn.ode(mathieu, [0.0, 0.0], 2 * jnp.pi / omega, params=numbers)
+
+    rest = orbits.find(at(2.6))
+
+    def found(omega):
+        orbit = orbits.differentiable(at(omega), rest)
+        return orbit.period, orbit.multipliers()[0].real
+
+    def trace(omega):
+        def linear(t, z):
+            y = z.reshape(2, 2)
+            return np.stack([y[1], -0.05 * y[1] - (1 + 0.3 * np.cos(omega * t)) * y[0]]).ravel()
+
+        span = (0.0, 2 * np.pi / omega)
+        end = solve_ivp(linear, span, np.eye(2).ravel(), rtol=1e-12, atol=1e-13).y[:, -1]
+        return end[0] + end[3]  # two complex multipliers with the same real part
+
+    by_period, by_multiplier = jax.jacfwd(found)(2.6)
+    np.testing.assert_allclose(by_period, -2 * np.pi / 2.6**2, rtol=1e-9)
+    exact = (trace(2.601) - trace(2.599)) / 0.004
+    np.testing.assert_allclose(by_multiplier, exact, rtol=1e-5)  # of the difference quotient
+
+
 def test_the_amplitude_of_a_cycle_by_its_parameter():
     def make(mu):
         return jaxdyn.ode(van_der_pol, [2.0, 0.0], 6.66, params=mu)

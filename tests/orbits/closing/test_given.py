@@ -8,7 +8,7 @@ import pytest
 import jaxdyn
 import orbits
 from jaxdyn import scenes
-from orbits.closing.given import drive, is_driven
+from orbits.closing.given import beside, drive, is_driven
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_the_period_of_a_switched_drive_is_seen_between_its_switches(scale):
 
     scene = jaxdyn.ode(pushed, [0.0, 0.0], names=["x", "v"], params=2.0 / scale)
     for period, closes in ((math.pi, True), (math.pi * (1 + 1e-6), False), (2 * math.pi, True)):
-        off = drive(scene, jnp.asarray(scene.y0), jnp.asarray(scale * period))
+        off = drive(scene, jnp.asarray(scene.y0), jnp.asarray(scale * period), beside(scene))
         assert (float(jnp.abs(off).max()) < 1e-9) == closes
 
 

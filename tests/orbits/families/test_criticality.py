@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
+from scipy.special import mathieu_b
 
 import jaxdyn
 import orbits
@@ -135,6 +136,55 @@ def test_a_coefficient_that_vanishes_is_undecided():
     found = orbits.criticality(held(scene, [SHIFT, 0.0]), Kind.DOUBLING)
     assert found.verdict == "undecided"
     assert "codimension two" in found.message
+
+
+def shaken(t, y, p):
+    omega, damping = p
+    return [y[1], -damping * y[1] - (1 + 0.3 * jnp.cos(omega * t)) * y[0] - y[0] ** 3]
+
+
+def at_rest(omega, damping):
+    numbers = jnp.stack([jnp.asarray(omega, float), jnp.asarray(damping)])
+    return jaxdyn.ode(shaken, [0.0, 0.0], TURN / omega, params=numbers)
+
+
+@pytest.mark.slow
+def test_branches_of_a_rest_state_are_pitchforks_by_its_symmetry():
+    """The second tongue of Mathieu's equation, with a spring that stiffens: both bend upwards."""
+
+    def make(omega):
+        return at_rest(omega, 0.01)
+
+    rest = orbits.find(make(1.02))
+    family = orbits.continue_family(rest, make, 1.02, within=(0.97, 1.02), down=True, members=20)
+    upper, lower = family.special
+    assert [orbits.criticality(x).verdict for x in family.special] == [
+        "subcritical",
+        "supercritical",
+    ]
+    for point, verdict in ((upper, "unstable"), (lower, "stable")):
+        branch, omega = orbits.switch_branch(family, point)
+        assert omega > point.parameter
+        assert orbits.stability(branch).verdict == verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("low", "high"), [(2.1, 2.2), (0.99, 1.01)])
+def test_without_damping_multipliers_are_double_and_the_edges_those_of_mathieu(low, high):
+    def make(omega):
+        return at_rest(omega, 0.0)
+
+    family = orbits.continue_family(
+        orbits.find(make(high)), make, high, within=(low, high), down=True, members=20
+    )
+    (point,) = family.special
+    order = round(2 / point.parameter)
+    q = 2 * 0.3 / point.parameter**2
+    assert point.parameter == pytest.approx(2 / math.sqrt(mathieu_b(order, q)), rel=1e-11)
+    found = orbits.criticality(point)
+    assert found.verdict == "undecided"
+    assert found.message.startswith("Two multipliers have the critical value")
+    assert math.isnan(found.coefficient)
 
 
 @pytest.mark.slow
