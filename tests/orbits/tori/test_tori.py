@@ -203,7 +203,10 @@ def test_a_rotation_that_no_torus_has_is_refused(swing):
         (lambda o: orbits.torus(o, 0.1, max_modes=2), "max_modes: expected a whole number, at"),
         (lambda o: orbits.continue_tori(orbits.torus(o, 0.1), members=1), "members: expected"),
         (lambda o: orbits.continue_tori(orbits.torus(o, 0.1), step=0.0), "step: expected"),
-        (lambda o: drawing.torus(orbits.torus(o, 0.1), entries=("x",)), "entries: expected one of"),
+        (
+            lambda o: drawing.torus(orbits.torus(o, 0.1), entries=("x", "theta")),
+            "entries: expected one of",
+        ),
         (lambda o: drawing.torus(orbits.torus(o, 0.1), entries=("theta",)), "entries: expected tw"),
     ],
 )
