@@ -113,49 +113,48 @@ def _search(field: Field, t: Array, axes: Array, ys: Array) -> tuple[Array, ...]
         better = jnp.sum(lacking(new, usual) ** 2) < jnp.sum(f * f)  # False for NaN
         return jnp.where(better, new, y), damping * jnp.where(better, _LESS, _MORE)
 
-    def newton(y):
-        """The step (n,) of least norm, the Jacobian, and the change of each residual over the box.
-
-        The normal equations square the condition number, this does not. The step is that of least
-        norm, since on a curve of equilibria the matrix is singular. Each row is in units of its
-        change over the box.
-        """
-        f, a = seen(y)
-        rows = jnp.sum(jnp.abs(a), axis=1)
-        units = jnp.where(rows > 0, rows, 1.0)
-        u, s, vt = jnp.linalg.svd(a / units[:, None], full_matrices=False)
-        kept = s > _MIN_SINGULAR_VALUE * s[0]
-        step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
-        return step, a, rows
-
     def go_on(carry):
-        _, size, steps = carry
+        _, size, *_, steps = carry
         return (size > _CONVERGED) & (steps < _NEWTON_STEPS)
 
     def advance(carry):
-        y, _, steps = carry
-        step = newton(y)[0]
+        y, *_, steps = carry
+        f, a = seen(y)
+        step, rows = _shortest_step(f, a)
         size = jnp.linalg.norm(step)
         y = y - axes @ (step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, _LONGEST)))
-        return y, size, steps + 1
+        return y, size, a, rows, steps + 1
 
     def end(y):
         y, _ = jax.lax.fori_loop(0, _ITERATIONS, improve, (y, jnp.asarray(_DAMPING)))
         # In a curved valley, such as that of a ring of which a weak force leaves four points, each
         # step that lessens the residual is short. Newton's steps leave the valley, and return.
-        there, size, _ = jax.lax.while_loop(go_on, advance, (y, jnp.asarray(jnp.inf), 0))
-        y = jnp.where(size <= _CONVERGED, there, y)
-        step, a, rows = newton(y)
-        new = y - axes @ step
-        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum((lacking(y) / usual) ** 2)
+        none = jnp.zeros((len(usual), axes.shape[1])), jnp.zeros(len(usual))
+        first = (y, jnp.asarray(jnp.inf), *none, 0)
+        new, size, a, rows, _ = jax.lax.while_loop(go_on, advance, first)
+        better = jnp.sum(lacking(new, usual) ** 2) <= jnp.sum(lacking(y, usual) ** 2)
         y = jnp.where(better, new, y)
-        size, left = jnp.linalg.norm(step), jnp.abs(lacking(y))
+        left = jnp.abs(lacking(y))
         passed = (size <= _CONVERGED) & jnp.all(left <= _CONVERGED * rows)
         _, s, vt = jnp.linalg.svd(a / usual[:, None], full_matrices=False)
         flat = s[-1] <= _MIN_SINGULAR_VALUE * jnp.maximum(s[0], 1.0)
         return y, size, jnp.max(left[: len(y)]), passed, flat, axes @ vt[-1]
 
     return jax.vmap(end)(ys)
+
+
+def _shortest_step(f: Array, a: Array) -> tuple[Array, Array]:
+    """The step (n,) of Newton's method of least norm, and the change of each residual over the box.
+
+    The normal equations square the condition number, this does not. On a curve of equilibria the
+    matrix is singular. Each row is in units of its change over the box.
+    """
+    rows = jnp.sum(jnp.abs(a), axis=1)
+    units = jnp.where(rows > 0, rows, 1.0)
+    u, s, vt = jnp.linalg.svd(a / units[:, None], full_matrices=False)
+    kept = s > _MIN_SINGULAR_VALUE * s[0]
+    step = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, s, 1.0), 0.0) * (u.T @ (f / units)))
+    return step, rows
 
 
 def jumps(field: Field, t: Array, box: Box, ys: np.ndarray) -> np.ndarray:
