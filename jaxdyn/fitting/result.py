@@ -420,15 +420,16 @@ def with_bar(value: float, bar: float) -> str:
     """A number and the half-width of its interval, to two digits of the latter.
 
     Example:
-      >>> with_bar(9.81234, 0.0321), with_bar(1.0, float("nan"))
-      ('9.812 +- 0.032', '1 +- nan')
+      >>> with_bar(9.81234, 0.0321), with_bar(1.0, float("nan")), with_bar(9e5 + 0.1, 1.8e-19)
+      ('9.812 +- 0.032', '1 +- nan', '900000.1 +- 1.8e-19')
     """
     if not (np.isfinite(bar) and bar > 0):
         return f"{value:.6g} +- {bar:.2g}"
     places = 1 - int(np.floor(np.log10(bar)))
     if 0 <= places <= 8:
         return f"{value:.{places}f} +- {bar:.{places}f}"
-    digits = max(places + int(np.floor(np.log10(abs(value) or bar))) + 1, 1)
+    digits = places + int(np.floor(np.log10(abs(value) or bar))) + 1
+    digits = min(max(digits, 1), np.finfo(float).precision)
     return f"{value:.{digits}g} +- {bar:.2g}"
 
 
