@@ -167,6 +167,8 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
 class _Iterates(Settling):
     """The iterates of a map."""
 
+    tries = 60  # each takes milliseconds
+
     def __init__(self, step: _Map, steps: int, rounds: int, k: int, far: float, kept: Rows):
         super().__init__(steps, rounds, k, kept)
         self.step, self.far = step, far

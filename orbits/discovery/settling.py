@@ -19,7 +19,6 @@ NEWTON = 0.05  # the same for an attractor that Newton's method finds from the e
 #: Relative to the largest exponent: the least sum of the exponents of a chaotic attractor.
 CONTRACTS = 1e-6
 _CLOUD_SPACING = 4.0  # the same for a chaotic one, relative to its largest gaps
-_TRIES = 6  # ends of a round without a new attractor before the search stops
 _SD = 1.96  # standard deviations of a 95 % interval
 
 #: The file of the states in which motions end, and how many of them are in a line.
@@ -220,7 +219,10 @@ class Settling(abc.ABC):
       longest: time of the longest motions.
       computed: number of motions.
       sizes: (k,) sizes of the entries of a state.
+      tries: ends in succession without a new attractor before the search of a round stops.
     """
+
+    tries = 6
 
     def __init__(self, span: float, rounds: int, k: int, kept: Rows):
         self.span, self.rounds, self.kept = span, rounds, kept
@@ -312,11 +314,11 @@ class Settling(abc.ABC):
         """Search for attractors where motions that are not near any have ended."""
         tried = np.zeros(len(ends), bool)
         failed = 0
-        while failed < _TRIES:
+        while failed < self.tries:
             open_ = np.flatnonzero((found < 0) & ~tried & np.isfinite(ends).all(axis=1))
             if not len(open_):
                 return
-            one = open_[0]
+            one = open_[failed * len(open_) // self.tries]  # not beside those that failed
             tried[one] = True
             new = self.attractor(ends[one], last)
             if new is None:
@@ -324,5 +326,4 @@ class Settling(abc.ABC):
                 continue
             self.attractors.append(new)
             self._match(ends, found, last, only=len(self.attractors) - 1)
-            if found[one] < 0:
-                failed += 1
+            failed = failed + 1 if found[one] < 0 else 0

@@ -247,6 +247,26 @@ def test_henons_map_has_the_published_fraction_and_exponent(tmp_path):
     assert figure.axes[0].get_title() == "henon"
 
 
+def test_many_attractors_of_a_map_are_found_among_motions_that_drift_away():
+    # Fixed points at each odd multiple of pi. The first starts of the grid drift, turn by turn.
+    def damped(y, p):
+        return [y[0] + y[1], 0.9 * y[1] + p * jnp.sin(y[0] + y[1])]
+
+    side = np.arange(14) * np.pi / 7
+    found = orbits.map_basins(damped, {"x": side, "v": side - np.pi}, params=3.5)
+    x, v = np.meshgrid(side, side - np.pi, indexing="ij")
+    for _ in range(int(found.time)):
+        x, v = x + v, 0.9 * v + 3.5 * np.sin(x + v)
+    near = np.pi * (1 + 2 * np.round((x / np.pi - 1) / 2))
+    rest = np.abs(x - near) + np.abs(v) < 1e-3
+    # Single starts may go elsewhere in NumPy: motions are chaotic at first, and rounding decides.
+    assert abs(np.mean(found.labels >= 0) - np.mean(rest)) < 0.05
+    places = np.array([a.points[0, 0] for a in found.attractors])
+    assert len(places) > 0.9 * len(np.unique(near[rest]))
+    odd = places / np.pi
+    np.testing.assert_allclose(odd, 1 + 2 * np.round((odd - 1) / 2), rtol=1e-12)
+
+
 def test_a_cycle_of_a_map_has_its_period_and_multiplier():
     side = np.linspace(-1, 1, 12)
     found = orbits.map_basins(henon, {"x": side, "y": side}, params=0.6)
