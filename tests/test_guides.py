@@ -16,10 +16,8 @@ import pytest
 import typer
 from helpers import run_blocks
 
-import jaxdyn
 from jaxdyn.cli.app import app as jaxdyn_app
 from orbits.cli.app import app as orbits_app
-from orbits.targets import aim
 
 ROOT = Path(__file__).parent.parent
 GALLERY = ROOT / "jaxdyn" / "gallery"
@@ -128,10 +126,3 @@ def test_the_neighbour_and_the_eight_are_what_the_guide_says():
     assert re.search(r"choreography +True", eight)
     assert re.search(r"scale_free +9\.23768$", eight, re.MULTILINE)
     assert "0.0084227247" in eight
-
-
-@pytest.mark.slow
-def test_adam_finds_the_longest_range():
-    farthest = aim.farthest(jaxdyn.scenes.cannonball(drag=0.01), [50.0])
-    angle, reached = farthest.angle[0], farthest.x[0]
-    assert f"{angle:.6f} rad, {reached:.6f} m" in output("08_fitting.md")

@@ -242,7 +242,9 @@ def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
     at y itself the drive may cancel, as a parametric one does at rest, and then any period would
     do; where it is undefined there, at y.
     """
-    known = jax.lax.stop_gradient(period)
+    # By y the change has no derivative where the rate repeats, at any y. Elsewhere it would make a
+    # rest state, which is exact, one of 1e-17, then of 1e-34, each with sizes of its own.
+    known, y = jax.lax.stop_gradient((period, y))
     many = known * jnp.asarray(SPREAD)
     defined = jnp.isfinite(jax.vmap(scene.rate, (0, None))(many, y + away)).all()
     y = y + jnp.where(defined, away, 0.0)
