@@ -191,7 +191,8 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
             )
         solution, along = defining.solve(defining.arc, within, x, np.stack([x, up])), up
         if solution is None:
-            solution, along = _fold_at(within, x), _largest_grows(_tangent(within, x), down)
+            near = equilibrium_at(within, x, up, math.nan)
+            solution, along = _fold_at(within, near), _largest_grows(near.tangent, down)
         if solution is None:
             remedy = "jaxdyn.equilibria finds those in a box."
             raise _checks.fail("start", "a state near an equilibrium", y.tolist(), remedy)
@@ -199,19 +200,15 @@ def _first(make: Make, parameter: float, start, down: bool) -> Equilibrium:
     return units.outward(equilibrium_at(within, solution.x, along, solution.residual))
 
 
-def _fold_at(make: InUnits, x: np.ndarray) -> Solution | None:
-    """The fold at a state and the parameter x (k + 1,); None if it is not at this parameter.
+def _fold_at(make: InUnits, near: Equilibrium) -> Solution | None:
+    """The fold near a state; None if it is not at the same parameter.
 
     At a fixed parameter the equations of an equilibrium are dependent there.
     """
-    fold = solution_of(make, Kind.FOLD, equilibrium_at(make, x, np.zeros(len(x)), math.nan))
-    if fold is None or abs(fold.x[len(x) - 1] - x[-1]) > _SAME_PARAMETER * (1.0 + abs(x[-1])):
+    fold, p, k = solution_of(make, Kind.FOLD, near), near.parameter, len(near.state)
+    if fold is None or abs(fold.x[k] - p) > _SAME_PARAMETER * (1.0 + abs(p)):
         return None
-    return fold._replace(x=fold.x[: len(x)])
-
-
-def _tangent(make: InUnits, x: np.ndarray) -> np.ndarray:
-    return np.linalg.svd(np.asarray(slope_at(make, x)))[2][-1]
+    return fold._replace(x=fold.x[: k + 1])
 
 
 def _largest_grows(tangent: np.ndarray, down: bool) -> np.ndarray:

@@ -228,7 +228,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
     rtol = orbit.rtol
     axes = basis(orbit, moving, each)
     fine, coarse = (
-        _FORMS[kind](_Map(orbit, axes, each, moving, tolerance))
+        _form(kind, _Map(orbit, axes, each, moving, tolerance))
         for tolerance in (rtol, coarser(rtol))
     )
     bars = [abs(a - b) + 1e-12 * abs(a) for a, b in zip(fine[:2], coarse[:2], strict=True)]
@@ -288,7 +288,7 @@ class _Map:
             raise fail("point", f"an orbit with a critical multiplier {expected}", got)
         q = vectors[:, i] / np.linalg.norm(vectors[:, i])
         if (np.abs(values - values[i]) <= _CRITICAL).sum() > 1:
-            return _Critical(a, values[i], q, None)
+            return _Critical(a, values[i], q, np.full(len(q), np.nan))
         p = np.linalg.inv(vectors)[i]
         p = p / (p @ q)
         if wanted is None:
@@ -298,12 +298,12 @@ class _Map:
 
 
 class _Critical(NamedTuple):
-    """A (d, d), the critical multiplier, q (d,), and p (d,), or None where it is a double one."""
+    """A (d, d), the critical multiplier, q (d,), and p (d,), NaN where it is a double one."""
 
     a: np.ndarray
     value: complex
     q: np.ndarray
-    p: np.ndarray | None
+    p: np.ndarray
 
 
 class _Form(NamedTuple):
@@ -315,22 +315,14 @@ class _Form(NamedTuple):
     doubt: str = ""
 
 
-def _double(returns: _Map, q: np.ndarray) -> _Form:
-    return _Form(np.nan, np.nan, returns.length(q), "double")
-
-
-def _fold(returns: _Map) -> _Form:
-    _, _, q, p = returns.critical(1.0)
-    if p is None:
-        return _double(returns, q)
+def _fold(returns: _Map, critical: _Critical) -> _Form:
+    _, _, q, p = critical
     quadratic = float(p @ returns.along(q, 0 * q)[1])
     return _Form(quadratic, quadratic, returns.length(q))
 
 
-def _branch(returns: _Map) -> _Form:
-    a, _, q, p = returns.critical(1.0)
-    if p is None:
-        return _double(returns, q)
+def _branch(returns: _Map, critical: _Critical) -> _Form:
+    a, _, q, p = critical
     second = returns.along(q, 0 * q)[1]
     eye = np.eye(len(a))
     bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
@@ -338,18 +330,14 @@ def _branch(returns: _Map) -> _Form:
     return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), returns.length(q))
 
 
-def _doubling(returns: _Map) -> _Form:
-    a, _, q, p = returns.critical(-1.0)
-    if p is None:
-        return _double(returns, q)
+def _doubling(returns: _Map, critical: _Critical) -> _Form:
+    a, _, q, p = critical
     h = np.linalg.solve(np.eye(len(a)) - a, 2 * returns.along(q, 0 * q)[1])
     return _Form(float(p @ returns.along(q, h / 2)[2]), np.nan, returns.length(q))
 
 
-def _torus(returns: _Map) -> _Form:
-    a, value, q, p = returns.critical()
-    if p is None:
-        return _double(returns, q)
+def _torus(returns: _Map, critical: _Critical) -> _Form:
+    a, value, q, p = critical
     turn, eye = value / abs(value), np.eye(len(a))
     turns = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
     seconds = np.stack([returns.along(2 * (z * q).real, 0 * q.real)[1] for z in turns])
@@ -364,7 +352,17 @@ def _torus(returns: _Map) -> _Form:
     return _Form(float((cubic / turn).real), np.nan, returns.length(q), doubt)
 
 
+def _form(kind: Kind, returns: _Map) -> _Form:
+    """The coefficients of a kind of bifurcation; NaN where its multiplier is a double one."""
+    critical = returns.critical(_VALUES.get(kind))
+    if np.isnan(critical.p).any():
+        return _Form(np.nan, np.nan, returns.length(critical.q), "double")
+    return _FORMS[kind](returns, critical)
+
+
 _FORMS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _doubling, Kind.TORUS: _torus}
+#: The critical multiplier of each kind; at a torus point it is any on the unit circle.
+_VALUES = {Kind.FOLD: 1.0, Kind.BRANCH: 1.0, Kind.DOUBLING: -1.0}
 #: The sign of the coefficient of a supercritical bifurcation.
 _SIGNS = {Kind.BRANCH: -1.0, Kind.DOUBLING: 1.0, Kind.TORUS: -1.0}
 
