@@ -20,6 +20,7 @@ from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.event_values import (
     EventSampler,
+    EventSamples,
     TimeDependence,
     count,
     curvature_rounding,
@@ -227,6 +228,26 @@ class Bracket(NamedTuple):
         return jnp.isfinite(self.low)
 
 
+class RootLook(NamedTuple):
+    """E events, each looked at at a time of its own."""
+
+    g: Array  # (E,) values
+    slope: Array  # (E,) their slopes in time
+    y: Array  # (k, E) the states
+    rate: Array  # (k, E) their rates
+    error: Array  # (k, E) errors of the steps there
+
+    @classmethod
+    def of(cls, ahead: EventSamples) -> "RootLook":
+        """Each event at the sample of the same number."""
+        g, slope = jnp.diagonal(ahead.g), jnp.diagonal(ahead.slope)
+        return cls(g, slope, ahead.y, ahead.rate, ahead.error)
+
+    def of_event(self, which: Array) -> "RootLook":
+        """That of one event: (), () and (k,) each."""
+        return jax.tree.map(lambda x: x[..., which], self)
+
+
 class _RootRefinement(NamedTuple):
     """The state of the polishing iteration."""
 
@@ -238,13 +259,13 @@ class _RootRefinement(NamedTuple):
     back: Array  # (E,) length of the last step back, once Newton's method has converged
     arrived: Array  # (E,) whether it has
     done: Array  # (E,)
-    y: Array  # (k, E) the states at the last look
+    at: RootLook  # the last look
 
 
 def refine_roots(
     sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket
-) -> tuple[Array, Array]:
-    """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
+) -> tuple[Array, RootLook]:
+    """(E,) times after t0 at which events happen, inf if not, and the looks at them.
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
     The search has arrived where a neighbour of the state, or of the time, is on the other side. The
@@ -262,7 +283,8 @@ def refine_roots(
 
     def look(p: _RootRefinement) -> _RootRefinement:
         ahead = sampler.after(t0, y0, p.h)
-        g, slope, side = (jnp.diagonal(x) for x in (ahead.g, ahead.slope, ahead.side))
+        seen, side = RootLook.of(ahead), jnp.diagonal(ahead.side)
+        g, slope = seen.g, seen.slope
         # A start on the event may be beyond it by rounding, and leave before it returns.
         leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
         before = (jnp.sign(g) == -towards) | leaves
@@ -289,7 +311,7 @@ def refine_roots(
             back=back,
             arrived=arrived,
             done=done,
-            y=ahead.y,
+            at=seen,
         )
 
     def going(p: _RootRefinement) -> Array:
@@ -297,7 +319,8 @@ def refine_roots(
 
     h = 0.5 * (first + last)
     far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
-    y = jnp.broadcast_to(y0[:, None], (*y0.shape, *h.shape))
+    zero = jnp.zeros_like(h)
+    zeros = jnp.zeros((*y0.shape, *h.shape), y0.dtype)
     begin = _RootRefinement(
         n=jnp.zeros((), int),
         low=first,
@@ -307,10 +330,10 @@ def refine_roots(
         back=far,
         arrived=no,
         done=no,
-        y=y,
+        at=RootLook(zero, zero, zeros + y0[:, None], zeros, zeros),
     )
     end = jax.lax.while_loop(going, look, begin)
-    return jnp.where(found, end.h, jnp.inf), end.y
+    return jnp.where(found, end.h, jnp.inf), end.at
 
 
 def move_onto_event(
@@ -318,7 +341,7 @@ def move_onto_event(
     which: Array,
     t0: Array,
     h: Array,
-    y: Array,
+    seen: RootLook,
     towards: Array,
     longest: Array,
 ) -> tuple[Array, Array]:
@@ -335,17 +358,16 @@ def move_onto_event(
       which: () index of the event.
       t0: () time of the node.
       h: () time after it; infinite if there is no event.
-      y: (k,) state then, not beyond the event.
+      seen: what was seen then, not beyond the event.
       towards: () sign of the value beyond it.
       longest: () a time that the motion takes in one step.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
-    rate = sampler.field.rate(t, y)
+    g, slope, y, rate, _ = seen
 
     def value(t, y):
         return values(sampler.events, t, y)[which]
 
-    g, slope = jax.jvp(value, (t, y), (jnp.ones_like(t), rate))
     on = -g / jnp.where(slope == 0, 1.0, slope)
     on = jnp.where((slope != 0) & (on * h > 0), on, 0.0)  # else it is beyond, or there is none
     more = jnp.stack([(1 - _SHORT) * on, on])
@@ -442,17 +464,16 @@ def first_crossing(
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
-    hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
+    hs, looks = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
     longest = seen.bracket.high[which]
-    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, longest)
+    look = looks.of_event(which)
+    h, y = move_onto_event(sampler, which, seen.t0, hs[which], look, towards, longest)
     # A step is checked at its end; for the shorter step to the event there is only this check.
-    there = jnp.where(jnp.isfinite(h), h, 0.0)
-    step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
-    size = StepControl.norm(step.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
+    size = StepControl.norm(look.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
     unseen = (out.status == int(Status.OK)) & (seen.unseen | (moved & ~(size < _TRUSTED_ERROR)))
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
@@ -609,11 +630,11 @@ class _CrossingWatch(Watch):
         """The events at the beginning of a panel, at the places within it and at its end."""
         parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
-        g, slope, known, noise, _ = self.sampler.after(t, y, parts[1:] * h)
+        ahead = self.sampler.after(t, y, parts[1:] * h)
         sides = [begin.side]
-        for side in known:
+        for side in ahead.side:
             sides.append(jnp.where(side == 0, sides[-1], side))
-        pairs = (begin.g, g), (begin.slope, slope), (begin.noise, noise)
+        pairs = (begin.g, ahead.g), (begin.slope, ahead.slope), (begin.noise, ahead.noise)
         g, slope, noise = (jnp.concatenate([a[None], b]) for a, b in pairs)
         return _Samples(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 

@@ -73,12 +73,17 @@ def sizes(system: System, y: Array) -> Array:
 
 def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> EventValues:
     """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
-    by_time, rows = jax.jacfwd(functools.partial(values, events), argnums=(0, 1))(t, y)
+
+    def twice(t, y):
+        found = values(events, t, y)
+        return found, found
+
+    (by_time, rows), here = jax.jacfwd(twice, argnums=(0, 1), has_aux=True)(t, y)
     terms = jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
     eps = jnp.finfo(y.dtype).eps
     known = jnp.maximum(sizes(field.system, y), size)
     return EventValues(
-        values=values(events, t, y),
+        values=here,
         slopes=jnp.sum(terms, -1),
         rounding=eps * jnp.sum(jnp.abs(rows * known[None]), -1),
         speeds=eps * jnp.sum(jnp.abs(terms), -1),
@@ -95,7 +100,7 @@ def curvature_rounding(field, events: tuple, t: Array, y: Array) -> Array:
     return jnp.finfo(y.dtype).eps * jnp.where(jnp.isfinite(second), jnp.abs(second), 0.0)
 
 
-def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]:
+def sides(events: tuple, t: Array, y: Array, size: Array, here: Array) -> tuple[Array, Array]:
     """(E,) signs of the values, 0 where rounding decides, and (E,) how much it changes them.
 
     A sign is known if all neighbours of the state have it. No bound on the value itself would do:
@@ -108,10 +113,10 @@ def sides(events: tuple, t: Array, y: Array, size: Array) -> tuple[Array, Array]
       t: () time.
       y: (k,) state.
       size: (k,) magnitudes to whose rounding the state is known.
+      here: (E,) the values.
     """
     ways = _SIDE_ROUNDINGS * jnp.finfo(y.dtype).eps * _neighbours(len(y))
     ts, ys = t + ways[:, 0] * t, y[None] + ways[:, 1:] * size[None]
-    here = values(events, t, y)
     others = jax.vmap(functools.partial(values, events))(ts, ys)
     others = jnp.where(jnp.isfinite(others), others, here[None])
     side = jnp.sign(here)
@@ -134,7 +139,7 @@ def values_and_signs(
     """(E,) each: values, slopes along a motion of this rate, and the two results of `sides`."""
     ahead = (jnp.ones_like(t), rate)
     g, slope = jax.jvp(functools.partial(values, events), (t, y), ahead)
-    return g, slope, *sides(events, t, y, size)
+    return g, slope, *sides(events, t, y, size, g)
 
 
 class TimeDependence(eqx.Module):
@@ -178,6 +183,8 @@ class EventSamples(NamedTuple):
       side: (s, E) their signs, 0 where rounding decides.
       noise: (s, E) how much rounding changes the values.
       y: (k, s) states.
+      rate: (k, s) their rates.
+      error: (k, s) estimates of the errors of the steps to them.
     """
 
     g: Array
@@ -185,6 +192,8 @@ class EventSamples(NamedTuple):
     side: Array
     noise: Array
     y: Array
+    rate: Array
+    error: Array
 
 
 class EventSampler(eqx.Module):
@@ -204,7 +213,8 @@ class EventSampler(eqx.Module):
         """The events after one step of each length hs (s,) from (t, y)."""
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ts = t + hs
-        ys = y[:, None] + self._increments(rates, t, y, hs)
+        increment, error = self._steps(rates, t, y, hs)
+        ys = y[:, None] + increment
         x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys)
         start = sizes(self.field.system, y)
 
@@ -212,18 +222,24 @@ class EventSampler(eqx.Module):
             size = jnp.maximum(start, sizes(self.field.system, y))
             return values_and_signs(self.events, t, y, rate, size)
 
-        seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
-        return EventSamples(*seen, y=x)
+        rate = rates(ts, x)
+        seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rate)
+        return EventSamples(*seen, y=x, rate=rate, error=error)
 
-    def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
-        """(k, s) increments of one step of each length hs (s,)."""
+    def _steps(self, rates, t: Array, y: Array, hs: Array) -> tuple[Array, Array]:
+        """(k, s) increments of one step of each length hs (s,), and estimates of their errors."""
         method = self.method.in_loops(1)
         if not method.several:
-            step = lambda h: method.advance(self.field.rate, t, h, y).increment  # noqa: E731
+
+            def step(h):
+                found = method.advance(self.field.rate, t, h, y)
+                return found.increment, found.error
+
             return jax.vmap(step, out_axes=-1)(hs)
         # One step of a state with s columns: vmapped steps would scatter into their stages.
         ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
-        return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
+        found = method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys)
+        return found.increment, found.error
 
 
 def time_tangent(
