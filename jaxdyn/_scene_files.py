@@ -60,9 +60,12 @@ def text_of(name: str) -> str | None:
     if not name.endswith(TEXT):
         return None
     try:
-        return Path(name).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise fail("scene", "a file of XPPAUT that exists", name) from error
+        return Path(name).read_text(encoding="utf-8-sig")  # editors of Windows write a mark
+    except UnicodeDecodeError:
+        return Path(name).read_text(encoding="latin-1")  # older files, whose comments have accents
+    except OSError as error:
+        got = f"{name} ({error.strerror})"
+        raise fail("scene", "a file of XPPAUT that can be read", got) from error
 
 
 def check_parameter(name: str, what: str, parameter: str) -> None:

@@ -13,14 +13,14 @@ A text declares parameters, starts and rates; nothing in it is run, so it may co
 
 Names are case-insensitive, as in XPPAUT; the scene has them in lower case. The reader understands
 ``par``, ``number``, ``!`` (derived numbers), ``init``, ``x(0)=``, fixed quantities, functions, also
-of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``. Fixed quantities may be declared
-in any order; XPPAUT computes one that is used before it is declared from the previous state.
-Expressions mean what they mean in XPPAUT, see
-`jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be expressions of
-parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. The reader skips ``aux``,
-boundary conditions, and the options for drawing and integration other than ``total``. It refuses
-whatever is not an ordinary differential equation: maps, delays, noise, tables, resets, algebraic
-equations.
+of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``, also in blocks that begin with
+``%[1..9]`` and end with ``%``. Fixed quantities may be declared in any order; XPPAUT computes one
+that is used before it is declared from the previous state. Expressions mean what they mean in
+XPPAUT, see `jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be
+expressions of parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. The reader
+skips ``aux``, boundary conditions, and the options for drawing and integration other than
+``total``. It refuses whatever is not an ordinary differential equation: maps, also by
+``@ meth=discrete``, delays, noise, tables, resets, algebraic equations, libraries, other files.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -62,6 +62,9 @@ _MOST_STATEMENTS = 10_000
 _MOST_OPERATIONS = 200_000
 _DEFAULT_SPAN = 20.0  # the default of XPPAUT
 _SPAN, _BEGIN, _STEP = "total", "t0", "dt"
+_METHOD = re.compile(r"\bmeth\w*\s*=\s*(\w)")
+#: Initials of the methods for differential equations; by any other, XPPAUT iterates rates as a map.
+_METHODS = "emragvbqsc582y"
 
 _RATE = re.compile(rf"(?:d({NAME})\s*/\s*dt|({NAME})\s*')\s*=(.*)")
 _START = re.compile(rf"({NAME})\s*\(\s*0\s*\)\s*=(.*)")
@@ -69,17 +72,29 @@ _FUNCTION = re.compile(rf"({NAME})\s*\(([^()]*)\)\s*=(.*)")
 _FIXED = re.compile(rf"({NAME})\s*=(.*)")
 _KEYWORD = re.compile(r"([a-z]+)\b\s*(.*)")
 _ROW = re.compile(r"\[\s*(\d+)\s*\.\.\s*(\d+)\s*\]")
+#: The head of a block, whose statements are those of rows.
+_BLOCK = re.compile(r"%\s*" + _ROW.pattern)
 _PLACE = re.compile(r"\[(\d+)\]")
 #: XPPAUT computes other places in another way than they are written.
 _IN_ROW = re.compile(r"\[(\d+|j(?:[+\-*]\d+)?)\]")
 #: Words that begin a line whose content changes no rate.
-_LEFT_OUT = ("aux", "set", "only", "export", "o", "opt", "option", "options")
+_LEFT_OUT = ("aux", "set", "only", "o", "opt", "option", "options")
+_END = ("done", "d")
 _BOUNDARY = ("b", "bdry", "bndry")
 _REFUSED = {
     **dict.fromkeys(("w", "wiener", "markov"), "noise"),
     **dict.fromkeys(("table", "tabular"), "a table"),
     **dict.fromkeys(("global",), "a reset of states"),
+    **dict.fromkeys(("export",), "quantities from a library"),
     **dict.fromkeys(("volt", "volterra", "solve", "special"), "more than rates"),
+}
+#: Where a rate as a function would not help.
+_REMEDIES = {
+    "noise": "No scene has noise.",
+    "a delay": "No scene has delays.",
+    "a map": "No scene is a map. See orbits.map_basins, which takes a function.",
+    "a reset of states": "Write the rate as a function, and phases, see jaxdyn.integrate.phase.",
+    "another file": "Put its lines here, or begin a comment in another way.",
 }
 
 
@@ -198,16 +213,36 @@ def model(text: str) -> Model:
 
 def _lines(text: str) -> Iterator[str]:
     """The statements in small letters, without comments and without the line breaks in them."""
-    joined = re.sub(r"\\[ \t]*\n", " ", text)
-    count = 0
-    for line in joined.splitlines():
+    for count, statement in enumerate(_written_out(text)):
+        if count >= _MOST_STATEMENTS:
+            raise _checks.fail("text", f"at most {_MOST_STATEMENTS} statements", "more")
+        if statement:
+            yield statement
+
+
+def _written_out(text: str) -> Iterator[str]:
+    """The statements, with blocks and rows of states written out, between empty ones."""
+    block: re.Match[str] | None = None
+    within: list[str] = []
+    lines = re.sub(r"\\[ \t]*\n", " ", text).lower().splitlines()
+    for line in (*lines, "%"):  # the end of the text is the end of a block
+        if line.startswith("#include"):
+            raise _refusal(line, "another file")
+        if line[:1] == "%" or line.strip() in _END:
+            yield from _rows_of_block(block, within)
+            block, within = _BLOCK.match(line), []
         for part in _statements(line):
-            for statement in _rows(part.strip().lower()):
-                count += 1
-                if count > _MOST_STATEMENTS:
-                    raise _checks.fail("text", f"at most {_MOST_STATEMENTS} statements", "more")
-                if statement:
-                    yield statement
+            if block is None:
+                yield from _rows(part.strip())
+            else:
+                within.append(part.strip())
+
+
+def _rows_of_block(block: re.Match[str] | None, statements: list[str]) -> Iterator[str]:
+    """The statements between %[1..9] and %, once for each number."""
+    for j in () if block is None else _places(block):
+        for statement in statements:
+            yield from _rows(_IN_ROW.sub(functools.partial(_index, j), statement))
 
 
 def _statements(line: str) -> list[str]:
@@ -221,11 +256,16 @@ def _rows(statement: str) -> Iterator[str]:
     if row is None or statement[0] == "@":
         yield _PLACE.sub(r"\1", statement)
         return
-    first, last = int(row[1]), int(row[2])
-    way = 1 if first <= last else -1
-    for j in range(first, last + way, way):
+    for j in _places(row):
         written = f"{statement[: row.start()]}[j]{statement[row.end() :]}"
         yield _IN_ROW.sub(functools.partial(_index, j), written)
+
+
+def _places(row: re.Match[str]) -> range:
+    """The numbers of a row, which may descend."""
+    first, last = int(row[1]), int(row[2])
+    way = 1 if first <= last else -1
+    return range(first, last + way, way)
 
 
 def _index(j: int, found: re.Match[str]) -> str:
@@ -255,7 +295,7 @@ class _Reader:
         parts = _KEYWORD.fullmatch(line)
         word, rest = parts.groups() if parts else ("", "")
         pairs = bool(rest) and rest[0] not in "='(/"
-        if line in ("done", "d"):
+        if line in _END:
             return False
         begins = rest[:1] not in ("=", "'", "(")  # the word is no name that the line declares
         if line[0] == "@":
@@ -263,6 +303,8 @@ class _Reader:
             self.begin = self._option(line, _BEGIN, self.begin)
             if self._option(line, _STEP, 1.0) < 0:
                 raise _refusal(line, "a run backwards in time")
+            if not all(method in _METHODS for method in _METHOD.findall(line)[-1:]):
+                raise _refusal(line, "a map")
         elif pairs and word.startswith(("p", "n")):
             for name, number in self._pairs(line, rest).items():
                 self._declare(self.numbers, name, number)
@@ -376,9 +418,8 @@ class _Reader:
 
 def _refusal(line: str, what: str) -> ValueError:
     got = f"{what}: {line!r}" if what else repr(line)
-    remedy = (
-        "Write the rate as a function, for jaxdyn.ode." if what else "See jaxdyn.formulations.xpp."
-    )
+    other = "Write the rate as a function, for jaxdyn.ode." if what else ""
+    remedy = _REMEDIES.get(what) or other or "See jaxdyn.formulations.xpp."
     return _checks.fail("text", "parameters, starts and rates", got, remedy)
 
 

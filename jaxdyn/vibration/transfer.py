@@ -51,7 +51,17 @@ class TransferFunction(Record):
     def _at(self, s: Array) -> Array:
         a, b, c = (x.astype(complex) for x in (self.a, self.b, self.c))
         powers = jnp.stack([s**j for j in range(b.shape[1])])
-        return c @ jnp.linalg.solve(s * jnp.eye(len(a), dtype=complex) - a, b @ powers)
+        return c @ _solve(s * jnp.eye(len(a), dtype=complex) - a, b @ powers)
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """(k,) the solution of linear equations, also where entries have different units.
+
+    A velocity in m/s is thousands of times the position in m at kHz, and elimination loses as much.
+    A correction from the residual makes up for it (Skeel 1980, Math. Comp. 35, 817).
+    """
+    found = jnp.linalg.solve(matrix, right)
+    return found + jnp.linalg.solve(matrix, right - matrix @ found)
 
 
 def _signature(c: Array) -> str:

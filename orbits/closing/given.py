@@ -249,17 +249,19 @@ def drive(scene: Scene, y: Array, period: Array, away: Array) -> Array:
     defined = jnp.isfinite(jax.vmap(scene.rate, (0, None))(many, y + away)).all()
     y = y + jnp.where(defined, away, 0.0)
 
-    def speed(t):
-        return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))[1]
+    def value_and_speed(t):
+        return jax.jvp(lambda t: scene.rate(t, y), (t,), (jnp.ones_like(t),))
 
-    fast = jnp.abs(jax.vmap(speed)(many))
+    values, speeds = jax.vmap(value_and_speed)(many)
+    fast = jnp.abs(speeds)
     most = jnp.maximum(fast.max(axis=0), jnp.finfo(float).tiny)
     fast = (fast / most[None]).sum(axis=1)
     ts = jax.lax.stop_gradient(many[jax.lax.top_k(fast, PHASES)[1]])
     now, later = (jax.vmap(scene.rate, (0, None))(t, y) for t in (ts, ts + period))
-    varies = jax.lax.stop_gradient(jnp.abs(now - now[:1]).max(axis=0))
+    # Over the whole period: at the fastest phases of a sine its values are nearly the same.
+    varies = jax.lax.stop_gradient(jnp.ptp(values, axis=0))
     # What varies only by rounding is not a drive.
-    rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(now).max(axis=0)
+    rounding = _RATE_ROUNDINGS * jnp.finfo(float).eps * jnp.abs(values).max(axis=0)
     varies = jnp.where(varies > rounding, varies, jnp.inf)
     return ((later - now) / varies[None] + _switches(scene, ts, period)[:, None]).ravel()
 

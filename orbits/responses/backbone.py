@@ -141,7 +141,7 @@ def backbone(
       amplitude: amplitude of the first vibration in the entry that is displaced most; by default a
         fiftieth of its size.
       energy: largest energy, above that of the equilibrium.
-      frequencies: bounds on the angular frequency [rad/s].
+      frequencies: bounds on the angular frequency [rad/s], around that of the linear mode.
       step: length of the first step; see `orbits.continue_family`.
       members: largest number of vibrations.
       order: largest value of the smaller one of p and q in the internal resonances p : q that are
@@ -150,7 +150,8 @@ def backbone(
     Returns:
       The family, its frequencies, energies and amplitudes, and its internal resonances.
     Raises:
-      ValueError: the scene does not start in equilibrium, or has no such mode that oscillates.
+      ValueError: the scene does not start in equilibrium, or has no such mode that oscillates, or
+        `frequencies` are not around it.
       SearchError: no vibration was found near the equilibrium.
     Limits: host only. Where another linear frequency is a multiple of this one, a family need not
       exist, or there are several.
@@ -184,6 +185,10 @@ def backbone(
     if mode > len(small):
         raise fail("mode", f"at most {len(small)}, the modes that oscillate", mode)
     orbit = _first(scene, small[mode - 1], amplitude)
+    within, period = _periods(frequencies), float(orbit.period)
+    if not within[0] <= period <= within[1]:
+        wanted = f"bounds around the first vibration's, {2 * math.pi / period:.6g}"
+        raise fail("frequencies", wanted, frequencies, "A backbone begins at its linear mode.")
     lowest = float(energy_at(scene, 0.0, rest)) if scene.has_energy else math.nan
     bounds = (-math.inf, lowest + energy) if math.isfinite(energy) else ANYWHERE
     family = continue_family(
@@ -191,7 +196,7 @@ def backbone(
         step=step,
         members=members,
         down=_shorter(orbit, rest, step),
-        within=_periods(frequencies),
+        within=within,
         energies=bounds,
         report=report,
     )

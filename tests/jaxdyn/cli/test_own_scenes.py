@@ -133,7 +133,17 @@ def test_a_text_of_xppaut_is_read(folder, command):
     assert code == 2
     assert "parameter of swing.ode: expected one of k, total, v, x, got 'm'" in err
     code, _, err = command("jaxdyn", "run", "sling.ode")
-    assert "scene: expected a file of XPPAUT that exists, got sling.ode" in err
+    assert "scene: expected a file of XPPAUT that can be read, got sling.ode (No such file" in err
+
+
+@pytest.mark.parametrize(
+    "data", ["# Rössler\nx'=2\r\n".encode("latin-1"), "\ufeff# Rö\r\nx'=\\\r\n2".encode()]
+)
+def test_texts_of_xppaut_as_old_files_and_editors_of_windows_have_them(folder, command, data):
+    (folder / "old.ode").write_bytes(data)
+    code, out, err = command("jaxdyn", "run", "old.ode", "--t1", "3", "--json")
+    assert code == 0, err
+    assert json.loads(out)["y"][-1] == [6.0]
 
 
 def test_a_word_finds_scenes(command):

@@ -122,6 +122,29 @@ def test_rows_of_states():
     np.testing.assert_array_equal(scene.rate(0.0, scene.y0), [0, 1, 4, 7, 0])
 
 
+# Rates of XPPAUT 6.11 at the start, in its order of states.
+BLOCKS = {
+    "z0'=0\n%[1..3]\ny[j]'=[j]\nz[j]'=y[j-1]\n%\ny0'=7\ninit y[0..3]=[j]": [0, 1, 0, 2, 1, 3, 2, 7],
+    "%[3..1] falling\n# each\npar a[j]=.[j]\ny[j]'=a[j]\n% end\nx'=1": [0.3, 0.2, 0.1, 1],
+    "%[1..2]\ny[j]'=1+\\\n[j]\n%\n% [4..5]\ny[j]'=[j]+y[j-3]\n%": [2, 3, 4, 5],
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), BLOCKS.items())
+def test_blocks_of_rows(text, expected):
+    scene = Maker(text)()
+    np.testing.assert_array_equal(scene.rate(0.0, scene.y0), expected)
+
+
+def test_the_end_ends_a_block():
+    assert Maker("%[1..2]\ny[j]'=1\ndone\nz'=1")().y0.size == 2
+
+
+def test_methods_for_differential_equations_are_left_out():
+    for method in ("euler", "Runge", "5dp", "8", "disc, method=cvode"):
+        assert Maker(f"x'=1\n@ total=3, meth={method}").defaults == {"x": 0.0, "total": 3.0}
+
+
 def test_quantities_in_any_order_and_functions_of_time():
     text = "num k=3\nc=b+1\nb=f(2)\nf(x)=x*e\ne=k\ns(t)=t^2\npar free\nw(0)=0012.5\nw'=c+s(5)+s(t)"
     scene = Maker(text)()
@@ -220,7 +243,13 @@ def test_its_scenes_survive_their_file(tmp_path):
         ("x'=x.real", "expected parameters, starts and rates"),
         ("x'=[x for x in 1]", "got a part of a row"),
         ("x(t+1)=x/2", "got a map"),
-        ("wiener w\nx'=w", "got noise: 'wiener w'"),
+        ("x'=3*x\n@ meth=discrete, total=9", "got a map: '@ meth=discrete.* See orbits.map_basins"),
+        ("x'=3*x\n@ METHOD = 0", "got a map: '@ method = 0'"),
+        ("x'=y\ny=0\nexport {x} {y}", "got quantities from a library: 'export"),
+        ("#include more.ode\nx'=1", "got another file: '#include more.ode'. Put its lines here"),
+        ("%[1..2]\nx[j]'=x[j-2]", "got a part of a row before its beginning"),
+        ("%[1..99999]\nx[j]'=1", "at most 10000 statements"),
+        ("wiener w\nx'=w", "got noise: 'wiener w'. No scene has noise"),
         ("w w\nx'=w", "got noise: 'w w'"),
         ("global 1 x-1 {x=0}\nx'=1", "got a reset of states"),
         ("table f f.tab\nx'=1", "got a table"),

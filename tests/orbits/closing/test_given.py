@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import pytest
 
@@ -66,6 +67,19 @@ def test_the_period_of_a_switched_drive_is_seen_between_its_switches(scale):
     for period, closes in ((math.pi, True), (math.pi * (1 + 1e-6), False), (2 * math.pi, True)):
         off = drive(scene, jnp.asarray(scene.y0), jnp.asarray(scale * period), beside(scene))
         assert (float(jnp.abs(off).max()) < 1e-9) == closes
+
+
+@pytest.mark.parametrize(("scale", "force"), [(1.0, 1.0), (1e-4, 1e-6)])
+def test_a_drive_is_measured_by_how_far_it_varies(scale, force):
+    def pushed(t, y):
+        return [y[1], -y[0] / scale**2 + force * jnp.cos(t / scale)]
+
+    scene = jaxdyn.ode(pushed, [1e3 * force, 0.0], names=["x", "v"])
+    period = jnp.asarray(2 * math.pi * scale)
+    away = beside(scene)
+    by_radian = scale * jax.jacfwd(lambda period: drive(scene, scene.y0, period, away))(period)
+    # The cosine varies by 2, and changes by at most 1 in a radian.
+    assert float(jnp.abs(by_radian).max()) == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize("start", [[0.0, 0.0], [1e-17, 3e-17], [0.0, 1e-9]])

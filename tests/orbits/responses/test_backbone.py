@@ -156,6 +156,10 @@ DAMPED = jaxdyn.ode(lambda t, y: [y[1], -y[0] - 0.1 * y[1]], [0.0, 0.0])
         ({"energy": -1.0}, "energy: expected > 0"),
         ({"amplitude": 0.0}, "amplitude: expected > 0"),
         ({"frequencies": (2.0, 1.0)}, "frequencies: expected two bounds"),
+        (
+            {"frequencies": (1.1, 2.0)},
+            "frequencies: expected bounds around the first vibration's, 1.000.*, got .1.1, 2.0",
+        ),
         ({"scene": free(None), "energy": 1.0}, "energy: expected none for a scene without one"),
         ({"scene": free().starting([1.0, 0.0])}, "y: expected an equilibrium"),
         ({"scene": DAMPED}, "scene: expected modes that oscillate without damping, got none"),

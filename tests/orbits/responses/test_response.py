@@ -92,6 +92,24 @@ def test_a_linear_scene_responds_by_its_receptance():
 
 
 @pytest.mark.slow
+def test_a_resonance_far_above_its_drive_is_passed():
+    m, k, c = 0.01, 1e6, 0.03  # a damping ratio of 1.5e-4, near 1.6 kHz
+
+    def swings(t, y):
+        return [y[1], -(c * y[1] + k * y[0]) / m]
+
+    rest = jaxdyn.ode(swings, [0.0, 0.0], names=[("x", "m"), ("v", "m/s")])
+    (curve,) = orbits.frequency_response(rest, "x", (8e3, 12e3), levels=100.0).curves
+    assert curve.end.startswith("the bounds")
+    assert len(curve.members) < 80
+    for member in curve.members:
+        w = member.parameter
+        x = 100.0 / (k / m - w**2 + 1j * w * c / m)
+        assert_allclose(member.orbit.y0, [x.real, -w * x.imag], atol=1e-8 * abs(x) * w)
+        assert_allclose(quantities.amplitude(member.orbit, "x"), abs(x), rtol=1e-8)
+
+
+@pytest.mark.slow
 def test_an_output_without_a_value_is_no_peak():
     rest = scenes.oscillator(k=1.0, m=1.0, c=0.2, x=0.0)
     found = orbits.frequency_response(rest, "x", (0.5, 2.0), step=0.3)
