@@ -98,6 +98,12 @@ _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
 )
+_NOT_SYMMETRIC = (
+    "The closing equations leave one direction only here: orbits on the other branch lack the "
+    "symmetry by which those of this family close, as axial orbits lack that of planar ones at the "
+    "xz plane. Find the first orbit again with plain closing, or with a symmetry of both branches, "
+    "and continue that."
+)
 _NO_BRANCH = (
     "No orbit was found along the second direction at this distance. The other branch may bend "
     "away from it: try a smaller amplitude, or leave it out."
@@ -248,7 +254,8 @@ def switch_branch(
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
     aside = surface.other_direction(x, ahead - x, point.sizes)
     if aside is None:
-        raise SearchError(_NOT_SIMPLE)
+        symmetric = special.kind == Kind.BRANCH and kind(old, rtol, GOAL).parts > 1
+        raise SearchError(_NOT_SYMMETRIC if symmetric else _NOT_SIMPLE)
     aside = -aside if opposite else aside
     here = surface.point(x, point.residual, 0, point.sizes)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
