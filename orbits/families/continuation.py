@@ -22,7 +22,7 @@ import numpy as np
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import number_of
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, as_text, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -341,9 +341,9 @@ class _Problem(BranchProblem[Member]):
 
     def end_after(self, new: Member) -> str:
         if not self.within[0] <= _measure(self.surface, new.point) <= self.within[1]:
-            return f"the bounds {self.within}"
+            return f"the bounds {as_text(self.within)}"
         if new.energy < self.energies[0] or new.energy > self.energies[1]:
-            return f"the bounds on the energy, {self.energies}"
+            return f"the bounds on the energy, {as_text(self.energies)}"
         return ""
 
     def lost(self, reason: str) -> str:
