@@ -387,4 +387,13 @@ def check_bounds(name: str, bounds: Sequence) -> None:
 def outside(values, within: Sequence[tuple[float, float]]) -> str:
     """Why a branch ends, if its parameters are beyond their bounds; else ""."""
     inside = all(low <= x <= high for x, (low, high) in zip(values, within, strict=True))
-    return "" if inside else f"the bounds {within}"
+    return "" if inside else f"the bounds {as_text(within)}"
+
+
+def as_text(bounds: Sequence) -> str:
+    """Bounds, or a tuple of them, as text, whatever kind of numbers they are."""
+
+    def plain(x):
+        return tuple(map(plain, x)) if np.ndim(x) else np.asarray(x).item()
+
+    return str(plain(bounds))

@@ -53,7 +53,7 @@ def read_horizons(path: str | Path) -> Ephemeris:
     Args:
       path: path of the file.
     Raises:
-      ValueError: `path` cannot be read, or is not such a table.
+      ValueError: `path` cannot be read, is not such a table, or has several.
     """
     data = content(path, MAX_BYTES, _HORIZONS, "path")
     text = data.decode("utf-8", errors="replace")
@@ -61,6 +61,9 @@ def read_horizons(path: str | Path) -> Ephemeris:
     body, end, _ = rest.partition(_END)
     if not (begin and end):
         raise fail("path", f"a table between {_BEGIN} and {_END}", str(path), _HORIZONS)
+    if tables := rest.count(_BEGIN):
+        remedy = "Save the table of each body in a file of its own."
+        raise fail("path", "one table", f"{tables + 1} in {path}", remedy)
     name = re.search(r"Target body name:\s*(.+?)\s*(?:\(|\{|$)", before, re.MULTILINE)
     units = re.search(r"Output units\s*:\s*([A-Z]+-[A-Z]+)", before)
     ts, rows = _columns(before, body) if "=" not in body else _blocks(body)

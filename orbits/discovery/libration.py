@@ -209,9 +209,9 @@ def _lyapunov(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
 
 def _vertical(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
     x, y = map(float, place)
-    if y:  # both bodies are at a distance of 1
-        size = _ACROSS if amplitude is None else amplitude
-        return _Guess((x, y, size, 0.0, 0.0, 0.0), 2 * math.pi)
+    if y:
+        size = _FLAT if amplitude is None else amplitude
+        return _about_triangular(mu, place, np.array([0.0, 0.0, size]), 1.0)
     point = _linear(mu, x)
     size = _ACROSS * point.gamma if amplitude is None else amplitude
     return _across(x, size, 0.0, 2 * math.pi / math.sqrt(point.c[0]))
@@ -233,14 +233,39 @@ def _triangular(mu: float, place: np.ndarray, amplitude: float | None, *, sign: 
     if root <= 0:
         wanted = "one of less than 0.0385209, where L4 and L5 are stable"
         raise fail("mu", wanted, mu, "There are no oscillations about them in the plane.")
-    x, y = map(float, place)
     square = 0.5 * (1 + sign * math.sqrt(root))
-    turn, mixed = math.sqrt(square), 1.5 * y * (1 - 2 * mu)
+    turn, mixed = math.sqrt(square), 1.5 * float(place[1]) * (1 - 2 * mu)
     # From x'' - 2 y' = 3/4 x + mixed y, with x = exp(i turn t) and y = ratio exp(i turn t).
     ratio = -(square + 0.75) / complex(mixed, 2 * turn)
     size = _FLAT if amplitude is None else amplitude
-    along = size * ratio.real, -size * turn * ratio.imag
-    return _Guess((x + size, y + along[0], 0.0, 0.0, along[1], 0.0), 2 * math.pi / turn)
+    return _about_triangular(mu, place, size * np.array([1.0, ratio, 0.0]), turn)
+
+
+def _about_triangular(mu: float, place: np.ndarray, first: np.ndarray, turn: float) -> _Guess:
+    """The oscillation Re(first exp(i turn t)) about L4 or L5 from t = 0, to second order.
+
+    The pull's quadratic terms move the oscillation's centre, and the body at twice its frequency.
+    Without them the guess would be far from any orbit for a small `mu`, which hardly holds a body
+    where it is along its circle about the first one.
+    """
+    one = np.eye(3)
+    third = np.zeros((3, 3, 3))  # derivatives of the potential
+    for m, x in ((1 - mu, 0.5), (mu, -0.5)):
+        n = np.array([x, place[1], 0.0])  # from the body, at a distance of 1
+        s = np.einsum("ab,c", one, n)
+        s = s + s.transpose(0, 2, 1) + s.transpose(2, 1, 0)
+        third += m * (3 * s - 15 * np.einsum("a,b,c", n, n, n))
+    mixed = 1.5 * place[1] * (1 - 2 * mu)
+    slope = np.array([[0.75, mixed, 0.0], [mixed, 2.25, 0.0], [0.0, 0.0, -1.0]])
+    turning = np.array([[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    steady = 0.25 * np.einsum("abc,b,c", third, first, first.conj()).real
+    double = 0.25 * np.einsum("abc,b,c", third, first, first)
+    fast = 2j * turn
+    centre = -np.linalg.solve(slope, steady)
+    second = np.linalg.solve(fast**2 * one + fast * turning - slope, double)
+    r = np.append(place, 0.0) + (first + second).real + centre
+    v = (1j * turn * first + fast * second).real
+    return _Guess((*r.tolist(), *v.tolist()), 2 * math.pi / turn)
 
 
 def _retrograde(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
@@ -307,11 +332,20 @@ def _halo(mu: float, place: np.ndarray, amplitude: float | None) -> _Guess:
 
 
 #: Axial orbits in units of the distance gamma of the point from the second body: gamma, then x from
-#: the point, vy, vz and the period where it crosses the axis x; of the Sun with the Earth, and of
-#: the Earth with the Moon [computed by this library along families of Lyapunov orbits].
+#: the point, vy, vz and the period where it crosses the axis x; in Hill's problem, the limit of
+#: small bodies [shooting with SciPy], of the Sun with the Earth, and of the Earth with the Moon
+#: [computed by this library along families of Lyapunov orbits].
 _AXIAL = {
-    "L1": ((0.00997, -0.29575, 2.54946, 1.0, 4.13944), (0.15093, -0.31792, 2.74424, 1.0, 3.96796)),
-    "L2": ((0.01003, -0.68310, 3.79091, 1.5, 4.14527), (0.16783, -0.74093, 3.95793, 1.5, 4.31569)),
+    "L1": (
+        (0.0, -0.294266, 2.537295, 1.0, 4.151036),
+        (0.00997, -0.29575, 2.54946, 1.0, 4.13944),
+        (0.15093, -0.31792, 2.74424, 1.0, 3.96796),
+    ),
+    "L2": (
+        (0.0, -0.678802, 3.780107, 1.5, 4.134288),
+        (0.01003, -0.68310, 3.79091, 1.5, 4.14527),
+        (0.16783, -0.74093, 3.95793, 1.5, 4.31569),
+    ),
 }
 
 _POINTS = ("L1", "L2", "L3", "L4", "L5")

@@ -22,7 +22,7 @@ import numpy as np
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import number_of
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, as_text, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -97,6 +97,12 @@ _UNBOUNDED = "a motion so large that its drive is rounding beside it"
 _NOT_SIMPLE = (
     "The closing equations leave one direction only here: this is not a simple branch point. "
     "At a torus point give times=q, where its multiplier is exp(2 pi i p / q)."
+)
+_NOT_SYMMETRIC = (
+    "The closing equations leave one direction only here: orbits on the other branch lack the "
+    "symmetry by which those of this family close, as axial orbits lack that of planar ones at the "
+    "xz plane. Find the first orbit again with plain closing, or with a symmetry of both branches, "
+    "and continue that."
 )
 _NO_BRANCH = (
     "No orbit was found along the second direction at this distance. The other branch may bend "
@@ -248,7 +254,8 @@ def switch_branch(
     ahead = old.repeat(point.x + _NUDGE * special.tangent, times, rtol)
     aside = surface.other_direction(x, ahead - x, point.sizes)
     if aside is None:
-        raise SearchError(_NOT_SIMPLE)
+        symmetric = special.kind == Kind.BRANCH and kind(old, rtol, GOAL).parts > 1
+        raise SearchError(_NOT_SYMMETRIC if symmetric else _NOT_SIMPLE)
     aside = -aside if opposite else aside
     here = surface.point(x, point.residual, 0, point.sizes)
     for size in _AMPLITUDES if amplitude is None else (amplitude,):
@@ -334,9 +341,9 @@ class _Problem(BranchProblem[Member]):
 
     def end_after(self, new: Member) -> str:
         if not self.within[0] <= _measure(self.surface, new.point) <= self.within[1]:
-            return f"the bounds {self.within}"
+            return f"the bounds {as_text(self.within)}"
         if new.energy < self.energies[0] or new.energy > self.energies[1]:
-            return f"the bounds on the energy, {self.energies}"
+            return f"the bounds on the energy, {as_text(self.energies)}"
         return ""
 
     def lost(self, reason: str) -> str:

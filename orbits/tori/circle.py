@@ -30,7 +30,9 @@ def rotation(n: int, shift) -> tuple[np.ndarray, np.ndarray]:
 
 def at(points: np.ndarray, theta) -> np.ndarray:
     """(s, k) the curve through points (n, k) at angles theta (s,)."""
-    return rotation(len(points), theta)[0] @ points
+    # A small curve far from the origin would lose digits in the sums.
+    middle = points.mean(axis=0)
+    return middle + rotation(len(points), theta)[0] @ (points - middle)
 
 
 def resample(points: np.ndarray, n: int) -> np.ndarray:

@@ -149,13 +149,18 @@ def solve(
     return Solved(start.after(units * found.x), found.residual)
 
 
-def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> float:
-    """The largest error of invariance between the points, where the equation was not imposed."""
+def error(scene: Scene, found: Unknowns, rtol: float, metric: Metric) -> tuple[float, float]:
+    """The largest error of invariance between the points, and what rounding the starts makes of it.
+
+    Between the points the equation was not imposed.
+    """
     n = len(found.points)
     theta = circle.angles(n) + math.pi / n
-    ends, *_ = flow_map(scene, circle.at(found.points, theta), found.time, rtol)
+    starts = circle.at(found.points, theta)
+    ends, by_start, _ = flow_map(scene, starts, found.time, rtol)
     off = ends - circle.at(found.points, theta + found.rotation)
-    return float(np.abs(off / metric.each).max())
+    rounded = np.einsum("nij,nj->ni", np.abs(by_start), np.finfo(float).eps * np.abs(starts))
+    return float(np.abs(off / metric.each).max()), float((rounded / metric.each).max())
 
 
 def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
@@ -184,9 +189,11 @@ def _equations(
     n, k = points.shape
     ends, by_start, by_time = flow_map(scene, points, time, rtol)
     back, slope = circle.rotation(n, circle.angles(n) - rho)
-    residual = back @ ends - points
+    middle = points.mean(axis=0)  # see `circle.at`
+    residual = back @ (ends - middle) - (points - middle)
     by_points = np.einsum("ij,jab->iajb", back, by_start).reshape(n * k, n * k) - np.eye(n * k)
-    columns = [by_points, -(slope @ ends).reshape(-1, 1), (back @ by_time).reshape(-1, 1)]
+    by_rotation = -slope @ (ends - middle)
+    columns = [by_points, by_rotation.reshape(-1, 1), (back @ by_time).reshape(-1, 1)]
     jacobian, units = np.concatenate(columns, axis=1), metric.pack(n)
     fixed = conditions.rows @ now.pack() - conditions.values
     residual = np.concatenate([residual.ravel() / units[:-2], fixed])

@@ -169,6 +169,9 @@ class AcrossTangent(NamedTuple):
 # ---- The torus near a circle: the conditions that single it out, and the modes that it needs
 
 _MORE = 1.5  # factor on the number of modes from attempt to attempt
+#: Errors of invariance by so many roundings of the starts cannot be told from none, as long as they
+#: are below the second number: about a very unstable orbit rounding alone makes large ones.
+_ROUNDINGS, _LOOSEST = 4.0, 1e-8
 _COLLAPSED = 0.02  # share of the first amplitude below which a circle has become a point
 
 
@@ -188,7 +191,7 @@ def refine(
       start: the first circle.
       w: (k,) complex direction of the first harmonic, which fixes the origin of theta.
       target: what singles it out in the family.
-      goal: largest error of invariance, in the sizes of the entries.
+      goal: largest error of invariance, see `torus`.
       max_modes: largest number of modes.
     """
     now, metric = start, Metric.of(like.scene, start)
@@ -199,14 +202,15 @@ def refine(
         found = _torus(like, done.unknowns)
         if not np.isfinite(done.residual):
             return dataclasses.replace(found, outcome=TorusOutcome.MOTION_ENDS)
-        off = error(like.scene, done.unknowns, like.rtol, metric)
+        off, rounded = error(like.scene, done.unknowns, like.rtol, metric)
+        enough = max(goal, min(_ROUNDINGS * rounded, _LOOSEST))
         found = dataclasses.replace(found, error=off, outcome=TorusOutcome.NO_CONVERGENCE)
         if metric.norm(circle.harmonic(found.points)) < least:
             return dataclasses.replace(found, outcome=TorusOutcome.COLLAPSED)
-        if off <= goal:
+        if off <= enough:
             return dataclasses.replace(found, outcome=TorusOutcome.FOUND)
         modes = len(now.points) // 2
-        if done.residual > max(goal, off):
+        if done.residual > max(enough, off):
             return found
         if modes == max_modes or not np.isfinite(off):
             return dataclasses.replace(found, outcome=TorusOutcome.NOT_SMOOTH)
@@ -301,7 +305,8 @@ def torus(
         `Stability.nontrivial`.
       rotation: angle rho to reach instead of the amplitude, which is then a guess [rad]. It should
         be close to that of a torus of the guessed amplitude, in the same sense.
-      goal: largest error of invariance, in the sizes of the entries.
+      goal: largest error of invariance, in the sizes of the entries; that of a few roundings of
+        the circle, up to 1e-8, takes its place where it is larger, as about an unstable orbit.
       max_modes: largest number of Fourier modes.
       throw: raise unless a torus was found; with False check `Torus.outcome`.
     Returns:

@@ -68,6 +68,9 @@ def test_other_texts_are_refused(tmp_path):
     assert "a table between $$SOE" in refused("nothing")
     assert "six numbers" in refused(HEAD + BLOCKS.replace("VZ", "WZ") + TAIL)
     assert "six numbers" in refused(HEAD + TAIL)
+    two = refused(2 * (HEAD + BLOCKS + TAIL))
+    assert "one table, got 2 in" in two
+    assert "each body in a file of its own" in two
     assert "numbers in columns" in refused(HEAD + COLUMNS.replace("1.0E+00", "n.a.") + TAIL)
 
 

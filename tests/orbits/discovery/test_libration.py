@@ -1,8 +1,11 @@
 """Guesses near libration points lead to the orbits that are meant, and to published ones."""
 
+import jax
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from odes import restricted
+from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
@@ -85,7 +88,9 @@ def test_a_distant_retrograde_orbit_goes_round_the_moon_and_is_stable():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", ["earth-moon", "sun-earth", "jupiter-europa"])
+@pytest.mark.parametrize(
+    "system", ["earth-moon", "sun-earth", "jupiter-europa", "saturn-enceladus", "mars-phobos"]
+)
 @pytest.mark.parametrize("point", ["L1", "L2"])
 def test_axial_orbits_are_mirrored_at_the_axis_only(system, point):
     scene = space(system)
@@ -123,6 +128,43 @@ def test_small_orbits_about_the_triangular_points_are_those_of_the_linear_modes(
     assert orbit.shift < 1e-5
     motion = np.asarray(jaxdyn.simulate(orbit.scene).ys)
     assert np.abs(motion - np.asarray(scenes.libration_point(scene, point))[None]).max() < 3e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", ["earth-moon", "sun-earth", "saturn-enceladus"])
+@pytest.mark.parametrize(("family", "hold"), [("vertical", "z"), ("short period", "x")])
+@pytest.mark.parametrize("point", ["L4", "L5"])
+def test_orbits_about_the_triangular_points_of_small_bodies_are_found(system, family, hold, point):
+    # There the frequency of the short period is nearly the vertical one and that of the two bodies.
+    scene = space(system)
+    units, time = np.asarray(scene.system.units), float(scene.system.time)
+    amplitude = 0.02 * float(units[0])
+    seed = near_libration_point(scene, family, point, amplitude=amplitude)
+    orbit = orbits.find(scene, seed.y0, seed.period, hold=hold)
+    assert np.abs((np.asarray(orbit.y0) - seed.y0) / units).max() < 1e-4
+    assert_allclose(orbit.period, seed.period, rtol=1e-4)
+    start = np.asarray(orbit.y0) / units
+    rate = jax.jit(restricted)
+    motion = solve_ivp(
+        lambda t, y: np.asarray(rate(t, y, float(scene.system.mu))),
+        (0.0, orbit.period / time),
+        start,
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-13,
+    )
+    assert_allclose(motion.y[:, -1], start, rtol=0, atol=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "hold"), [("vertical", "z"), ("long period", "x")])
+def test_guesses_about_the_triangular_points_are_of_second_order(family, hold):
+    scene, off = space(""), []
+    for amplitude in (0.02, 0.01):
+        seed = near_libration_point(scene, family, "L5", amplitude=amplitude)
+        orbit = orbits.find(scene, seed.y0, seed.period, hold=hold)
+        off.append(np.abs(np.asarray(orbit.y0) - seed.y0).max())
+    assert off[0] > 6.5 * off[1]  # of third order: 8
 
 
 @pytest.mark.slow

@@ -134,7 +134,7 @@ def test_it_goes_down_and_stops_at_its_bounds():
 @pytest.mark.slow
 def test_a_conservative_family_stops_at_a_bound_on_its_energy():
     swing = orbits.find(scenes.pendulum(angle=0.5), period=2.0)
-    bounds = (-9.81, -7.0)
+    bounds = (np.float64(-9.81), jnp.asarray(-7.0))
     found = orbits.continue_family(swing, members=40, step=0.2, energies=bounds)
     assert found.energies[-2] <= -7.0 < found.energies[-1]
     assert found.end == "the bounds on the energy, (-9.81, -7.0)"

@@ -53,6 +53,28 @@ def test_halo_orbits_leave_the_plane_where_the_catalogue_says(point, constant, p
 
 
 @pytest.mark.slow
+def test_axial_orbits_branch_off_by_plain_closing_alone():
+    scene = scenes.restricted_three_body_in_space(mu=MU, x=0.786, z=0.0, vy=0.43, t1=3.9)
+    mirror = orbits.closing.mirror(scene)
+    symmetric = orbits.find(scene, closing=mirror, hold="x")
+    found = {}
+    for closing in (mirror, orbits.PLAIN):
+        orbit = orbits.find(symmetric.scene, closing=closing, hold="x")
+        family = orbits.continue_family(orbit, members=5, step=0.1)
+        found[closing.name] = family, next(m for m in family.special if m.kind == Kind.BRANCH)
+    (mirrored, special), (plain, same) = found.values()
+    np.testing.assert_allclose(same.orbit.period, special.orbit.period, rtol=1e-10)
+    with pytest.raises(orbits.SearchError, match=r"lack the symmetry .* again with plain closing"):
+        orbits.switch_branch(mirrored, special)
+    axial, _ = orbits.switch_branch(plain, same, amplitude=0.05)
+    motion = np.asarray(jaxdyn.simulate(axial.scene, samples=201).ys)
+    assert np.abs(motion[:, 2]).max() > 1e-3
+    # It crosses the xz plane on the x axis, at right angles to it.
+    crossings = jaxdyn.crossings(axial.scene, jaxdyn.integrate.events.Reaches(1)).ys
+    np.testing.assert_allclose(crossings[:, [2, 3]], 0.0, atol=1e-9)
+
+
+@pytest.mark.slow
 def test_the_orbit_of_the_gateway():
     mirror = orbits.Symmetry(None, (1, -1, 1, -1, 1, -1), reversing=True)
     scene = jaxdyn.ode(restricted, GATEWAY, GATEWAY_PERIOD, params=GATEWAY_MU, energy=energy)

@@ -2,22 +2,26 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import gap, refusal
 from odes import jacobi, restricted
 from PIL import Image
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import jaxdyn
 import orbits
 from jaxdyn import chaos, scenes
 from orbits import drawing
+from orbits.discovery.libration import near_libration_point
 from orbits.tori import circle
 from orbits.tori.torus import TorusOutcome
 
 PERIOD = 2 * math.pi / 60
+MOON = scenes.restricted.SYSTEMS["earth-moon"].mu
 
 
 def two_oscillators(t, y):
@@ -223,6 +227,39 @@ def test_a_torus_is_drawn(swing, tmp_path):
     assert [figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()] == ["t", "theta [rad]"]
     with Image.open(path) as picture:
         assert len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0)) > 50
+
+
+def test_a_small_curve_far_from_the_origin_keeps_its_digits():
+    def curve(x):
+        return 1 + 1e-3 * np.stack([np.cos(x), np.sin(2 * x)], axis=1)
+
+    found = circle.resample(curve(circle.angles(97)), 121)
+    assert gap(found, curve(circle.angles(121))) < 5e-16
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "point"), [("halo", "L1"), ("vertical", "L2")])
+def test_tori_about_unstable_orbits_in_kilometres_and_days(family, point):
+    # The flow stretches 1000 times in a return, which alone makes more than the goal of rounding.
+    scene = scenes.restricted_three_body_in_space(system="earth-moon")
+    seed = near_libration_point(scene, family, point)
+    mirror = orbits.closing.mirror(scene)
+    orbit = orbits.find(scene, seed.y0, seed.period, closing=mirror, hold="z")
+    found = orbits.torus(orbit, 400.0)  # km
+    assert found.error < 1e-10
+    units, time, mu = (np.asarray(x) for x in (scene.system.units, scene.system.time, MOON))
+    rate, theta = jax.jit(restricted), np.array([0.4, 2.0])
+    starts, ends = found.at(theta) / units, found.at(theta + found.rotation) / units
+    for start, end in zip(starts, ends, strict=True):
+        motion = solve_ivp(
+            lambda t, y: np.asarray(rate(t, y, mu)),
+            (0.0, found.time / float(time)),
+            start,
+            method="DOP853",
+            rtol=1e-13,
+            atol=1e-14,
+        )
+        assert gap(motion.y[:, -1], end) < 3e-11
 
 
 def _minus_half_jacobi(t, y, mu):
