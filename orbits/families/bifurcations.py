@@ -2,7 +2,9 @@
 
 Most kinds have a test function of the members, which changes sign where a family passes such a
 point (`_TESTS`); its zero is located by steps along the family. Multipliers that leave the unit
-circle in pairs are counted instead, and the place is located by bisection. Where rounding leaves
+circle in pairs are counted instead, and the place is located by bisection. So are two that leave
+through 1 or -1 within a step, which is halved until each has a part of its own, unless they leave
+at the same place, as they may where the scene is symmetric. Where rounding leaves
 the sign of a test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is
 found.
 
@@ -49,8 +51,8 @@ _VAGUE = 0.1
 _CROSSED = 1e-4
 #: They do not where it is above this part: a place that rounding leaves vague is still nearer.
 _FAR = 0.5
-#: Most halvings of a step in which multipliers seem to have crossed the circle in several ways.
-_HALVINGS = 8
+#: Most halvings of a step in which special points may hide each other.
+_HALVINGS = 16
 
 Test = Callable[[Surface, Member], float]
 
@@ -65,12 +67,7 @@ def special_points(
         point = zero_between(surface, a, rest, _TESTS[Kind.DOUBLING])
         doublings = [] if point is None else [_with_kind(surface, Kind.DOUBLING, point)]
         return [*(x for x in doublings if not _same(x, rest)), rest]
-    # A pair that leaves the circle and one that returns through +1 or -1 may hide each other.
-    if (
-        halvings
-        and _count_at_plus_minus_one(surface, a, b)
-        and _count_spiralling(a) != _count_spiralling(b)
-    ):
+    if halvings and _hide_each_other(surface, a, b) and not _same(a, b):
         middle = OrbitChart(surface, a).between(a, b, 0.5)
         if middle is not None:
             halves = ((a, middle), (middle, b))
@@ -132,7 +129,7 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
         if member is None:
             break
         a, b = (a, member) if _leave_in_pairs(surface, start, member) else (member, b)
-    return [dataclasses.replace(b, kind=_pair_kind(a, b))] if _same(a, b) else []
+    return [dataclasses.replace(b, kind=_pair_kind(start, b))] if _same(a, b) else []
 
 
 def _same(a: Member, b: Member) -> bool:
@@ -257,10 +254,35 @@ def _count_at_plus_minus_one(surface: Surface, a: Member, b: Member) -> int:
     return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in certain)
 
 
-def _count_spiralling(member: Member) -> int:
-    """The number of complex multipliers outside of the unit circle."""
-    complexes = np.abs(member.stability.nontrivial.imag) > member.stability.bars
-    return int((_is_outside(member) & complexes).sum())
+def _hide_each_other(surface: Surface, a: Member, b: Member) -> bool:
+    """Whether special points between two members may hide each other.
+
+    A pair that leaves the circle may hide one that returns through +1 or -1, and two multipliers
+    that leave through the same of these points leave the sign of its test as it was.
+    """
+    if _leave_along_axis(a, b) is not None and _leave_in_pairs(surface, a, b):
+        return True
+    spiralling = [np.sum(_is_outside(member) & ~_is_real(member)) for member in (a, b)]
+    return spiralling[0] != spiralling[1] and _count_at_plus_minus_one(surface, a, b) > 0
+
+
+def _leave_along_axis(a: Member, b: Member) -> Kind | None:
+    """The kind of point through which two or more multipliers have left the unit circle, if any."""
+    for kind, value in ((Kind.BRANCH, 1.0), (Kind.DOUBLING, -1.0)):
+        if abs(_count_beyond(a, value) - _count_beyond(b, value)) >= 2:
+            return kind
+    return None
+
+
+def _count_beyond(member: Member, value: float) -> int:
+    """The number of real multipliers beyond 1 or -1."""
+    beyond = _is_outside(member) & _is_real(member)
+    return int(np.sum(beyond & (value * member.stability.nontrivial.real > 0)))
+
+
+def _is_real(member: Member) -> np.ndarray:
+    """(p,) whether each multiplier is real."""
+    return np.abs(member.stability.nontrivial.imag) <= member.stability.bars
 
 
 def _is_outside(member: Member) -> np.ndarray:
@@ -269,7 +291,13 @@ def _is_outside(member: Member) -> np.ndarray:
 
 
 def _pair_kind(a: Member, b: Member) -> Kind:
-    """How multipliers left the circle in pairs; at a Krein collision they go to both sides."""
+    """How multipliers left the circle in pairs; at a Krein collision they go to both sides.
+
+    Where the scene is symmetric, two may leave through 1 or -1 at the same place.
+    """
+    along_axis = _leave_along_axis(a, b)
+    if along_axis is not None:
+        return along_axis
     outer = max(a, b, key=lambda member: int(_is_outside(member).sum()))
     values = outer.stability.nontrivial
     mirrored = [

@@ -8,6 +8,7 @@ from helpers import SOLVED
 from odes import jacobi, restricted
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 import jaxdyn
 import orbits
@@ -336,3 +337,42 @@ def test_noise_near_a_homoclinic_orbit_is_no_special_point():
     assert alone.nontrivial[0].real > 1e5
     assert abs(alone.nontrivial[0] - known.nontrivial[0]) <= alone.bars[0] + known.bars[0]
     assert orbits.stability(long[-1].orbit).verdict == "undecided"
+
+
+def two_shaken(square, ratio):
+    """Two damped pendula on a pivot that is shaken up and down, the second one harder."""
+
+    def rate(t, y, q):
+        def pull(angle, q):
+            return (square - 2 * q * jnp.cos(2 * t)) * jnp.sin(angle)
+
+        first = [y[1], -0.1 * y[1] - pull(y[0], q)]
+        return [*first, y[3], -0.1 * y[3] - pull(y[2], ratio * q)]
+
+    return lambda q: jaxdyn.ode(rate, jnp.zeros(4), jnp.pi, params=q)
+
+
+def largest_multiplier(square, q):
+    """Of Mathieu's equation with damping, by SciPy."""
+
+    def rate(t, y):
+        return [y[1], -0.1 * y[1] - (square - 2 * q * np.cos(2 * t)) * y[0]]
+
+    span, fine = (0, np.pi), {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
+    columns = [solve_ivp(rate, span, start, **fine).y[:, -1] for start in np.eye(2)]
+    return np.abs(np.linalg.eigvals(np.array(columns))).max()
+
+
+@pytest.mark.parametrize(
+    ("square", "kind", "ratio"),
+    [(1.0, Kind.DOUBLING, 1.01), (1.0, Kind.DOUBLING, 1.0), (4.0, Kind.BRANCH, 1.1)],
+    ids=["doublings", "one doubling of both", "branch points"],
+)
+def test_two_multipliers_may_leave_through_the_same_point_in_one_step(square, kind, ratio):
+    make = two_shaken(square, ratio)
+    rest = orbits.find(make(0.01), jnp.zeros(4), jnp.pi)
+    family = orbits.continue_family(rest, make, 0.01, within=(0.0, 2.0 if square > 1 else 0.3))
+    unstable = brentq(lambda q: largest_multiplier(square, q) - 1, 0.01, 1.5, xtol=1e-13)
+    wanted = sorted({unstable, unstable / ratio})
+    assert [x.kind for x in family.special] == [kind] * len(wanted)
+    assert np.abs([x.parameter for x in family.special] - np.array(wanted)).max() < 1e-10
