@@ -81,9 +81,9 @@ def continue_equilibria(
       ValueError: there is no equilibrium near `start`, the scene depends on time or has
         constraints, its equilibria are not isolated at a fixed parameter even after a small
         change of it (redundant coordinates), or a number is out of range or traced.
-    Limits: host only. A special point is detected where its test changes sign between two
-      members; two of one kind within one step are not. Opposite eigenvalues of a conservative scene
-      rule out the test for Hopf points: such a scene has none in this sense. Angles are not
+    Limits: host only. Where two points of a kind are at the same place, as they may be where the
+      scene is symmetric, one is found, without coefficients. Opposite eigenvalues of a conservative
+      scene rule out the test for Hopf points: such a scene has none in this sense. Angles are not
       reduced modulo a turn.
     Reference: Govaerts (2000), Numerical Methods for Bifurcations of Dynamical Equilibria;
       Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapters 5 and 10.

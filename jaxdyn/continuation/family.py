@@ -63,7 +63,7 @@ class Equilibrium:
     @property
     def criticality(self) -> str:
         """At a Hopf point "supercritical" or "subcritical", "" elsewhere."""
-        if self.kind != Kind.HOPF or not self.coefficient:
+        if self.kind != Kind.HOPF or not abs(self.coefficient) > 0:
             return ""
         return "supercritical" if self.coefficient < 0 else "subcritical"
 

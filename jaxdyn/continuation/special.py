@@ -2,7 +2,9 @@
 
 Each kind has a test, a function of an equilibrium that changes sign there. Where it does, Newton's
 method solves the defining equations of the kind; if it leads out of the interval, the interval is
-halved first. All points are in units of their family.
+halved first. Two points of a kind within one interval leave the sign of its test as it was; there
+are as many of them as eigenvalues have crossed the imaginary axis, and the interval is halved until
+each has a part of its own. All points are in units of their family.
 
 - Fold: the parameter entry of the tangent.
 - Branch point: the determinant of [A, b] bordered by the tangent.
@@ -11,6 +13,7 @@ halved first. All points are in units of their family.
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +29,7 @@ from jaxdyn.continuation.units import ChartInUnits, InUnits
 
 _HALVINGS = 25  # most halvings of the interval between two members
 _SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
-_OUTSIDE = 0.1  # part of it: a solution farther beyond its ends belongs to another place
+_OUTSIDE = 1e-4  # part of it: a solution farther beyond its ends belongs to another place
 _ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
@@ -51,12 +54,47 @@ def special_points(
 ) -> list[Equilibrium]:
     """The special points between two neighbours, in order; with `first` also one at `a`."""
     passed = [kind for kind, test in _TESTS.items() if changes_sign(test(a), test(b), first)]
+    hidden = _hidden(passed, a, b)
+    if hidden is not None and not chart.at_end(a, b, _SHARE):
+        middle = chart.between(a, b, _SHARE)
+        if middle is not None:
+            return [*special_points(chart, a, middle, first), *special_points(chart, middle, b)]
     found = [_locate(chart, kind, a, b) for kind in passed]
+    if hidden is not None and _same(a, b):
+        found.append(_double(hidden, b))
     known = [point for point in found if point is not None]
     branches = [point for point in known if point.kind == Kind.BRANCH]
     # A family that turns at a branch point has no fold there: the other branch passes it.
     kept = [x for x in known if x.kind != Kind.FOLD or not any(_same(x, y) for y in branches)]
     return sorted(kept, key=lambda point: float(a.tangent @ point.x))
+
+
+def _hidden(passed: list[Kind], a: Equilibrium, b: Equilibrium) -> Kind | None:
+    """The kind of points between two neighbours of which two or more leave no sign, if any."""
+    (real_a, pairs_a), (real_b, pairs_b) = _count_growing(a), _count_growing(b)
+    real, pairs = abs(real_b - real_a), abs(pairs_b - pairs_a)
+    hopf = passed.count(Kind.HOPF)
+    simple = len(passed) - hopf
+    # Pairs that become real beside the axis, or meet on it, are none.
+    crossed = abs(real_b + 2 * pairs_b - real_a - 2 * pairs_a)
+    if real >= simple + 2 and crossed >= simple + 2:
+        return Kind.BRANCH
+    return Kind.HOPF if pairs >= hopf + 2 and crossed >= 2 * (hopf + 2) else None
+
+
+def _double(kind: Kind, point: Equilibrium) -> Equilibrium:
+    """The point where two or more cross at once, as they may where the scene is symmetric."""
+    values = point.eigenvalues.values
+    nearest = values[np.argmin(np.abs(values.real))]
+    frequency = float(abs(nearest.imag)) if kind == Kind.HOPF else math.nan
+    return dataclasses.replace(point, kind=kind, frequency=frequency)
+
+
+def _count_growing(point: Equilibrium) -> tuple[int, int]:
+    """The numbers of real eigenvalues, and of complex pairs, with positive real parts."""
+    values, bars = point.eigenvalues
+    growing, real = values.real > bars, np.abs(values.imag) <= bars
+    return int(np.sum(growing & real)), int(np.sum(growing & (values.imag > bars)))
 
 
 def _locate(

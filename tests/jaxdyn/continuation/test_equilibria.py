@@ -267,3 +267,50 @@ def test_a_member_that_is_special_itself_is_found_once():
     (hopf,) = special_points(chart, before, here)
     assert (hopf.kind, hopf.parameter) == (Kind.HOPF, 0.0)
     assert special_points(chart, here, after) == []
+
+
+def uncoupled(part, apart):
+    """Two equal systems of one entry or two, the second one with its parameter shifted."""
+
+    def rate(t, y, p):
+        half = len(y) // 2
+        return jnp.concatenate([part(y[:half], p, 1.0), part(y[half:], p - apart, 1.7)])
+
+    return lambda p: jaxdyn.ode(rate, jnp.zeros(2 if part is pitchfork else 4), 10.0, params=p)
+
+
+def pitchfork(x, p, _):
+    return (p - 0.5) * x - x**3
+
+
+def growing_swing(x, p, frequency):
+    turned = jnp.stack([-x[1], x[0]])
+    return (p - 0.5 - x @ x) * x + frequency * turned
+
+
+@pytest.mark.parametrize("apart", [0.01, 1e-5, 0.0])
+@pytest.mark.parametrize(
+    ("part", "kind"), [(pitchfork, Kind.BRANCH), (growing_swing, Kind.HOPF)], ids=["branch", "Hopf"]
+)
+def test_two_points_of_a_kind_within_a_step(part, kind, apart):
+    make = uncoupled(part, apart)
+    family = jaxdyn.continue_equilibria(make, 0.0, make(0.0).y0, within=(0, 2))
+    wanted = sorted({0.5, 0.5 + apart})
+    assert [x.kind for x in family.special] == [kind] * len(wanted)
+    assert np.abs([x.parameter for x in family.special] - np.array(wanted)).max() < 1e-14
+    if kind == Kind.HOPF:
+        assert {x.criticality for x in family.special} <= {"", "supercritical"}
+        assert all(min(abs(x.frequency - w) for w in (1, 1.7)) < 1e-12 for x in family.special)
+    else:
+        assert [math.isnan(x.coefficient) for x in family.special] == [not apart] * len(wanted)
+
+
+def test_a_pair_that_becomes_real_after_its_hopf_point_is_no_branch_point():
+    def rate(t, y, p):
+        return [y[1], (p - 0.3) * y[1] - 0.01 * y[0]]
+
+    family = jaxdyn.continue_equilibria(
+        lambda p: jaxdyn.ode(rate, [0.0, 0.0], 10.0, params=p), 0.0, [0.0, 0.0], within=(0, 2)
+    )
+    assert [x.kind for x in family.special] == [Kind.HOPF]
+    assert abs(family.special[0].parameter - 0.3) < 1e-14
