@@ -228,6 +228,10 @@ def test_stability_indices_are_those_of_the_pairs():
             "amplitude: expected less than the distance of the two bodies",
         ),
         (
+            lambda: near_libration_point(space(""), amplitude=0.9),
+            "amplitude: expected one for which the series has a period > 0, got 0.9. Begin with",
+        ),
+        (
             lambda: near_libration_point(scenes.restricted_three_body(), "vertical"),
             "family: expected a planar one",
         ),
