@@ -88,6 +88,7 @@ SYSTEMS = {
     "mars-phobos": Pair(1.611081404409632e-8, 9468.0, 4452.0),
     "jupiter-europa": Pair(2.52801752854e-5, 668519.0, 48562.0),
     "saturn-enceladus": Pair(1.901109735892602e-7, 238529.0, 18913.0),
+    "saturn-titan": Pair(2.366393158331484e-4, 1195677.0, 212238.0),
 }
 _DAY = 86400.0  # [s]
 
@@ -145,9 +146,10 @@ def restricted_three_body_in_space(
       vz: initial vz [1].
       t1: span [1]; the two masses turn once in 2 pi.
       system: "" for these units; "earth-moon", "sun-earth", "sun-mars", "mars-phobos",
-        "jupiter-europa" or "saturn-enceladus" for the same scene in km and days, with the mu of
-        that pair. The numbers above remain relative to the distance and the angular velocity of
-        the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day, and a span in days.
+        "jupiter-europa", "saturn-enceladus" or "saturn-titan" for the same scene in km and days,
+        with the mu of that pair. The numbers above remain relative to the distance and the angular
+        velocity of the pair; ``scene.starting(y0, t1)`` takes a state in km and km/day, and a span
+        in days.
     """
     y0 = jnp.stack([x, y, z, vx, vy, vz])
     if not system:

@@ -70,8 +70,8 @@ def near_libration_point(
       southern: the mirror image of a halo, vertical or axial orbit; most of a halo orbit is then
         below the plane.
     Raises:
-      ValueError: another scene, family or point, `amplitude` is not > 0, or `mu` is so large that
-        L4 and L5 are unstable.
+      ValueError: another scene, family or point, `amplitude` is not > 0 or far too large for the
+        series, or `mu` is so large that L4 and L5 are unstable.
     Limits: the guess is of second or third order in the amplitude; large orbits are reached along
       the family. The amplitude must be so large that rounding of the position of the point is below
       the goal of `find`. About L3 both oscillations have nearly the same period, and vertical
@@ -105,6 +105,9 @@ def near_libration_point(
         wanted = f"less than the distance of the two bodies, {units[0]:g}"
         raise fail("amplitude", wanted, amplitude, "It is in the scene's unit of length.")
     guess = kind.made(float(system.mu), place, size)
+    if not guess.period > 0:  # far beyond where the series means anything
+        remedy = "Begin with a smaller orbit, and follow the family."
+        raise fail("amplitude", "one for which the series has a period > 0", amplitude, remedy)
     mirrored = [1, 1, -1, 1, 1, -1] if southern else [1] * 6
     return _seed(scene, np.array(guess.start) * mirrored, guess.period)
 

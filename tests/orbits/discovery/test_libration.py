@@ -16,6 +16,14 @@ from orbits.discovery.libration import near_libration_point, resonant
 LARGEST = {"L1": 3.174, "L2": 3.152}
 
 
+#: Distant retrograde orbits of JPL's catalogue: Jacobi's constant, and the period in its unit of
+#: time, a radian of the two bodies. Both are stable.
+RETROGRADE = (
+    ("saturn-titan", 2.99991417019945, 2.2365274428311821),
+    ("mars-phobos", 2.99999004459787, 4.7406333626886079),
+)
+
+
 def space(system="earth-moon"):
     return scenes.restricted_three_body_in_space(system=system)
 
@@ -85,6 +93,20 @@ def test_a_distant_retrograde_orbit_goes_round_the_moon_and_is_stable():
     motion = np.asarray(jaxdyn.simulate(orbit.scene).ys) - [0.98785, 0, 0, 0, 0, 0]
     turns = np.unwrap(np.arctan2(motion[:, 1], motion[:, 0]))
     assert_allclose(turns[-1] - turns[0], -2 * np.pi, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "constant", "period"), RETROGRADE)
+def test_retrograde_orbits_have_the_constant_of_jpls_catalogue(system, constant, period):
+    scene = space(system)
+    period = period * float(scene.system.time)
+    _, first = found(scene, "distant retrograde", "L1", "x")
+    family = orbits.continue_family(first, step=0.1, within=(0.0, period))
+    near = min((member.orbit for member in family.members), key=lambda x: abs(x.period - period))
+    mirror = orbits.closing.mirror(scene)
+    orbit = orbits.find(near.scene, closing=mirror, hold=orbits.Period(period))
+    assert_allclose(scenes.jacobi_constant(orbit.scene), constant, rtol=0, atol=1e-13)
+    assert orbits.stability(orbit).verdict == "stable"
 
 
 @pytest.mark.slow
@@ -226,6 +248,10 @@ def test_stability_indices_are_those_of_the_pairs():
         (
             lambda: near_libration_point(space(), amplitude=1e9),
             "amplitude: expected less than the distance of the two bodies",
+        ),
+        (
+            lambda: near_libration_point(space(""), amplitude=0.9),
+            "amplitude: expected one for which the series has a period > 0, got 0.9. Begin with",
         ),
         (
             lambda: near_libration_point(scenes.restricted_three_body(), "vertical"),
