@@ -266,7 +266,8 @@ def judge(
     # The rounding error is that of the whole matrix, not of the block.
     error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
     # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
-    error = error + (fine.gap if fine.gap <= CLOSED else 1.0) * norm(m)
+    apart = fine.gap if fine.gap <= CLOSED else 1.0
+    error = error + apart * norm(m)
 
     def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widen(map_eigenvalues(reduced, error, *known), split, m)
@@ -281,7 +282,7 @@ def judge(
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
         closer = runs.at(_CLOSER * rtol)
         changes = [q.T @ (x.m - m) @ q for x in (closer, coarse)]
-        found, verdict = multipliers(changes, (rtol + ROUNDING) * norm(m))
+        found, verdict = multipliers(changes, (rtol + ROUNDING + apart) * norm(m))
     nontrivial, bars = found
     unit = len(m) - len(nontrivial) - len(split.turned)
     return Stability(

@@ -361,3 +361,12 @@ def test_bars_of_an_orbit_by_collocation_hold(rtol):
         wrong = np.abs(np.sort(result.nontrivial.real)[::-1] - exact)
         assert (wrong < result.bars[np.argsort(-result.nontrivial.real)]).all()
         assert result.verdict in (("undecided", "unstable") if c else ("undecided",))
+
+
+def test_a_motion_that_does_not_close_has_no_verdict():
+    scene = jaxdyn.scenes.restricted_three_body(mu=0.3)
+    lost = orbits.find(scene, [0.4, 0.0, 0.0, 1.0], 3.0, throw=False, max_iterations=2)
+    found = orbits.stability(lost)
+    assert not lost.ok
+    assert found.verdict == "undecided"
+    assert (found.bars > np.abs(found.multipliers)).all()
