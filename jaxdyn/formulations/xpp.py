@@ -159,8 +159,8 @@ class Maker:
       text: a text in the language of ``.ode`` files.
       name: the name of the scenes.
     Raises:
-      ValueError: a line is not understood, or declares something other than a differential
-        equation.
+      ValueError: it is no text; or a line is not understood, or declares something other than a
+        differential equation.
     Example:
       >>> import jaxdyn
       >>> swing = Maker("par k=4; x'=v; v'=-k*x; init x=1")
@@ -175,6 +175,9 @@ class Maker:
     name: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.text, str) or re.fullmatch(r"\S*\.ode", self.text):
+            remedy = "Of a file, pass Path(file).read_text()."
+            raise _checks.fail("text", "the text of a model", repr(self.text), remedy)
         model(self.text)
 
     @property
@@ -188,10 +191,14 @@ class Maker:
         found, known = model(self.text), self.defaults
         for key in numbers:
             _checks.choice("number", key, known)
-        chosen = known | numbers
-        params = [as_float(chosen[key]) for key in found.numbers]
+        chosen = {key: as_float(number) for key, number in (known | numbers).items()}
+        for key, number in chosen.items():
+            if jnp.shape(number):
+                remedy = "Use jax.vmap for several."
+                raise _checks.fail(key, "one number", f"shape {jnp.shape(number)}", remedy)
+        params = [chosen[key] for key in found.numbers]
         system = Written(self.text, jnp.stack(params) if params else jnp.zeros(0))
-        y0 = jnp.stack([as_float(chosen[key]) for key in found.rates])
+        y0 = jnp.stack([chosen[key] for key in found.rates])
         return Scene(system, y0=y0, t1=chosen[_SPAN], name=self.name)
 
 

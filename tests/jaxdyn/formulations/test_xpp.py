@@ -291,3 +291,14 @@ def test_what_is_refused(text, message):
 def test_an_unknown_number_is_refused():
     with pytest.raises(ValueError, match="number: expected one of k, total, x, got 'm'"):
         Maker("par k=1\nx'=-k*x")(m=1.0)
+
+
+@pytest.mark.parametrize("text", [None, ["x'=1"], "models/lorenz.ode"])
+def test_what_is_no_text_is_refused(text):
+    with pytest.raises(ValueError, match=r"the text of a model, .* Path\(file\).read_text"):
+        Maker(text)
+
+
+def test_several_numbers_are_refused():
+    with pytest.raises(ValueError, match=r"k: expected one number, got shape \(2,\). Use jax.vmap"):
+        Maker("par k=1\nx'=-k*x")(k=[1.0, 2.0])
