@@ -79,6 +79,10 @@ _OPEN = (
     "orbits.refine(orbit, 60).stability(); an integral or a symmetry that forces them to be there "
     "can be named in the scene (energy=, integrals=)."
 )
+_NOT_CLOSED = (
+    "The motion does not close after the period, so it has no multipliers. Look for the orbit "
+    "first: orbits.find(scene, y0, period)."
+)
 _VAGUE = 0.1  # a multiplier with wider bars may be inside or outside of the unit circle
 _LOOSEST = 1e-9  # above this first tolerance runs may take the same few steps and show nothing
 
@@ -178,6 +182,8 @@ class Stability:
         """How the integration ended or what leaves the verdict open, with a remedy."""
         if not self.ok or self.verdict != "undecided":
             return self.status.message
+        if self.bars.size and self.bars.min() >= self.growth:
+            return _NOT_CLOSED
         return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
 

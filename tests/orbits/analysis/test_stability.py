@@ -370,3 +370,4 @@ def test_a_motion_that_does_not_close_has_no_verdict():
     assert not lost.ok
     assert found.verdict == "undecided"
     assert (found.bars > np.abs(found.multipliers)).all()
+    assert found.message.startswith("The motion does not close after the period")
