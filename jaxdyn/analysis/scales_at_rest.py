@@ -8,7 +8,7 @@ do so, and one of them is 1; nothing that is compared in these sizes depends on 
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -44,13 +44,13 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
       y: (k,) the equilibrium.
       t: () time at which the field is frozen.
     """
-    y, alike = np.asarray(y, float), groups.sizes_on_host
-    most, made = np.asarray(groups.most), _made(field, y, t)
+    y, alike, most = np.asarray(y, float), groups.sizes_on_host, np.asarray(groups.most)
+    near = RateNear.of(field, t, y, alike)
     here = np.where(np.isfinite(most), most, alike(np.abs(y)))
-    here = np.where(here > _ROUNDING * alike((made * here).max(axis=1)), here, 0.0)
-    nothing = _are_rounding(field, t, y, here, most, alike)
+    here = np.where(here > _ROUNDING * alike((near.made * here).max(axis=1)), here, 0.0)
+    nothing = _are_rounding(near, here, most)
     y, here = (np.where(nothing, 0.0, x) for x in (y, here))
-    sizes = fill_zeros(field, t, y, here, _made(field, y, t), alike)
+    sizes = RateNear.of(field, t, y, alike).fill_zeros(here)
     slope = terms(field, y, sizes, t)
     fastest = _radius(slope)
     # At a fold the Jacobian itself may be rounding, and so may be what it makes of an entry.
@@ -59,15 +59,7 @@ def at_rest(field: Any, groups: Groups, y: np.ndarray, t: float = 0.0) -> Scales
     return Scales(jnp.asarray(sizes), jnp.asarray(1 / (fastest or 1.0)))
 
 
-def _made(field: Any, y: np.ndarray, t: float) -> np.ndarray:
-    """(k, k) what each entry of size 1 makes of the others in the time of the motion."""
-    slope = np.abs(slopes(field, y, t))
-    return slope / (_radius(slope) or 1.0)
-
-
-def _are_rounding(
-    field: Any, t: float, y: np.ndarray, here: np.ndarray, most: np.ndarray, alike: Callable
-) -> np.ndarray:
+def _are_rounding(near: "RateNear", here: np.ndarray, most: np.ndarray) -> np.ndarray:
     """(k,) which entries are 0, as a search computes it: nothing beside the size they have at 0.
 
     Those sizes depend on which entries are 0. At first all are, so that none is measured by the
@@ -75,25 +67,16 @@ def _are_rounding(
     """
     small = (here > 0) & ~np.isfinite(most)
     while small.any():
-        without, sizes = (np.where(small, 0.0, x) for x in (y, here))
-        made, bent = _made(field, without, t), sizes
+        without, sizes = (np.where(small, 0.0, x) for x in (near.y, here))
+        beside, bent = RateNear.of(near.field, near.t, without, near.alike), sizes
         while bent is not None:
-            sizes = _carry(made, alike(bent), alike)
-            bent = _where_it_bends(field, t, without, sizes, made, alike, passes=_COARSE)
+            sizes = beside.carry(near.alike(bent))
+            bent = beside.bend(sizes, _COARSE)
         left = small & (here < _NOTHING * sizes)
         if (left == small).all():
             break
         small = left
     return small
-
-
-def _carry(made: np.ndarray, sizes: np.ndarray, alike: Callable) -> np.ndarray:
-    """(k,) sizes, and those that they make of entries without one, in turn."""
-    before = np.zeros_like(sizes)
-    while (sizes > before).any():
-        before = sizes
-        sizes = alike(np.where(sizes == 0, alike((made * sizes).max(axis=1)), sizes))
-    return sizes
 
 
 def _radius(matrix: np.ndarray) -> float:
@@ -112,117 +95,116 @@ def slopes(field: Any, y: np.ndarray, t: float = 0.0) -> np.ndarray:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def fill_zeros(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    sizes: np.ndarray,
-    made: np.ndarray,
-    alike: Callable,
-    fastest: float = 0.0,
-) -> np.ndarray:
-    """The sizes (k,), where those that are 0 follow from what the other entries make of them.
+class RateNear(NamedTuple):
+    """A rate near a state, where it shows how entries of the state compare.
 
-    An entry that no other moves has the size at which the rate bends. This is decided for one such
-    entry after the other, together with what follows from it. Where the rate is linear, any size is
-    as good as another: the mean of the known ones, or 1.
-
-    Args:
+    Attributes:
       field: an object with ``rate(t, y)``.
       t: () time at which the field is frozen.
       y: (k,) the state.
-      sizes: (k,) the sizes so far, 0 where there is none.
       made: (k, k) what entries make of each other in the time of the motion.
       alike: takes numbers (k,) to the largest in the group of each.
       fastest: [1/time] a change of the Jacobian by this is large, if its terms are smaller.
     """
-    while ((sizes := _carry(made, sizes, alike)) == 0).any():
-        bent = _where_it_bends(field, t, y, sizes, made, alike, fastest)
-        if bent is None:
-            mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
-            bent = np.where(np.arange(len(y)) == np.argmin(sizes), mean, sizes)
-        sizes = alike(bent)
-    return sizes
 
+    field: Any
+    t: float
+    y: np.ndarray
+    made: np.ndarray
+    alike: Callable[[np.ndarray], np.ndarray]
+    fastest: float = 0.0
 
-def _where_it_bends(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    sizes: np.ndarray,
-    made: np.ndarray,
-    alike: Callable,
-    fastest: float = 0.0,
-    passes: tuple[int, int] = _FINE,
-) -> np.ndarray | None:
-    """The sizes (k,), and that of an entry where the rate bends; None where it is linear."""
-    for i in np.flatnonzero(sizes == 0):
-        first = np.arange(len(y)) == i
-        way = _extended_by_couplings(made, alike(first.astype(float)), sizes == 0)
-        size = _linear_up_to(field, t, y, way, sizes, fastest, passes)
-        if np.isfinite(size):
-            return np.where(first, size, sizes)
-    return None
+    @classmethod
+    def of(cls, field: Any, t: float, y: np.ndarray, alike: Callable) -> "RateNear":
+        """The rate near a state of rest, whose Jacobian has the time of the motion."""
+        slope = np.abs(slopes(field, y, t))
+        return cls(field, t, y, slope / (_radius(slope) or 1.0), alike)
 
+    def fill_zeros(self, sizes: np.ndarray) -> np.ndarray:
+        """The sizes (k,), where those that are 0 follow from what the other entries make of them.
 
-def _extended_by_couplings(made: np.ndarray, way: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """(k,) a displacement of some entries, extended to those of `which` that they move."""
-    for _ in way:
-        way = np.where(which & (way == 0), (made * way).max(axis=1), way)
-    return way
+        An entry that no other moves has the size at which the rate bends. This is decided for one
+        such entry after the other, together with what follows from it. Where the rate is linear,
+        any size is as good as another: the mean of the known ones, or 1.
+        """
+        while ((sizes := self.carry(sizes)) == 0).any():
+            bent = self.bend(sizes)
+            if bent is None:
+                mean = np.exp(np.log(sizes[sizes > 0]).mean()) if sizes.any() else 1.0
+                bent = np.where(np.arange(len(sizes)) == np.argmin(sizes), mean, sizes)
+            sizes = self.alike(bent)
+        return sizes
 
+    def carry(self, sizes: np.ndarray) -> np.ndarray:
+        """(k,) sizes, and those that they make of entries without one, in turn."""
+        before = np.zeros_like(sizes)
+        while (sizes > before).any():
+            before, made = sizes, self.alike((self.made * sizes).max(axis=1))
+            sizes = self.alike(np.where(sizes == 0, made, sizes))
+        return sizes
 
-def _linear_up_to(
-    field: Any,
-    t: float,
-    y: np.ndarray,
-    way: np.ndarray,
-    sizes: np.ndarray,
-    fastest: float = 0.0,
-    passes: tuple[int, int] = _FINE,
-) -> float:
-    """How far along a displacement (k,), in both senses, a rate is linear.
+    def bend(self, sizes: np.ndarray, passes: tuple[int, int] = _FINE) -> np.ndarray | None:
+        """The sizes (k,), and that of an entry where the rate bends; None where it is linear."""
+        for i in np.flatnonzero(sizes == 0):
+            first = np.arange(len(sizes)) == i
+            way = self._extend(self.alike(first.astype(float)), sizes == 0)
+            size = self._linear_up_to(way, sizes, passes)
+            if np.isfinite(size):
+                return np.where(first, size, sizes)
+        return None
 
-    It is linear until terms of its Jacobian change by about their own size, or by `fastest`
-    [1/time]. Terms of entries with sizes (k,) or on the way are compared in a row together; those
-    of other entries, which may have any size, each for itself. Distances at which rounding alone
-    may change them by so much say nothing.
-    """
-    slope, off, near = np.abs(slopes(field, y, t)), way * weights_of(len(y)), shifted(y)
-    alone = (slope > 0) & (sizes == 0) & (way == 0)
-    low, high, bounds = _NEAREST, _FARTHEST, None
-    for _ in range(passes[1]):
-        distances = np.geomspace(low, high, passes[0])
-        each = np.maximum(sizes, distances[:, None] * way)
-        own = each @ slope.T + fastest * each
-        share = np.zeros((len(distances), len(y) + len(y) ** 2))
-        for sign in (1, -1):
-            at = np.concatenate([near, y + sign * distances[:, None] * off])
-            with np.errstate(all="ignore"):
-                there = np.asarray(_slopes(field, jnp.asarray(t, float), jnp.asarray(at)))
-                changes = np.abs(there - slopes(field, y, t))
-                rounded, changes = changes[: len(near)].max(axis=0), changes[len(near) :]
-                rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
-                ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
-                noise = np.where(own > 0, TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(axis=1)
-            ones = np.where(TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
-            parts = np.hstack([rows, ones.reshape(len(ones), -1)])
-            share = np.maximum(share, np.where(np.isnan(parts), np.inf, parts))
-        says = ~(noise > _NONLINEAR)
-        if not says.any():
-            return np.inf
-        # The product of an entry on the way with one that has a size stays the same part of a row.
-        # A larger part is nonlinear; so is a smaller one, as where a force decays with distance.
-        # Each row is compared with itself: one of such products would hide the others.
-        if bounds is None:
-            first = share[np.argmax(says)]
-            least = np.where(first > _NONLINEAR, 0.5 * first, 0.0)
-            bounds = least, np.maximum(_NONLINEAR, 2 * first)
-        beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])).any(axis=1))
-        if not len(beyond):
-            return np.inf
-        low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
-    return float(low)
+    def _extend(self, way: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """(k,) a displacement of some entries, extended to those of `which` that they move."""
+        for _ in way:
+            way = np.where(which & (way == 0), (self.made * way).max(axis=1), way)
+        return way
+
+    def _linear_up_to(self, way: np.ndarray, sizes: np.ndarray, passes: tuple[int, int]) -> float:
+        """How far along a displacement (k,), in both senses, a rate is linear.
+
+        It is linear until terms of its Jacobian change by about their own size, or by `fastest`.
+        Terms of entries with sizes (k,) or on the way are compared in a row together; those of
+        other entries, which may have any size, each for itself. Distances at which rounding alone
+        may change them by so much say nothing.
+        """
+        field, t, y = self.field, self.t, self.y
+        slope, off, near = np.abs(slopes(field, y, t)), way * weights_of(len(y)), shifted(y)
+        alone = (slope > 0) & (sizes == 0) & (way == 0)
+        low, high, bounds = _NEAREST, _FARTHEST, None
+        for _ in range(passes[1]):
+            distances = np.geomspace(low, high, passes[0])
+            each = np.maximum(sizes, distances[:, None] * way)
+            own = each @ slope.T + self.fastest * each
+            share = np.zeros((len(distances), len(y) + len(y) ** 2))
+            for sign in (1, -1):
+                at = np.concatenate([near, y + sign * distances[:, None] * off])
+                with np.errstate(all="ignore"):
+                    there = np.asarray(_slopes(field, jnp.asarray(t, float), jnp.asarray(at)))
+                    changes = np.abs(there - slopes(field, y, t))
+                    rounded, changes = changes[: len(near)].max(axis=0), changes[len(near) :]
+                    rows = np.where(own > 0, np.einsum("nij,nj->ni", changes, each) / own, 0.0)
+                    ones = np.where(alone, changes / np.where(alone, slope, 1.0), 0.0)
+                    noise = np.where(own > 0, TIMES_NOISE * (each @ rounded.T) / own, 0.0).max(
+                        axis=1
+                    )
+                ones = np.where(TIMES_NOISE * rounded < _NONLINEAR * slope, ones, 0.0)
+                parts = np.hstack([rows, ones.reshape(len(ones), -1)])
+                share = np.maximum(share, np.where(np.isnan(parts), np.inf, parts))
+            says = ~(noise > _NONLINEAR)
+            if not says.any():
+                return np.inf
+            # The product of an entry on the way with one that has a size stays the same part of a
+            # row. A larger part is nonlinear; so is a smaller one, as where a force decays with
+            # distance. Each row is compared with itself: one such product would hide the others.
+            if bounds is None:
+                first = share[np.argmax(says)]
+                least = np.where(first > _NONLINEAR, 0.5 * first, 0.0)
+                bounds = least, np.maximum(_NONLINEAR, 2 * first)
+            beyond = np.flatnonzero(says & ((share < bounds[0]) | (share > bounds[1])).any(axis=1))
+            if not len(beyond):
+                return np.inf
+            low, high = distances[max(beyond[0] - 1, 0)], distances[beyond[0]]
+        return float(low)
 
 
 @eqx.filter_jit

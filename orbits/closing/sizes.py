@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 
 from jaxdyn import Scene
 from jaxdyn._records import notes_on
-from jaxdyn.analysis.scales_at_rest import at_rest, fill_zeros
+from jaxdyn.analysis.scales_at_rest import RateNear, at_rest
 from jaxdyn.plan import plan_of
 from jaxdyn.scales import groups, shifted
 
@@ -149,7 +149,7 @@ def _fill_zeros(scene: Scene, found: np.ndarray, slope: np.ndarray, time: float)
     Jacobian `slope` (k, k) changes by itself or by 1 over the time.
     """
     made, y0, own = time * slope, np.asarray(scene.y0), functools.partial(alike, scene)
-    return fill_zeros(scene.field, 0.0, y0, found, made, own, 1 / time)
+    return RateNear(scene.field, 0.0, y0, made, own, 1 / time).fill_zeros(found)
 
 
 def _linear_terms(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
