@@ -17,10 +17,11 @@ of the time, and rows of states such as ``x[1..9]'=x[j-1]-x[j]``, also in blocks
 ``%[1..9]`` and end with ``%``. Fixed quantities may be declared in any order; XPPAUT computes one
 that is used before it is declared from the previous state. Expressions mean what they mean in
 XPPAUT, see `jaxdyn.formulations.xpp_expressions`. Values of parameters and starts may be
-expressions of parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. The reader
-skips ``aux``, boundary conditions, and the options for drawing and integration other than
-``total``. It refuses whatever is not an ordinary differential equation: maps, also by
-``@ meth=discrete``, delays, noise, tables, resets, algebraic equations, libraries, other files.
+expressions of parameters declared before, such as 8/3 above; XPPAUT reads the 8 of it. Starts may
+also be expressions of derived numbers declared before. The reader skips ``aux``, boundary
+conditions, and the options for drawing and integration other than ``total``. It refuses whatever
+is not an ordinary differential equation: maps, also by ``@ meth=discrete``, delays, noise, tables,
+resets, algebraic equations, libraries, other files.
 
 Reference: B. Ermentrout, Simulating, Analyzing, and Animating Dynamical Systems, SIAM (2002).
 """
@@ -29,6 +30,7 @@ import dataclasses
 import functools
 import graphlib
 import re
+from collections import ChainMap
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -47,6 +49,7 @@ from jaxdyn.formulations.xpp_expressions import (
     Function,
     NotARate,
     check_names,
+    follows_from,
     names,
     read,
     size,
@@ -295,6 +298,7 @@ class _Reader:
         self.derived: dict[str, Expression] = {}
         self.functions: dict[str, Function] = {}
         self.rates: dict[str, Expression] = {}
+        self._computed: dict[str, float] = {}  # of the derived ones, those that are numbers
         self._names: set[str] = set()
 
     def read(self, line: str) -> bool:
@@ -316,7 +320,7 @@ class _Reader:
             for name, number in self._pairs(line, rest).items():
                 self._declare(self.numbers, name, number)
         elif pairs and word in ("i", "init"):
-            self.starts |= self._pairs(line, rest)
+            self.starts |= self._pairs(line, rest, self._computed)
         elif begins and rest and word in _REFUSED:
             raise _refusal(line, _REFUSED[word])
         elif begins and word in _LEFT_OUT:
@@ -335,7 +339,7 @@ class _Reader:
         if found := _RATE.fullmatch(line):
             self._declare(self.rates, found[1] or found[2], _expression(found[3], line))
         elif found := _START.fullmatch(line):
-            self.starts[found[1]] = self._number(found[2], line)
+            self.starts[found[1]] = self._number(found[2], line, self._computed)
         elif found := _FUNCTION.fullmatch(line):
             arguments = tuple(x.strip() for x in found[2].split(","))
             if not all(re.fullmatch(NAME, x) for x in arguments):
@@ -344,6 +348,7 @@ class _Reader:
             self._declare(self.functions, found[1], function)
         elif found := _FIXED.fullmatch(line.removeprefix("!").strip()):
             self._declare(self.derived, found[1], _expression(found[2], line))
+            self._compute(found[1])
         else:
             raise _refusal(line, "")
 
@@ -353,7 +358,16 @@ class _Reader:
         self._names.add(name)
         place[name] = what
 
-    def _pairs(self, line: str, text: str) -> dict[str, float]:
+    def _compute(self, name: str) -> None:
+        """Keep the value of a derived quantity if it follows from numbers declared before."""
+        found, known = self.derived[name], ChainMap(self._computed, self.numbers)
+        if follows_from(found, known):
+            check_names(found, known, {}, name)
+            self._computed[name] = float(value(found, known, {}))
+
+    def _pairs(
+        self, line: str, text: str, more: dict[str, float] | None = None
+    ) -> dict[str, float]:
         """Numbers by name, from "a=1, b=2" or "a=1 b=2"; a name alone has the value 0."""
         parts = re.split(
             rf"[,\s]+(?={NAME}\s*(?:=|,|$))", re.sub(r"\s*=\s*", "=", text.strip(" ,"))
@@ -361,16 +375,17 @@ class _Reader:
         split = [x.strip(" ,").partition("=") for x in parts]
         if not all(re.fullmatch(NAME, key) for key, _, _ in split):
             raise _refusal(line, "")
-        return {key: self._number(number or "0", line) for key, _, number in split}
+        return {key: self._number(number or "0", line, more) for key, _, number in split}
 
     def _option(self, line: str, name: str, otherwise: float) -> float:
         found = re.findall(rf"\b{name}\s*=\s*([^\s,]+)", line)
         return self._number(found[-1], line) if found else otherwise
 
-    def _number(self, text: str, line: str) -> float:
-        found = _expression(text, line)
-        check_names(found, self.numbers, {}, line)
-        return float(value(found, self.numbers, {}))
+    def _number(self, text: str, line: str, more: dict[str, float] | None = None) -> float:
+        """The value of an expression of parameters, and of `more` numbers."""
+        found, known = _expression(text, line), ChainMap(self.numbers, more or {})
+        check_names(found, known, {}, line)
+        return float(value(found, known, {}))
 
     def model(self) -> Model:
         """The model that was read, checked."""

@@ -277,6 +277,12 @@ def names(expression: Expression) -> set[str]:
     return {name for name in found if isinstance(name, str)}
 
 
+def follows_from(expression: Expression, known: Collection[str]) -> bool:
+    """Whether an expression uses no names but known ones, constants and built-in functions."""
+    built_in = (*CONSTANTS, *_OPERATIONS, *_FUNCTIONS)
+    return all(name in known or name in built_in for name in names(expression))
+
+
 def check_names(
     expression: Expression,
     known: Collection[str],

@@ -16,7 +16,7 @@ from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
 from orbits.closing.given import drive_period, is_driven
-from orbits.discovery.seeds import Seed, returns
+from orbits.discovery.seeds import Seed, extents, returns
 from orbits.motion import quick_solve, sample
 from orbits.orbit import Orbit
 from orbits.shooting.collocation import Collocation
@@ -35,6 +35,7 @@ _RTOL = 1e-10  # as in `returns`
 #: A motion that does not preserve volumes may end on an attractor, perhaps a periodic orbit: how
 #: long it may take to come close to it, and how long close returns are searched for there [spans].
 _TRANSIENTS = ((30.0, 2.0), (300.0, 20.0))
+_NEAR = 0.25  # change of the start by an orbit near a guess, in extents of the guess's motion
 _PRESERVED = 1e-9  # relative change of volumes over a span that rounding may cause
 
 
@@ -103,6 +104,9 @@ def search_near(
         for seed in seeds if not orbit.ok else ():
             orbit = near(seed.y0 if movable else None, seed.period, strategy=strategy)
             if orbit.ok:
+                if movable:
+                    again = functools.partial(near, strategy=strategy)
+                    orbit = _nearer(scene, seed, orbit, held, again)
                 break
         if orbit.ok:
             break
@@ -119,6 +123,30 @@ def search_near(
         again = near(orbit.y0, shortest, strategy=AUTOMATIC)
         orbit = eqx.tree_at(lambda o: o.shift, again, orbit.shift + again.shift)
     return orbit
+
+
+def _nearer(
+    scene: Scene, seed: Seed, orbit: Orbit, held: tuple, near: Callable[..., Orbit]
+) -> Orbit:
+    """Of a family the member that keeps the entry of a guess that the orbit changes most.
+
+    Newton's shortest steps are short in sizes, and beside a large one, as that of a position
+    measured from a far origin, they may reduce to nothing how far the motion moves: from the guess
+    of a halo orbit to a planar one. The orbit itself, if the other is not nearer.
+    """
+    if is_driven(scene) or _changes_volumes(scene, seed.period):
+        return orbit  # it belongs to no family of the scene
+    _, ys = sample(scene.starting(seed.y0), seed.period)
+    moved = extents(scene, seed.period, ys)
+
+    def off(found: Orbit) -> np.ndarray:
+        return np.abs(scene.system.difference(np.asarray(found.y0), seed.y0)) / moved
+
+    if off(orbit).max() <= _NEAR:
+        return orbit
+    kept = scene.labels()[int(np.argmax(off(orbit)))][0]
+    other = near(seed.y0, seed.period, hold=(*held, kept))
+    return other if other.ok and off(other).max() < off(orbit).max() else orbit
 
 
 def _seeds(scene: Scene, movable: bool) -> Iterator[list[Seed]]:

@@ -21,13 +21,15 @@ from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.scales import groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing, Symmetry
-from orbits.closing.sizes import largest_entry
+from orbits.closing.sizes import alike, largest_entry, sizes_along
 from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
 _SAMPLES = 2048  # of the run
 #: Entries of an eigenvector below this share of its largest are rounding.
 _ENTRY = 64 * np.finfo(float).eps
+#: Shares of its size: an entry that moves less is at rest to rounding, one that moves more escapes.
+_STILL, _AWAY = 1e-8, 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +108,8 @@ def returns(
       shortest: shortest period.
       most: largest number of seeds.
     Returns:
-      Seeds at local minima of the residual over start and period, of samples.
+      Seeds at local minima of the residual over start and period, of samples. Its entries are
+      measured by how far they, or others of their unit, move in the run.
     Raises:
       ValueError: not 0 <= `shortest` < `longest` <= `span`.
     """
@@ -118,7 +121,7 @@ def returns(
     high = min(count - 1, int(longest / closing.parts / ts[1]))
     if high <= low + 1:
         raise fail("longest", f"at least {4 * ts[1] * closing.parts:.3g}", longest)
-    units = jnp.asarray(closing.residual_units(sizes_of_starts(scene, span)))
+    units = jnp.asarray(closing.residual_units(_extents(scene, span, np.asarray(flow.ys))))
     misses = np.asarray(_miss_table(ClosingGap(scene.system, closing, units), flow.ys, low, high))
     around = np.pad(misses, 1, constant_values=np.inf)
     rows, columns = misses.shape
@@ -130,6 +133,26 @@ def returns(
     found = sorted(zip(*np.nonzero(least), strict=True), key=lambda ij: misses[ij])[:most]
     ys = np.asarray(flow.ys)
     return [Seed(ys[i], float(ts[low + j] * closing.parts)) for i, j in found]
+
+
+def _extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
+    """(k,) the sizes in which returns of a motion, samples (s, k), are measured.
+
+    They are those of its extent. Those of its entries would depend on where the origin is: seen
+    from a barycentre that is far away, all motions around a libration point close.
+    """
+    none = np.zeros((1, ys.shape[1]))
+    return sizes_along(scene, none, alike(scene, extents(scene, span, ys)))
+
+
+def extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
+    """(k,) how far each entry moves in samples (s, k) of a motion.
+
+    A motion that escapes says nothing about those that close, nor does one at rest to rounding.
+    """
+    each = sizes_of_starts(scene, span)
+    known = ys[np.isfinite(ys).all(axis=1)]
+    return np.clip(np.ptp(known, axis=0), _STILL * each, _AWAY * each)
 
 
 @eqx.filter_jit

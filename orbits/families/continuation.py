@@ -13,6 +13,7 @@ Reference: E. Doedel et al., AUTO-07P, and F. J. Munoz-Almaraz et al., Physica D
 for conservative scenes.
 """
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from orbits.families import checkpoint
 from orbits.families.bifurcations import special_points, zero_between
 from orbits.families.chains import ChainSurface
 from orbits.families.family import Family, Member
+from orbits.families.shrinking import shrinks_ahead
 from orbits.families.steps import OrbitChart, first_member, in_segments, parameter_at
 from orbits.families.surface import OrbitSurface, Point, Surface
 from orbits.hybrid.equations import ChainEquations, MakeChain
@@ -122,7 +124,7 @@ def continue_family(
     *,
     step: float = 0.05,
     members: int = 50,
-    down: bool = False,
+    down: bool | None = None,
     within: tuple[float, float] = ANYWHERE,
     energies: tuple[float, float] = ANYWHERE,
     hold: Hold = (),
@@ -143,7 +145,9 @@ def continue_family(
       step: length of the first step in the space of all unknowns, each in units of its size along
         the largest orbit so far (`orbits.closing.sizes`); later steps are up to ten times as long.
       members: largest number of members.
-      down: start towards a smaller parameter, or without one towards a shorter period.
+      down: start towards a smaller parameter, or without one towards a shorter period; False for
+        a larger or longer one. By default that, except from a small orbit about an equilibrium, as
+        `from_hopf` finds it: then the family leads away from the equilibrium.
       within: bounds on the parameter, or without one on the period; the family ends at the first
         member beyond them.
       energies: bounds on the energy of the members, likewise; not for chains.
@@ -203,6 +207,8 @@ def continue_family(
         remedy = "make(parameter) must be the orbit's scene, and `hold` hold for it."
         raise fail("orbit", "a solution of the closing equations", "none", remedy)
     first = first_member(surface, point, -1.0 if down else 1.0)
+    if down is None and shrinks_ahead(surface, first):
+        first = dataclasses.replace(first, tangent=-first.tangent)
     if not first.stability.ok:
         report(first)
         end = f"the first orbit, whose multipliers are unknown: {first.stability.message}"

@@ -54,7 +54,7 @@ def from_hopf(
         distance at which the rate is no longer linear; less where no orbit is found there, more
         where parameter and period of the orbit are still those of the Hopf point.
     Returns:
-      (orbit, parameter), for `continue_family`.
+      (orbit, parameter), for `continue_family`, which by default leads away from the Hopf point.
     Raises:
       ValueError: `point` is not a Hopf point, or `amplitude` is 0 or not finite.
       SearchError: no orbit was found.

@@ -32,6 +32,9 @@ _AHEAD = 1.0
 _SMALLER, _SMALLEST = 1e-4, 3e-5
 _TIMES = 3  # steps in which it is shrunk: the equilibrium moves with the parameter
 _OFF_RESONANCE = 1e-3  # largest error of the equilibrium's multipliers over the orbit's period
+#: Likewise, and relative error of the linear flow, of an orbit that is almost an ellipse about it.
+_ELLIPSE = 0.1
+_NUDGE = 1e-6  # length along a tangent, for a difference quotient
 
 
 def equilibrium_between(surface: Surface, a: Member, b: Member) -> Member | None:
@@ -68,6 +71,41 @@ def equilibrium_between(surface: Surface, a: Member, b: Member) -> Member | None
     point = dataclasses.replace(point, units=a.point.units)
     member = member_at(surface, point, a.tangent / point.units, a.alike / point.units[:, None])
     return dataclasses.replace(member, kind=Kind.REST) if member.stability.ok else None
+
+
+def shrinks_ahead(surface: Surface, member: Member) -> bool:
+    """Whether an orbit is almost an ellipse about an equilibrium, and shrinks along its tangent.
+
+    That is so to first order, however short the steps are: along the tangent the distances of the
+    orbit's states from the equilibrium become smaller.
+    """
+    if not surface.shrinks:
+        return False
+    x, each = member.point.x, member.point.sizes
+    (here, flow), scene = _start(surface, x, each), _scene(surface, x)
+    rest = _equilibrium(scene, here * each, each)
+    if rest is None:
+        return False
+    slope = map_in_units(np.asarray(_linearize(scene, rest)[1]), each)
+    bent = np.linalg.norm(flow - slope @ (here - rest / each))
+    round_it = bent <= _ELLIPSE * np.linalg.norm(flow)
+    if not (round_it and _resonant(surface, member.point, rest, _ELLIPSE)):
+        return False
+    ahead = x + _NUDGE * member.tangent
+    moved = _equilibrium(_scene(surface, ahead), rest, each)
+    if moved is None:
+        return False
+    off = (_states(surface, x) - rest) / each
+    change = (_states(surface, ahead) - moved) / each - off
+    # The change has a part along the flow, to be across it, which by Schwarz' inequality is the
+    # smaller one here.
+    return bool(np.sum(off * change) < 0)
+
+
+def _states(surface: Surface, x: np.ndarray) -> np.ndarray:
+    """(s, k) the states at which the segments of an orbit begin."""
+    between = np.asarray(surface.equations.unpack(x).between)
+    return np.vstack([surface.equations.start_at(x), *between])
 
 
 def _shrunk(
@@ -107,7 +145,9 @@ def _shrunk(
     return point
 
 
-def _resonant(surface: Surface, point: Point, rest: np.ndarray) -> bool:
+def _resonant(
+    surface: Surface, point: Point, rest: np.ndarray, most: float = _OFF_RESONANCE
+) -> bool:
     """Whether small oscillations about an equilibrium close as a tiny orbit does."""
     unknowns = surface.equations.unpack(point.x)
     slope = np.asarray(_linearize(_scene(surface, point.x), rest)[1])
@@ -116,7 +156,7 @@ def _resonant(surface: Surface, point: Point, rest: np.ndarray) -> bool:
     turned = np.exp(1j * float(unknowns.angle))
     ends = np.exp(values * float(unknowns.period))
     off = [np.abs(ends - turned), np.abs(ends - np.conj(turned))]
-    return bool(np.min(off, initial=np.inf) < _OFF_RESONANCE)
+    return bool(np.min(off, initial=np.inf) < most)
 
 
 def _scene(surface: Surface, x: np.ndarray) -> Scene:

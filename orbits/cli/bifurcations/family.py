@@ -82,7 +82,7 @@ def family_command(
             value,
             step=step,
             members=members,
-            down=down,
+            down=down or None,
             within=limits,
             energies=levels,
             report=_reporter(out, parameter, members),

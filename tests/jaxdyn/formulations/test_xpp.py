@@ -114,6 +114,16 @@ def test_powers_and_quotients_of_numbers_are_those_of_arrays():
     np.testing.assert_array_equal(scene.rate(0.0, scene.y0), [np.inf, np.nan, np.inf])
 
 
+# XPPAUT starts such texts at F / w^2.
+@pytest.mark.parametrize("start", ["x(0)=b", "init x=b", "x(0)=2*c-b", "x(0)=sqrt(b*b)"])
+@pytest.mark.parametrize("sign", ["!", ""])
+def test_starts_may_be_derived_numbers(start, sign):
+    text = f"par f=3, w=2\n{sign}b=f/w^2\n{sign}c=b\n{start}\nx'=v\nv'=-w^2*x"
+    make = Maker(text)
+    np.testing.assert_array_equal(make().y0, [0.75, 0.0])
+    assert make.defaults["x"] == 0.75
+
+
 def test_rows_of_states():
     text = "par d=2; init u[0..2]=[j]\nu0'=0; u[1..3]'=d*u[j-1]+[j]; u4'=u[3]"
     scene = Maker(text)()
@@ -235,6 +245,9 @@ def test_its_scenes_survive_their_file(tmp_path):
         ("x'=1\n0=x-y", "got an algebraic equation"),
         ("x(t)=t+int{x}", "got an integral"),
         ("x'=t\n@ t0=1", "text: expected a start at the time 0, got t0=1"),
+        ("!b=2*a\npar a=1\nx(0)=b\nx'=1", "name in x\\(0\\)=b: expected one of a, pi, got 'b'"),
+        ("b=2*x\nx(0)=b\nx'=b", "name in x\\(0\\)=b: expected one of pi, got 'b'"),
+        ("!b=2\npar a=b\nx'=a", "name in par a=b: expected one of pi, got 'b'"),
         ("par a=b\nx'=1", "name in par a=b: expected one of pi, got 'b'"),
         ("x[1..20000]'=1", "at most 10000 statements"),
         ("x'=" + "(" * 300 + "x" + ")" * 300, "expected parameters, starts and rates"),

@@ -3,9 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
+from jaxdyn import scenes
 
 _MU = 0.05
 
@@ -62,3 +64,23 @@ def test_a_driven_motion_settles_on_the_response():
     cycle = orbits.search_near(jaxdyn.ode(rate, jnp.zeros(2), t1=10.0))
     response = 1 / (1 - 1.3**2 + 0.02 * 1.3j)
     np.testing.assert_allclose(cycle.y0, [response.imag, 1.3 * response.real], rtol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("system", ["", "earth-moon"])
+def test_the_orbit_near_a_motion_is_the_same_in_any_units(system):
+    """A halo orbit, not a planar one as far from the start as that is from the plane."""
+    scene = scenes.restricted_three_body_in_space(system=system)
+    plain = scenes.restricted_three_body_in_space()
+    orbit = orbits.search_near(scene)
+    length, time = (float(scene.y0[0] / plain.y0[0]), float(scene.t1 / plain.t1))
+    units = np.repeat([length, length / time], 3)
+    start, period = np.asarray(orbit.y0) / units, orbit.period / time
+    assert np.abs(start - np.asarray(plain.y0)).max() < 0.01
+    assert start[2] > 0.02
+
+    def rate(t, y):
+        return np.asarray(scene.rate(t * time, y * units)) / units * time
+
+    flow = solve_ivp(rate, (0, period), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    assert np.abs(flow.y[:, -1] - start).max() < 1e-8

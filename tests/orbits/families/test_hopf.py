@@ -1,5 +1,6 @@
 """Orbits from Hopf points: their size, their period, and the family that they begin."""
 
+import jax.numpy as jnp
 import numpy as np
 import odes
 import pytest
@@ -56,6 +57,36 @@ def test_orbits_around_an_equilibrium_near_the_origin_are_large_enough_to_be_fol
     values = np.array([member.parameter for member in family.members])
     radii = [np.linalg.norm(np.asarray(member.orbit.y0) - CENTRE) for member in family.members]
     assert np.allclose(np.square(radii), values, rtol=1e-9, atol=1e-14)
+
+
+def subcritical(sign, scale):
+    """r' = r (a + r^2), or with a sign of -1 backwards in a: circles of radius sqrt(-a)."""
+
+    def rate(t, y, a):
+        x = y / scale
+        growth = sign * a + x @ x
+        return scale * jnp.array([growth * x[0] - 2 * x[1], growth * x[1] + 2 * x[0]])
+
+    return lambda a: jaxdyn.ode(rate, [0.0, 0.0], 1.0, params=a)
+
+
+@pytest.mark.parametrize(("sign", "scale"), [(1, 1.0), (-1, 1.0), (1, 1e-6)])
+@pytest.mark.parametrize("step", [pytest.param(0.002, marks=pytest.mark.slow), 0.1])
+def test_a_family_from_a_hopf_point_leads_away_from_it(sign, scale, step):
+    make = subcritical(sign, scale)
+    equilibria = jaxdyn.continue_equilibria(make, -1.0, [0.0, 0.0], step=0.3, members=8)
+    (point,) = equilibria.special
+    orbit, a = orbits.from_hopf(equilibria, point, amplitude=0.1 * scale)
+    family = orbits.continue_family(orbit, make, a, step=step, members=4)
+    radii = [np.linalg.norm(np.asarray(x.orbit.y0)) / scale for x in family.members]
+    assert len(radii) == 4
+    assert (np.diff(radii) > 0).all()
+    assert np.allclose(np.square(radii), -sign * family.parameters, rtol=1e-9)
+    # Either way can be asked for.
+    back = orbits.continue_family(orbit, make, a, step=step, members=2, down=sign < 0)
+    assert back.end == "an equilibrium, to which the orbits shrink" or (
+        np.linalg.norm(np.asarray(back.members[1].orbit.y0)) < radii[0] * scale
+    )
 
 
 def test_misuse_of_a_hopf_point_is_refused():
