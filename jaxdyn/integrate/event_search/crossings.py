@@ -261,6 +261,24 @@ class _RootRefinement(NamedTuple):
     done: Array  # (E,)
     at: RootLook  # the last look
 
+    @classmethod
+    def of(cls, first: Array, last: Array, y0: Array) -> "_RootRefinement":
+        """Before the first look, at the middle of each bracket (E,)."""
+        h = 0.5 * (first + last)
+        far, zero, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(h), jnp.zeros_like(h, bool)
+        none = jnp.zeros((*y0.shape, *h.shape), y0.dtype)
+        return cls(
+            n=jnp.zeros((), int),
+            low=first,
+            high=last,
+            h=h,
+            last=far,
+            back=far,
+            arrived=no,
+            done=no,
+            at=RootLook(zero, zero, none + y0[:, None], none, none),
+        )
+
 
 def refine_roots(
     sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket
@@ -317,21 +335,7 @@ def refine_roots(
     def going(p: _RootRefinement) -> Array:
         return (p.n < _MAX_LOOKS) & (found & ~p.done).any()
 
-    h = 0.5 * (first + last)
-    far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
-    zero = jnp.zeros_like(h)
-    zeros = jnp.zeros((*y0.shape, *h.shape), y0.dtype)
-    begin = _RootRefinement(
-        n=jnp.zeros((), int),
-        low=first,
-        high=last,
-        h=h,
-        last=far,
-        back=far,
-        arrived=no,
-        done=no,
-        at=RootLook(zero, zero, zeros + y0[:, None], zeros, zeros),
-    )
+    begin = _RootRefinement.of(first, last, y0)
     end = jax.lax.while_loop(going, look, begin)
     return jnp.where(found, end.h, jnp.inf), end.at
 
