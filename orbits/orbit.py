@@ -1,4 +1,4 @@
-"""A periodic orbit: its closing error, and the outcome of the search for it."""
+"""A periodic orbit: the residual of its equations, and the outcome of the search for it."""
 
 import dataclasses
 
@@ -117,13 +117,15 @@ class SearchError(RuntimeError):
 
 
 class Orbit(eqx.Module):
-    """A start and a period, their closing error, and the outcome of the search.
+    """A start and a period, the residual of their equations, and the outcome of the search.
 
     Attributes:
       scene: the scene; its own start and span are those of the orbit.
       closing: the closing condition.
-      residual: () largest entry of the closing error, conditions included, in units of the sizes
-        of the entries along the motion (`orbits.closing.sizes`).
+      residual: () largest residual of the equations that were solved, in units of the sizes of the
+        entries along the motion (`orbits.closing.sizes`): by how much each segment misses the start
+        of the next one, the last one the closing condition, and what else is held. A run over the
+        whole period closes worse where errors grow over it, as much as `orbits.recheck` says.
       outcome: how the search ended; unless it is FOUND, this is the best iterate, not an orbit.
       iterations: number of Newton steps.
       rtol: tolerance of the integrations.
@@ -140,7 +142,7 @@ class Orbit(eqx.Module):
       >>> import orbits
       >>> from jaxdyn import scenes
       >>> orbit = orbits.find(scenes.oscillator(), period=6.0)
-      >>> print(str(orbit).partition(", to ")[0])  # the closing error is rounding
+      >>> print(str(orbit).partition(", residual")[0])  # which is rounding
       Orbit of oscillator
         period   6.2831853071796 s
         closing  plain closing
@@ -162,7 +164,7 @@ class Orbit(eqx.Module):
     @_text.never_raising
     def __repr__(self) -> str:
         labels = self.scene.labels()
-        closes = f"{self.closing.name}, to {_text.brief(self.residual)}"
+        closes = f"{self.closing.name}, residual {_text.brief(self.residual)}"
         steps = f"after {number_of(self.iterations, 'step')} at rtol {_text.brief(self.rtol)}"
         rows = [
             ("period", _text.brief(self.scene.t1, _text.second(labels), digits=14)),

@@ -155,7 +155,7 @@ def continue_family(
         names of entries of the start that all members have in common; not for chains.
       segments: least number of segments, see `find`; where errors grow along the family, orbits are
         cut into more. Not for chains, whose legs are segments.
-      goal: largest closing error of a member.
+      goal: largest residual of a member, as in `find`.
       report: called with each member as it is found.
       path: file (.jsonl) to which each member is written as it is found, and which may hold several
         families; the same call resumes from it where it was interrupted. `orbits.families.load`

@@ -226,7 +226,7 @@ def _first(scene: Scene, small: Seed, amplitude: float | None) -> Orbit:
 
 def _shorter(orbit: Orbit, rest: np.ndarray, step: float) -> bool:
     """Whether periods become shorter away from the equilibrium."""
-    ends = continue_family(orbit, step=step, members=2).members
+    ends = continue_family(orbit, step=step, members=2, down=False).members
     if len(ends) < 2:
         return True
     units = ends[0].point.sizes  # those of a member follow its own size

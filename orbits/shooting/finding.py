@@ -81,8 +81,9 @@ def find(
         default is shooting, then collocation where that fails and the guess is stiff.
       segments: number of segments integrated independently (multiple shooting); by default as
         many as the growth of errors along the guess requires.
-      goal: largest closing error of what counts as an orbit; the rounding level with the most
-        segments takes its place where that is larger. `Orbit.residual` is the closing error.
+      goal: largest `Orbit.residual` of what counts as an orbit; the rounding level with the most
+        segments takes its place where that is larger. It is that of each segment: `orbits.recheck`
+        says to how much one run over the whole period closes, which is more where errors grow.
       rtol: tolerance of the integrations.
       max_iterations: Newton steps at most.
       seconds: time limit of the search, for all that it tries. An integration that has begun is

@@ -75,7 +75,7 @@ class Effort:
 
     def check(self) -> None:
         """Raise ValueError for limits out of range, or a tolerance that `simulate` refuses."""
-        positive("goal", self.goal, "It is the largest closing error of an orbit.")
+        positive("goal", self.goal, "It is the largest residual of an orbit.")
         if not self.seconds > 0:
             raise fail("seconds", "> 0", self.seconds, "It limits the time of the search.")
         tolerances(self.rtol, None)  # jitted code cannot raise

@@ -31,7 +31,9 @@ def swing():
 def test_an_orbit_is_shown(swing):
     head, period, closing, *rest = lines(swing)
     assert (head, period) == ("Orbit of pendulum", f"  period   {swing.period:.14g} s")
-    assert re.match(r"  closing  plain closing, to \S+ after \d+ steps? at rtol 1e-\d+$", closing)
+    assert re.match(
+        r"  closing  plain closing, residual \S+ after \d+ steps? at rtol 1e-\d+$", closing
+    )
     assert rest == [
         "  outcome  FOUND: The orbit closes.",
         "  start    theta = 2 rad, theta_dot = 0 rad/s",

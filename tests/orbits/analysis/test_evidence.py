@@ -3,7 +3,9 @@
 import math
 
 import numpy as np
+import pytest
 from helpers import SOLVED, gap, kepler, kepler_state
+from scipy.integrate import solve_ivp
 
 import orbits
 from jaxdyn import scenes
@@ -77,3 +79,22 @@ def test_digits_are_those_of_a_known_period():
 
 def _rest(orbit):
     return orbit.closing, orbit.residual, orbit.outcome, orbit.iterations, orbit.rtol
+
+
+@pytest.mark.slow
+def test_one_run_closes_worse_than_the_residual_of_segments_where_errors_grow():
+    """A halo orbit, over which errors grow 3000 times; its segments join to rounding."""
+    scene = scenes.restricted_three_body_in_space()
+    orbit = orbits.find(scene, period=2.7465, segments=4)
+    start, span = np.asarray(orbit.y0), (0.0, orbit.period)
+    flow = solve_ivp(scene.rate, span, start, method="DOP853", rtol=3e-14, atol=1e-15)
+    missed = np.abs((flow.y[:, -1] - start) / sizes(orbit.scene)).max()
+    assert orbit.residual < 1e-14
+    assert 5 * orbit.residual < missed < 1e-11
+    assert orbit.residual < orbits.recheck(orbit).closure < 1e-11
+
+
+def test_the_docstring_of_find_says_what_its_goal_measures():
+    assert "`orbits.recheck`" in orbits.find.__doc__
+    with pytest.raises(ValueError, match="largest residual of an orbit"):
+        orbits.find(scenes.oscillator(), period=6.0, goal=0.0)
