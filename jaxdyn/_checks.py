@@ -98,6 +98,9 @@ def refuse_unreal(x: Any, name: str = "number") -> None:
     A date or a duration of NumPy is a number only in some unit, and the conversion of a complex
     number would drop its imaginary part.
     """
+    if isinstance(x, list | tuple) and not is_plain(x):
+        for leaf in jax.tree.leaves(x):
+            refuse_unreal(leaf, name)
     kind = "c" if type(x) is complex else _dtype_kind(x)
     if kind in ("m", "M"):
         remedy = "Subtract dates from each other, and divide by a unit: x / np.timedelta64(1, 's')."

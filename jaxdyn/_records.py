@@ -509,9 +509,15 @@ def _is_constant(value: Any) -> bool:
 def _digest(numbers: list) -> bytes:
     """16 bytes that differ for other numbers."""
     digest = hashlib.blake2b(digest_size=16)
-    for x in map(np.asarray, numbers):
+    for x in map(_host_value, numbers):
         digest.update(f"{x.shape}{x.dtype}".encode() + x.tobytes())
     return digest.digest()
+
+
+def _host_value(x: Any) -> np.ndarray:
+    """A number or an array as an array of NumPy; of a key of `jax.random`, what it consists of."""
+    is_key = isinstance(x, jax.Array) and jax.numpy.issubdtype(x.dtype, jax.dtypes.prng_key)
+    return np.asarray(jax.random.key_data(x) if is_key else x)
 
 
 # ---- Whether a function of a user depends on its arguments alone
@@ -563,7 +569,7 @@ def _program(method: str, tree: Any, leaves: list) -> tuple[str, list[bytes]]:
 
     traced = jax.make_jaxpr(call)(*leaves)
     text = re.sub("0x[0-9a-f]+", "", str(traced.jaxpr))
-    return text, [np.asarray(x).tobytes() for x in traced.consts]
+    return text, [_host_value(x).tobytes() for x in traced.consts]
 
 
 # ---- Records that hold functions which pickle cannot find by name: lambdas, inner functions

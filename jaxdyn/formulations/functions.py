@@ -58,7 +58,10 @@ def name_of(function: Callable) -> str:
 
 def as_params(params: Any) -> Any:
     """The parameters with numbers as float arrays; None for none."""
-    remedy = "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays."
+    remedy = (
+        "A pytree of numbers: a number, a tuple, a dictionary, a module of arrays. Texts and flags "
+        "may be static fields of an eqx.Module, and the function may capture keys of jax.random."
+    )
     numbers, rest = eqx.partition(params, lambda x: not callable(x))
     if jax.tree.leaves(rest) and jax.tree.leaves(numbers):
         return WithFunctions(as_params(numbers), rest)

@@ -28,6 +28,12 @@ from jaxdyn.formulations.structure import Structure, flatten_start
 from jaxdyn.scene import Scene, System
 from jaxdyn.system import check_value
 
+_SHAPES = "A list of numbers, or a pytree with arrays of any shape, such as {'y': y0}."
+_INDICES = (
+    "Integers in params become floats: let the function capture those that index an array, or make "
+    "them a static field of an eqx.Module."
+)
+
 
 class Ode(System):
     """A state (k,) whose rate is a function; see `ode`, which makes the scene.
@@ -118,7 +124,9 @@ def ode(
 
     Args:
       rate: a function of time (), state (k,) and `params` that returns (k,), an array of
-        `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters.
+        `jax.numpy` or a list of k numbers; of (t, y) alone where there are no parameters. It needs
+        derivatives in forward mode: a callback, or what has a `jax.custom_vjp`, has them by a
+        `jax.custom_jvp` instead.
       y0: (k,) start; or a pytree of arrays, such as ``{"x": 1.0, "v": [0.0, 1.0]}``, which all
         functions then take and return in place of (k,). The scene stores it as (k,), and
         ``scene.system.tree(motion.ys)`` is the motion as such a pytree.
@@ -129,7 +137,8 @@ def ode(
         share a size, to which tolerances are relative; an entry without a unit has its own. Give
         the modes of a wave one unit: small modes are then known only to the rounding of large ones.
       params: any pytree of numbers: derivatives go through them, `jax.vmap` runs over them, and
-        new values do not compile again.
+        new values do not compile again. Integers become floats: let the function capture those
+        that index an array, or make them a static field of an `eqx.Module`.
       energy: a function of the arguments of `rate` that returns (). It need not be conserved:
         `analysis.energy.drift` shows whether it is.
       integrals: further quantities by name, functions like `energy` that return () or (d,). Those
@@ -167,8 +176,8 @@ def ode(
       True
     """
     y0, names, structure = flatten_start(y0, names)
-    y0, t1 = _checks.array("y0", y0, (None,)), _checks.array("t1", t1, ())
-    params = as_params(params)
+    y0, t1 = _checks.array("y0", y0, (None,), _SHAPES), _checks.array("t1", t1, ())
+    given, params = params, as_params(params)
     extra = _by_name("integrals", integrals, "momentum")
     if "energy" in dict(extra):
         raise _checks.fail("integrals", "other names", "'energy'", "Pass it as energy=.")
@@ -194,6 +203,7 @@ def ode(
         check_value("rate", y0.shape, each, lambda t, y: system.rate(t, y, ()), t, y0)
     except Exception:
         _check_order(system, t, y0)
+        _check_indices(system, given, t, y0)
         raise
     check_repeatable(system, "rate", t, y0, ())
     if energy is not None:
@@ -221,6 +231,20 @@ def _check_order(system: Ode, t: Array, y: Array) -> None:
     if swapped:
         got = "one of (y, t), as for scipy.integrate.odeint"
         raise _checks.fail("rate", "a function of (t, y)", got, "Exchange its first two arguments.")
+
+
+def _check_indices(system: Ode, given: Any, t: Array, y: Array) -> None:
+    """Raise ValueError for a rate that needs integers in `params` to stay what they are."""
+
+    def works(params: Any) -> bool:
+        try:
+            jax.eval_shape(lambda: call(system.function, params, t, system.tree(y)))
+        except Exception:
+            return False
+        return True
+
+    if not works(system.params) and works(given):
+        raise _checks.fail("params", "numbers that may be floats", "integers", _INDICES)
 
 
 def _by_name(what: str, given: Any, example: str) -> tuple[tuple[str, Callable], ...]:

@@ -217,13 +217,25 @@ def hit(scene: Scene, x, speed) -> Hits:
     Raises:
       ValueError: `scene` is not a thrown point, `x` is not finite, or `speed` is not positive.
     Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
-      between neighbouring sampled angles (up to 28 degrees apart) would be missed.
+      between neighbouring sampled angles (up to 28 degrees apart) would be missed. For a point at
+      another height, solve for the angle with which the throw passes through it, as below.
     Example:
       >>> from jaxdyn import scenes
       >>> from orbits.targets import aim
       >>> found = aim.hit(scenes.cannonball(g=10.0), 5.0, 10.0)
       >>> [round(float(angle), 12) for angle in np.degrees(found.angles)]
       [15.0, 75.0]
+      >>> import jax, jaxdyn
+      >>> from jaxdyn.integrate.events import Reaches
+      >>> def miss(angle):  # of a point 5 m away and 1 m above the launch
+      ...     thrown = scenes.cannonball(speed=10.0, angle=angle, g=10.0)
+      ...     return jaxdyn.until(thrown, Reaches(0, 5.0), 9.0).y[1] - 1.0
+      >>> angle = 0.4
+      >>> for _ in range(5):
+      ...     value, slope = jax.value_and_grad(miss)(angle)
+      ...     angle -= value / slope
+      >>> round(float(np.degrees(angle)), 6)
+      27.328126
     """
     scene = check_throw(scene)
     x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))

@@ -6,6 +6,8 @@ import types
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -228,3 +230,24 @@ def test_variables_of_a_function_that_functions_inside_it_read_are_its_own():
 
     read = _records.code_reads(law.__code__)
     assert "y" not in read.names
+
+
+@pytest.mark.parametrize("make", [jax.random.key, jax.random.PRNGKey])
+def test_a_key_of_random_numbers_may_be_captured(make):
+    key = make(3)
+
+    def rate(t, y):
+        a = jax.random.uniform(key, (2,))
+        return [y[1], -(1.0 + a[0]) * y[0] + a[1]]
+
+    scene = jaxdyn.ode(rate, [1.0, 0.0], 2.0)
+    more, push = np.asarray(jax.random.uniform(make(3), (2,)))
+    k = 1.0 + more
+    x = push / k + (1.0 - push / k) * np.cos(2.0 * np.sqrt(k))
+    assert abs(jaxdyn.solve(scene, 2.0).y1[0] - x) < 1e-9
+    key = make(4)
+    with pytest.raises(ValueError, match="another value of 'key'"):
+        jaxdyn.solve(scene, 2.0)
+    other = jaxdyn.ode(rate, [1.0, 0.0], 2.0)
+    drawn = jax.random.uniform(jax.random.key(4), (2,))
+    assert jnp.allclose(other.rate(0.0, other.y0)[1], -(1.0 + drawn[0]) + drawn[1])

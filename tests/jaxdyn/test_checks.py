@@ -142,6 +142,7 @@ def test_complex_numbers_are_refused(x):
     for use in (
         lambda: _checks.numbers("x", x),
         lambda: _checks.host_array("x", x, ()),
+        lambda: _checks.array("x", [x, 0.0], (2,)),
         lambda: scene.starting([x, 0.0]),
         lambda: simulate(scene, x),
         lambda: solve(scene, x),

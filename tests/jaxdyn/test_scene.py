@@ -588,7 +588,7 @@ def no_bodies(*effects):
     [
         (lambda: simulate(no_bodies()), "system: expected a system with a state"),
         (lambda: simulate(no_bodies(PairGravity())), "system: expected a system with a state"),
-        (lambda: Scene(FreePoints([1.0]), y0=[0, 0, 1j, 2]), "y0: expected numbers"),
+        (lambda: Scene(FreePoints([1.0]), y0=[0, 0, 1j, 2]), "y0: expected real numbers"),
         (lambda: Scene(FreePoints([1.0]), y0="a"), "y0: expected numbers, got 'a'"),
         (lambda: Scene(FreePoints([1.0]), y0=None), "y0: expected numbers, got None"),
     ],

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxdyn import scenes, simulate
+from jaxdyn import energy_change, scenes, simulate
 from jaxdyn.accuracy.end_error import EndError, end_error, perturb
 from jaxdyn.hard.cases import chaos
 from jaxdyn.integrate.errors import gaps
@@ -192,3 +192,12 @@ def test_an_angle_whose_turns_are_lost_has_no_digit():
     y, error, size = np.array([-73.7, -73.7]), np.array([1.1, 1e-3]), np.array([np.pi, np.pi])
     found = EndError(y, error, 0.0 * error, size).written()
     assert found == ("no digit left (+-1e+00)", "-73.7")
+
+
+def test_the_end_and_the_change_of_the_energy_are_judged_outside_of_traces():
+    def motion(k):
+        return simulate(scenes.oscillator(k=k), 1.0, samples=3)
+
+    for judge in (lambda motion: end_error(motion, simulate).error, energy_change):
+        with pytest.raises(ValueError, match=r"^motion: .*traced by jit.* Call it outside of jit"):
+            jax.jit(lambda k, judge=judge: judge(motion(k)))(1.0)

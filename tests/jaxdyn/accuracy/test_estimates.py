@@ -199,3 +199,12 @@ def test_digits_go_with_no_tolerance_and_not_into_traces():
         simulate(kepler(0.3), digits=9, rtol=1e-3)
     with pytest.raises(ValueError, match="Pass rtol inside jit"):
         jax.jit(lambda t: simulate(kepler(0.3), t, digits=9).ys)(jnp.asarray(1.0))
+
+
+@pytest.mark.parametrize("name", ["estimate", "by_second_method", "by_tangents", "by_halving"])
+def test_estimates_are_made_outside_of_traces(name):
+    def error(k):
+        return getattr(accuracy, name)(scenes.oscillator(k=k), 1.0).error
+
+    with pytest.raises(ValueError, match=r"^estimate: .*traced by jit.* Call it outside"):
+        jax.jit(error)(1.0)

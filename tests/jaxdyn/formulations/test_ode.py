@@ -271,6 +271,10 @@ def plain(t, y):
     return -y
 
 
+def indexed(t, y, p):
+    return -jnp.array([1.0, 2.0])[p][:1] * y
+
+
 ode = jaxdyn.ode
 
 
@@ -323,6 +327,12 @@ MISUSE = [
         r"^names: .* a pair \(name, unit\), got",
     ),
     (lambda: ode(fade, [1.0], params="k"), "^params: expected numbers, got 'k'"),
+    (lambda: ode(fade, [1.0], params={"k": 1.0, "on": True}), "got True.*flags may be static fi"),
+    (lambda: ode(indexed, [1.0], params=np.array([0, 1])), "^params: .*got integers.*array, or m"),
+    (lambda: ode(indexed, [1.0], params=np.array(["a"])), "^params: expected numbers, got array"),
+    (lambda: ode(plain, np.ones((2, 2))), r"^y0: expected shape \(any,\), got.*pytree with arrays"),
+    (lambda: ode(plain, 1.0), r"^y0: expected shape \(any,\), got shape \(\)\. A list of numbers"),
+    (lambda: ode(plain, [1j]), "^y0: expected real numbers, got complex ones. Pass their real"),
     (lambda: ode(fade, [1.0], params={}), r"^params: expected numbers, got none in \{\}"),
     (lambda: ode(fade, [1.0], params=jnp.sin), "^params: expected numbers"),
     (lambda: simulate(ode(fade, [1.0], params={"k": np.nan})), "^params: expected finite numbers"),
