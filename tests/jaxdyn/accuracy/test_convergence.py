@@ -11,6 +11,7 @@ from helpers import SOLVED, gap
 
 from jaxdyn import effects, scenes, simulate, solvers
 from jaxdyn.accuracy import convergence as steps
+from jaxdyn.accuracy import work_precision
 
 SCENES = {
     "oscillator": (scenes.oscillator(k=4.0, c=0.3), 3.0),
@@ -98,3 +99,9 @@ def test_what_is_refused(options, message):
         steps.fixed_steps(scenes.oscillator(), **options)
     with pytest.raises(ValueError, match="rows: expected at least 3"):
         steps.halvings(scenes.oscillator(), rows=2)
+
+
+@pytest.mark.parametrize("judge", [steps.halvings, work_precision.work_precision])
+def test_comparisons_of_solutions_run_outside_of_traces(judge):
+    with pytest.raises(ValueError, match=r"^scene: .*traced by jit.* Call it outside of jit"):
+        jax.jit(lambda length: judge(scenes.pendulum(length=length), 1.0))(1.0)
