@@ -20,7 +20,6 @@ from jaxtyping import Array
 
 from jaxdyn.integrate.event_search.event_values import (
     EventSampler,
-    EventSamples,
     TimeDependence,
     count,
     curvature_rounding,
@@ -228,26 +227,6 @@ class Bracket(NamedTuple):
         return jnp.isfinite(self.low)
 
 
-class RootLook(NamedTuple):
-    """E events, each looked at at a time of its own."""
-
-    g: Array  # (E,) values
-    slope: Array  # (E,) their slopes in time
-    y: Array  # (k, E) the states
-    rate: Array  # (k, E) their rates
-    error: Array  # (k, E) errors of the steps there
-
-    @classmethod
-    def of(cls, ahead: EventSamples) -> "RootLook":
-        """Each event at the sample of the same number."""
-        g, slope = jnp.diagonal(ahead.g), jnp.diagonal(ahead.slope)
-        return cls(g, slope, ahead.y, ahead.rate, ahead.error)
-
-    def of_event(self, which: Array) -> "RootLook":
-        """That of one event: (), () and (k,) each."""
-        return jax.tree.map(lambda x: x[..., which], self)
-
-
 class _RootRefinement(NamedTuple):
     """The state of the polishing iteration."""
 
@@ -259,31 +238,13 @@ class _RootRefinement(NamedTuple):
     back: Array  # (E,) length of the last step back, once Newton's method has converged
     arrived: Array  # (E,) whether it has
     done: Array  # (E,)
-    at: RootLook  # the last look
-
-    @classmethod
-    def of(cls, first: Array, last: Array, y0: Array) -> "_RootRefinement":
-        """Before the first look, at the middle of each bracket (E,)."""
-        h = 0.5 * (first + last)
-        far, zero, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(h), jnp.zeros_like(h, bool)
-        none = jnp.zeros((*y0.shape, *h.shape), y0.dtype)
-        return cls(
-            n=jnp.zeros((), int),
-            low=first,
-            high=last,
-            h=h,
-            last=far,
-            back=far,
-            arrived=no,
-            done=no,
-            at=RootLook(zero, zero, none + y0[:, None], none, none),
-        )
+    y: Array  # (k, E) the states at the last look
 
 
 def refine_roots(
     sampler: EventSampler, t0: Array, y0: Array, bracket: Bracket
-) -> tuple[Array, RootLook]:
-    """(E,) times after t0 at which events happen, inf if not, and the looks at them.
+) -> tuple[Array, Array]:
+    """(E,) times after t0 at which events happen, inf if not, and the states (k, E) then.
 
     It is Newton's method safeguarded by the bracket, with a bisection where its steps do not halve.
     The search has arrived where a neighbour of the state, or of the time, is on the other side. The
@@ -301,8 +262,7 @@ def refine_roots(
 
     def look(p: _RootRefinement) -> _RootRefinement:
         ahead = sampler.after(t0, y0, p.h)
-        seen, side = RootLook.of(ahead), jnp.diagonal(ahead.side)
-        g, slope = seen.g, seen.slope
+        g, slope, side = (jnp.diagonal(x) for x in (ahead.g, ahead.slope, ahead.side))
         # A start on the event may be beyond it by rounding, and leave before it returns.
         leaves = (first == 0) & (slope * (p.high - p.low) * towards < 0)
         before = (jnp.sign(g) == -towards) | leaves
@@ -329,15 +289,28 @@ def refine_roots(
             back=back,
             arrived=arrived,
             done=done,
-            at=seen,
+            y=ahead.y,
         )
 
     def going(p: _RootRefinement) -> Array:
         return (p.n < _MAX_LOOKS) & (found & ~p.done).any()
 
-    begin = _RootRefinement.of(first, last, y0)
+    h = 0.5 * (first + last)
+    far, no = jnp.full_like(h, jnp.inf), jnp.zeros_like(found)
+    y = jnp.broadcast_to(y0[:, None], (*y0.shape, *h.shape))
+    begin = _RootRefinement(
+        n=jnp.zeros((), int),
+        low=first,
+        high=last,
+        h=h,
+        last=far,
+        back=far,
+        arrived=no,
+        done=no,
+        y=y,
+    )
     end = jax.lax.while_loop(going, look, begin)
-    return jnp.where(found, end.h, jnp.inf), end.at
+    return jnp.where(found, end.h, jnp.inf), end.y
 
 
 def move_onto_event(
@@ -345,7 +318,7 @@ def move_onto_event(
     which: Array,
     t0: Array,
     h: Array,
-    seen: RootLook,
+    y: Array,
     towards: Array,
     longest: Array,
 ) -> tuple[Array, Array]:
@@ -362,16 +335,17 @@ def move_onto_event(
       which: () index of the event.
       t0: () time of the node.
       h: () time after it; infinite if there is no event.
-      seen: what was seen then, not beyond the event.
+      y: (k,) state then, not beyond the event.
       towards: () sign of the value beyond it.
       longest: () a time that the motion takes in one step.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
-    g, slope, y, rate, _ = seen
+    rate = sampler.field.rate(t, y)
 
     def value(t, y):
         return values(sampler.events, t, y)[which]
 
+    g, slope = jax.jvp(value, (t, y), (jnp.ones_like(t), rate))
     on = -g / jnp.where(slope == 0, 1.0, slope)
     on = jnp.where((slope != 0) & (on * h > 0), on, 0.0)  # else it is beyond, or there is none
     more = jnp.stack([(1 - _SHORT) * on, on])
@@ -468,16 +442,17 @@ def first_crossing(
     out, seen, sizes = march(
         field, y0, t0, t1, ts, limits, method=method, watch=watch, before=before
     )
-    hs, looks = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
+    hs, ys = refine_roots(sampler, seen.t0, seen.y0, seen.bracket)
     # The first of the events among those that happen at once.
     near = jnp.abs(hs) <= jnp.min(jnp.abs(hs)) * (1 + _SIMULTANEOUS)
     which = jnp.argmax(near)
     towards = seen.bracket.towards[which]
     longest = seen.bracket.high[which]
-    look = looks.of_event(which)
-    h, y = move_onto_event(sampler, which, seen.t0, hs[which], look, towards, longest)
+    h, y = move_onto_event(sampler, which, seen.t0, hs[which], ys[:, which], towards, longest)
     # A step is checked at its end; for the shorter step to the event there is only this check.
-    size = StepControl.norm(look.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
+    there = jnp.where(jnp.isfinite(h), h, 0.0)
+    step = method.in_loops(1).advance(field.rate, seen.t0, there, seen.y0)
+    size = StepControl.norm(step.error / allowed_error(limits.tolerance, sizes, seen.y0, y))
     moved = jnp.isfinite(h) & (h != 0)
     unseen = (out.status == int(Status.OK)) & (seen.unseen | (moved & ~(size < _TRUSTED_ERROR)))
     status = jnp.where(unseen, int(Status.UNSEEN_WITHIN_STEP), out.status)
@@ -634,11 +609,11 @@ class _CrossingWatch(Watch):
         """The events at the beginning of a panel, at the places within it and at its end."""
         parts = begin.part + _LOOK_PLACES[:-1] * (end - begin.part)
         parts = jnp.concatenate([begin.part[None], parts, end[None]])
-        ahead = self.sampler.after(t, y, parts[1:] * h)
+        g, slope, known, noise, _ = self.sampler.after(t, y, parts[1:] * h)
         sides = [begin.side]
-        for side in ahead.side:
+        for side in known:
             sides.append(jnp.where(side == 0, sides[-1], side))
-        pairs = (begin.g, ahead.g), (begin.slope, ahead.slope), (begin.noise, ahead.noise)
+        pairs = (begin.g, g), (begin.slope, slope), (begin.noise, noise)
         g, slope, noise = (jnp.concatenate([a[None], b]) for a, b in pairs)
         return _Samples(part=parts, g=g, slope=slope, side=jnp.stack(sides), noise=noise)
 

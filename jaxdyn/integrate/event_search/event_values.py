@@ -183,8 +183,6 @@ class EventSamples(NamedTuple):
       side: (s, E) their signs, 0 where rounding decides.
       noise: (s, E) how much rounding changes the values.
       y: (k, s) states.
-      rate: (k, s) their rates.
-      error: (k, s) estimates of the errors of the steps to them.
     """
 
     g: Array
@@ -192,8 +190,6 @@ class EventSamples(NamedTuple):
     side: Array
     noise: Array
     y: Array
-    rate: Array
-    error: Array
 
 
 class EventSampler(eqx.Module):
@@ -213,8 +209,7 @@ class EventSampler(eqx.Module):
         """The events after one step of each length hs (s,) from (t, y)."""
         rates = jax.vmap(self.field.rate, in_axes=(0, -1), out_axes=-1)
         ts = t + hs
-        increment, error = self._steps(rates, t, y, hs)
-        ys = y[:, None] + increment
+        ys = y[:, None] + self._increments(rates, t, y, hs)
         x = jax.vmap(self.field.project, in_axes=(0, -1), out_axes=-1)(ts, ys)
         start = sizes(self.field.system, y)
 
@@ -222,24 +217,18 @@ class EventSampler(eqx.Module):
             size = jnp.maximum(start, sizes(self.field.system, y))
             return values_and_signs(self.events, t, y, rate, size)
 
-        rate = rates(ts, x)
-        seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rate)
-        return EventSamples(*seen, y=x, rate=rate, error=error)
+        seen = jax.vmap(along, in_axes=(0, -1, -1))(ts, x, rates(ts, x))
+        return EventSamples(*seen, y=x)
 
-    def _steps(self, rates, t: Array, y: Array, hs: Array) -> tuple[Array, Array]:
-        """(k, s) increments of one step of each length hs (s,), and estimates of their errors."""
+    def _increments(self, rates, t: Array, y: Array, hs: Array) -> Array:
+        """(k, s) increments of one step of each length hs (s,)."""
         method = self.method.in_loops(1)
         if not method.several:
-
-            def step(h):
-                found = method.advance(self.field.rate, t, h, y)
-                return found.increment, found.error
-
+            step = lambda h: method.advance(self.field.rate, t, h, y).increment  # noqa: E731
             return jax.vmap(step, out_axes=-1)(hs)
         # One step of a state with s columns: vmapped steps would scatter into their stages.
         ys = jnp.broadcast_to(y[:, None], (*y.shape, *hs.shape))
-        found = method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys)
-        return found.increment, found.error
+        return method.advance(lambda t, y: rates(t[0], y), t, hs[None], ys).increment
 
 
 def time_tangent(
