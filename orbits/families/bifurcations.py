@@ -4,9 +4,8 @@ Most kinds have a test function of the members, which changes sign where a famil
 point (`_TESTS`); its zero is located by steps along the family. Multipliers that leave the unit
 circle in pairs are counted instead, and the place is located by bisection. So are two that leave
 through 1 or -1 within a step, which is halved until each has a part of its own, unless they leave
-at the same place, as they may where the scene is symmetric. Where rounding leaves
-the sign of a test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is
-found.
+at the same place, as they may where the scene is symmetric. Where rounding leaves the sign of a
+test open, as for a multiplier of 1e29 +- 3e29 near a homoclinic orbit, nothing is found.
 
 - Fold: the parameter, or else the energy (or the first integral, in a scene without an energy),
   is stationary along the family. A multiplier is 1 there.
@@ -129,7 +128,11 @@ def _boundary(surface: Surface, a: Member, b: Member) -> list[Member]:
         if member is None:
             break
         a, b = (a, member) if _leave_in_pairs(surface, start, member) else (member, b)
-    return [dataclasses.replace(b, kind=_pair_kind(start, b))] if _same(a, b) else []
+    if not _same(a, b):
+        return []
+    # Where the scene is symmetric, two may leave through 1 or -1 at the same place.
+    kind = _leave_along_axis(start, b) or _pair_kind(a, b)
+    return [dataclasses.replace(b, kind=kind)]
 
 
 def _same(a: Member, b: Member) -> bool:
@@ -293,11 +296,8 @@ def _is_outside(member: Member) -> np.ndarray:
 def _pair_kind(a: Member, b: Member) -> Kind:
     """How multipliers left the circle in pairs; at a Krein collision they go to both sides.
 
-    Where the scene is symmetric, two may leave through 1 or -1 at the same place.
+    Both members are next to that place: reciprocals are told from others by their distance.
     """
-    along_axis = _leave_along_axis(a, b)
-    if along_axis is not None:
-        return along_axis
     outer = max(a, b, key=lambda member: int(_is_outside(member).sum()))
     values = outer.stability.nontrivial
     mirrored = [
