@@ -159,7 +159,9 @@ def is_traced(x: Any) -> bool:
     return False
 
 
-def check_untraced(name: str, x: Any, remedy: str) -> None:
+def check_untraced(
+    name: str, x: Any, remedy: str = "Call it outside of jit, grad and vmap."
+) -> None:
     """Raise for traced values, where they are needed on the host."""
     if is_traced(x):
         raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)

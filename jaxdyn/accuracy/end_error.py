@@ -139,7 +139,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       >>> end_error(again(scenes.oscillator(), 1e-6), again, rtol=1e-6).written()
       ('-0.83907153', '0.54402111')
     """
-    check_untraced("motion", motion, "Call it outside of jit, grad and vmap.")
+    check_untraced("motion", motion)
     scene, y = _end(motion)
     if not np.isfinite(y).all():
         nothing = np.full_like(y, np.nan)

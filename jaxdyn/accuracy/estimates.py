@@ -34,7 +34,6 @@ from jaxdyn.solvers import DOPRI8, EULER, NYSTROM12, RADAU5, RADAU9, VERNER9, Me
 from jaxdyn.solvers.choice import choose_method, method_of
 
 _SAMPLES = 33
-_ON_HOST = "Call it outside of jit, grad and vmap."
 #: The second method for each solver: of another family, and suited to the same scenes.
 _SECOND_METHODS = {NYSTROM12: VERNER9, VERNER9: DOPRI8, RADAU5: RADAU9, RADAU9: RADAU5}
 
@@ -211,7 +210,7 @@ def by_halving(
     Raises:
       ValueError: see `fixed_steps`.
     """
-    _checks.check_untraced("estimate", (scene, t0, t1), _ON_HOST)
+    _checks.check_untraced("estimate", (scene, t0, t1))
     (t0, t1), method = span(scene, t1, t0), method_of(method)
     length = abs(float(t1) - float(t0))
 
@@ -232,7 +231,7 @@ def _methods(
     scene: Scene, t1, t0, samples, solver: Solver | None, rtols: tuple[float, float]
 ) -> tuple[Method, Method]:
     """The methods at two tolerances; `RADAU9` for both where it takes over at the first."""
-    _checks.check_untraced("estimate", (scene, t0, t1, samples), _ON_HOST)
+    _checks.check_untraced("estimate", (scene, t0, t1, samples))
     first, second = (choose_method(scene, solver, rtol=rtol) for rtol in rtols)
     if solver is not None:
         return first, second

@@ -186,7 +186,7 @@ def work_precision(
       ValueError: `solvers` is empty, or one of them does not suit the scene.
     Limits: a time is that of the compiled calculation with its call overhead of some 20 us.
     """
-    check_untraced("scene", scene, "Call it outside of jit, grad and vmap.")
+    check_untraced("scene", scene)
     t1 = float(span(scene, t1)[1])
     solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
     if not solvers:

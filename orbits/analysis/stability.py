@@ -110,6 +110,7 @@ class Stability:
         closing compares, in units of sizes.
       conservative: whether the rate is proved, to rounding, to keep a symplectic form.
       growth: norm of the same matrix for states in units of their sizes.
+      closes: whether the motion ends near its start; if not, the verdict is "undecided".
       status: status of the integration over the period; unless it is OK, every number is NaN and
         the verdict is "undecided".
     """
@@ -127,6 +128,7 @@ class Stability:
     monodromy: np.ndarray
     conservative: bool = False
     growth: float = math.nan
+    closes: bool = True
     status: Status = Status.OK
 
     @_text.never_raising
@@ -182,7 +184,7 @@ class Stability:
         """How the integration ended or what leaves the verdict open, with a remedy."""
         if not self.ok or self.verdict != "undecided":
             return self.status.message
-        if self.bars.size and self.bars.min() >= self.growth:
+        if not self.closes:
             return _NOT_CLOSED
         return _WIDE if (self.bars > _EXACT_BARS).any() else _OPEN
 
@@ -272,7 +274,8 @@ def judge(
     # The rounding error is that of the whole matrix, not of the block.
     error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
     # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
-    apart = fine.gap if fine.gap <= CLOSED else 1.0
+    closes = fine.gap <= CLOSED
+    apart = fine.gap if closes else 1.0
     error = error + apart * norm(m)
 
     def multipliers(*known) -> tuple[Eigenvalues, str]:
@@ -305,6 +308,7 @@ def judge(
         monodromy=_in_entries(scene, m, basis, each),
         conservative=form.kept,
         growth=float(norm(m)),
+        closes=closes,
     )
 
 

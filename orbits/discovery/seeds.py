@@ -21,7 +21,7 @@ from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.scales import groups
 from jaxdyn.scenes import three_body
 from orbits.closing.closings import PLAIN, Closing, Symmetry
-from orbits.closing.sizes import alike, largest_entry, sizes_along
+from orbits.closing.sizes import largest_entry, sizes_along
 from orbits.discovery.screening import ClosingGap, sizes_of_starts
 from orbits.motion import quick_solve
 
@@ -141,8 +141,8 @@ def _extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:
     They are those of its extent. Those of its entries would depend on where the origin is: seen
     from a barycentre that is far away, all motions around a libration point close.
     """
-    none = np.zeros((1, ys.shape[1]))
-    return sizes_along(scene, none, alike(scene, extents(scene, span, ys)))
+    each = extents(scene, span, ys)
+    return sizes_along(scene, each[None], np.zeros_like(each))
 
 
 def extents(scene: Scene, span: float, ys: np.ndarray) -> np.ndarray:

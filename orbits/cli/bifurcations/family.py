@@ -44,7 +44,14 @@ def family_command(
     period: Annotated[float | None, number("Guess for the first orbit.")] = None,
     members: Annotated[int, typer.Option(help="Largest number of orbits.")] = 50,
     step: Annotated[float, number("Length of the first step.")] = 0.05,
-    down: Annotated[bool, typer.Option("--down", help="Towards smaller values first.")] = False,
+    down: Annotated[
+        bool | None,
+        typer.Option(
+            "--down/--up",
+            help="Towards smaller or larger values first; by default larger ones, but from a small "
+            "orbit about an equilibrium away from it.",
+        ),
+    ] = None,
     within: Annotated[
         str | None, typer.Option(metavar="A,B", help="Bounds on the parameter, or on the period.")
     ] = None,
@@ -82,7 +89,7 @@ def family_command(
             value,
             step=step,
             members=members,
-            down=down or None,
+            down=down,
             within=limits,
             energies=levels,
             report=_reporter(out, parameter, members),

@@ -368,6 +368,6 @@ def test_a_motion_that_does_not_close_has_no_verdict():
     lost = orbits.find(scene, [0.4, 0.0, 0.0, 1.0], 3.0, throw=False, max_iterations=2)
     found = orbits.stability(lost)
     assert not lost.ok
-    assert found.verdict == "undecided"
+    assert (found.verdict, found.closes) == ("undecided", False)
     assert (found.bars > np.abs(found.multipliers)).all()
     assert found.message.startswith("The motion does not close after the period")
