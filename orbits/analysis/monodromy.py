@@ -21,7 +21,7 @@ from jaxdyn.analysis.monodromy import tangents as tangents
 from orbits.closing.closings import PLAIN, Closing, Symmetry
 from orbits.closing.given import has_constraints
 from orbits.motion import quick_solve
-from orbits.orbit import Orbit, gap
+from orbits.orbit import CLOSED, Orbit, gap
 from orbits.shooting import newton
 from orbits.shooting.equations import Equations, InUnits, pieces
 from orbits.shooting.gauss_steps import NODES, linearize_steps
@@ -139,6 +139,19 @@ class Returned(NamedTuple):
     status: Status
     log_determinant: float = math.nan
     gap: float = 0.0
+
+    @property
+    def closes(self) -> bool:
+        """Whether the run ends near its start."""
+        return self.gap <= CLOSED
+
+    @property
+    def error(self) -> float:
+        """The error of the matrix as that of the orbit, relative to its norm.
+
+        A run that ends beside its start has the matrix of a motion that is as far from the orbit.
+        """
+        return self.gap if self.closes else 1.0
 
 
 def tangents_in(scene: Scene, each: np.ndarray) -> np.ndarray:

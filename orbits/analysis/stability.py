@@ -60,7 +60,7 @@ from orbits.analysis.monodromy import (
 )
 from orbits.closing.sizes import sizes
 from orbits.hybrid.legs import HybridOrbit
-from orbits.orbit import CLOSED, Orbit
+from orbits.orbit import Orbit
 from orbits.shooting import trivial
 
 #: A run over the period is replaced by segments where errors grow by more than the first of these,
@@ -272,11 +272,7 @@ def judge(
     q = split.q
     reduced = q.T @ m @ q
     # The rounding error is that of the whole matrix, not of the block.
-    error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + ROUNDING * norm(m)
-    # A run that ends beside its start has the matrix of a motion that is as far from the orbit.
-    closes = fine.gap <= CLOSED
-    apart = fine.gap if closes else 1.0
-    error = error + apart * norm(m)
+    error = uncertainty(reduced, q.T @ coarse.m @ q, rtol) + (ROUNDING + fine.error) * norm(m)
 
     def multipliers(*known) -> tuple[Eigenvalues, str]:
         found = _widen(map_eigenvalues(reduced, error, *known), split, m)
@@ -291,7 +287,7 @@ def judge(
     if verdict == "undecided" and rtol <= _LOOSEST and orbit.mesh is None:
         closer = runs.at(_CLOSER * rtol)
         changes = [q.T @ (x.m - m) @ q for x in (closer, coarse)]
-        found, verdict = multipliers(changes, (rtol + ROUNDING + apart) * norm(m))
+        found, verdict = multipliers(changes, (rtol + ROUNDING + fine.error) * norm(m))
     nontrivial, bars = found
     unit = len(m) - len(nontrivial) - len(split.turned)
     return Stability(
@@ -308,7 +304,7 @@ def judge(
         monodromy=_in_entries(scene, m, basis, each),
         conservative=form.kept,
         growth=float(norm(m)),
-        closes=closes,
+        closes=fine.closes,
     )
 
 

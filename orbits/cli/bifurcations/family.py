@@ -32,6 +32,16 @@ _REMEDY = (
 )
 
 
+_DownOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--down/--up",
+        help="Towards smaller or larger values first; by default larger ones, but from a small "
+        "orbit about an equilibrium away from it.",
+    ),
+]
+
+
 def family_command(
     name: SceneArgument,
     settings: SetOption = None,
@@ -44,14 +54,7 @@ def family_command(
     period: Annotated[float | None, number("Guess for the first orbit.")] = None,
     members: Annotated[int, typer.Option(help="Largest number of orbits.")] = 50,
     step: Annotated[float, number("Length of the first step.")] = 0.05,
-    down: Annotated[
-        bool | None,
-        typer.Option(
-            "--down/--up",
-            help="Towards smaller or larger values first; by default larger ones, but from a small "
-            "orbit about an equilibrium away from it.",
-        ),
-    ] = None,
+    down: _DownOption = None,
     within: Annotated[
         str | None, typer.Option(metavar="A,B", help="Bounds on the parameter, or on the period.")
     ] = None,

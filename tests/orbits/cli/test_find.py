@@ -198,6 +198,15 @@ def test_a_family_of_an_orbit_of_another_scene_is_refused(orbits, tmp_path):
     assert "--from-orbit: expected an orbit of henon_heiles, got one of pendulum" in err
 
 
+@pytest.mark.parametrize(("way", "sign"), [("--up", 1), ("--down", -1)])
+def test_a_family_begins_in_the_direction_that_is_asked_for(orbits, way, sign):
+    words = ("pendulum", "--set", "angle=2", "--period", "2.7", "--members", "2", "--json", way)
+    code, out, err = orbits("family", *words)
+    assert code == 0, err
+    first, second = json.loads(out)["members"]
+    assert sign * (second["energy"] - first["energy"]) > 0  # with which the period grows
+
+
 @pytest.mark.slow
 def test_a_family_shows_each_member_as_it_is_found(orbits, tmp_path):
     path = tmp_path / "family.json"
