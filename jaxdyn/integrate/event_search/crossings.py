@@ -340,8 +340,8 @@ def move_onto_event(
       longest: () a time that the motion takes in one step.
     """
     t = t0 + jnp.where(jnp.isfinite(h), h, 0.0)
-    # Not that of the last look: XLA computes a state anew for each of its uses there, and the rate may
-    # be that of a neighbour beyond a surface, where a power is not defined.
+    # Not that of the last look: there XLA computes a state anew for each of its uses, and the rate
+    # may be that of a neighbour beyond a surface, where a power is not defined.
     rate = sampler.field.rate(t, y)
 
     def value(t, y):
