@@ -22,7 +22,7 @@ import numpy as np
 
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
-from jaxdyn._text import number_of
+from jaxdyn._text import flag, number_of
 from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, as_text, check_bounds, follow
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
@@ -186,6 +186,8 @@ def continue_family(
         make = with_captures(make, "parameter")
     check_bounds("within", within)
     check_bounds("energies", energies)
+    if down is not None:
+        flag("down", down)
     value = 0.0 if parameter is None else float(parameter)
     if isinstance(orbit, HybridOrbit):
         _check_chain(make, energies=energies != ANYWHERE, hold=hold, segments=segments)

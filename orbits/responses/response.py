@@ -269,7 +269,7 @@ def frequency_response(
             make,
             start,
             within=(low, high),
-            down=start == high if down is None else down,
+            down=bool(start == high) if down is None else down,
             step=step,
             members=members,
             report=report,

@@ -193,6 +193,8 @@ def test_misuse(forks):
         orbits.continue_family(cycle_, make, -0.3, step=0.0)
     with pytest.raises(ValueError, match="members: expected a whole number"):
         orbits.continue_family(cycle_, make, -0.3, members=0)
+    with pytest.raises(ValueError, match="down: expected True or False, got 'yes'"):
+        orbits.continue_family(cycle_, make, -0.3, down="yes")
     with pytest.raises(ValueError, match="within: expected two bounds"):
         orbits.continue_family(cycle_, make, -0.3, within=(1.0, 0.0))
     with pytest.raises(ValueError, match="energies: expected two bounds"):
