@@ -206,21 +206,27 @@ def decode_fields(
 ) -> dict[str, Any]:
     """The values of the fields of a dataclass or a named tuple, from an object of JSON.
 
+    A field with a default may be missing: the class has gained it since the file was written.
+
     Args:
       value: the object, from a file.
       cls: the class.
       name: see `decode`.
       remedy: see `decode`.
       without: fields that the object does not have.
+    Returns: the values of the entries that the object has.
     Raises:
-      ValueError: it is not an object, has other entries, or has one of another type.
+      ValueError: it is not an object, lacks an entry without a default, has other entries, or has
+        one of another type.
     """
     hints = typing.get_type_hints(cls)
-    wanted = [key for key in _field_names(cls) if key not in without]
-    if not isinstance(value, dict) or value.keys() != {*wanted}:
-        got = sorted({*wanted} ^ value.keys()) if isinstance(value, dict) else type(value).__name__
+    names = {*_field_names(cls)} - {*without}
+    needed = names - _optional_fields(cls)
+    if not isinstance(value, dict) or not needed <= value.keys() <= names:
+        entries = {*value} if isinstance(value, dict) else set()
+        got = sorted((needed - entries) | (entries - names)) or type(value).__name__
         raise fail(name, f"the entries of {cls.__name__}", f"missing or extra {got}"[:80], remedy)
-    return {key: decode(value[key], hints[key], f"{name}.{key}", remedy) for key in wanted}
+    return {key: decode(x, hints[key], f"{name}.{key}", remedy) for key, x in value.items()}
 
 
 def _is_number(value: Any) -> bool:
@@ -367,10 +373,16 @@ def _decode_object(value: dict[str, Any], name: str, classes: dict[str, type]) -
 
 def _default_values(cls: type) -> dict[str, Any]:
     """The default values of fields, for those that a class has gained since a file was written."""
+    fields = () if issubclass(cls, tuple) else dataclasses.fields(cls)
+    return {f.name: _encode_field(f.default) for f in fields if f.name in _optional_fields(cls)}
+
+
+def _optional_fields(cls: type) -> set[str]:
+    """The fields that have a default value, which an older file may lack."""
     if issubclass(cls, tuple):
-        return {}
-    fields = [f for f in dataclasses.fields(cls) if f.init and f.default is not dataclasses.MISSING]
-    return {f.name: _encode_field(f.default) for f in fields}
+        return set()
+    fields = dataclasses.fields(cls)
+    return {f.name for f in fields if f.init and f.default is not dataclasses.MISSING}
 
 
 def _decode_field(item: Any, name: str, classes: dict[str, type]) -> Any:

@@ -112,6 +112,20 @@ def test_a_field_that_is_newer_than_the_file_has_its_default():
     assert decode_part(record, Scene, "record").system.mechanism.squared is False
 
 
+def test_an_entry_of_a_result_without_a_default_is_needed():
+    @dataclasses.dataclass
+    class Grown:
+        value: float
+        newer: bool = True
+
+    assert decode({"value": 2.0}, Grown, "file", "") == Grown(2.0)
+    assert decode({"value": 2.0, "newer": False}, Grown, "file", "") == Grown(2.0, newer=False)
+    with pytest.raises(ValueError, match=r"entries of Grown, got missing or extra \['value'\]"):
+        decode({"newer": False}, Grown, "file", "")
+    with pytest.raises(ValueError, match=r"missing or extra \['other', 'value'\]"):
+        decode({"other": 1.0}, Grown, "file", "")
+
+
 def changed(*keys, to):
     """The record of a three-body scene with one entry replaced."""
     record = json.loads(json.dumps(encode(scenes.three_body())))
