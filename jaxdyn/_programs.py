@@ -6,10 +6,13 @@ or closed, under several names. Whatever interprets a program asks here, so that
 to follow a new version; an operation that it does not know is left as it is.
 """
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.extend
+import jax.numpy as jnp
 import numpy as np
 
 #: Operations that call a program, also those with rules of their own for derivatives.
@@ -23,6 +26,27 @@ def inner_program(eqn: Any) -> Any:
     params = eqn.params
     inner = params.get("jaxpr") or params.get("call_jaxpr") or params["fun_jaxpr"]
     return inner if hasattr(inner, "consts") else jax.extend.core.ClosedJaxpr(inner, ())
+
+
+def is_interp(eqn: Any) -> bool:
+    """Whether an operation of `CALLS` is ``jnp.interp``, continuous also at the ends of its table.
+
+    Its derivative, which has the same name, is not, nor one with values of its own beyond the ends.
+    """
+    named = "interp" in str(eqn.params.get("name", ""))
+    return named and len(eqn.invars) == 3 and _is_interp(inner_program(eqn).jaxpr)
+
+
+@functools.lru_cache(maxsize=256)
+def _is_interp(jaxpr: Any) -> bool:
+    shapes = [jax.ShapeDtypeStruct(x.aval.shape, x.aval.dtype) for x in jaxpr.invars]
+    ends, text = (None, "extrapolate"), str(jaxpr)
+    for left, right in ((left, right) for left in ends for right in ends):
+        interp = functools.partial(jnp.interp, left=left, right=right)
+        for eqn in jax.make_jaxpr(interp)(*shapes).eqns:
+            if eqn.primitive.name in CALLS and str(inner_program(eqn).jaxpr) == text:
+                return True
+    return False
 
 
 def bind(eqn, args: list) -> Sequence[Any]:

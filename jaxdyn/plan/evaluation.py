@@ -13,7 +13,7 @@ What a condition is, and its margin:
 - ``floor``, ``ceil``, ``round``, ``rem``, a conversion to integers: the distance from the next
   whole number;
 - the place of a number in a table (``searchsorted``, and so ``interp``): the distance to the
-  nearest of the two knots beside it;
+  nearest of the two knots beside it; values of ``interp`` are continuous there;
 - which of several numbers is the largest or the smallest: how far it is from the next one; the
   order of a few numbers is made of comparisons.
 
@@ -37,7 +37,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._numerics import SMOOTH
-from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, loop
+from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, is_interp, loop
 
 #: What a value depends on: time and state, so that it moves along a motion, or only outcomes of
 #: conditions, so that it jumps, and is constant in a branch.
@@ -161,6 +161,7 @@ class BranchEvaluation:
         self._origins: dict[int, tuple[Value, str, list[Value]]] = {}
         self._taken: dict[int, tuple[Array, Value, Value, Value, int]] = {}
         self._compared: list[tuple[Value, Value]] = []
+        self._continuous = False  # inside of a function whose values no condition makes jump
 
     @property
     def found(self) -> Conditions:
@@ -204,7 +205,10 @@ class BranchEvaluation:
                 enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
                 name = str(params.get("name", ""))
                 if enter and not (name.startswith(SMOOTH) or name in _SMOOTH_OF_JAX):
-                    return self.program(inner, args)
+                    outside, self._continuous = self._continuous, is_interp(eqn) or self._continuous
+                    found = self.program(inner, args)
+                    self._continuous = outside
+                    return found
             elif name == "cond" and _may_switch(*params["branches"]):
                 return self._choose(params["branches"], args)
             elif name == "scan" and _may_switch(params["jaxpr"]):
@@ -339,7 +343,7 @@ class BranchEvaluation:
             given = self.branch[first : first + size].reshape(shape)
         left_out = self.state_only and not on & OF_STATE
         here, margin, beyond = (given, 1.0, given) if left_out else judge(given)
-        self.conditions.append(Condition(on, size, bends))
+        self.conditions.append(Condition(on, size, bends or self._continuous))
         flat = lambda x: jnp.broadcast_to(x, shape).astype(float).ravel()  # noqa: E731
         self._found.append((flat(here), flat(margin), flat(beyond)))
         return (jnp.broadcast_to(here, shape).astype(float) if given is None else given), jumps

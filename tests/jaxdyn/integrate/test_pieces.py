@@ -171,6 +171,24 @@ def test_a_table_with_a_spike(samples):
     assert abs(run.ys[-1, 0] - triangle * np.exp(-7.0)) < 1e-16
 
 
+def test_a_spring_of_a_table():
+    def rate(t, y, forces):
+        return [y[1], jnp.interp(y[0], jnp.array([-1.0, 0.0, 1.0]), forces)]
+
+    # Of stiffness 4 on one side and 1 on the other, where the force is constant beyond 1.
+    spring = jaxdyn.ode(rate, [1.5, 0.0], 2 + np.pi, params=jnp.array([4.0, 0.0, -1.0]))
+    for times in (1, 10):
+        run = jaxdyn.simulate(spring, times * (2 + np.pi), rtol=1e-14)
+        assert np.allclose(run.ys[-1], (1.5, 0.0), rtol=0, atol=1e-13 * times)
+
+    def end(stiffness):
+        varied = jaxdyn.ode(rate, [1.5, 0.0], 1.0, params=jnp.array([stiffness, 0.0, -1.0]))
+        return jaxdyn.solve(varied, 2 + np.pi).y1
+
+    # Half a period on that side is pi / sqrt(4), and the acceleration at the end -1.
+    assert np.allclose(jax.jacfwd(end)(4.0), (0.0, -np.pi / 16), rtol=0, atol=1e-12)
+
+
 @pytest.mark.slow
 def test_contact_stiffness_and_its_derivative():
     scene = jaxdyn.ode(contact, [1.0, 0.0], 3.0, params=1e6)

@@ -1,5 +1,7 @@
 """What is read from the program of a rate: its dependence on time, its conditions, its period."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -88,11 +90,24 @@ def test_conditions_whose_outcomes_are_thrown_away_are_none():
 def test_conditions_of_all_kinds_and_those_on_time_alone():
     found, _ = plan(with_all_kinds)
     assert found.size == 13  # mod and clip have two each, interp three, the other six one
-    assert found.bends.sum() == 4  # those of abs, maximum and clip
+    assert found.bends.sum() == 7  # those of abs, maximum, clip and interp
     assert not found.of_time.any()
     found, _ = plan(lambda t, y: [jnp.where(jnp.mod(t, 0.1) < 0.01, 1.0, 0.0), jnp.sign(y[0])])
     assert found.of_time.any()
     assert found.on_state
+
+
+def test_a_table_is_continuous_unlike_its_derivative_and_one_with_other_values_beyond_its_ends():
+    knots = jnp.array([-1.0, 0.0, 2.0])
+    table = functools.partial(jnp.interp, xp=knots, fp=knots**2)
+    ends = functools.partial(table, right="extrapolate")
+    for force in (table, ends, lambda y: 2 * table(jnp.sin(y)) - y):
+        found, _ = plan(lambda t, y, force=force: -force(y))
+        assert (found.on_state, found.most_surfaces) == (True, 0)
+    slope = jax.vmap(jax.grad(table))
+    for force in (slope, functools.partial(table, left=0.0), lambda y: jax.jvp(table, (y,), (y,))):
+        found, _ = plan(lambda t, y, force=force: -jnp.asarray(force(y)).reshape(-1)[:2])
+        assert found.most_surfaces > 0
 
 
 @pytest.mark.sample("nested", "of_no_rounds")
