@@ -75,13 +75,15 @@ class Segments(NamedTuple):
         equations, unknowns = self.equations, self.equations.unpack(self.x)
         closing, system = equations.closing, equations.scene_at(unknowns.parameter).system
         here, times = jax.tree.map(np.asarray, pieces(equations, self.x)), closing.parts
-        ends, status, slopes = equations.pass_segments(here, self.rtol)
-        starts, maps = here.start, np.asarray(slopes.start)
+        found = equations.pass_segments(here, self.rtol)
+        ends, status, starts, maps = found.y1, found.status, here.start, found.slopes.start
+        maps = np.asarray(maps)
         if closing.mirror is not None:
             again = _mirror_image(here, ends[-1], closing.mirror, equations.driven)
-            more, later, slopes = equations.pass_segments(again, self.rtol)
-            starts, ends = np.concatenate([starts, again.start]), np.concatenate([ends, more])
-            status, maps = np.append(status, later), np.concatenate([maps, slopes.start])
+            more = equations.pass_segments(again, self.rtol)
+            starts, ends = np.concatenate([starts, again.start]), np.concatenate([ends, more.y1])
+            status = np.append(status, more.status)
+            maps = np.concatenate([maps, more.slopes.start])
             times = times // 2
         image, back = _image(closing, system, jnp.asarray(ends[-1]), unknowns.angle)
         if type(system).difference is not System.difference:  # its derivative is the unit matrix
@@ -192,8 +194,8 @@ def _run(orbit: Orbit, rtol) -> tuple[Array, Array, Array]:
         end, status, m = _by_collocation(orbit, rtol)
     else:
         whole = Piece(start=scene.y0, t0=0.0, span=scene.t1, parameter=0.0, s=orbit.s_period)
-        end, status, slopes = linearize_end(scene, whole, rtol)
-        m = slopes.start
+        found = linearize_end(scene, whole, rtol)
+        end, status, m = found.y1, found.status, found.slopes.start
     plain = type(scene.system).difference is System.difference  # its derivative is the unit matrix
     m = m if plain else _displacement(orbit, end) @ m
     # The inverse rotation is exact to rounding, so nothing is solved.

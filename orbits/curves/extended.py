@@ -202,7 +202,7 @@ class Extended(eqx.Module):
         extended = extended_make(self.make, self.vectors)
         base = extended(jnp.asarray(here.parameter[0]))
         integrate = functools.partial(linearize_end, base, rtol=self.rtol, make=extended)
-        ends, _, slopes = map_segments(integrate, here)
+        ends, slopes = (found := map_segments(integrate, here)).y1, found.slopes
         residual, jacobian = map(np.asarray, _linearize(self, x, here, ends, slopes, frame))
         k = self.k
         monodromy = functools.reduce(lambda m, s: s[:k, :k] @ m, slopes.start, np.eye(k))

@@ -236,9 +236,9 @@ def _unknowns_of(extended: Extended, orbit: Orbit, both: np.ndarray) -> tuple[np
             span=span,
             parameter=both,
         )
-        end, _, slopes = linearize_end(scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes)
-        states.append(np.asarray(end)[:k])
-        maps.append(np.asarray(slopes.start)[:k, :k])
+        found = linearize_end(scenes(jnp.asarray(both)), piece, extended.rtol, make=scenes)
+        states.append(np.asarray(found.y1)[:k])
+        maps.append(np.asarray(found.slopes.start)[:k, :k])
     monodromy = np.eye(k)
     for one in maps:
         monodromy = one @ monodromy

@@ -21,6 +21,7 @@ from orbits.hybrid.legs import HybridOrbit, Leg
 from orbits.motion import quick_solve
 from orbits.orbit import Outcome
 from orbits.shooting.equations import Units, UnknownSizes
+from orbits.shooting.segment import UNTIMED, Limits
 
 _RANK = 1e-9  # smaller singular values, relatively, belong to what a closing leaves out
 _HOLDS = 1e-6  # a chain over several periods closes better than this if its closing allows it
@@ -66,7 +67,10 @@ class ChainSurface(Surface):
         residual, _ = self._closing_in_units(x, self._unknown_sizes(x))(x)
         return bool(np.abs(residual).max() <= _HOLDS)
 
-    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> "_InUnits":
+    def _closing_in_units(
+        self, x: np.ndarray, known: UnknownSizes, limits: Limits = UNTIMED
+    ) -> "_InUnits":
+        del limits  # phases have their own
         return _InUnits(self.equations, x, self.rtol, self._units(x, known), known.sizes)
 
     def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:

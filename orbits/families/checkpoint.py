@@ -62,7 +62,7 @@ def codec(surface: Surface) -> Codec:
         without = (*_NOT_NUMBERS, *(_UNITS if old else ()))
         known = decode_fields(numbers, Point, "file", OTHER, without)
         if old:
-            point = surface.point(**known)
+            point = surface.point(known["x"], known["residual"], known["iterations"])
             fields |= _in_units(point, fields)
         else:
             # The Jacobian is needed only for the next step, which was taken, and is not stored.

@@ -31,6 +31,7 @@ from orbits.shooting.equations import (
     units_of_unknowns,
 )
 from orbits.shooting.outcomes import is_determined, orbit_at
+from orbits.shooting.segment import MAX_STEPS, UNTIMED, Limits
 from orbits.shooting.segmentation import recut
 
 _CORRECTIONS = 8  # most Newton steps of the corrector; more mean that the step was too long
@@ -41,6 +42,9 @@ _NEUTRAL = 1e-6  # relative change of the closing equations up to which a direct
 #: Most decimal digits that may be lost over a period for one run to give the multipliers.
 _FEW_DIGITS = 4.0
 _AT_REST = 1e-9  # radius, in sizes, of an orbit that is an equilibrium to rounding
+#: A step of a family ends an integration that takes this many times the steps of the last member's
+#: whole period: it has left the family, as a predicted orbit that meets a body.
+_MOST_STEPS = 10
 _BRANCH = 1e-3  # relative: one more singular value is below this at a branch point
 
 
@@ -57,6 +61,7 @@ class Point:
       residual: largest entry of the closing error, or error of a step of collocation.
       iterations: number of Newton steps that led to it.
       growth: largest growth of errors over a segment; NaN if that is not known.
+      steps: number of steps of the integrations; 0 if that is not known, or by collocation.
     """
 
     equations: Any
@@ -67,6 +72,7 @@ class Point:
     residual: float
     iterations: int
     growth: float = math.nan
+    steps: int = 0
 
     def distance(self, x: np.ndarray) -> float:
         """Distance of x (n,) from the point, in units."""
@@ -146,7 +152,9 @@ class Surface(abc.ABC):
         return np.zeros(0)
 
     @abc.abstractmethod
-    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> Closed:
+    def _closing_in_units(
+        self, x: np.ndarray, known: UnknownSizes, limits: Limits = UNTIMED
+    ) -> Closed:
         """The equations in the units of the motion at x."""
 
     @abc.abstractmethod
@@ -199,6 +207,11 @@ class Surface(abc.ABC):
         del closed, x
         return math.nan
 
+    def _steps(self, closed: Any, x: np.ndarray) -> int:
+        """The number of steps of the integrations at x; 0 if that is not known."""
+        del closed, x
+        return 0
+
     def nearest(
         self, x: np.ndarray, across: np.ndarray | None = None, *, near: Point | None = None
     ) -> Point | None:
@@ -211,7 +224,8 @@ class Surface(abc.ABC):
             known = self._unknown_sizes(x)
         else:
             known = self.unknown_sizes(near)
-        closed = self._closing_in_units(x, known)
+        most = _MOST_STEPS * near.steps if near is not None and near.steps else MAX_STEPS
+        closed = self._closing_in_units(x, known, Limits(min(most, MAX_STEPS)))
         units = closed.units
         row = None if across is None else across / units.x / np.linalg.norm(across / units.x)
 
@@ -250,6 +264,7 @@ class Surface(abc.ABC):
             residual=residual,
             iterations=result.iterations,
             growth=self._growth(closed, result.x),
+            steps=self._steps(closed, result.x),
         )
 
     def point(
@@ -392,8 +407,13 @@ class OrbitSurface(Surface):
         outcome = Outcome.FOUND if is_determined(orbit, lost) else Outcome.UNDETERMINED
         return dataclasses.replace(orbit, outcome=outcome)
 
-    def _closing_in_units(self, x: np.ndarray, known: UnknownSizes) -> InUnits:
-        return InUnits(self.equations, x, self.rtol, known=known)
+    def _steps(self, closed: InUnits, x: np.ndarray) -> int:
+        return closed.steps(x)
+
+    def _closing_in_units(
+        self, x: np.ndarray, known: UnknownSizes, limits: Limits = UNTIMED
+    ) -> InUnits:
+        return InUnits(self.equations, x, self.rtol, limits, known)
 
     def _unknown_sizes(self, x: np.ndarray, least: np.ndarray | float = 0.0) -> UnknownSizes:
         return unknown_sizes(self.equations, x, least)

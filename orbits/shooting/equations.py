@@ -32,6 +32,7 @@ from orbits.shooting import gauss_steps
 from orbits.shooting.segment import (
     UNTIMED,
     Limits,
+    LinearizedEnd,
     Make,
     Piece,
     linearize_end,
@@ -58,12 +59,14 @@ class Evaluation(NamedTuple):
       jacobian: (m, n) its derivatives with respect to x (n,).
       transitions: (segments, k, k) derivatives of each segment's end with respect to its start.
       status: () the worst `Status` code of the integrations.
+      steps: () number of accepted steps of all segments; 0 by collocation.
     """
 
     residual: Array
     jacobian: Array
     transitions: Array
     status: Array
+    steps: Array
 
 
 class Equations(eqx.Module):
@@ -220,8 +223,9 @@ class Equations(eqx.Module):
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
             piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
-            y, _, slopes = linearize_end(self.scene, piece, rtol, make=self.make)
-            maps.append(np.asarray(slopes.start))
+            found = linearize_end(self.scene, piece, rtol, make=self.make)
+            y = found.y1
+            maps.append(np.asarray(found.slopes.start))
             t += span
         return np.stack(maps)
 
@@ -267,17 +271,22 @@ class Equations(eqx.Module):
         if not x[-1] > 0:  # the period must be positive
             x = np.where(np.arange(len(x)) == len(x) - 1, np.nan, x)
         here = jax.tree.map(np.asarray, pieces(self, x))
-        ends, status, slopes = self.pass_segments(here, rtol, limits)
-        residual, jacobian = map(np.asarray, linearize(self, x, here, ends, slopes))
+        found = self.pass_segments(here, rtol, limits)
+        residual, jacobian = map(np.asarray, linearize(self, x, here, found.y1, found.slopes))
         return Evaluation(
-            residual=residual, jacobian=jacobian, transitions=slopes.start, status=status.max()
+            residual=residual,
+            jacobian=jacobian,
+            transitions=found.slopes.start,
+            status=found.status.max(),
+            steps=found.steps.sum(),
         )
 
-    def pass_segments(self, here: Piece, rtol: float, limits: Limits = UNTIMED):
-        """The ends (n, k) of segments, their status (n,), and the ends' derivatives (a `Piece`)."""
+    def pass_segments(self, here: Piece, rtol: float, limits: Limits = UNTIMED) -> LinearizedEnd:
+        """The ends of all segments with their derivatives."""
         if self.collocated:
             found, slopes = gauss_steps.linearize_steps(self.scene, here, make=self.make)
-            return found.end, found.status, slopes
+            none = np.zeros(self.segments, int)
+            return LinearizedEnd(found.end, found.status, none, slopes)
 
         def integrate(piece: Piece):
             if limits.over():
@@ -295,10 +304,10 @@ class Equations(eqx.Module):
         return np.asarray(linearize(self, x, here, ends, none)[0])
 
 
-def _unfinished(k: int):
+def _unfinished(k: int) -> LinearizedEnd:
     """What `linearize_end` returns for a segment that is not integrated."""
     slopes = Piece(np.full((k, k), np.nan), *np.full((3, k), np.nan))
-    return np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), slopes
+    return LinearizedEnd(np.full(k, np.nan), np.asarray(Status.STEP_LIMIT), np.asarray(0), slopes)
 
 
 @jax.jit
@@ -478,6 +487,10 @@ class InUnits:
     def transitions(self, x: np.ndarray) -> np.ndarray:
         """(segments, k, k) derivatives of ends of segments with respect to starts, in the sizes."""
         return map_in_units(np.asarray(self._at(x).transitions), self.sizes)
+
+    def steps(self, x: np.ndarray) -> int:
+        """The number of steps of the integrations at x."""
+        return int(self._at(x).steps)
 
     def status(self, x: np.ndarray) -> int:
         """The worst `Status` code of the integrations at x."""

@@ -70,6 +70,22 @@ class Piece(NamedTuple):
     s: Array | None = None  # logarithmic time; not differentiated
 
 
+class LinearizedEnd(NamedTuple):
+    """A segment's end and its derivatives; with a first axis of segments if there are several.
+
+    Attributes:
+      y1: (k,) the end; NaN if the motion ends early.
+      status: () `Status` code.
+      steps: () accepted steps.
+      slopes: its derivatives in each field of the segment's inputs.
+    """
+
+    y1: Array
+    status: Array
+    steps: Array
+    slopes: Piece
+
+
 def scene_of(scene: Scene, make: Make | None, parameter) -> Scene:
     """The scene, or that of `make` at the parameter, with the scene's start and span."""
     if make is None:
@@ -101,8 +117,8 @@ def map_segments(integrate: Callable[[Piece], Any], pieces: Piece):
 
 def linearize_end(
     scene: Scene, piece: Piece, rtol, *, limits: Limits = UNTIMED, make: Make | None = None
-):
-    """A segment's end (k,), its status, and the end's derivatives in each field (a `Piece`).
+) -> LinearizedEnd:
+    """A segment's end with its derivatives.
 
     The search for an orbit, its growth of errors and its stability all use this one program.
     """
@@ -111,12 +127,14 @@ def linearize_end(
 
 
 @functools.partial(jax.jit, static_argnames="make")
-def compiled_end(scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None):
+def compiled_end(
+    scene: Scene, piece: Piece, rtol, max_steps, *, make: Make | None
+) -> LinearizedEnd:
     """`linearize_end` for arrays alone, since Python numbers would recompile."""
 
     def end(at: Piece):
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)
-        return found.y1, (found.y1, found.status)
+        return found.y1, (found.y1, found.status, found.steps)
 
-    slopes, (y1, status) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
-    return y1, status, slopes
+    slopes, found = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
+    return LinearizedEnd(*found, slopes)

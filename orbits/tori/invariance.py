@@ -171,9 +171,9 @@ def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
     done = [
         linearize_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
     ]
-    ends, _, slopes = (list(x) for x in zip(*done, strict=True))
-    ends = points + np.asarray(_differences(scene, np.array(ends), points))
-    return ends, np.array([s.start for s in slopes]), np.array([s.span for s in slopes])
+    found = jax.tree.map(lambda *leaves: np.stack(leaves), *done)
+    ends = points + np.asarray(_differences(scene, found.y1, points))
+    return ends, found.slopes.start, found.slopes.span
 
 
 @jax.jit

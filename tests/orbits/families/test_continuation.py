@@ -15,6 +15,7 @@ import orbits
 from jaxdyn import Status, scenes
 from orbits import Kind
 from orbits.families import surface
+from orbits.shooting.segment import linearize_end
 
 
 def maker(kind, y0):
@@ -122,6 +123,24 @@ def test_a_conservative_family_needs_no_parameter():
     exact = 4 / np.sqrt(9.81) * ellipk(0.5 * (1 + found.energies / 9.81))
     assert np.abs(found.periods - exact).max() < 1e-11
     assert (np.diff(found.energies) > 0).all()
+
+
+def test_a_step_that_comes_near_a_collision_ends_early(monkeypatch):
+    limits_of_steps = set()
+
+    def note(*args, limits, **options):
+        limits_of_steps.add(limits.max_steps)
+        return linearize_end(*args, limits=limits, **options)
+
+    monkeypatch.setattr("orbits.shooting.equations.linearize_end", note)
+    swing = orbits.find(scenes.pendulum(angle=0.5))
+    found = orbits.continue_family(swing, members=3)
+    assert limits_of_steps >= {10 * member.point.steps for member in found.members[:-1]}
+    last = found.members[-1]
+    assert last.point.steps == last.point.equations(last.point.x, last.orbit.rtol).steps > 50
+    # Without time for its steps no orbit is found, and the step of the family is halved.
+    point = dataclasses.replace(last.point, steps=1)
+    assert surface.OrbitSurface(point.equations, 1e-12, 1e-10).nearest(point.x, near=point) is None
 
 
 @pytest.mark.slow
