@@ -11,7 +11,7 @@ expression is not defined, such as r = 0 in x / r, are ignored, as on paper.
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -440,8 +440,23 @@ def symbols_of(a: Atom) -> set[Symbol]:
     """All symbols in an atom."""
     if isinstance(a, Symbol):
         return {a}
-    inner = (a.sum,) if isinstance(a, Group) else a.args
-    return {s for x in inner for s in x.symbols()}
+    return {s for x in sums_in(a) for s in x.symbols()}
+
+
+def sums_in(a: Atom) -> tuple[Expression, ...]:
+    """The sum in a bracket, the arguments of a function."""
+    if isinstance(a, Group):
+        return (a.sum,)
+    return a.args if isinstance(a, Call) else ()
+
+
+def factors_in(x: Expression) -> Iterator[tuple[Atom, Fraction]]:
+    """All factors of a sum, each followed by those inside it."""
+    for m in x.terms:
+        for a, e in m:
+            yield a, e
+            for inner in sums_in(a):
+                yield from factors_in(inner)
 
 
 def _atom(a: Atom, e: Fraction) -> Expression:

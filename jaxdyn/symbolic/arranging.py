@@ -19,6 +19,7 @@ from jaxdyn.symbolic.algebra import (
     Monomial,
     Symbol,
     as_expression,
+    factors_in,
     in_order,
     inverse,
     number,
@@ -508,8 +509,9 @@ class Lengths:
         self._names: dict[Expression, Symbol] = {}
         self.definitions: list[tuple[Symbol, Expression]] = []
         counts: Counter[Expression] = Counter()
-        for x in sums:
-            _count(x, counts)
+        for a, e in (factor for x in sums for factor in factors_in(x)):
+            if isinstance(a, Group) and e.denominator == 2 and len(a.sum.terms) > 1:
+                counts[a.sum] += 1
         for root in counts:
             counts[root] += sum(with_sum(x, root) is not None for x in sums)
         roots = [x for x, n in counts.items() if n > 1]
@@ -550,18 +552,6 @@ class Lengths:
                     term = term * as_expression(a).replace(inside) ** e
             found = found + term
         return found
-
-
-def _count(x: Expression, counts: Counter) -> None:
-    for m in x.terms:
-        for a, e in m:
-            if isinstance(a, Group):
-                if e.denominator == 2 and len(a.sum.terms) > 1:
-                    counts[a.sum] += 1
-                _count(a.sum, counts)
-            elif isinstance(a, Call):
-                for y in a.args:
-                    _count(y, counts)
 
 
 def _stem(x: Expression) -> tuple[str, str]:
