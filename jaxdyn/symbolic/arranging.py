@@ -6,7 +6,7 @@ their brackets out again.
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from fractions import Fraction
 
 from jaxdyn.symbolic.algebra import (
@@ -19,6 +19,7 @@ from jaxdyn.symbolic.algebra import (
     Monomial,
     Symbol,
     as_expression,
+    content_of,
     factors_in,
     in_order,
     inverse,
@@ -351,7 +352,7 @@ def split_common(
     shared = {a for m in powers for a in m}
     least = {a: shared_power(a, [m.get(a, Fraction(0)) for m in powers]) for a in shared}
     common = in_order(least)
-    content = shared_number(x)
+    content = shared_number(x.terms.values())
     shorts = [
         c for m, c in x.terms.items() if any(_is_short(a, e) for a, e in times(m, inverse(common)))
     ]
@@ -366,13 +367,13 @@ def split_common(
     return content, common, Expression(rest)
 
 
-def shared_number(x: Expression) -> Coefficient:
+def shared_number(numbers: Collection[Coefficient]) -> Coefficient:
     """The number to take out of a sum: equal in all terms, an integer, or a half."""
-    sizes = {abs(c) for c in x.terms.values()}
+    sizes = {abs(c) for c in numbers}
     if len(sizes) == 1:
         return sizes.pop()
-    content = x.content
-    if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in x.terms.values()):
+    content = content_of(numbers)
+    if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in numbers):
         return Fraction(1, 2)
     return content if content >= 1 else ONE
 
@@ -399,16 +400,8 @@ def gather_squares(x: Expression) -> Expression:
 
 def shared_factor(sums: Sequence[Expression]) -> Expression:
     """A number and powers of parameters that all terms of some sums share."""
-    powers = [dict(m) for x in sums for m in x.terms]
-    numbers = [c for x in sums for c in x.terms.values()]
-    if not powers:
-        return number(1)
-    steady = {a for m in powers for a in m if not symbols_of(a) or _is_steady(a)}
-    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
-    common = in_order(least)
-    # The monomials are arbitrary but different: only the numbers matter.
-    row = Expression({((_numbered(i), ONE),): c for i, c in enumerate(numbers)})
-    return Expression({common: shared_number(row)})
+    content, common = _shared(sums, lambda a: not symbols_of(a) or _is_steady(a))
+    return Expression({common: content})
 
 
 def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
@@ -416,15 +409,21 @@ def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
 
     Parameters that may be 0 are kept: an equation must not be divided by them.
     """
-    terms = [(m, c) for x in sums for m, c in x.terms.items()]
-    powers = [dict(m) for m, _ in terms]
-    steady = {a for m in powers for a in m if _is_nonzero(a)}
-    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
-    content = shared_number(
-        Expression({((_numbered(i), ONE),): c for i, (_, c) in enumerate(terms)})
-    )
-    common = inverse(in_order(least))
-    return [Expression({times(m, common): c / content for m, c in x.terms.items()}) for x in sums]
+    content, common = _shared(sums, _is_nonzero)
+    below = inverse(common)
+    return [Expression({times(m, below): c / content for m, c in x.terms.items()}) for x in sums]
+
+
+def _shared(
+    sums: Sequence[Expression], divides: Callable[[Atom], bool]
+) -> tuple[Coefficient, Monomial]:
+    """A number, and powers of those atoms that may divide, that all terms of some sums share."""
+    powers = [dict(m) for x in sums for m in x.terms]
+    if not powers:
+        return ONE, ()
+    atoms = {a for m in powers for a in m if divides(a)}
+    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in atoms}
+    return shared_number([c for x in sums for c in x.terms.values()]), in_order(least)
 
 
 def clear_denominators(x: Expression) -> Expression:
@@ -436,7 +435,7 @@ def clear_denominators(x: Expression) -> Expression:
                 below[a] = min(e, below.get(a, e))
     if not below:
         return x
-    over = Expression({in_order(below): shared_number(x)})
+    over = Expression({in_order(below): shared_number(x.terms.values())})
     return x / over
 
 
@@ -446,11 +445,6 @@ def _is_nonzero(a: Atom) -> bool:
         signs = {c > 0 for c in a.sum.terms.values()}
         return len(signs) == 1 and all(_is_nonzero(b) for m in a.sum.terms for b, _ in m)
     return isinstance(a, Symbol) and a.kind == "parameter" and a.positive
-
-
-def _numbered(i: int) -> Symbol:
-    """The i-th of a sequence of distinct symbols."""
-    return Symbol(f"{i}", "time")
 
 
 def _shared_power(powers: list[Fraction]) -> Fraction:
