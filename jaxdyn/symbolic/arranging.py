@@ -101,23 +101,32 @@ def _is_speed(a: Atom) -> bool:
 
 def _with_closing_speeds(x: Expression) -> Expression:
     """Terms of dampers along lines: c x^2 x' / r^2 + c x y y' / r^2 as c (x x' + y y') x / r^2."""
+
+    def pair_of(m: Monomial) -> Monomial | None:
+        pair = _beside_own_velocity(m)
+        along = pair and any(_is_short(a, e) and e < 0 for a, e in times(m, inverse(pair)))
+        return pair if along else None
+
+    return _in_brackets(x, pair_of)
+
+
+def _in_brackets(x: Expression, part_of: Callable[[Monomial], Monomial | None]) -> Expression:
+    """Terms whose other factors and numbers are equal, up to signs: their parts in brackets."""
     parts: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
-        pair = _beside_own_velocity(m)
-        rest = pair and times(m, inverse(pair))
-        if pair and rest and any(_is_short(a, e) and e < 0 for a, e in rest):
-            parts.setdefault((rest, abs(c)), {})[pair] = c / abs(c)
-        else:
+        part = part_of(m)
+        if part is None:
             found[m] = c
+        else:
+            parts.setdefault((times(m, inverse(part)), abs(c)), {})[part] = c / abs(c)
     for (rest, c), terms in parts.items():
         if len(terms) == 1:
-            ((pair, sign),) = terms.items()
-            found[times(rest, pair)] = c * sign
+            ((part, sign),) = terms.items()
+            found[times(rest, part)] = c * sign
             continue
-        inner = Expression(terms)
         sign = -1 if all(d < 0 for d in terms.values()) else 1
-        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
+        found[times(rest, ((Group(Expression(terms) * sign), ONE),))] = c * sign
     return Expression(found)
 
 
@@ -228,24 +237,14 @@ def _lengths(m: Monomial) -> Monomial | None:
 
 def _alike(x: Expression) -> Expression:
     """Positions with equal coefficients in brackets: k (x2 - x1)."""
-    parts: dict[tuple, dict[Monomial, Coefficient]] = {}
-    found: dict[Monomial, Coefficient] = {}
-    for m, c in x.terms.items():
+
+    def places_of(m: Monomial) -> Monomial | None:
         places = tuple((a, e) for a, e in m if isinstance(a, Symbol) and a.kind == "coordinate")
-        rest = tuple(f for f in m if f not in places)
-        if places and rest and not any(depends_on_state(a) or _is_short(a, e) for a, e in rest):
-            parts.setdefault((rest, abs(c)), {})[places] = c
-        else:
-            found[m] = c
-    for (rest, c), terms in parts.items():
-        if len(terms) == 1:
-            ((places, c),) = terms.items()
-            found[times(rest, places)] = c
-            continue
-        inner = Expression({places: d / c for places, d in terms.items()})
-        sign = -1 if all(d < 0 for d in inner.terms.values()) else 1
-        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
-    return Expression(found)
+        rest = times(m, inverse(places))
+        steady = not any(depends_on_state(a) or _is_short(a, e) for a, e in rest)
+        return places if places and rest and steady else None
+
+    return _in_brackets(x, places_of)
 
 
 def _outer(m: Monomial) -> Monomial | None:
