@@ -52,6 +52,23 @@ def nan_unless(known: Array, x: Array) -> Array:
     return x * jnp.where(known, 1.0, jnp.nan)
 
 
+def value_and_jacfwd(fn: Callable, argnums: int | tuple[int, ...] = 0) -> Callable:
+    """The function that returns the value of another one and, from the same run, its `jax.jacfwd`.
+
+    It is to `jax.jacfwd` what `jax.value_and_grad` is to `jax.grad`.
+    """
+
+    def twice(*args):
+        value = fn(*args)
+        return value, value
+
+    def both(*args):
+        slope, value = jax.jacfwd(twice, argnums, has_aux=True)(*args)
+        return value, slope
+
+    return both
+
+
 @jax.custom_jvp
 def first_only(x: Array) -> Array:
     """x, whose second and higher derivatives are NaN.

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.analysis.energy import change, energy
 from jaxdyn.integrate.events import Event
 from orbits.analysis.stability import stability
@@ -96,10 +97,10 @@ class OrbitChain(Links):
         known, span = jax.lax.stop_gradient((starts, each))
 
         def end(y):
-            run = quick_solve(self.base.starting(y), span, rtol=self.rtol, max_steps=_MOST_STEPS)
-            return run.y1, run.y1
+            start = self.base.starting(y)
+            return quick_solve(start, span, rtol=self.rtol, max_steps=_MOST_STEPS).y1
 
-        slopes, ends = jax.vmap(jax.jacfwd(end, has_aux=True))(known)
+        ends, slopes = jax.vmap(value_and_jacfwd(end))(known)
         rates = jax.vmap(lambda y: self.base.rate(jnp.zeros(()), y))(ends)
         moved = jnp.einsum("nij,nj->ni", slopes, starts - known)
         return ends + moved + rates * (each - span)

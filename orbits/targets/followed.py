@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
@@ -96,11 +97,9 @@ class Followed(abc.ABC):
 
         def all_of(x: Array) -> tuple[Any, Any]:
             thing = self.differentiable(x, found)
-            both = jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
-            return both, both
+            return jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
 
-        slopes, (value, place) = jax.jacfwd(all_of, has_aux=True)(jnp.asarray(numbers))
-        slopes, place_slopes = slopes
+        (value, place), (slopes, place_slopes) = value_and_jacfwd(all_of)(jnp.asarray(numbers))
         if value.ndim != 1:
             raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
         value, slopes = np.asarray(value), np.asarray(slopes)

@@ -21,6 +21,7 @@ from jaxdyn._numerics import (
     solve_spd,
     square_norm,
     two_sum,
+    value_and_jacfwd,
 )
 
 RNG = np.random.default_rng(1)
@@ -33,6 +34,22 @@ def test_safe_sqrt_is_the_root_with_a_finite_slope_at_zero(jac):
     slope = jnp.diagonal(jac(safe_sqrt)(x))
     np.testing.assert_allclose(slope, [0.0, 5e149, 1.0, 0.25], rtol=1e-15)
     assert jnp.isfinite(jac(jac(safe_sqrt))(jnp.array([0.0]))).all()
+
+
+def test_a_value_comes_with_its_derivatives_from_one_run():
+    runs = []
+
+    def product(x, y):
+        runs.append(x)
+        return {"product": x * y[0]}
+
+    x, y = jnp.array([1.0, 2.0]), jnp.array([3.0])
+    value, (by_x, by_y) = value_and_jacfwd(product, (0, 1))(x, y)
+    assert len(runs) == 1
+    np.testing.assert_array_equal(value["product"], [3.0, 6.0])
+    np.testing.assert_array_equal(by_x["product"], np.diag([3.0, 3.0]))
+    np.testing.assert_array_equal(by_y["product"], [[1.0], [2.0]])
+    np.testing.assert_array_equal(value_and_jacfwd(jnp.sin)(x)[1], np.diag(np.cos(x)))
 
 
 @pytest.mark.parametrize("x", [math.nan, -1.0, -math.inf])
