@@ -12,7 +12,6 @@ import itertools
 import math
 from collections.abc import Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,6 +23,7 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import units_of
+from jaxdyn.system import differences
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
 from orbits.families.family import Family, Member, smooth_orbit
@@ -299,9 +299,8 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
     plain = equations.closing == PLAIN and not equations.driven
     if plain and place.kind not in _RESTS:
         ts = np.linspace(0.0, orbit.period, _SAMPLES, endpoint=False)
-        ys = np.asarray(quick_solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
-        start = jnp.asarray(end.orbit.y0)
-        off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
+        ys = quick_solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+        off = differences(orbit.scene.system, ys, jnp.asarray(end.orbit.y0))
         shift = ts[np.argmin(np.linalg.norm(np.asarray(off) / end.point.sizes, axis=1))]
         y0 = np.asarray(quick_solve(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
     value = 0.0 if math.isnan(place.parameter) else place.parameter

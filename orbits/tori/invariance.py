@@ -23,6 +23,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation import newton
+from jaxdyn.system import differences
 from orbits.closing.sizes import alike, sizes
 from orbits.shooting.segment import Piece, linearize_end
 from orbits.tori import circle
@@ -172,13 +173,8 @@ def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
         linearize_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
     ]
     ends, _, slopes = (list(x) for x in zip(*done, strict=True))
-    ends = points + np.asarray(_differences(scene, np.array(ends), points))
+    ends = points + np.asarray(differences(scene.system, np.array(ends), points))
     return ends, np.array([s.start for s in slopes]), np.array([s.span for s in slopes])
-
-
-@jax.jit
-def _differences(scene: Scene, ends, points):
-    return jax.vmap(scene.system.difference)(ends, points)
 
 
 def _equations(
