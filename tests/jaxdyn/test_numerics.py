@@ -44,11 +44,12 @@ def test_a_value_comes_with_its_derivatives_from_one_run():
         return {"product": x * y[0]}
 
     x, y = jnp.array([1.0, 2.0]), jnp.array([3.0])
-    value, (by_x, by_y) = value_and_jacfwd(product, (0, 1))(x, y)
+    value, slopes = value_and_jacfwd(product, (0, 1))(x, y)
     assert len(runs) == 1
     np.testing.assert_array_equal(value["product"], [3.0, 6.0])
-    np.testing.assert_array_equal(by_x["product"], np.diag([3.0, 3.0]))
-    np.testing.assert_array_equal(by_y["product"], [[1.0], [2.0]])
+    by_x, by_y = slopes["product"]
+    np.testing.assert_array_equal(by_x, np.diag([3.0, 3.0]))
+    np.testing.assert_array_equal(by_y, [[1.0], [2.0]])
     np.testing.assert_array_equal(value_and_jacfwd(jnp.sin)(x)[1], np.diag(np.cos(x)))
 
 
