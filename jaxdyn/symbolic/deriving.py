@@ -8,7 +8,7 @@ An equation is a sum that is zero. It is linear in the derivatives and in the mu
 `equations` can solve the printed equations and compare the result with the rate.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -218,11 +218,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     found = symbols(scene, halves(scene))
     q, v, a = _parts(found)
     L, energies, values = _lagrangian(scene, found)
-    rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
-
-    def by_time(x: Expression) -> Expression:
-        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
-
+    by_time = _by_time(found, q, v, a)
     phi, rolling = _conditions(scene, found)
     conditions = [by_time(x) for x in phi] + rolling
     # The square of a distance has the shorter second derivative, and the distance is known.
@@ -274,6 +270,12 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     )
 
 
+def _by_time(found: Symbols, q: Any, v: Any, a: Any) -> Callable[[Expression], Expression]:
+    """The derivative of an expression by time, along a motion."""
+    rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
+    return lambda x: total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
+
+
 def _multipliers(n: int) -> list[Symbol]:
     """lambda, or lambda1, lambda2 and so on."""
     numbers = [str(k + 1) if n > 1 else "" for k in range(n)]
@@ -295,10 +297,7 @@ def _linkage(scene: Scene) -> DerivedEquations:
     """Lagrange's equations of the free coordinates, from which the other coordinates follow."""
     found = symbols(scene, halves(scene))
     of = opened_coordinates(scene, found)
-    rates = dict(zip((*of.q, *of.v, found.time), (*of.v, *of.a, 1), strict=True))
-
-    def by_time(x: Expression) -> Expression:
-        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
+    by_time = _by_time(found, of.q, of.v, of.a)
 
     def quantities(field, t, y, s, u):
         free, speeds = jnp.split(y, 2)
