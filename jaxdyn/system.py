@@ -443,7 +443,8 @@ def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> 
 @eqx.filter_jit
 def differences(system: System, ys: Array, others: Array) -> Array:
     """(..., k) by how much states differ from others, with further axes broadcast."""
-    return jnp.vectorize(system.difference, signature="(k),(k)->(k)")(ys, others)
+    pairs = jnp.broadcast_arrays(ys, others)
+    return jnp.vectorize(system.difference, signature="(k),(k)->(k)")(*pairs)
 
 
 def total_force(effects: Iterable[Any], t: Array, r: Array, v: Array, m: Array, start=None):
