@@ -121,13 +121,10 @@ def fit(
     )
     theta = jnp.concatenate([jnp.ravel(x) for x in flat])
     model = dataclasses.replace(model, free=_free(model, theta, scene, start))
-    usual = table.ts[0] if all(model.free) else 0.0
-    t0 = float(usual if t0 is None else _checks.host_array("t0", t0, ()))
-    if table.ts[0] < t0:
-        raise _checks.fail("data", f"times from t0 = {t0:g} on", table.ts[0], "Pass t0=.")
+    begin = _begin(t0, model, table)
     if segments is not None:
         _checks.whole("segments", segments, 1, max(len(table.ts) // 2, 1))
-    sections = cut(table, t0, segments)
+    sections = cut(table, begin, segments)
     names = _names(leaves, scene, model)
     sigma = None if noise is None else _sigma(noise, table, sections)
     dof = _degrees_of_freedom(table, names, 1 if sigma is None else 0)
@@ -186,6 +183,15 @@ def _free(model: Model, theta, scene: Scene, start: Sequence[str] | None) -> tup
             raise _checks.fail("start", "a list of names", repr(start), f"For example {names[:2]}.")
         chosen = [_checks.choice("start", name, names) for name in start]
     return tuple(name in chosen for name in names)
+
+
+def _begin(t0: Any, model: Model, table: measurements.Measured) -> float:
+    """The time of the start: that of the first row by default, if all of the start is estimated."""
+    usual = table.ts[0] if all(model.free) else 0.0
+    begin = float(usual if t0 is None else _checks.host_array("t0", t0, ()))
+    if table.ts[0] < begin:
+        raise _checks.fail("data", f"times from t0 = {begin:g} on", table.ts[0], "Pass t0=.")
+    return begin
 
 
 def _names(leaves: Any, scene: Scene, model: Model) -> tuple[str, ...]:
