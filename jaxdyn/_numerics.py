@@ -69,6 +69,18 @@ def value_and_jacfwd(fn: Callable, argnums: int | tuple[int, ...] = 0) -> Callab
     return both
 
 
+def taylor_coefficients(function: Callable[[Array], Array], order: int) -> Array:
+    """(order + 1, ...) the coefficients of a function of one number in its powers."""
+
+    def terms(e: Array, n: int) -> list[Array]:
+        if not n:
+            return [function(e)]
+        known, slopes = jax.jvp(lambda e: terms(e, n - 1), (e,), (jnp.ones(()),))
+        return [*known, slopes[-1] / n]
+
+    return jnp.stack(terms(jnp.zeros(()), order))
+
+
 @jax.custom_jvp
 def first_only(x: Array) -> Array:
     """x, whose second and higher derivatives are NaN.

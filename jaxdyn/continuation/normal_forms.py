@@ -23,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._numerics import taylor_coefficients
 from jaxdyn.continuation.defining import Make, rate
 
 # ---- The Lyapunov coefficients of a Hopf point: the second one decides where the first vanishes
@@ -116,14 +117,7 @@ def _coefficient(make: Make, x: Array, curves: Array, *, order: int) -> Array:
                 off = (off + term) * e
             return rate(make, x.at[:-1].add(off))
 
-        functions = [value]
-        for n in range(1, order + 1):
-
-            def derivative(e, before=functions[-1], n=n):
-                return jax.jvp(before, (e,), (jnp.ones(()),))[1] / n
-
-            functions.append(derivative)
-        return functions[-1](jnp.zeros(()))
+        return taylor_coefficients(value, order)[-1]
 
     # Not `vmap`, which takes three times as long to compile.
     return jax.lax.map(along, jnp.asarray(curves))

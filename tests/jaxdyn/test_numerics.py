@@ -20,6 +20,7 @@ from jaxdyn._numerics import (
     solve_psd,
     solve_spd,
     square_norm,
+    taylor_coefficients,
     two_sum,
     value_and_jacfwd,
 )
@@ -224,6 +225,12 @@ def test_rough_power_is_right_to_a_few_percent_and_always_finite(n, most):
         narrow = jax.jit(jax.vmap(lambda x: rough_power(x, n)))(x)
     assert narrow.dtype == np.float32
     assert np.abs(np.asarray(narrow, float) / np.asarray(x, float) ** n - 1).max() < most
+
+
+def test_the_series_of_a_function_are_those_of_its_closed_form():
+    series = taylor_coefficients(lambda e: jnp.stack([jnp.exp(-2 * e), jnp.sin(e)]), 4)
+    np.testing.assert_allclose(series[:, 0], [1, -2, 2, -4 / 3, 2 / 3], rtol=1e-15)
+    np.testing.assert_allclose(series[:, 1], [0, 1, 0, -1 / 6, 0], atol=1e-16)
 
 
 @pytest.mark.parametrize("first", [jax.jacfwd, jax.jacrev])
