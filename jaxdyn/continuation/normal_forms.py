@@ -97,10 +97,7 @@ def _resonant_terms(
             if m == 1:
                 c[n // 2] = complex(p @ right)
                 right = right - c[n // 2] * q
-                border = np.block(
-                    [[1j * frequency * eye - a, q[:, None]], [p[None], np.zeros((1, 1))]]
-                )
-                parts[n, m] = np.linalg.solve(border, np.append(right, 0.0))[:k]
+                parts[n, m] = solve_bordered(1j * frequency * eye - a, q, p, right)
             else:
                 parts[n, m] = np.linalg.solve(1j * m * frequency * eye - a, right)
     return c, float(np.linalg.norm(q * each))
@@ -148,14 +145,19 @@ def null_form(
     # The sign of q is arbitrary: it is chosen so that its largest entry is positive.
     q = q * np.sign(q[np.argmax(np.abs(q))])
     p = p / (p @ q)
-    k, curve = len(a), np.zeros((1, _ORDER, len(a)))
+    curve = np.zeros((1, _ORDER, len(a)))
     curve[0, 0] = q
     (half,) = np.asarray(_coefficient(make, x, curve, order=2))
-    bordered = np.block([[a, q[:, None]], [p[None], np.zeros((1, 1))]])
-    curve[0, 1] = -np.linalg.solve(bordered, np.append(half - (p @ half) * q, 0.0))[:k]
+    curve[0, 1] = -solve_bordered(a, q, p, half - (p @ half) * q)
     (third,) = np.asarray(_coefficient(make, x, curve, order=3))
     length = float(np.linalg.norm(q * each))
     return float(p @ half) / length, float(p @ third) / length**2
+
+
+def solve_bordered(a: np.ndarray, q: np.ndarray, p: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solution h of a h = right with p h = 0, where a q = 0, p a = 0 and p right = 0."""
+    bordered = np.block([[a, q[:, None]], [p[None], np.zeros((1, 1))]])
+    return np.linalg.solve(bordered, np.append(right, 0.0))[:-1]
 
 
 def double_zero(

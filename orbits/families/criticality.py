@@ -31,6 +31,7 @@ from jaxdyn._checks import check_first, check_untraced, fail
 from jaxdyn._numerics import taylor_coefficients
 from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.normal_forms import solve_bordered
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
 from orbits.closing.given import is_driven, refuse_constraints
@@ -308,9 +309,7 @@ def _fold(returns: _Map, critical: _Critical) -> _Form:
 def _branch(returns: _Map, critical: _Critical) -> _Form:
     a, _, q, p = critical
     second = returns.along(q, 0 * q)[1]
-    eye = np.eye(len(a))
-    bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
-    h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
+    h = solve_bordered(np.eye(len(a)) - a, q, p, 2 * (second - (p @ second) * q))
     return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), returns.length(q))
 
 
