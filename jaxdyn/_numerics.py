@@ -52,6 +52,35 @@ def nan_unless(known: Array, x: Array) -> Array:
     return x * jnp.where(known, 1.0, jnp.nan)
 
 
+def value_and_jacfwd(fn: Callable, argnums: int | tuple[int, ...] = 0) -> Callable:
+    """The function that returns the value of another one and, from the same run, its `jax.jacfwd`.
+
+    It is to `jax.jacfwd` what `jax.value_and_grad` is to `jax.grad`.
+    """
+
+    def twice(*args):
+        value = fn(*args)
+        return value, value
+
+    def both(*args):
+        slope, value = jax.jacfwd(twice, argnums, has_aux=True)(*args)
+        return value, slope
+
+    return both
+
+
+def taylor_coefficients(function: Callable[[Array], Array], order: int) -> Array:
+    """(order + 1, ...) the coefficients of a function of one number in its powers."""
+
+    def terms(e: Array, n: int) -> list[Array]:
+        if not n:
+            return [function(e)]
+        known, slopes = jax.jvp(lambda e: terms(e, n - 1), (e,), (jnp.ones(()),))
+        return [*known, slopes[-1] / n]
+
+    return jnp.stack(terms(jnp.zeros(()), order))
+
+
 @jax.custom_jvp
 def first_only(x: Array) -> Array:
     """x, whose second and higher derivatives are NaN.

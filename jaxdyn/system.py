@@ -11,6 +11,7 @@ import functools
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -437,6 +438,13 @@ def _check_shape(name: str, shape: tuple[int, ...], remedy: str, found: Any) -> 
     if got != shape:
         raise _checks.fail(name, f"shape {shape}", f"shape {got}", remedy)
     refuse_narrow(found, name)
+
+
+@eqx.filter_jit
+def differences(system: System, ys: Array, others: Array) -> Array:
+    """(..., k) by how much states differ from others, with further axes broadcast."""
+    pairs = jnp.broadcast_arrays(ys, others)
+    return jnp.vectorize(system.difference, signature="(k),(k)->(k)")(*pairs)
 
 
 def total_force(effects: Iterable[Any], t: Array, r: Array, v: Array, m: Array, start=None):

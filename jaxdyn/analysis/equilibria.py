@@ -32,6 +32,7 @@ from jaxdyn.analysis.equilibrium_search.search import (
 from jaxdyn.analysis.linearize import Linearization, linearize
 from jaxdyn.scales import groups
 from jaxdyn.scene import Field, Scene, System, check_scene
+from jaxdyn.system import differences
 
 _MOST_STARTS = 1_000_000  # processed at once
 _MERGE_DISTANCE = 1e-6  # part of the box: equilibria nearer than this are merged
@@ -263,18 +264,13 @@ def _merge(scene: Scene, box: Box, ends: SearchEnds, groups: list[list[int]]) ->
     slack = _MERGE_DISTANCE * (box.high - box.low)
     first: dict[int, list[int]] = {}
     for n, group in enumerate(groups):
-        same = np.all(np.abs(_apart(scene.system, heads[n], heads)) <= slack, axis=1)
+        same = np.all(np.abs(differences(scene.system, heads[n], heads)) <= slack, axis=1)
         earlier = [m for m in first if same[m]]
         if earlier:
             first[earlier[0]] += group
         else:
             first[n] = list(group)
     return list(first.values())
-
-
-@eqx.filter_jit
-def _apart(system: System, y: Array, heads: Array) -> Array:
-    return jax.vmap(system.difference, in_axes=(None, 0))(y, heads)
 
 
 def _kinds(field: Field, t: Array, box: Box, ends: SearchEnds, best: list[int]) -> tuple[str, ...]:

@@ -95,7 +95,7 @@ def multipliers(scene: Scene, period, *, rtol: float = RTOL) -> Floquet:
     """
     check_scene(scene)
     _checks.positive("period", period, "It is that of the drive, in seconds.")
-    found = _alone(scene, jnp.asarray(period, float), _tolerances(rtol))
+    found = _one_period(scene, jnp.asarray(period, float), _tolerances(rtol))
     return _judge(jax.tree.map(np.asarray, found), rtol)
 
 
@@ -223,10 +223,6 @@ def _grid(make, xs: Array, ys: Array, rtols) -> _Period:
 
 
 @eqx.filter_jit
-def _alone(scene: Scene, period: Array, rtols) -> _Period:
-    return _one_period(scene, period, rtols)
-
-
 def _one_period(scene: Scene, period: Array, rtols) -> _Period:
     (end, M), (_, coarse) = (end_and_derivative(scene, period, rtol) for rtol in rtols)
     known = groups(scene.system)

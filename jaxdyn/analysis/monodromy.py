@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn._checks import check_first
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.analysis.eigenvalues import norm
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.integrate.spans import tolerances
@@ -65,13 +66,7 @@ def monodromy(scene: Scene, y0=None, period=None, *, rtol: float = RTOL) -> Arra
 @jax.jit
 def end_and_derivative(scene: Scene, period, rtol) -> tuple[Array, Array]:
     """(k,) the state after a period and (k, k) its derivative with respect to the start."""
-
-    def end(y):
-        y1 = solve(scene.starting(y), period, rtol=rtol).y1
-        return y1, y1
-
-    derivative, y1 = jax.jacfwd(end, has_aux=True)(scene.y0)
-    return y1, derivative
+    return value_and_jacfwd(lambda y: solve(scene.starting(y), period, rtol=rtol).y1)(scene.y0)
 
 
 def coarser(rtol: float) -> float:

@@ -384,16 +384,16 @@ def check_bounds(name: str, bounds: Sequence) -> None:
         raise fail(name, "two bounds, the lower one first", bounds)
 
 
-def outside(values, within: Sequence[tuple[float, float]]) -> str:
-    """Why a branch ends, if its parameters are beyond their bounds; else ""."""
-    inside = all(low <= x <= high for x, (low, high) in zip(values, within, strict=True))
-    return "" if inside else f"the bounds {as_text(within)}"
+def outside(values, within: Sequence, of: str = "") -> str:
+    """Why a branch ends, if a number, or one of several, is beyond its bounds; else "".
+
+    NaN is a number that the branch does not have, as the energy where there is none.
+    """
+    low, high = np.transpose(within)
+    beyond = np.any((values < low) | (values > high))
+    return f"the bounds {of}{_plain(within)}" if beyond else ""
 
 
-def as_text(bounds: Sequence) -> str:
-    """Bounds, or a tuple of them, as text, whatever kind of numbers they are."""
-
-    def plain(x):
-        return tuple(map(plain, x)) if np.ndim(x) else np.asarray(x).item()
-
-    return str(plain(bounds))
+def _plain(bounds: Any) -> Any:
+    """Bounds, or tuples of them, in numbers of Python, which print alike."""
+    return tuple(map(_plain, bounds)) if np.ndim(bounds) else np.asarray(bounds).item()

@@ -31,8 +31,6 @@ OTHER = "The file was edited or damaged, or its scenes are others."
 WHATS = EQUILIBRIA, CURVE = "equilibria", "curve"
 _MIXED = "Two programs wrote it at the same time. Begin another one."
 _PATIENCE = 1.0  # [s]; a program that writes a file usually does so for longer
-#: Fields that records of earlier versions lack.
-EARLIER = {"units": None}
 _SAME = 1e-8  # relative distance below which two first members are the same
 
 
@@ -65,13 +63,8 @@ class Codec(NamedTuple):
 
 
 def of_fields(cls: type) -> Codec:
-    """The codec of a dataclass of numbers, strings and arrays that has units."""
-
-    def unpack(record: Any) -> Any:
-        whole = {**EARLIER, **record} if isinstance(record, dict) else record
-        return decode(whole, cls, "file", OTHER)
-
-    return Codec(encode, unpack)
+    """The codec of a dataclass of numbers, strings and arrays."""
+    return Codec(encode, lambda record: decode(record, cls, "file", OTHER))
 
 
 @dataclasses.dataclass(frozen=True)

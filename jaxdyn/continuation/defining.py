@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.continuation import newton
 from jaxdyn.continuation.newton import Solution
 from jaxdyn.scene import Scene
@@ -97,7 +98,7 @@ def jacobian(system: System, make: Callable, x: np.ndarray, normal: Any) -> np.n
 
 @eqx.filter_jit
 def _linearize(system: System, make: Callable, x: Array, normal: Any) -> tuple[Array, Array]:
-    return system(make, x, normal), jax.jacfwd(lambda x: system(make, x, normal))(x)
+    return value_and_jacfwd(lambda x: system(make, x, normal))(x)
 
 
 @eqx.filter_jit

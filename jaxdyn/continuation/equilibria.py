@@ -20,7 +20,7 @@ from jaxdyn._checks import check_first
 from jaxdyn._records import with_captures
 from jaxdyn.analysis.scales_at_rest import at_rest
 from jaxdyn.continuation import defining
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, as_text, check_bounds, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
 from jaxdyn.continuation.checkpoint import EQUILIBRIA, Codec, Log, of_fields
 from jaxdyn.continuation.defining import Make, slope_at
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily, equilibrium_at
@@ -245,8 +245,7 @@ class _Problem(BranchProblem[Equilibrium]):
         return special_points(chart, a, b, first)
 
     def end_after(self, new: Equilibrium) -> str:
-        low, high = self.within
-        return "" if low <= new.parameter <= high else f"the bounds {as_text(self.within)}"
+        return outside(new.parameter, self.within)
 
     def lost(self, reason: str) -> str:
         return _LOST

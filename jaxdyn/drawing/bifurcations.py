@@ -1,7 +1,7 @@
 """Pictures of equilibria over a parameter, and of curves of bifurcations over two."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -94,7 +94,8 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     kinds = list(dict.fromkeys(curve.kind for curve in curves))
     for curve in curves:
         colour = PALETTE[kinds.index(curve.kind) % len(PALETTE)]
-        for which, points in runs(curve.points, _criticality):
+        pairs = itertools.pairwise(curve.points)
+        for which, points in runs((_criticality(*pair), *pair) for pair in pairs):
             label = " ".join(filter(None, (which, curve.kind)))
             line = np.array([x.parameters for x in points])
             dashes = _SUBCRITICAL if which == "subcritical" else "-"
@@ -111,12 +112,11 @@ def bifurcation_curves(curves: Sequence, path=None, *, title: str | None = None)
     return finish(figure, path)
 
 
-def runs(points: Sequence, of_pair: Callable[[Any, Any], str]) -> list[tuple[str, list]]:
-    """Runs of consecutive points, each with the property that all its pairs of neighbours share."""
+def runs(pieces: Iterable[tuple[str, Any, Any]]) -> list[tuple[str, list]]:
+    """Pieces of lines, each with a property and two ends, joined where they share both."""
     found: list[tuple[str, list]] = []
-    for one, two in itertools.pairwise(points):
-        which = of_pair(one, two)
-        if found and found[-1][0] == which:
+    for which, one, two in pieces:
+        if found and found[-1][0] == which and found[-1][1][-1] is one:
             found[-1][1].append(two)
         else:
             found.append((which, [one, two]))
@@ -135,26 +135,20 @@ def stretches(
     a verdict. If no point of it is undecided, legends do not name it, since they would name a line
     that nobody sees.
     """
-    pieces: list[tuple[str, list]] = []
+    pieces = []
     for one, two in itertools.pairwise(points):
         first, last = verdict(one), verdict(two)
         ends = place(one), place(two)
         cuts = [x for x in special if first != last and _is_beside(*ends, place(x))]
         if first == last:
-            pieces.append((first, [one, two]))
+            pieces.append((first, one, two))
         elif cuts and "undecided" not in (first, last):
-            pieces += [(first, [one, cuts[0]]), (last, [cuts[-1], two])]
+            pieces += [(first, one, cuts[0]), (last, cuts[-1], two)]
         else:
-            pieces.append(("undecided", [one, two]))
-    found: list[tuple[str, list]] = []
-    for which, (one, two) in pieces:
-        if found and found[-1][0] == which and found[-1][1][-1] is one:
-            found[-1][1].append(two)
-        else:
-            found.append((which, [one, two]))
+            pieces.append(("undecided", one, two))
     return [
         (which, several, which != "undecided" or which in map(verdict, several))
-        for which, several in found
+        for which, several in runs(pieces)
     ]
 
 

@@ -417,12 +417,12 @@ def _account(body: FreeBody, found: FreeBodies) -> list[str]:
     return lines
 
 
-def _arrow(ax, tail, tip, colour, *, width: float = 2.0, style: str = "-") -> None:
+def _arrow(ax, tail, tip, colour, *, width: float = 2.0) -> None:
     # A head longer than its arrow would point backwards.
     ends = ax.transData.transform([tail, tip])
     share = min(1.0, _magnitude(ends[1] - ends[0]) * 72 / ax.figure.dpi / _WHOLE_HEAD)
     look = {"arrowstyle": "-|>,head_width=0.22,head_length=0.45", "lw": share * width}
-    look |= {"shrinkA": 0, "shrinkB": 0, "ls": style, "color": colour, "mutation_scale": 10 * share}
+    look |= {"shrinkA": 0, "shrinkB": 0, "color": colour, "mutation_scale": 10 * share}
     ax.annotate("", tip, tail, arrowprops=look, zorder=4)
 
 

@@ -18,7 +18,7 @@ from jaxdyn._checks import check_kind
 from jaxdyn.fitting import measurements, result
 from jaxdyn.fitting.multiple_shooting import estimate
 from jaxdyn.fitting.result import Fit, FitError, FitStatus
-from jaxdyn.fitting.segments import Model, cut
+from jaxdyn.fitting.segments import Model, cut, in_rows, in_segments
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL
 from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
@@ -121,25 +121,19 @@ def fit(
     )
     theta = jnp.concatenate([jnp.ravel(x) for x in flat])
     model = dataclasses.replace(model, free=_free(model, theta, scene, start))
-    t0 = float(_checks.host_array("t0", t0, ())) if t0 is not None else _t0(model, table)
-    if table.ts[0] < t0:
-        raise _checks.fail("data", f"times from t0 = {t0:g} on", table.ts[0], "Pass t0=.")
+    begin = _begin(t0, model, table)
     if segments is not None:
         _checks.whole("segments", segments, 1, max(len(table.ts) // 2, 1))
-    sections = cut(table, t0, segments)
+    sections = cut(table, begin, segments)
     names = _names(leaves, scene, model)
     sigma = None if noise is None else _sigma(noise, table, sections)
     dof = _degrees_of_freedom(table, names, 1 if sigma is None else 0)
-    solution = _solution(model, sections, sigma, theta, scene)
+    zeros = bool((theta == 0).any())
+    solution = _estimate(model, sections, sigma, theta, jnp.asarray(scene.y0, float), zeros=zeros)
     fitted = _report(model, sections, sigma, solution, names, table, dof)
     if throw and not fitted.ok:
         raise FitError(fitted.message)
     return fitted
-
-
-def _solution(model: Model, sections, sigma, theta, scene: Scene):
-    start, zeros = jnp.asarray(scene.y0, float), bool((theta == 0).any())
-    return _estimate(model, sections, sigma, theta, start, zeros=zeros)
 
 
 def _degrees_of_freedom(table: measurements.Measured, names: Sequence[str], least: int) -> int:
@@ -191,8 +185,13 @@ def _free(model: Model, theta, scene: Scene, start: Sequence[str] | None) -> tup
     return tuple(name in chosen for name in names)
 
 
-def _t0(model: Model, table: measurements.Measured) -> float:
-    return float(table.ts[0]) if all(model.free) else 0.0
+def _begin(t0: Any, model: Model, table: measurements.Measured) -> float:
+    """The time of the start: that of the first row by default, if all of the start is estimated."""
+    usual = table.ts[0] if all(model.free) else 0.0
+    begin = float(usual if t0 is None else _checks.host_array("t0", t0, ()))
+    if table.ts[0] < begin:
+        raise _checks.fail("data", f"times from t0 = {begin:g} on", table.ts[0], "Pass t0=.")
+    return begin
 
 
 def _names(leaves: Any, scene: Scene, model: Model) -> tuple[str, ...]:
@@ -221,15 +220,12 @@ def _sigma(noise: Any, table: measurements.Measured, sections):
         ]
     else:
         each = [_checks.positive("noise", noise)] * c
-    s, n = len(table.ts), table.count
+    n = table.count
     for name, x in zip(table.names, each, strict=True):
         if x.shape not in ((), (n,)):
             raise _checks.fail(f"noise of {name}", f"shape () or ({n},)", f"shape {x.shape}")
     values = np.stack([np.broadcast_to(np.asarray(x), (n,)) for x in each], axis=1)[table.rows]
-    found = np.ones(sections.values.shape)
-    for i, part in enumerate(np.array_split(np.arange(s), len(sections.begin))):
-        found[i, : len(part)] = values[part]
-    return jnp.asarray(found)
+    return jnp.asarray(in_segments(values, len(sections.begin), 1.0))
 
 
 def _fill_gaps(noise: Any, table: measurements.Measured, column: int) -> Any:
@@ -310,10 +306,7 @@ def _mean(x: np.ndarray) -> float:
 
 def _in_rows(x, table: measurements.Measured) -> np.ndarray:
     """(s, c) the values that belong to each measurement, NaN for gaps."""
-    x, s = np.asarray(x), len(table.ts)
-    parts = np.array_split(np.arange(s), len(x))
-    found = np.concatenate([x[i, : len(part)] for i, part in enumerate(parts)])
-    return np.where(np.isfinite(table.values), found, np.nan)
+    return np.where(np.isfinite(table.values), in_rows(np.asarray(x), len(table.ts)), np.nan)
 
 
 def _as_given(model: Model, flat: np.ndarray):

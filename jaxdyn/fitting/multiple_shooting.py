@@ -17,6 +17,7 @@ from jax import lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array
 
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.fitting.measurements import Column
 from jaxdyn.fitting.segments import Model, Segments
 from jaxdyn.scales import Groups, groups
@@ -279,9 +280,7 @@ def _linear(
     fixed = np.flatnonzero(~np.array(model.free))
     parts, violations = [], []
     if len(fixed):
-        start, start_by = jax.jacfwd(lambda theta: (model.scene(theta).y0,) * 2, has_aux=True)(
-            x.theta
-        )[::-1]
+        start, start_by = value_and_jacfwd(lambda theta: model.scene(theta).y0)(x.theta)
         gap = scene.system.difference(x.nodes[0], start)[fixed] / k_sizes[fixed]
         row = jnp.zeros((len(fixed), p + m * k))
         row = row.at[:, :p].set(-start_by[fixed] * sizes[None, :p] / k_sizes[fixed][:, None])

@@ -13,6 +13,7 @@ from jaxtyping import Array
 from scipy import special
 
 from jaxdyn import _checks, _text
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.fitting.measurements import Column, Measured
 from jaxdyn.fitting.multiple_shooting import UNDETERMINED, Solution, estimate
 from jaxdyn.fitting.segments import Model, Segments
@@ -407,10 +408,9 @@ def _bands(model: Model, segments: Segments, solution: Solution, ts, columns):
 
     def of_segment(begin, start, times, factor):
         def seen(z):
-            values, _ = model.run(z[:p], z[p:], begin, jnp.max(times), times, columns)
-            return values, values
+            return model.run(z[:p], z[p:], begin, jnp.max(times), times, columns)[0]
 
-        jacobian, values = jax.jacfwd(seen, has_aux=True)(jnp.concatenate([theta, start]))
+        values, jacobian = value_and_jacfwd(seen)(jnp.concatenate([theta, start]))
         return values, jnp.linalg.norm(jacobian @ factor, axis=-1)
 
     return jax.vmap(of_segment)(segments.begin, nodes, jnp.asarray(ts), factors)

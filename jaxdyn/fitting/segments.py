@@ -46,24 +46,31 @@ class Segments(NamedTuple):
 
 def cut(table: Measured, t0: float, count: int | None) -> Segments:
     """The table in segments, the first of which begins at t0."""
-    s = len(table.ts)
     if count is None:
-        count = min(max(s // _SAMPLES, 1), _MOST)
-    parts = np.array_split(np.arange(s), count)
-    n, c = len(parts[0]), table.values.shape[1]
-    ts, values = np.empty((count, n)), np.zeros((count, n, c))
-    there = np.zeros((count, n, c))
-    begin = np.array([table.ts[part[0]] for part in parts])
+        count = min(max(len(table.ts) // _SAMPLES, 1), _MOST)
+    begin = np.array([part[0] for part in np.array_split(table.ts, count)])
     begin[0] = t0
     end = np.append(begin[1:], max(table.ts[-1], t0))
-    for i, part in enumerate(parts):
-        ts[i] = end[i]
-        ts[i, : len(part)] = table.ts[part]
-        measured = table.values[part]
-        known = np.isfinite(measured)
-        there[i, : len(part)] = known
-        values[i, : len(part)] = np.where(known, measured, 0.0)
+    ts, known = in_segments(table.ts, count, np.nan), np.isfinite(table.values)
+    ts = np.where(np.isnan(ts), end[:, None], ts)
+    values = in_segments(np.where(known, table.values, 0.0), count)
+    there = in_segments(known, count)
     return Segments(*map(jnp.asarray, (begin, end, ts, values, there)))
+
+
+def in_segments(rows: np.ndarray, count: int, filling: float = 0.0) -> np.ndarray:
+    """(m, n, ...) rows (s, ...) of a table in segments, with a number in place of missing ones."""
+    parts = np.array_split(rows, count)
+    found = np.full((count, len(parts[0]), *rows.shape[1:]), filling)
+    for i, part in enumerate(parts):
+        found[i, : len(part)] = part
+    return found
+
+
+def in_rows(values: np.ndarray, count: int) -> np.ndarray:
+    """(s, ...) the rows of a table from their segments (m, n, ...)."""
+    parts = np.array_split(np.arange(count), len(values))
+    return np.concatenate([rows[: len(part)] for rows, part in zip(values, parts, strict=True)])
 
 
 class Model(eqx.Module):

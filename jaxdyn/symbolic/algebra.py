@@ -11,7 +11,7 @@ expression is not defined, such as r = 0 in x / r, are ignored, as on paper.
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -209,7 +209,7 @@ class Expression:
             return functools.reduce(Expression.__mul__, [self] * int(n))
         if not self.terms:
             return number(0) if n > 0 else number(math.inf)
-        content = self.content
+        content = content_of(self.terms.values())
         inner = self / content
         if n.denominator == 1:
             sign = -1 if inner.leading < 0 else 1
@@ -274,15 +274,6 @@ class Expression:
             state = {m: c for m, c in self.terms.items() if m and _is_of_state(m[0][0])}
             return min(state.items(), key=_place)[1]
         return min(self.terms.items(), key=_place)[1]
-
-    @property
-    def content(self) -> Coefficient:
-        """The largest positive rational number that divides all coefficients into integers."""
-        found = [Fraction(c) for c in self.terms.values() if isinstance(c, Fraction)]
-        if len(found) < len(self.terms):
-            return ONE
-        whole = math.gcd(*(c.numerator for c in found))
-        return Fraction(whole, math.lcm(*(c.denominator for c in found)))
 
     def in_brackets(self) -> "Expression":
         """A difference as a number times a `Group`."""
@@ -388,6 +379,15 @@ def rational(x: Coefficient | int) -> Coefficient:
     return near if abs(float(near) - x) <= _ROUNDED * abs(x) else float(x)
 
 
+def content_of(numbers: Collection[Coefficient]) -> Coefficient:
+    """The largest positive rational number that divides all numbers into integers; else 1."""
+    found = [c for c in numbers if isinstance(c, Fraction)]
+    if len(found) < len(numbers):
+        return ONE
+    whole = math.gcd(*(c.numerator for c in found))
+    return Fraction(whole, math.lcm(*(c.denominator for c in found)))
+
+
 def function(op: str, *args: Expression) -> Expression:
     """A call of a function, simplified where its value is known."""
     (a, *others) = args
@@ -440,8 +440,23 @@ def symbols_of(a: Atom) -> set[Symbol]:
     """All symbols in an atom."""
     if isinstance(a, Symbol):
         return {a}
-    inner = (a.sum,) if isinstance(a, Group) else a.args
-    return {s for x in inner for s in x.symbols()}
+    return {s for x in sums_in(a) for s in x.symbols()}
+
+
+def sums_in(a: Atom) -> tuple[Expression, ...]:
+    """The sum in a bracket, the arguments of a function."""
+    if isinstance(a, Group):
+        return (a.sum,)
+    return a.args if isinstance(a, Call) else ()
+
+
+def factors_in(x: Expression) -> Iterator[tuple[Atom, Fraction]]:
+    """All factors of a sum, each followed by those inside it."""
+    for m in x.terms:
+        for a, e in m:
+            yield a, e
+            for inner in sums_in(a):
+                yield from factors_in(inner)
 
 
 def _atom(a: Atom, e: Fraction) -> Expression:

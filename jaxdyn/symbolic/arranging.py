@@ -6,7 +6,7 @@ their brackets out again.
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from fractions import Fraction
 
 from jaxdyn.symbolic.algebra import (
@@ -19,6 +19,8 @@ from jaxdyn.symbolic.algebra import (
     Monomial,
     Symbol,
     as_expression,
+    content_of,
+    factors_in,
     in_order,
     inverse,
     number,
@@ -99,23 +101,32 @@ def _is_speed(a: Atom) -> bool:
 
 def _with_closing_speeds(x: Expression) -> Expression:
     """Terms of dampers along lines: c x^2 x' / r^2 + c x y y' / r^2 as c (x x' + y y') x / r^2."""
+
+    def pair_of(m: Monomial) -> Monomial | None:
+        pair = _beside_own_velocity(m)
+        along = pair and any(_is_short(a, e) and e < 0 for a, e in times(m, inverse(pair)))
+        return pair if along else None
+
+    return _in_brackets(x, pair_of)
+
+
+def _in_brackets(x: Expression, part_of: Callable[[Monomial], Monomial | None]) -> Expression:
+    """Terms whose other factors and numbers are equal, up to signs: their parts in brackets."""
     parts: dict[tuple, dict[Monomial, Coefficient]] = {}
     found: dict[Monomial, Coefficient] = {}
     for m, c in x.terms.items():
-        pair = _beside_own_velocity(m)
-        rest = pair and times(m, inverse(pair))
-        if pair and rest and any(_is_short(a, e) and e < 0 for a, e in rest):
-            parts.setdefault((rest, abs(c)), {})[pair] = c / abs(c)
-        else:
+        part = part_of(m)
+        if part is None:
             found[m] = c
+        else:
+            parts.setdefault((times(m, inverse(part)), abs(c)), {})[part] = c / abs(c)
     for (rest, c), terms in parts.items():
         if len(terms) == 1:
-            ((pair, sign),) = terms.items()
-            found[times(rest, pair)] = c * sign
+            ((part, sign),) = terms.items()
+            found[times(rest, part)] = c * sign
             continue
-        inner = Expression(terms)
         sign = -1 if all(d < 0 for d in terms.values()) else 1
-        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
+        found[times(rest, ((Group(Expression(terms) * sign), ONE),))] = c * sign
     return Expression(found)
 
 
@@ -226,24 +237,14 @@ def _lengths(m: Monomial) -> Monomial | None:
 
 def _alike(x: Expression) -> Expression:
     """Positions with equal coefficients in brackets: k (x2 - x1)."""
-    parts: dict[tuple, dict[Monomial, Coefficient]] = {}
-    found: dict[Monomial, Coefficient] = {}
-    for m, c in x.terms.items():
+
+    def places_of(m: Monomial) -> Monomial | None:
         places = tuple((a, e) for a, e in m if isinstance(a, Symbol) and a.kind == "coordinate")
-        rest = tuple(f for f in m if f not in places)
-        if places and rest and not any(depends_on_state(a) or _is_short(a, e) for a, e in rest):
-            parts.setdefault((rest, abs(c)), {})[places] = c
-        else:
-            found[m] = c
-    for (rest, c), terms in parts.items():
-        if len(terms) == 1:
-            ((places, c),) = terms.items()
-            found[times(rest, places)] = c
-            continue
-        inner = Expression({places: d / c for places, d in terms.items()})
-        sign = -1 if all(d < 0 for d in inner.terms.values()) else 1
-        found[times(rest, ((Group(inner * sign), ONE),))] = c * sign
-    return Expression(found)
+        rest = times(m, inverse(places))
+        steady = not any(depends_on_state(a) or _is_short(a, e) for a, e in rest)
+        return places if places and rest and steady else None
+
+    return _in_brackets(x, places_of)
 
 
 def _outer(m: Monomial) -> Monomial | None:
@@ -350,7 +351,7 @@ def split_common(
     shared = {a for m in powers for a in m}
     least = {a: shared_power(a, [m.get(a, Fraction(0)) for m in powers]) for a in shared}
     common = in_order(least)
-    content = shared_number(x)
+    content = shared_number(x.terms.values())
     shorts = [
         c for m, c in x.terms.items() if any(_is_short(a, e) for a, e in times(m, inverse(common)))
     ]
@@ -365,13 +366,13 @@ def split_common(
     return content, common, Expression(rest)
 
 
-def shared_number(x: Expression) -> Coefficient:
+def shared_number(numbers: Collection[Coefficient]) -> Coefficient:
     """The number to take out of a sum: equal in all terms, an integer, or a half."""
-    sizes = {abs(c) for c in x.terms.values()}
+    sizes = {abs(c) for c in numbers}
     if len(sizes) == 1:
         return sizes.pop()
-    content = x.content
-    if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in x.terms.values()):
+    content = content_of(numbers)
+    if all(isinstance(c, Fraction) and c.denominator % 2 == 0 for c in numbers):
         return Fraction(1, 2)
     return content if content >= 1 else ONE
 
@@ -398,16 +399,8 @@ def gather_squares(x: Expression) -> Expression:
 
 def shared_factor(sums: Sequence[Expression]) -> Expression:
     """A number and powers of parameters that all terms of some sums share."""
-    powers = [dict(m) for x in sums for m in x.terms]
-    numbers = [c for x in sums for c in x.terms.values()]
-    if not powers:
-        return number(1)
-    steady = {a for m in powers for a in m if not symbols_of(a) or _is_steady(a)}
-    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
-    common = in_order(least)
-    # The monomials are arbitrary but different: only the numbers matter.
-    row = Expression({((_numbered(i), ONE),): c for i, c in enumerate(numbers)})
-    return Expression({common: shared_number(row)})
+    content, common = _shared(sums, lambda a: not symbols_of(a) or _is_steady(a))
+    return Expression({common: content})
 
 
 def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
@@ -415,15 +408,21 @@ def drop_steady_factors(sums: Sequence[Expression]) -> list[Expression]:
 
     Parameters that may be 0 are kept: an equation must not be divided by them.
     """
-    terms = [(m, c) for x in sums for m, c in x.terms.items()]
-    powers = [dict(m) for m, _ in terms]
-    steady = {a for m in powers for a in m if _is_nonzero(a)}
-    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in steady}
-    content = shared_number(
-        Expression({((_numbered(i), ONE),): c for i, (_, c) in enumerate(terms)})
-    )
-    common = inverse(in_order(least))
-    return [Expression({times(m, common): c / content for m, c in x.terms.items()}) for x in sums]
+    content, common = _shared(sums, _is_nonzero)
+    below = inverse(common)
+    return [Expression({times(m, below): c / content for m, c in x.terms.items()}) for x in sums]
+
+
+def _shared(
+    sums: Sequence[Expression], divides: Callable[[Atom], bool]
+) -> tuple[Coefficient, Monomial]:
+    """A number, and powers of those atoms that may divide, that all terms of some sums share."""
+    powers = [dict(m) for x in sums for m in x.terms]
+    if not powers:
+        return ONE, ()
+    atoms = {a for m in powers for a in m if divides(a)}
+    least = {a: _shared_power([m.get(a, Fraction(0)) for m in powers]) for a in atoms}
+    return shared_number([c for x in sums for c in x.terms.values()]), in_order(least)
 
 
 def clear_denominators(x: Expression) -> Expression:
@@ -435,7 +434,7 @@ def clear_denominators(x: Expression) -> Expression:
                 below[a] = min(e, below.get(a, e))
     if not below:
         return x
-    over = Expression({in_order(below): shared_number(x)})
+    over = Expression({in_order(below): shared_number(x.terms.values())})
     return x / over
 
 
@@ -445,11 +444,6 @@ def _is_nonzero(a: Atom) -> bool:
         signs = {c > 0 for c in a.sum.terms.values()}
         return len(signs) == 1 and all(_is_nonzero(b) for m in a.sum.terms for b, _ in m)
     return isinstance(a, Symbol) and a.kind == "parameter" and a.positive
-
-
-def _numbered(i: int) -> Symbol:
-    """The i-th of a sequence of distinct symbols."""
-    return Symbol(f"{i}", "time")
 
 
 def _shared_power(powers: list[Fraction]) -> Fraction:
@@ -508,8 +502,9 @@ class Lengths:
         self._names: dict[Expression, Symbol] = {}
         self.definitions: list[tuple[Symbol, Expression]] = []
         counts: Counter[Expression] = Counter()
-        for x in sums:
-            _count(x, counts)
+        for a, e in (factor for x in sums for factor in factors_in(x)):
+            if isinstance(a, Group) and e.denominator == 2 and len(a.sum.terms) > 1:
+                counts[a.sum] += 1
         for root in counts:
             counts[root] += sum(with_sum(x, root) is not None for x in sums)
         roots = [x for x, n in counts.items() if n > 1]
@@ -550,18 +545,6 @@ class Lengths:
                     term = term * as_expression(a).replace(inside) ** e
             found = found + term
         return found
-
-
-def _count(x: Expression, counts: Counter) -> None:
-    for m in x.terms:
-        for a, e in m:
-            if isinstance(a, Group):
-                if e.denominator == 2 and len(a.sum.terms) > 1:
-                    counts[a.sum] += 1
-                _count(a.sum, counts)
-            elif isinstance(a, Call):
-                for y in a.args:
-                    _count(y, counts)
 
 
 def _stem(x: Expression) -> tuple[str, str]:

@@ -8,7 +8,7 @@ An equation is a sum that is zero. It is linear in the derivatives and in the mu
 `equations` can solve the printed equations and compare the result with the rate.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -218,11 +218,7 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     found = symbols(scene, halves(scene))
     q, v, a = _parts(found)
     L, energies, values = _lagrangian(scene, found)
-    rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
-
-    def by_time(x: Expression) -> Expression:
-        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
-
+    by_time = _by_time(found, q, v, a)
     phi, rolling = _conditions(scene, found)
     conditions = [by_time(x) for x in phi] + rolling
     # The square of a distance has the shorter second derivative, and the distance is known.
@@ -274,6 +270,12 @@ def _lagrange(scene: Scene) -> DerivedEquations:
     )
 
 
+def _by_time(found: Symbols, q: Any, v: Any, a: Any) -> Callable[[Expression], Expression]:
+    """The derivative of an expression by time, along a motion."""
+    rates = dict(zip((*q, *v, found.time), (*v, *a, 1), strict=True))
+    return lambda x: total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
+
+
 def _multipliers(n: int) -> list[Symbol]:
     """lambda, or lambda1, lambda2 and so on."""
     numbers = [str(k + 1) if n > 1 else "" for k in range(n)]
@@ -295,10 +297,7 @@ def _linkage(scene: Scene) -> DerivedEquations:
     """Lagrange's equations of the free coordinates, from which the other coordinates follow."""
     found = symbols(scene, halves(scene))
     of = opened_coordinates(scene, found)
-    rates = dict(zip((*of.q, *of.v, found.time), (*of.v, *of.a, 1), strict=True))
-
-    def by_time(x: Expression) -> Expression:
-        return total(x.differentiate(s) * as_expression(rate) for s, rate in rates.items())
+    by_time = _by_time(found, of.q, of.v, of.a)
 
     def quantities(field, t, y, s, u):
         free, speeds = jnp.split(y, 2)
@@ -406,16 +405,11 @@ def _of_body(scene: Scene, found: Symbols) -> tuple[Expression, Expression, dict
         return found.r, found.v, found.R_wb, found.omega_b, [e.g for e in field.effects]
 
     r, v, R, omega, *gravity = read(scene, found, pose)
-    arm = matter.arm
-    momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
-    kinetic = total(matter.mass * x * x for x in v) + total(
-        a * b for a, b in zip(omega, momentum, strict=True)
-    )
+    kinetic = total(matter.mass * x * x for x in v) + omega @ (matter.inertia @ omega)
     # If the origin of the body's axes is not its centre, both move: 2 m v . (omega x c).
-    swept = [omega[j] * arm[k] - omega[k] * arm[j] for j, k in ((1, 2), (2, 0), (0, 1))]
-    swept = [total(R[i, j] * swept[j] for j in range(3)) for i in range(3)]
+    swept = R @ np.cross(omega, matter.arm)
     kinetic = kinetic + total(2 * matter.mass * a * b for a, b in zip(v, swept, strict=True))
-    height = r[2] + total(R[2, i] * arm[i] for i in range(3))
+    height = r[2] + R[2] @ matter.arm
     weight = matter.mass * total(g.item() for g in gravity)
     return simplify(kinetic * Fraction(1, 2)), simplify(weight * height), matter.values
 
@@ -493,18 +487,16 @@ def _rigid(scene: Scene) -> DerivedEquations:
     free = 0 if system.pivoted else 3
     found = symbols(scene, {n - 6 + i: i for i in range(free)})
     velocity = found.state[n - 6 : n - 6 + free]
-    omega = [as_expression(s) for s in found.state[-3:]]
-    turn = [as_expression(s) for s in found.rates[-3:]]
+    omega, turn = (
+        np.array([as_expression(s) for s in of[-3:]]) for of in (found.state, found.rates)
+    )
     matter = _Matter(system.matter)
     R, force, torque, potential = _loads(scene, found, matter)
-    momentum = [total(matter.inertia[i][j] * omega[j] for j in range(3)) for i in range(3)]
+    momentum = matter.inertia @ omega
     equations = [
         matter.mass * as_expression(found.rates[n - 6 + i]) - force[i] for i in range(free)
     ]
-    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
-        gyroscopic = omega[j] * momentum[k] - omega[k] * momentum[j]
-        turning = total(matter.inertia[i][p] * turn[p] for p in range(3))
-        equations.append(turning + gyroscopic - torque[i])
+    equations += [*(matter.inertia @ turn + np.cross(omega, momentum) - torque)]
 
     def turning_rate(field, t, y):
         return field.system.attitude.rate(_attitude(field, y), y[-3:])
@@ -514,7 +506,7 @@ def _rigid(scene: Scene) -> DerivedEquations:
     kinematic = [as_expression(rate) - x for rate, x in zip(rates, attitude, strict=True)]
     energies = {
         "T": total(matter.mass * as_expression(v) ** 2 for v in velocity) * Fraction(1, 2)
-        + total(a * b for a, b in zip(omega, momentum, strict=True)) * Fraction(1, 2),
+        + omega @ momentum * Fraction(1, 2),
         "V": potential,
     }
     linear = {
@@ -549,12 +541,12 @@ def _rigid(scene: Scene) -> DerivedEquations:
     )
 
 
-def _angular_momenta(R, momentum: list, omega: list, torque: list) -> dict[str, Expression]:
+def _angular_momenta(R, momentum, omega, torque: np.ndarray) -> dict[str, Expression]:
     """Those that are conserved: along fixed axes, and along the third axis of a symmetric body."""
     found = {
-        f"H_{axis}": total(R[i, j] * momentum[j] for j in range(3))
-        for i, axis in enumerate("xyz")
-        if _vanishes(R[i, j] * torque[j] for j in range(3))
+        f"H_{axis}": row @ momentum
+        for axis, row in zip("xyz", R, strict=True)
+        if _vanishes(row * torque)
     }
     turned = momentum[0] * omega[1] - momentum[1] * omega[0]
     if torque[2] == number(0) and not _vanishes([momentum[2]]) and _vanishes([turned]):
@@ -582,22 +574,24 @@ class _Matter:
         self.mass = self._symbol("m", "", m.sum(), 2, 0.0)
         least = _ROUNDED * np.abs(r).max()
         on_axis = (np.abs(centre) > least).sum() == 1
-        self.arm = [
-            self._symbol("l" if on_axis else "c", "" if on_axis else str(i + 1), x, 6, least)
-            for i, x in enumerate(centre)
-        ]
+        self.arm = np.array(
+            [
+                self._symbol("l" if on_axis else "c", "" if on_axis else str(i + 1), x, 6, least)
+                for i, x in enumerate(centre)
+            ]
+        )
         least = _ROUNDED * np.abs(inertia).max()
         principal = np.abs(inertia - np.diag(np.diag(inertia))).max() <= least
-        self.inertia = [[number(0)] * 3 for _ in range(3)]
+        self.inertia = np.full((3, 3), number(0))
         for i in range(3):
             for j in range(i, 3):
                 index = str(i + 1) if principal else f"{i + 1}{j + 1}"
                 same = [k for k in range(i) if abs(inertia[k, k] - inertia[i, i]) <= least]
                 if principal and i == j and same:
-                    self.inertia[i][i] = self.inertia[same[0]][same[0]]
+                    self.inertia[i, i] = self.inertia[same[0], same[0]]
                     continue
                 x = self._symbol("I", index, inertia[i, j], 3 + 0.1 * i, least)
-                self.inertia[i][j] = self.inertia[j][i] = x
+                self.inertia[i, j] = self.inertia[j, i] = x
 
     def _symbol(self, stem: str, index: str, value: float, rank: float, least: float) -> Expression:
         if abs(value) <= least:
@@ -620,10 +614,10 @@ def _attitude(field, y):
 
 def _loads(
     scene: Scene, found: Symbols, matter: _Matter
-) -> tuple[np.ndarray, list, list, Expression]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Expression]:
     """Rotation matrix of a body, force on it, torque in its axes, and potential energy."""
     free = not scene.system.pivoted
-    force, torque, potential = [number(0)] * 3, [number(0)] * 3, number(0)
+    force, torque, potential = np.full(3, number(0)), np.full(3, number(0)), number(0)
     heavy = [isinstance(e, UniformGravity) for e in scene.effects]
 
     def attitude(field, t, y):
@@ -640,11 +634,9 @@ def _loads(
     for g in gravity:
         weight = matter.mass * g.item()
         force[2] = force[2] - weight
-        down = [-weight * R[2, i] for i in range(3)]
-        for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
-            torque[i] = torque[i] + matter.arm[j] * down[k] - matter.arm[k] * down[j]
-        height = total(R[2, i] * matter.arm[i] for i in range(3))
-        potential = potential + weight * ((as_expression(found.state[2]) if free else 0) + height)
+        torque = torque + np.cross(matter.arm, R[2] * -weight)
+        height = (as_expression(found.state[2]) if free else 0) + R[2] @ matter.arm
+        potential = potential + weight * height
 
     def others(field, t, y):
         """The loads of all other effects, from the points on which they act."""
@@ -663,9 +655,7 @@ def _loads(
     if all(heavy):
         return R, force, torque, potential
     more, energy = read(scene, found, others)
-    force = [a + b for a, b in zip(force, more[:3], strict=True)]
-    torque = [a + b for a, b in zip(torque, more[3:], strict=True)]
-    return R, force, torque, potential + energy.item()
+    return R, force + more[:3], torque + more[3:], potential + energy.item()
 
 
 _H = as_expression(Symbol("H", "short"))

@@ -17,7 +17,6 @@ from jaxdyn.symbolic.algebra import (
     Symbol,
     as_expression,
     number,
-    symbols_of,
     total,
 )
 from jaxdyn.symbolic.arranging import (
@@ -259,7 +258,8 @@ class Equations(Printed):
         title = "Equilibria" if lines else "Equilibria: every state at rest"
         parts = [Section("equilibria", title, tuple(lines))]
         notes = (*functions_in(lines), *found.notes)
-        notes = tuple(n for n in notes if any(s.stem in _stems(used) for s in n.symbol.symbols()))
+        stems = {s.stem for s in used}
+        notes = tuple(n for n in notes if any(s.stem in stems for s in n.symbol.symbols()))
         more = [
             Section("lengths", "with", tuple(definitions)),
             Section("symbols", "Symbols", notes=notes),
@@ -457,17 +457,13 @@ def _positive(left: Expression, right: Expression) -> Line:
     return Line(-left, -right) if negative else Line(left, right)
 
 
-def _stems(symbols: set[Symbol]) -> set[str]:
-    return {s.stem for s in symbols}
-
-
 def _is_parameter(x: Expression) -> bool:
     return all(s.kind == "parameter" for s in x.symbols())
 
 
 def _is_physical(x: Expression) -> bool:
     """Whether it contains parameters."""
-    return any(s.kind == "parameter" for m in x.terms for a, _ in m for s in symbols_of(a))
+    return any(s.kind == "parameter" for s in x.symbols())
 
 
 def _named(stem: str, index: str = "") -> Expression:

@@ -14,9 +14,9 @@ from jaxdyn.solvers.formulas.graph import COMPARISONS, Graph, Node, NotElementar
 from jaxdyn.symbolic.algebra import (
     Call,
     Expression,
-    Group,
     Symbol,
     as_expression,
+    factors_in,
     function,
     number,
 )
@@ -177,11 +177,7 @@ def _select(
 
 def _has_steps(x: Expression) -> bool:
     """Whether there is a function in it that can be constant in regions."""
-    atoms = [atom for monomial in x.terms for atom, _ in monomial]
-    inner = [part for a in atoms if isinstance(a, Call) for part in a.args]
-    inner += [a.sum for a in atoms if isinstance(a, Group)]
-    own = any(isinstance(a, Call) and a.op in _STEPPED for a in atoms)
-    return own or any(map(_has_steps, inner))
+    return any(isinstance(a, Call) and a.op in _STEPPED for a, _ in factors_in(x))
 
 
 def _is_nan(x: Expression) -> bool:

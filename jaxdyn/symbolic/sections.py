@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from jaxdyn import _checks
-from jaxdyn.symbolic.algebra import ONE, Atom, Call, Expression, Group, Symbol, as_expression
+from jaxdyn.symbolic.algebra import ONE, Call, Expression, Symbol, as_expression, factors_in
 from jaxdyn.symbolic.typesetting import LATEX, MATHML, TEXT, Style
 
 
@@ -116,25 +116,14 @@ _FUNCTIONS = {
 
 def functions_in(lines: Iterable[Line]) -> list[Note]:
     """Notes on the functions in some lines that not every reader knows."""
-    used = {op for line in lines for x in line for op in _operations(x)}
+    factors = (a for line in lines for x in line for a, _ in factors_in(x))
+    used = {a.op for a in factors if isinstance(a, Call)}
     argument = as_expression(Symbol("u", "short"))
     return [
         Note(Expression({((Call(op, argument), ONE),): ONE}), meaning)
         for op, meaning in _FUNCTIONS.items()
         if op in used
     ]
-
-
-def _operations(x: Expression) -> set[str]:
-    return {op for m in x.terms for a, _ in m for op in _in_atom(a)}
-
-
-def _in_atom(a: Atom) -> set[str]:
-    if isinstance(a, Symbol):
-        return set()
-    if isinstance(a, Group):
-        return _operations(a.sum)
-    return {a.op}.union(*map(_operations, a.args))
 
 
 def _note(note: Note) -> str:

@@ -1,6 +1,16 @@
 """The shortest of several forms of an expression."""
 
-from jaxdyn.symbolic.algebra import ONE, Call, Expression, Group, Monomial, inverse, times
+from jaxdyn.symbolic.algebra import (
+    ONE,
+    Call,
+    Expression,
+    Group,
+    Monomial,
+    factors_in,
+    inverse,
+    sums_in,
+    times,
+)
 from jaxdyn.symbolic.trigonometry import shorten_deeply
 
 
@@ -43,16 +53,14 @@ def with_sum(x: Expression, part: Expression) -> tuple[Monomial, Expression, obj
 
 
 def _differences(x: Expression) -> set[Group]:
+    """The differences in brackets, and those of which a size or a sign is taken."""
     found = set()
-    for m in x.terms:
-        for a, _ in m:
-            if isinstance(a, Group):
-                found |= _differences(a.sum) | ({a} if a.sum.is_difference else set())
-            elif isinstance(a, Call):
-                for y in a.args:
-                    found |= _differences(y)
-                    if a.op in ("abs", "sign") and y.is_difference:
-                        found.add(Group(y * (1 if y.leading > 0 else -1)))
+    for a, _ in factors_in(x):
+        for y in sums_in(a):
+            if isinstance(a, Group) and y.is_difference:
+                found.add(a)
+            elif isinstance(a, Call) and a.op in ("abs", "sign") and y.is_difference:
+                found.add(Group(y * (1 if y.leading > 0 else -1)))
     return found
 
 

@@ -80,7 +80,7 @@ class Style(abc.ABC):
         terms.sort(key=lambda term: _term_place(term[0]))
         if _ascends(terms):
             terms.sort(key=lambda term: _moves(term[0]))
-        elif all(s.kind == "parameter" for m, _ in terms for a, _ in m for s in symbols_of(a)):
+        elif all(s.kind == "parameter" for s in x.symbols()):
             terms.sort(key=lambda term: len(term[0]))  # I + m d^2
         if len(terms) > 1 and terms[0][1] < 0:
             first = next((i for i, (_, c) in enumerate(terms) if c > 0), 0)
@@ -222,7 +222,7 @@ def _term_place(m: Monomial) -> tuple:
     plain = [f for f in factors if not isinstance(f[0], Group)]
     plain.sort(key=lambda f: _factor_place(f)[0] == _FUNCTION, reverse=True)
     moving = [(_late(f), -f[1]) for f in reversed(plain) if _factor_place(f)[0] > _BRACKET]
-    multipliers = [s.rank for s in sorted(_kind_in(m, "multiplier"), key=lambda s: s.rank)]
+    multipliers = sorted(a.rank for a, _ in m if isinstance(a, Symbol) and a.kind == "multiplier")
     return *_degree(m), steady, multipliers, moving, [(_factor_place(f), -f[1]) for f in factors]
 
 
@@ -231,10 +231,6 @@ def _late(factor: tuple[Atom, Fraction]) -> tuple:
     place, *rest = _factor_place(factor)
     a, e = factor
     return (place + (isinstance(a, Symbol) and a.kind == "short" and e < 0) / 2, *rest)
-
-
-def _kind_in(m: Monomial, kind: str) -> list[Symbol]:
-    return [a for a, _ in m if isinstance(a, Symbol) and a.kind == kind]
 
 
 def _moves(m: Monomial) -> bool:

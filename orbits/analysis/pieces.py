@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn import Scene, System
+from jaxdyn import Scene
 from jaxdyn.solvers import Method
+from jaxdyn.system import differences
 from orbits.closing.sizes import sizes
 from orbits.hybrid.equations import closing_error
 from orbits.hybrid.legs import HybridOrbit
@@ -81,14 +82,9 @@ def offsets(orbit: Periodic, ys, start) -> np.ndarray:
     """(s, m) by how much states (s, k) differ from a start (k,), in units of their sizes."""
     if isinstance(orbit, Orbit):
         system = orbit.scene.system
-        return np.asarray(_differences(system, ys, start)) / sizes(orbit.scene)
+        return np.asarray(differences(system, ys, start)) / sizes(orbit.scene)
     rows = _compare_ends(orbit, start)[1]
     return np.asarray(_closing_errors(orbit.closes, ys, start)) / rows
-
-
-@eqx.filter_jit
-def _differences(system: System, ys: Array, start: Array) -> Array:
-    return jax.vmap(system.difference, (0, None))(ys, start)
 
 
 def offset_along(orbit: Periodic, y, way) -> np.ndarray:

@@ -4,11 +4,11 @@ The same motion may be seen at another time, rotated, mirrored, relabelled, scal
 time; then the two can be aligned (for free points by `alignment`) up to rounding.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn._checks import check_first, fail
+from jaxdyn.system import differences
 from orbits.analysis.alignment import (
     SAMPLES,
     TOLERANCE,
@@ -99,7 +99,7 @@ def _mismatch(orbit: Periodic, shift: float) -> float:
     if has_several_points(scene.system):
         first, second = (centre(y, np.asarray(scene.system.m)) for y in ys)
         return distance_after_rotation(first, second)[0]
-    off = jax.vmap(scene.system.difference)(ys[1], ys[0])
+    off = differences(scene.system, ys[1], ys[0])
     return float(np.abs(np.asarray(off) / sizes(orbit.scene)).max())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxdyn._checks import fail
 from jaxdyn._records import with_captures
 from jaxdyn.continuation.branch import read
-from jaxdyn.continuation.checkpoint import EARLIER, OTHER, Codec, SavedBranch, walks_in
+from jaxdyn.continuation.checkpoint import OTHER, Codec, SavedBranch, walks_in
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode, decode_fields, decode_part, encode
 from orbits.closing.closings import Return, Symmetry
@@ -51,7 +51,7 @@ def codec(extended: Extended) -> Codec:
         if not isinstance(record, dict) or "orbit" not in record:
             raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
         rest = {name: x for name, x in record.items() if name != "orbit"}
-        fields = decode_fields(EARLIER | rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
+        fields = decode_fields(rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)

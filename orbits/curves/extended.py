@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.continuation.kinds import Kind
 from orbits.closing.closings import Return
 from orbits.closing.given import drive
@@ -262,8 +263,6 @@ def _linearize(extended: Extended, x, here: Piece, ends, slopes: Piece, frame: F
         by_x = jnp.einsum("nij,nj->ni", slopes.start, change.start)
         by_x = by_x + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
         by_x = by_x + jnp.einsum("nij,nj->ni", slopes.parameter, change.parameter)
-        value = extended.errors(x, ends + by_x, frame)
-        return value, value
+        return extended.errors(x, ends + by_x, frame)
 
-    jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
-    return value, jacobian
+    return value_and_jacfwd(residual)(x)

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,6 +22,7 @@ from jaxdyn.chaos.lyapunov import lyapunov_exponents
 from jaxdyn.ensemble import engine
 from jaxdyn.files.rows import program_text, rows_in
 from jaxdyn.scales import groups
+from jaxdyn.system import differences
 from orbits.analysis.stability import stability
 from orbits.closing.given import drive_period, is_driven
 from orbits.discovery.settling import (
@@ -153,7 +153,7 @@ class _Motions(Settling):
         return np.where(sizes > 0, sizes, 1.0)
 
     def difference(self, ys, y):
-        return np.asarray(jax.vmap(self.scene.system.difference, (0, None))(ys, y))
+        return np.asarray(differences(self.scene.system, ys, y))
 
     def wrap(self, ys):
         y0 = np.asarray(self.scene.y0)

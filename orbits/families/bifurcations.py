@@ -217,8 +217,10 @@ def _through(value: float) -> Test:
     return lambda _, member: float(np.prod(member.stability.nontrivial - value).real)
 
 
+#: The multiplier with which a family meets another one.
+_MET = {Kind.BRANCH: 1.0, Kind.DOUBLING: -1.0}
 #: Test functions of a member, which change sign at special points.
-_TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _through(1.0), Kind.DOUBLING: _through(-1.0)}
+_TESTS = {Kind.FOLD: _fold} | {kind: _through(value) for kind, value in _MET.items()}
 
 
 def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:
@@ -232,9 +234,9 @@ def _is_sign_certain(kind: Kind, surface: Surface, member: Member) -> bool:
         whole = member.tangent / member.point.units
         steady = _CONSTANT * float(np.linalg.norm(whole) * member.point.units[-2])
         return surface.equations.make is None or abs(_fold(surface, member)) > steady
-    value = 1.0 if kind == Kind.BRANCH else -1.0
     known = member.stability
-    return not ((known.bars > _VAGUE) & (np.abs(known.nontrivial - value) <= known.bars)).any()
+    near = np.abs(known.nontrivial - _MET[kind]) <= known.bars
+    return not ((known.bars > _VAGUE) & near).any()
 
 
 def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
@@ -253,7 +255,7 @@ def _leave_in_pairs(surface: Surface, a: Member, b: Member) -> bool:
 
 def _count_at_plus_minus_one(surface: Surface, a: Member, b: Member) -> int:
     """The number of the points +1 and -1 at which multipliers have crossed the unit circle."""
-    certain = _known_tests(surface, a, b) & {Kind.BRANCH, Kind.DOUBLING}
+    certain = _known_tests(surface, a, b) & _MET.keys()
     return sum(_TESTS[kind](surface, a) * _TESTS[kind](surface, b) < 0 for kind in certain)
 
 
@@ -271,7 +273,7 @@ def _hide_each_other(surface: Surface, a: Member, b: Member) -> bool:
 
 def _leave_along_axis(a: Member, b: Member) -> Kind | None:
     """The kind of point through which two or more multipliers have left the unit circle, if any."""
-    for kind, value in ((Kind.BRANCH, 1.0), (Kind.DOUBLING, -1.0)):
+    for kind, value in _MET.items():
         if abs(_count_beyond(a, value) - _count_beyond(b, value)) >= 2:
             return kind
     return None

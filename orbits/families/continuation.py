@@ -23,7 +23,7 @@ import numpy as np
 from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import flag, number_of
-from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, as_text, check_bounds, follow
+from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
 from jaxdyn.continuation.checkpoint import Codec, Log
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.scene import Scene
@@ -348,11 +348,8 @@ class _Problem(BranchProblem[Member]):
         return known is not None and not repeats(orbit.scene, float(orbit.period))
 
     def end_after(self, new: Member) -> str:
-        if not self.within[0] <= _measure(self.surface, new.point) <= self.within[1]:
-            return f"the bounds {as_text(self.within)}"
-        if new.energy < self.energies[0] or new.energy > self.energies[1]:
-            return f"the bounds on the energy, {as_text(self.energies)}"
-        return ""
+        beyond = outside(_measure(self.surface, new.point), self.within)
+        return beyond or outside(new.energy, self.energies, "on the energy, ")
 
     def lost(self, reason: str) -> str:
         return f"no orbit was found beyond: {reason}"

@@ -28,8 +28,10 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, System, _text
 from jaxdyn._checks import check_first, check_untraced, fail
+from jaxdyn._numerics import taylor_coefficients
 from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
+from jaxdyn.continuation.normal_forms import solve_bordered
 from orbits.analysis.stability import stability
 from orbits.closing.closings import PLAIN
 from orbits.closing.given import is_driven, refuse_constraints
@@ -46,23 +48,6 @@ from orbits.orbit import Orbit
 # through the start of the orbit orthogonal to its flow.
 
 ORDER = 3
-
-
-def _coefficients(function) -> Array:
-    """(ORDER + 1, k) Taylor coefficients at 0 of a function of one number."""
-    values, factorial = [function], 1.0
-    for _ in range(ORDER):
-        before = values[-1]
-
-        def derivative(e, before=before):
-            return jax.jvp(before, (e,), (jnp.ones(()),))[1]
-
-        values.append(derivative)
-    rows = []
-    for n, value in enumerate(values):
-        factorial *= max(n, 1)
-        rows.append(value(jnp.zeros(())) / factorial)
-    return jnp.stack(rows)
 
 
 def _series(coefficients: Array, e: Array) -> Array:
@@ -85,7 +70,7 @@ class Jets(System):
     def rate(self, t, y, effects):
         del effects
         y = y.reshape(ORDER + 1, -1)
-        return _coefficients(lambda e: self.scene.rate(t, _series(y, e))).ravel()
+        return taylor_coefficients(lambda e: self.scene.rate(t, _series(y, e)), ORDER).ravel()
 
 
 @jax.jit
@@ -118,9 +103,9 @@ def _return_curve(scene: Scene, curve: Array, each: Array) -> Array:
 
     times = jnp.zeros(ORDER + 1)
     for n in range(1, ORDER + 1):
-        off = _coefficients(lambda e, times=times: moved(times, e) - y0)[n] @ normal
+        off = taylor_coefficients(lambda e, times=times: moved(times, e) - y0, n)[n] @ normal
         times = times.at[n].set(-off / (rate(y0) @ normal))
-    return _coefficients(lambda e: moved(times, e))
+    return taylor_coefficients(lambda e: moved(times, e), ORDER)
 
 
 def basis(orbit: Orbit, driven: bool, each: np.ndarray) -> np.ndarray:
@@ -324,9 +309,7 @@ def _fold(returns: _Map, critical: _Critical) -> _Form:
 def _branch(returns: _Map, critical: _Critical) -> _Form:
     a, _, q, p = critical
     second = returns.along(q, 0 * q)[1]
-    eye = np.eye(len(a))
-    bordered = np.block([[eye - a, q[:, None]], [p[None], np.zeros((1, 1))]])
-    h = np.linalg.solve(bordered, np.append(2 * (second - (p @ second) * q), 0.0))[:-1]
+    h = solve_bordered(np.eye(len(a)) - a, q, p, 2 * (second - (p @ second) * q))
     return _Form(float(p @ returns.along(q, h / 2)[2]), float(p @ second), returns.length(q))
 
 

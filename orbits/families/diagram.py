@@ -5,6 +5,7 @@ with its reason, beside all that was found.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -172,13 +173,12 @@ def diagram(
 def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict) -> Diagram:
     """The diagram; its families of orbits are collected in `found`."""
     make, report, log = found.make, found.report, found.log
-    equilibria, failures = [], []
+    equilibria = []
     _progress.report_progress("following equilibria")
     for down in (False, True):
         equilibria.append(continue_equilibria(make, parameter, start, down=down, **options))
         report(equilibria[-1])
-    _branches(equilibria, failures, options, report)
-    found.failures += failures
+    _branches(equilibria, found, options)
     for family in equilibria:
         for point in family.special:
             if point.kind == Kind.HOPF:
@@ -194,7 +194,7 @@ def _follow(found: "_Orbits", parameter: float, start, depth: int, options: dict
     )
 
 
-def _branches(equilibria: list, failures: list, options: dict, report) -> None:
+def _branches(equilibria: list, found: "_Orbits", options: dict) -> None:
     """Follow the other families through all branch points; each one is visited once."""
     seen: list[Equilibrium] = []
     for family in equilibria:  # grows on the way
@@ -206,10 +206,9 @@ def _branches(equilibria: list, failures: list, options: dict, report) -> None:
                 try:
                     equilibria.append(other_equilibria(family, point, down=down, **options))
                 except ValueError as error:
-                    failures.append(Failure(point, str(error)))
-                    report(failures[-1])
+                    found.fail(point, str(error))
                     break
-                report(equilibria[-1])
+                found.report(equilibria[-1])
 
 
 def _near(a: Equilibrium, b: Equilibrium) -> bool:
@@ -248,6 +247,11 @@ class _Orbits:
         self.seen: list[Equilibrium] = []
         self.branches: list[Member] = []
 
+    def fail(self, point: Equilibrium | Member, reason: str) -> None:
+        """Note that what begins at a special point was not found."""
+        self.failures.append(Failure(point, reason))
+        self.report(self.failures[-1])
+
     def from_hopf(self, equilibria: EquilibriumFamily, point: Equilibrium, depth: int) -> None:
         """Follow the orbits that begin at a Hopf point, and their doublings."""
         if any(_near(point, x) for x in self.seen) or self._has_reached(point):
@@ -256,7 +260,8 @@ class _Orbits:
         _progress.report_progress(f"following orbits from {point.parameter:.6g}")
         size = self.amplitude
         amplitude = None if size is None else in_sizes(equilibria, point, size)
-        self._follow(point, lambda: from_hopf(equilibria, point, amplitude=amplitude), 0, depth)
+        begin = functools.partial(from_hopf, equilibria, point, amplitude=amplitude)
+        self._follow(point, begin, 0, depth)
 
     def _has_reached(self, point: Equilibrium) -> bool:
         """Whether a family of orbits has ended at this Hopf point."""
@@ -272,14 +277,12 @@ class _Orbits:
             options = self.options | {"down": down, "path": log}
             family = continue_family(orbit, self.make, value, **options)
         except _FAILURES as error:
-            self.failures.append(Failure(point, str(error)))
-            self.report(self.failures[-1])
+            self.fail(point, str(error))
             return
         self.families.append((family, doublings))
         self.report(family)
         if len(family.members) == 1 < self.options["members"]:
-            self.failures.append(Failure(point, f"Of its family one orbit was found: {family.end}"))
-            self.report(self.failures[-1])
+            self.fail(point, f"Of its family one orbit was found: {family.end}")
         for special in family.special:
             double = special.kind == Kind.DOUBLING
             if not (double and doublings < depth) and not self._new_branch(special):
@@ -287,12 +290,10 @@ class _Orbits:
             _progress.report_progress(f"following a {special.kind} at {special.parameter:.6g}")
             # Both halves of a doubled family are the same orbits, half a period later.
             for opposite in (False,) if double else (False, True):
-
-                def other(special=special, opposite=opposite):
-                    size = self.amplitude
-                    return switch_branch(family, special, amplitude=size, opposite=opposite)
-
-                self._follow(special, other, doublings + double, depth)
+                begin = functools.partial(
+                    switch_branch, family, special, amplitude=self.amplitude, opposite=opposite
+                )
+                self._follow(special, begin, doublings + double, depth)
 
     def _new_branch(self, special: Member) -> bool:
         """Whether it is a branch point that no other family has passed."""

@@ -3,6 +3,7 @@
 import collections
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Family:
         scene = first_scene(self.members[0].orbit)
         verdicts = collections.Counter(member.stability.verdict for member in self.members)
         ranges = {"parameter": self.parameters, "period": self.periods, "energy": self.energies}
-        special = [f"{m.kind} at {_place(m)}" for m in self.special]
+        special = [f"{m.kind} at {where(m)}" for m in self.special]
         rows = [
             *((name, _from_to(x)) for name, x in ranges.items()),
             ("stability", ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items())),
@@ -180,9 +181,11 @@ def _from_to(x: np.ndarray) -> str:
     return "" if np.isnan(x).all() else " to ".join(dict.fromkeys(ends))
 
 
-def _place(member: Member) -> str:
-    """The place of a member on its family: its parameter, else its energy, else its period."""
-    numbers = {"parameter": member.parameter, "energy": member.energy}
-    known = {name: x for name, x in numbers.items() if not math.isnan(x)}
-    name, x = next(iter({**known, "period": member.orbit.period}.items()))
+def where(found: Any) -> str:
+    """Where an orbit is on its family: its parameter, else its energy, else its period.
+
+    It may be any record with `parameter`, `energy` and `orbit`.
+    """
+    numbers = {"parameter": found.parameter, "energy": found.energy, "period": found.orbit.period}
+    name, x = next((name, x) for name, x in numbers.items() if not math.isnan(x))
     return f"{name} {_text.brief(x)}"

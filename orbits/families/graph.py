@@ -12,7 +12,6 @@ import itertools
 import math
 from collections.abc import Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,9 +23,10 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation.family import EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.continuation.units import units_of
+from jaxdyn.system import differences
 from orbits.closing.closings import PLAIN
 from orbits.families.diagram import Diagram
-from orbits.families.family import Family, Member, smooth_orbit
+from orbits.families.family import Family, Member, smooth_orbit, where
 from orbits.families.sizes import unknown_sizes
 from orbits.families.surface import OrbitSurface, Point
 from orbits.motion import quick_solve
@@ -115,7 +115,7 @@ class Graph:
                 for i, times in zip(place.families, place.times, strict=True)
             ]
             met += [f"equilibria {i + 1}" for i in place.equilibria]
-            rows.append((place.kind, f"families {', '.join(met)} at {_where(place)}"))
+            rows.append((place.kind, f"families {', '.join(met)} at {where(place)}"))
         joined = "; ".join(", ".join(str(i + 1) for i in group) for group in self.components)
         families = number_of(len(self.families), "family", "families")
         return _text.table(f"Graph of {families} of orbits", [("joined", joined), *rows])
@@ -161,7 +161,7 @@ def graph(families: Sequence[Family] | Diagram) -> Graph:
     places: list[Place] = []
     for place in _places(several, equilibria):
         _progress.report_progress(
-            f"which families meet at the {place.kind} at {_where(place)}", len(places)
+            f"which families meet at the {place.kind} at {where(place)}", len(places)
         )
         if not any(_same(place, other) for other in places):
             arrivals = [(i, _arrivals(place, family)) for i, family in enumerate(several)]
@@ -299,17 +299,9 @@ def _unknowns(equations: Equations, end: Member, place: Place, period: float) ->
     plain = equations.closing == PLAIN and not equations.driven
     if plain and place.kind not in _RESTS:
         ts = np.linspace(0.0, orbit.period, _SAMPLES, endpoint=False)
-        ys = np.asarray(quick_solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys)
-        start = jnp.asarray(end.orbit.y0)
-        off = jax.vmap(orbit.scene.system.difference, (0, None))(jnp.asarray(ys), start)
+        ys = quick_solve(orbit.scene, orbit.period, ts=ts, rtol=orbit.rtol).ys
+        off = differences(orbit.scene.system, ys, jnp.asarray(end.orbit.y0))
         shift = ts[np.argmin(np.linalg.norm(np.asarray(off) / end.point.sizes, axis=1))]
         y0 = np.asarray(quick_solve(orbit.scene, shift, rtol=orbit.rtol).y1) if shift else y0
     value = 0.0 if math.isnan(place.parameter) else place.parameter
     return equations.spread(y0, period, orbit.rtol, angle=orbit.angle, parameter=value)
-
-
-def _where(place: Place) -> str:
-    """The place on its families: its parameter, else its energy, else its period."""
-    numbers = {"parameter": place.parameter, "energy": place.energy, "period": place.period}
-    name, x = next((name, x) for name, x in numbers.items() if not math.isnan(x))
-    return f"{name} {_text.brief(x)}"

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation import newton
 from jaxdyn.continuation.kinds import Kind
@@ -187,8 +188,4 @@ def _equilibrium(scene: Scene, y: np.ndarray, each: np.ndarray) -> np.ndarray | 
 @jax.jit
 def _linearize(scene: Scene, y: Array) -> tuple[Array, Array]:
     """The flow (k,) at a state, and its derivative (k, k)."""
-
-    def flow(y: Array) -> Array:
-        return scene.rate(jnp.zeros(()), y)
-
-    return flow(y), jax.jacfwd(flow)(y)
+    return value_and_jacfwd(lambda y: scene.rate(jnp.zeros(()), y))(y)

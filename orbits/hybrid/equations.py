@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.solvers import Method
@@ -243,13 +244,7 @@ def _change(leg: Leg, end: Array, span, each: Array) -> Array:
 @eqx.filter_jit
 def _nearest_start(scene: Scene, y: Array) -> tuple[Array, Array]:
     """The nearest start that the constraints allow, and its derivative."""
-
-    def put(y):
-        y = scene.system.project(jnp.zeros(()), y)
-        return y, y
-
-    slope, y = jax.jacfwd(put, has_aux=True)(y)
-    return y, slope
+    return value_and_jacfwd(lambda y: scene.system.project(jnp.zeros(()), y))(y)
 
 
 def _ends(leg: Leg, span, end: Array) -> Array:
@@ -305,13 +300,7 @@ def _pass_family_leg(make: MakeChain, path: Path, i: int, y: Array, span, parame
 @eqx.filter_jit
 def closing_error(closes, end: Array, start: Array):
     """The closing error, and its derivatives with respect to both states."""
-
-    def left(end, start):
-        value = closes(end, start)
-        return value, value
-
-    slopes, value = jax.jacfwd(left, argnums=(0, 1), has_aux=True)(end, start)
-    return value, slopes
+    return value_and_jacfwd(closes, (0, 1))(end, start)
 
 
 def closing_in_sizes(closes, end, start, each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

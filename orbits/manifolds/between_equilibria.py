@@ -16,6 +16,7 @@ from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.analysis.linearize import linearize
 from jaxdyn.scene import check_scene
+from jaxdyn.system import differences
 from orbits.closing.given import is_driven, refuse_constraints
 from orbits.closing.sizes import sizes_at_rest
 from orbits.manifolds.connection import Connection, ConnectionOutcome, no_connection
@@ -248,7 +249,7 @@ def _approach(posed: ConnectionEquations, p: float, longest: float) -> tuple | C
     start = scene.starting(a + _FIRST * posed.along)
     ts = np.linspace(0.0, longest, _STRAND)
     ys = np.asarray(quick_solve(start, ts[-1], ts=ts, rtol=posed.rtol).ys)
-    apart = np.asarray(_apart(scene, jnp.asarray(ys), b)) / np.asarray(posed.each)
+    apart = np.asarray(differences(scene.system, ys, b)) / np.asarray(posed.each)
     known = np.isfinite(ys).all(axis=1)
     off = np.where(known, np.linalg.norm(apart, axis=1), np.inf)
     # The strand may begin at the equilibrium itself, and may go to infinity after it has passed.
@@ -346,8 +347,3 @@ def _result(posed: ConnectionEquations, found, steps, last, error, iterations: i
 
 def _interpolate(t: np.ndarray, ts: np.ndarray, ys: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(t, ts, column) for column in ys.T], axis=1)
-
-
-@jax.jit
-def _apart(scene: Scene, ys: Array, y: Array) -> Array:
-    return jax.vmap(lambda one: scene.system.difference(one, y))(ys)

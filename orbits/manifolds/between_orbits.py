@@ -9,8 +9,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, _checks
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.analysis.energy import change, energy
 from jaxdyn.integrate.events import Event
+from jaxdyn.system import differences
 from orbits.analysis.stability import stability
 from orbits.closing.given import is_driven, refuse_constraints
 from orbits.closing.sizes import sizes
@@ -96,10 +98,10 @@ class OrbitChain(Links):
         known, span = jax.lax.stop_gradient((starts, each))
 
         def end(y):
-            run = quick_solve(self.base.starting(y), span, rtol=self.rtol, max_steps=_MOST_STEPS)
-            return run.y1, run.y1
+            start = self.base.starting(y)
+            return quick_solve(start, span, rtol=self.rtol, max_steps=_MOST_STEPS).y1
 
-        slopes, ends = jax.vmap(jax.jacfwd(end, has_aux=True))(known)
+        ends, slopes = jax.vmap(value_and_jacfwd(end))(known)
         rates = jax.vmap(lambda y: self.base.rate(jnp.zeros(()), y))(ends)
         moved = jnp.einsum("nij,nj->ni", slopes, starts - known)
         return ends + moved + rates * (each - span)
@@ -272,7 +274,7 @@ def _crossings(scene: Scene, first: Manifold, last: Manifold, each: np.ndarray) 
     (p, dp, of_p), (q, dq, of_q) = (_pieces(one, each) for one in (first, last))
     if not (len(p) and len(q)):
         return []
-    apart = np.asarray(_differences(scene, q * each, p * each)) / each
+    apart = np.asarray(differences(scene.system, q * each, (p * each)[:, None])) / each
     pp, qq = (dp * dp).sum(axis=1)[:, None], (dq * dq).sum(axis=1)[None]
     pq = dp @ dq.T
     along_p, along_q = np.einsum("ijk,ik->ij", apart, dp), np.einsum("ijk,jk->ij", apart, dq)
@@ -295,13 +297,6 @@ def _crossings(scene: Scene, first: Manifold, last: Manifold, each: np.ndarray) 
         turns = 2 * np.pi * np.round((apart[i, j] - (q[j] - p[i])) * each / (2 * np.pi))
         guesses.append(((sign_p, sign_q), phases, times, turns))
     return guesses
-
-
-@eqx.filter_jit
-def _differences(scene: Scene, ys: Array, origins: Array) -> Array:
-    """(m, n, k) the displacements of n states from each of m others."""
-    from_one = jax.vmap(scene.system.difference, (0, None))
-    return jax.vmap(from_one, (None, 0))(ys, origins)
 
 
 def _pieces(found: Manifold, each: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple]]:

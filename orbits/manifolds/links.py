@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.continuation import newton
 from orbits.motion import quick_solve
 
@@ -74,12 +75,7 @@ class Solution(NamedTuple):
 
 @eqx.filter_jit
 def _gaps_and_slopes(chain: Links, x, steps) -> tuple[Array, Array]:
-    def doubled(x):
-        gaps = chain.gaps(x, steps)
-        return gaps, gaps
-
-    slopes, gaps = jax.jacfwd(doubled, has_aux=True)(x)
-    return gaps, slopes
+    return value_and_jacfwd(lambda x: chain.gaps(x, steps))(x)
 
 
 def solve(chain: Links, x: np.ndarray, steps: np.ndarray) -> Solution:

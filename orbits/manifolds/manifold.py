@@ -15,6 +15,7 @@ from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.trajectory import explanation
 from jaxdyn.scene import check_scene
 from jaxdyn.status import tally
+from jaxdyn.system import differences
 from orbits.manifolds.directions import SENSES, Directions, of_equilibrium, of_orbit
 from orbits.motion import quick_solve
 from orbits.orbit import Orbit, SearchError
@@ -164,7 +165,7 @@ def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> 
     y0s = np.asarray(_project(scene, t0, before))
     ends = ensemble.run(scene, y0s, t0 + near.span, t0=t0, rtol=rtol)
     after = _project(scene, t0, after)
-    apart = np.asarray(_apart(scene, jnp.asarray(ends.y1), after)) / near.each
+    apart = np.asarray(differences(scene.system, ends.y1, after)) / near.each
     apart = np.linalg.norm(apart, axis=1)
     apart = np.where(np.isfinite(apart), apart, np.inf)
     return apart.reshape(len(ladder), -1).max(axis=1)
@@ -173,11 +174,6 @@ def _misses(scene: Scene, near: Directions, ladder: np.ndarray, rtol: float) -> 
 @jax.jit
 def _project(scene: Scene, ts: Array, ys: Array) -> Array:
     return jax.vmap(scene.system.project)(ts, ys)
-
-
-@jax.jit
-def _apart(scene: Scene, ys: Array, others: Array) -> Array:
-    return jax.vmap(scene.system.difference)(ys, others)
 
 
 # ---- Stable and unstable manifolds of periodic orbits and equilibria, as ensembles of strands

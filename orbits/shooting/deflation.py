@@ -32,6 +32,7 @@ from jaxtyping import Array
 from jaxdyn import Scene, System
 from jaxdyn._checks import fail
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.system import differences
 from orbits.closing.given import Problem, is_driven, repeats
 from orbits.closing.sizes import alike, coupled_sizes, sizes
 from orbits.motion import gravitates, has_several_points, quick_solve
@@ -336,7 +337,7 @@ def _known_orbit(orbit: Orbit) -> KnownOrbit:
         sides = jnp.zeros_like(points)
     else:
         points = ys[None, :-1]
-        sides = np.asarray(jax.vmap(scene.system.difference)(ys[1:], ys[:-1]))[None] / scales
+        sides = np.asarray(differences(scene.system, ys[1:], ys[:-1]))[None] / scales
     return KnownOrbit(
         points=jnp.asarray(points),
         sides=jnp.asarray(sides),

@@ -136,5 +136,5 @@ def compiled_end(
         found = end_of(scene, make, at._replace(s=piece.s), rtol, max_steps)
         return found.y1, (found.y1, found.status, found.steps)
 
-    slopes, found = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
-    return LinearizedEnd(*found, slopes)
+    slopes, (y1, status, steps) = jax.jacfwd(end, has_aux=True)(piece._replace(s=None))
+    return LinearizedEnd(y1, status, steps, slopes)

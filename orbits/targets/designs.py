@@ -19,12 +19,10 @@ from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.shooting.strategy import SECONDS
-from orbits.targets.followed import At, Followed, Near, TimeLimit, bounds, follow
+from orbits.targets.followed import At, Near, Search, TimeLimit, bounds, follow
 
 #: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
-#: How often a step is halved before the search gives up.
-_HALVINGS = 12
 #: Smallest decrease of the sum of squares, relative to it, with which a step is accepted.
 _LESS = 1e-12
 #: The search ends if the next step would change the residual by a smaller part of it.
@@ -155,38 +153,29 @@ def design(
     return found
 
 
-@dataclasses.dataclass(frozen=True)
-class _Search:
-    """The Gauss-Newton method with bounds; steps are halved until they come closer."""
-
-    followed: Followed
-    wanted: Callable[[Any], Any]
-    low: np.ndarray
-    high: np.ndarray
-    goal: float
-    limit: TimeLimit
+class _Search(Search):
+    """The Gauss-Newton method; steps are halved until they come closer."""
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Design:
         here = self.followed.at(numbers, near, self.wanted)
         for n in range(steps):
-            if np.abs(here.value).max() <= self.goal:
+            if self._is_met(here):
                 return self._design(here, n, DesignOutcome.FOUND)
             step = self._step(here)
             if step is None:
                 return self._design(here, n, DesignOutcome.LEAST)
-            new = self._closer(here, step)
+            new = self.shorten(here, step)
             if new is None:
                 over = self.limit.over
                 lost = DesignOutcome.TIME_LIMIT if over else DesignOutcome.LOST
                 return self._design(here, n, lost)
             here = new
-        held = np.abs(here.value).max() <= self.goal
-        outcome = DesignOutcome.FOUND if held else DesignOutcome.STEP_LIMIT
+        outcome = DesignOutcome.FOUND if self._is_met(here) else DesignOutcome.STEP_LIMIT
         return self._design(here, steps, outcome)
 
     def _step(self, here: At) -> np.ndarray | None:
         """(n,) the step within the bounds; None if none comes closer to first order."""
-        units = _units(here)
+        units = here.units
         slopes, free = here.slopes * units, np.ones(len(units), bool)
         for _ in units:
             step = np.zeros(len(units))
@@ -205,27 +194,13 @@ class _Search:
             return None
         return moved
 
-    def _closer(self, here: At, step: np.ndarray) -> At | None:
-        """The state after the step, or after a part of it that comes closer."""
-        for _ in range(_HALVINGS):
-            if self.limit.over:
-                break
-            new = self.followed.move(here, here.numbers + step, self.wanted)
-            if new is not None:
-                before, after = (float(at.value @ at.value) for at in (here, new))
-                if after < (1 - _LESS) * before or np.abs(new.value).max() <= self.goal:
-                    return new
-            step = 0.5 * step
-        return None
+    def accepts(self, here: At, new: At) -> bool:
+        before, after = (float(at.value @ at.value) for at in (here, new))
+        return after < (1 - _LESS) * before or self._is_met(new)
+
+    def _is_met(self, here: At) -> bool:
+        return bool(np.abs(here.value).max() <= self.goal)
 
     @staticmethod
     def _design(here: At, steps: int, outcome: DesignOutcome) -> Design:
         return Design(here.numbers, here.found, here.value, here.slopes, steps, outcome)
-
-
-def _units(here: At) -> np.ndarray:
-    """(n,) units: the sizes of the parameters; for one that is 0, the change needed of it alone."""
-    slope = np.abs(here.slopes).max(axis=0, initial=0.0)
-    value = np.abs(here.value).max()
-    by_slope = np.where(slope > 0, value / np.where(slope > 0, slope, 1.0), 1.0)
-    return np.where(here.numbers != 0, np.abs(here.numbers), by_slope)

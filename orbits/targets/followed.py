@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
@@ -40,6 +41,7 @@ from orbits.shooting.finding import find
 
 #: Newton steps to find an orbit again: one that takes more is too far for its prediction.
 _ITERATIONS = 30
+_HALVINGS = 12  # of a step before a search gives up
 
 #: What can be followed.
 Near = Orbit | HybridOrbit | Equilibrium | Member | SpecialOrbit
@@ -96,11 +98,9 @@ class Followed(abc.ABC):
 
         def all_of(x: Array) -> tuple[Any, Any]:
             thing = self.differentiable(x, found)
-            both = jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
-            return both, both
+            return jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
 
-        slopes, (value, place) = jax.jacfwd(all_of, has_aux=True)(jnp.asarray(numbers))
-        slopes, place_slopes = slopes
+        (value, place), (slopes, place_slopes) = value_and_jacfwd(all_of)(jnp.asarray(numbers))
         if value.ndim != 1:
             raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
         value, slopes = np.asarray(value), np.asarray(slopes)
@@ -127,6 +127,42 @@ class At:
     value: np.ndarray
     slopes: np.ndarray
     places: tuple[Any, Any]
+
+    @property
+    def units(self) -> np.ndarray:
+        """(n,) units: the sizes of the parameters; of one that is 0, a change that it may need."""
+        slope, value = np.abs(self.slopes).max(axis=0, initial=0.0), np.abs(self.value).max()
+        known = (slope > 0) & (value > 0)
+        by_slope = np.where(known, value / np.where(slope > 0, slope, 1.0), 1.0)
+        return np.where(self.numbers != 0, np.abs(self.numbers), by_slope)
+
+
+@dataclasses.dataclass(frozen=True)
+class Search(abc.ABC):
+    """A search within bounds, whose steps are halved until one is accepted."""
+
+    followed: Followed
+    wanted: Callable[[Any], Any]
+    low: np.ndarray
+    high: np.ndarray
+    goal: float
+    limit: TimeLimit
+
+    @abc.abstractmethod
+    def accepts(self, here: At, new: At) -> bool:
+        """Whether a new state is so much better that the step is taken."""
+
+    def shorten(self, here: At, step: np.ndarray) -> At | None:
+        """The state after a step, or after a part of it; None if none is accepted in time."""
+        for _ in range(_HALVINGS):
+            if self.limit.over:
+                break
+            numbers = np.clip(here.numbers + step, self.low, self.high)
+            new = self.followed.move(here, numbers, self.wanted)
+            if new is not None and self.accepts(here, new):
+                return new
+            step = 0.5 * step
+        return None
 
 
 def follow(make: Make, near: Near | Sequence[Near], hold: Hold) -> tuple[Followed, Any]:

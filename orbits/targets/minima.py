@@ -20,9 +20,8 @@ from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.shooting.strategy import SECONDS
-from orbits.targets.followed import At, Followed, Near, TimeLimit, bounds, follow
+from orbits.targets.followed import At, Near, Search, TimeLimit, bounds, follow
 
-_HALVINGS = 12  # of a step before the search gives up
 _LONGEST = 0.3  # longest step, in units of the parameters
 _DECREASE = 1e-4  # least decrease, relative to that of the linear part
 _ROUNDING = 1e-13  # relative: changes of the quantity below this are rounding
@@ -138,26 +137,18 @@ def minimise(
     return found
 
 
-@dataclasses.dataclass(frozen=True)
-class _Search:
+class _Search(Search):
     """The BFGS method on the parameters that no bound holds; steps are halved until they descend.
 
     Parameters are in units of their first values, and one that is 0 in the change that changes the
     quantity by as much as its value.
     """
 
-    followed: Followed
-    quantity: Callable[[Any], Any]
-    low: np.ndarray
-    high: np.ndarray
-    goal: float
-    limit: TimeLimit
-
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Optimum:
-        here = self.followed.at(numbers, near, self.quantity)
+        here = self.followed.at(numbers, near, self.wanted)
         if len(here.value) != 1:
             raise fail("quantity", "one number", f"{len(here.value)} numbers")
-        units = _units(here)
+        units = here.units
         curvature = None
         for n in range(steps + 1):
             gradient = here.slopes[0] * units
@@ -171,7 +162,7 @@ class _Search:
             step = np.zeros(len(units))
             step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], gradient[free])
             step *= min(1.0, _LONGEST / np.abs(step).max())
-            new = self._lower(here, step * units)
+            new = self.shorten(here, step * units)
             if new is None:
                 over = self.limit.over
                 lost = OptimumOutcome.TIME_LIMIT if over else OptimumOutcome.LOST
@@ -186,21 +177,11 @@ class _Search:
         outwards = (here.numbers <= self.low) & (gradient > 0)
         return ~(outwards | ((here.numbers >= self.high) & (gradient < 0)))
 
-    def _lower(self, here: At, step: np.ndarray) -> At | None:
-        """The state after the step, or after a part of it, where the quantity is smaller."""
-        for _ in range(_HALVINGS):
-            if self.limit.over:
-                break
-            numbers = np.clip(here.numbers + step, self.low, self.high)
-            new = self.followed.move(here, numbers, self.quantity)
-            if new is not None:
-                # Bounds may turn a step upwards.
-                expected = min(here.slopes[0] @ (numbers - here.numbers), 0.0)
-                least = _DECREASE * expected + _ROUNDING * abs(here.value[0])
-                if new.value[0] - here.value[0] <= least:
-                    return new
-            step = 0.5 * step
-        return None
+    def accepts(self, here: At, new: At) -> bool:
+        # Bounds may turn a step upwards.
+        expected = min(here.slopes[0] @ (new.numbers - here.numbers), 0.0)
+        least = _DECREASE * expected + _ROUNDING * abs(here.value[0])
+        return bool(new.value[0] - here.value[0] <= least)
 
     @staticmethod
     def _optimum(here: At, steps: int, outcome: OptimumOutcome) -> Optimum:
@@ -216,10 +197,3 @@ def _update(curvature: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.
     return (
         curvature - np.outer(ahead, ahead) / float(moved @ ahead) + np.outer(change, change) / along
     )
-
-
-def _units(here: At) -> np.ndarray:
-    """(n,) units of the parameters, from the first point."""
-    slope, value = np.abs(here.slopes[0]), abs(here.value[0])
-    by_slope = np.where((slope > 0) & (value > 0), value / np.where(slope > 0, slope, 1.0), 1.0)
-    return np.where(here.numbers != 0, np.abs(here.numbers), by_slope)

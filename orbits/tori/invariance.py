@@ -23,6 +23,7 @@ import numpy as np
 from jaxdyn import Scene
 from jaxdyn.analysis.energy import energy
 from jaxdyn.continuation import newton
+from jaxdyn.system import differences
 from orbits.closing.sizes import alike, sizes
 from orbits.shooting.segment import Piece, linearize_end
 from orbits.tori import circle
@@ -172,13 +173,8 @@ def flow_map(scene: Scene, points: np.ndarray, time: float, rtol: float):
         linearize_end(scene, Piece(start=y, t0=0.0, span=time, parameter=0.0), rtol) for y in points
     ]
     found = jax.tree.map(lambda *leaves: np.stack(leaves), *done)
-    ends = points + np.asarray(_differences(scene, found.y1, points))
+    ends = points + np.asarray(differences(scene.system, found.y1, points))
     return ends, found.slopes.start, found.slopes.span
-
-
-@jax.jit
-def _differences(scene: Scene, ends, points):
-    return jax.vmap(scene.system.difference)(ends, points)
 
 
 def _equations(

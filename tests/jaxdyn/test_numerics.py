@@ -20,7 +20,9 @@ from jaxdyn._numerics import (
     solve_psd,
     solve_spd,
     square_norm,
+    taylor_coefficients,
     two_sum,
+    value_and_jacfwd,
 )
 
 RNG = np.random.default_rng(1)
@@ -33,6 +35,23 @@ def test_safe_sqrt_is_the_root_with_a_finite_slope_at_zero(jac):
     slope = jnp.diagonal(jac(safe_sqrt)(x))
     np.testing.assert_allclose(slope, [0.0, 5e149, 1.0, 0.25], rtol=1e-15)
     assert jnp.isfinite(jac(jac(safe_sqrt))(jnp.array([0.0]))).all()
+
+
+def test_a_value_comes_with_its_derivatives_from_one_run():
+    runs = []
+
+    def product(x, y):
+        runs.append(x)
+        return {"product": x * y[0]}
+
+    x, y = jnp.array([1.0, 2.0]), jnp.array([3.0])
+    value, slopes = value_and_jacfwd(product, (0, 1))(x, y)
+    assert len(runs) == 1
+    np.testing.assert_array_equal(value["product"], [3.0, 6.0])
+    by_x, by_y = slopes["product"]
+    np.testing.assert_array_equal(by_x, np.diag([3.0, 3.0]))
+    np.testing.assert_array_equal(by_y, [[1.0], [2.0]])
+    np.testing.assert_array_equal(value_and_jacfwd(jnp.sin)(x)[1], np.diag(np.cos(x)))
 
 
 @pytest.mark.parametrize("x", [math.nan, -1.0, -math.inf])
@@ -206,6 +225,12 @@ def test_rough_power_is_right_to_a_few_percent_and_always_finite(n, most):
         narrow = jax.jit(jax.vmap(lambda x: rough_power(x, n)))(x)
     assert narrow.dtype == np.float32
     assert np.abs(np.asarray(narrow, float) / np.asarray(x, float) ** n - 1).max() < most
+
+
+def test_the_series_of_a_function_are_those_of_its_closed_form():
+    series = taylor_coefficients(lambda e: jnp.stack([jnp.exp(-2 * e), jnp.sin(e)]), 4)
+    np.testing.assert_allclose(series[:, 0], [1, -2, 2, -4 / 3, 2 / 3], rtol=1e-15)
+    np.testing.assert_allclose(series[:, 1], [0, 1, 0, -1 / 6, 0], atol=1e-16)
 
 
 @pytest.mark.parametrize("first", [jax.jacfwd, jax.jacrev])

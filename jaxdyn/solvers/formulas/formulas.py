@@ -504,16 +504,17 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
 _SEARCH, _TABLE = "searchsorted", "_interp"
 
 
-def _search(graph: Graph, eqn, knots: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """The places of numbers in a table, as `jnp.searchsorted` finds them."""
+def _search(
+    graph: Graph, eqn, knots: np.ndarray, x: np.ndarray, *tangents: np.ndarray
+) -> np.ndarray:
+    """The places of numbers in a table, as `jnp.searchsorted` finds them, also in a derivative."""
     if not graph.written or knots.ndim != 1:
         raise NotElementary(
             "a search in a table, as in jnp.interp: write its pieces with jnp.where"
         )
     # Which side of equal numbers it takes is found out by an example.
-    (example,) = by_jax(
-        eqn.primitive, eqn.params, [np.arange(float(len(knots))), np.zeros(x.shape)]
-    )
+    others = (np.zeros(a.shape) for a in (x, *tangents))
+    (example,) = by_jax(eqn.primitive, eqn.params, [np.arange(float(len(knots))), *others])
     return alternatives.place(graph, knots, x, equal=bool(example.flat[0]))
 
 

@@ -196,6 +196,11 @@ def _slope(t, y):
     return [jax.grad(lambda x: jnp.interp(x, KNOTS, HEIGHTS))(y[0])]
 
 
+def _with_slope(t, y):
+    value, slope = jax.jvp(lambda x: jnp.interp(x, KNOTS, HEIGHTS), (y[0],), (jnp.ones(()),))
+    return [value + 2.0 * slope]
+
+
 def _held(t, y):
     """The height at the last knot, for several numbers, and a ramp from there on."""
     knots, heights = jnp.asarray(KNOTS), jnp.asarray(HEIGHTS)
@@ -222,6 +227,7 @@ TABLES = {
     "plain": _table(),
     "ends": _table(left=-3.0, right=9.0),
     "extrapolated": _table(left="extrapolate", right="extrapolate"),
+    "with its slope": jaxdyn.ode(_with_slope, [0.3]),
     "period": jaxdyn.ode(lambda t, y: [jnp.interp(y[0], *ROAD, period=4.5)], [0.3]),
     "remainder": jaxdyn.ode(lambda t, y: [jnp.interp(y[0] % 4.0, *ROAD)], [0.3]),
     "parameters": jaxdyn.ode(
