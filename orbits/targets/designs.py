@@ -9,12 +9,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, check_callable, check_untraced, positive, whole
+from jaxdyn._checks import array, check_callable, check_on_host, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -140,7 +139,7 @@ def design(
       >>> round(float(found.numbers[0]), 9), round(found.found.period, 9)
       (0.874143129, 2.0)
     """
-    check_untraced("design", (guess, jnp.zeros(())), "Call it outside jit, grad and vmap.")
+    check_on_host("design", guess, "Call it outside jit, grad and vmap.")
     numbers = np.asarray(array("guess", guess, (None,)))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import check_untraced, fail
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
@@ -100,6 +100,9 @@ class Followed(abc.ABC):
             return both, both
 
         slopes, (value, place) = jax.jacfwd(all_of, has_aux=True)(jnp.asarray(numbers))
+        outside = "Call it outside jit, grad and vmap."
+        check_untraced("make", place, outside)
+        check_untraced("wanted", value, outside)
         slopes, place_slopes = slopes
         if value.ndim != 1:
             raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
