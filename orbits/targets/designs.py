@@ -28,6 +28,9 @@ _HALVINGS = 12
 _LESS = 1e-12
 #: The search ends if the next step would change the residual by a smaller part of it.
 _LEVEL = 1e-9
+#: Relative decrease of the sum of squares below which residuals that are not linear may spoil it. A
+#: step then counts if the next one would come less far, by this factor.
+_HARDLY, _SHORTER = 1e-9, 0.7
 
 
 class DesignOutcome(Code):
@@ -175,9 +178,9 @@ class _Search:
                 return self._design(here, n, DesignOutcome.LEAST)
             new = self._closer(here, step)
             if new is None:
+                level = DesignOutcome.LEAST if _is_level(here, step) else DesignOutcome.LOST
                 over = self.limit.over
-                lost = DesignOutcome.TIME_LIMIT if over else DesignOutcome.LOST
-                return self._design(here, n, lost)
+                return self._design(here, n, DesignOutcome.TIME_LIMIT if over else level)
             here = new
         held = np.abs(here.value).max() <= self.goal
         outcome = DesignOutcome.FOUND if held else DesignOutcome.STEP_LIMIT
@@ -199,13 +202,18 @@ class _Search:
                 break
             free &= ~beyond
         moved = np.clip(here.numbers + step * units, self.low, self.high) - here.numbers
-        gained = np.abs(here.slopes @ moved).max()
+        gained = _gain(here, moved)
         if gained <= _LEVEL * np.abs(here.value).max() or np.abs(moved / units).max() < _SETTLED:
             return None
         return moved
 
     def _closer(self, here: At, step: np.ndarray) -> At | None:
-        """The state after the step, or after a part of it that comes closer."""
+        """The state after the step, or after a part of it that comes closer.
+
+        Near numbers with the least sum of squares this no longer shows how near they are, since its
+        change is of second order; how far the next step would come does.
+        """
+        level = _is_level(here, step)
         for _ in range(_HALVINGS):
             if self.limit.over:
                 break
@@ -214,12 +222,27 @@ class _Search:
                 before, after = (float(at.value @ at.value) for at in (here, new))
                 if after < (1 - _LESS) * before or np.abs(new.value).max() <= self.goal:
                     return new
+                if level and after <= (1 + _LESS) * before:
+                    further = self._step(new)
+                    if further is None or _gain(new, further) < _SHORTER * _gain(here, step):
+                        return new
             step = 0.5 * step
         return None
 
     @staticmethod
     def _design(here: At, steps: int, outcome: DesignOutcome) -> Design:
         return Design(here.numbers, here.found, here.value, here.slopes, steps, outcome)
+
+
+def _gain(here: At, step: np.ndarray) -> float:
+    """The largest change of a residual by a step, to first order."""
+    return float(np.abs(here.slopes @ step).max())
+
+
+def _is_level(here: At, step: np.ndarray) -> bool:
+    """Whether a step changes the sum of squares hardly at all, if residuals are linear."""
+    after = here.value + here.slopes @ step
+    return bool(after @ after >= (1 - _HARDLY) * (here.value @ here.value))
 
 
 def _units(here: At) -> np.ndarray:
