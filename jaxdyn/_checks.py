@@ -167,6 +167,13 @@ def check_untraced(
         raise fail(name, "numbers", "values traced by jit, grad or vmap", remedy)
 
 
+def check_on_host(
+    name: str, x: Any, remedy: str = "Call it outside of jit, grad and vmap."
+) -> None:
+    """Raise for traced values, and inside of jit, where whatever is computed is traced."""
+    check_untraced(name, (x, jnp.zeros(())), remedy)
+
+
 def array(name: str, x: Any, shape: tuple[int | None, ...], remedy: str = "") -> Array:
     """The input as a finite float array of this shape, where None allows any length."""
     return finite(name, array_of_shape(name, x, shape, remedy), remedy)

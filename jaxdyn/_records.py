@@ -245,6 +245,10 @@ Captured = tuple[tuple[str, bytes], ...]
 PASS_AS_PARAMS = (
     "Pass them as params: a function is compiled once, with the values it captured then."
 )
+_FOLLOW_OUTSIDE = (
+    "Call it outside of jit, grad and vmap: orbits.differentiable and "
+    "jaxdyn.continuation.differentiable give derivatives of what it finds."
+)
 _MAKE_AGAIN = (
     "Make the scene or the event again, or pass what changes as params; of a class, as a field."
 )
@@ -363,12 +367,13 @@ def _methods(kind: type) -> tuple[Callable, ...]:
     return tuple(found)
 
 
-def captures(name: str, *functions: Callable) -> Captured:
+def captures(name: str, *functions: Callable, remedy: str = PASS_AS_PARAMS) -> Captured:
     """Digests of the numbers that functions capture, hashable: a static part of a record.
 
     Args:
       name: what messages call the functions.
       functions: any.
+      remedy: what to do where one of the numbers is being traced.
     Raises:
       ValueError: one of the numbers is being traced.
     """
@@ -381,7 +386,7 @@ def captures(name: str, *functions: Callable) -> Captured:
         for key, value in reads_of(function).items():
             numbers = [x for x in parts_of(value, attributes) if isinstance(x, NUMBERS)]
             if any(isinstance(x, jax.core.Tracer) for x in numbers):
-                raise fail(name, "no captured values that are traced", repr(key), PASS_AS_PARAMS)
+                raise fail(name, "no captured values that are traced", repr(key), remedy)
             if numbers:
                 # Two functions may capture different values under one name.
                 found[key] = found.get(key, b"") + _digest(numbers)
@@ -427,8 +432,8 @@ def with_captures(make: Callable, *arguments: str) -> Remembered:
     if arguments:
         check_callable("make", make, *arguments)
     if not isinstance(make, Remembered):
-        return Remembered(make, captures("make", make))
-    if captures("make", make.function) != make.captured:
+        return Remembered(make, captures("make", make, remedy=_FOLLOW_OUTSIDE))
+    if captures("make", make.function, remedy=_FOLLOW_OUTSIDE) != make.captured:
         expected = "the values it captured when what is continued was made"
         raise fail("make", expected, "others", "Begin again, from the first scene.")
     return make

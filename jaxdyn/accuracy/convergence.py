@@ -111,7 +111,7 @@ def halvings(
     Raises:
       ValueError: `rows` is less than 3, or see `fixed_steps`.
     """
-    _checks.check_untraced("scene", scene)
+    _checks.check_on_host("scene", scene)
     if rows < 3:
         raise _checks.fail("rows", "at least 3", rows, "An order needs three solutions.")
     counts = steps * 2 ** np.arange(rows)

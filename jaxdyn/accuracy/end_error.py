@@ -20,7 +20,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import as_float, check_first, check_untraced
+from jaxdyn._checks import as_float, check_first, check_on_host
 from jaxdyn.integrate.errors import FINEST, RATIO, gaps
 from jaxdyn.integrate.phases import HybridTrajectory, pieces_of
 from jaxdyn.integrate.simulation import RTOL
@@ -139,7 +139,7 @@ def end_error(motion: Motion, again: Again, *, rtol: float = RTOL) -> EndError:
       >>> end_error(again(scenes.oscillator(), 1e-6), again, rtol=1e-6).written()
       ('-0.83907153', '0.54402111')
     """
-    check_untraced("motion", motion)
+    check_on_host("motion", motion)
     scene, y = _end(motion)
     if not np.isfinite(y).all():
         nothing = np.full_like(y, np.nan)

@@ -210,7 +210,7 @@ def by_halving(
     Raises:
       ValueError: see `fixed_steps`.
     """
-    _checks.check_untraced("estimate", (scene, t0, t1))
+    _checks.check_on_host("estimate", (scene, t0, t1))
     (t0, t1), method = span(scene, t1, t0), method_of(method)
     length = abs(float(t1) - float(t0))
 
@@ -231,7 +231,7 @@ def _methods(
     scene: Scene, t1, t0, samples, solver: Solver | None, rtols: tuple[float, float]
 ) -> tuple[Method, Method]:
     """The methods at two tolerances; `RADAU9` for both where it takes over at the first."""
-    _checks.check_untraced("estimate", (scene, t0, t1, samples))
+    _checks.check_on_host("estimate", (scene, t0, t1, samples))
     first, second = (choose_method(scene, solver, rtol=rtol) for rtol in rtols)
     if solver is not None:
         return first, second

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import _checks, _text
-from jaxdyn._checks import check_first, check_untraced
+from jaxdyn._checks import check_first, check_on_host
 from jaxdyn._progress import each, report_progress
 from jaxdyn.accuracy.quantities import END, Quantity
 from jaxdyn.accuracy.timing import Times, at_error, interleave
@@ -186,7 +186,7 @@ def work_precision(
       ValueError: `solvers` is empty, or one of them does not suit the scene.
     Limits: a time is that of the compiled calculation with its call overhead of some 20 us.
     """
-    check_untraced("scene", scene)
+    check_on_host("scene", scene)
     t1 = float(span(scene, t1)[1])
     solvers = fit_solvers(scene, t1) if solvers is None else tuple(map(method_of, solvers))
     if not solvers:

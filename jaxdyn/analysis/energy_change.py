@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import check_first, check_untraced
+from jaxdyn._checks import check_first, check_on_host
 from jaxdyn.analysis.energy import change as change_of
 from jaxdyn.analysis.energy import energy
 from jaxdyn.analysis.work_by_effect import power_of
@@ -74,7 +74,7 @@ def energy_change(motion: Trajectory | HybridTrajectory) -> EnergyChange | None:
       ('QuadraticDrag',)
     """
     remedy = "Call it outside of jit, grad and vmap; `energy.change` takes traced numbers."
-    check_untraced("motion", motion, remedy)
+    check_on_host("motion", motion, remedy)
     pieces = pieces_of(motion)
     if not pieces[0].scene.has_energy or len(pieces[0].ts) < 2:
         return None

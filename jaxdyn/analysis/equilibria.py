@@ -129,7 +129,7 @@ def equilibria(
         "Find the equilibria outside of jit, grad and vmap; `equilibria.equilibrium(scene, y)` "
         "carries their derivatives."
     )
-    _checks.check_untraced("equilibria", (scene, low, high, t), remedy)
+    _checks.check_on_host("equilibria", (scene, low, high, t), remedy)
     box = _box(low, high, len(check_scene(scene).y0))
     starts, t = _checks.whole("starts", starts, most=_MOST_STARTS), _checks.array("t", t, ())
     field = scene.field

@@ -182,6 +182,7 @@ def free_body(scene: Scene, t=0.0, y=None) -> FreeBodies:
           sum     (0, 0) N = m a
         residual  0.0e+00 of the largest force or moment
     """
+    _checks.check_on_host("free_body", (scene, t, y))
     _checks.float64()
     t = _checks.array("t", t, ())
     y = scene.y0 if y is None else _checks.array("y", y, np.shape(scene.y0))

@@ -111,6 +111,7 @@ def frequencies(
 
 def _samples(signal, entry, dt) -> tuple[np.ndarray, np.ndarray]:
     """Times (n,) and values (n,), checked."""
+    _checks.check_on_host("signal", (signal, dt))
     if isinstance(signal, Trajectory):
         names = [name for name, _ in signal.scene.labels()]
         _checks.choice("entry", entry, names)

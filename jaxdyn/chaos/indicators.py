@@ -339,6 +339,7 @@ class _Run:
     """Motions of a scene with their tangents, in an ensemble."""
 
     def __init__(self, scene: Scene, params: Scene | None, count: int, averaged: bool = False):
+        _checks.check_on_host("scene", (scene, params))
         self.scene, self.params = check_scene(scene), params
         self.count, self.averaged = count, averaged
         self.sizes = np.zeros((0, len(self.scene.y0)))  # (n, k) of each motion, once it is known
@@ -356,6 +357,7 @@ class _Run:
         self, starts, t0, t1, rtol: float, progress: bool, watch: Watch | None = None
     ) -> tuple[Ends, tuple[int, ...]]:
         """The ends of all motions in a row, and the axes of the starts."""
+        _checks.check_untraced("starts and times", (starts, t0, t1, rtol))
         own = self.scene if self.params is None else self.params
         starts = host_floats(own.y0 if starts is None else starts, "starts")
         k = len(self.scene.y0)

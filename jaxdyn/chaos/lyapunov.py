@@ -413,7 +413,7 @@ def lyapunov_exponents(
       True
     """
     t0, t1 = span(scene, t1, t0)
-    _checks.check_untraced("scene", (scene, t0, t1))
+    _checks.check_on_host("scene", (scene, t0, t1))
     left_out = _checked_transient(transient, float(t1 - t0))
     # One method, with its stages in a loop, for the motion with and without tangents: fast to
     # compile.

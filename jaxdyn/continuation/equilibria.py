@@ -96,9 +96,7 @@ def continue_equilibria(
       [('Hopf point', 'subcritical', 24.736842)]
     """
     numbers = (parameter, start)
-    _checks.check_untraced(
-        "continue_equilibria", numbers, "See jaxdyn.analysis.equilibria.equilibrium."
-    )
+    _checks.check_on_host("continue_equilibria", numbers, "See jaxdyn.continuation.differentiable.")
     _checks.float64()
     _checks.positive(
         "step", step, "It is a length in state and parameter, in units of their sizes."

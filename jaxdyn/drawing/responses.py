@@ -36,6 +36,7 @@ def bode(
       ValueError: `path` cannot be written, a frequency is not positive, or shapes do not fit.
     """
     path = picture_path(path)
+    _checks.check_untraced("bode", (omega, values), "Draw what a compiled function returns.")
     omega = np.asarray(_checks.positive("omega", omega, "The axis is logarithmic."))
     values = np.asarray(values).reshape(len(omega), -1)
     if names and len(names) != values.shape[1]:

@@ -27,6 +27,8 @@ from jaxdyn.scene import Scene, check_scene
 from jaxdyn.solvers import Solver
 from jaxdyn.solvers.choice import check_method
 
+_NO_DERIVATIVES = "Ensembles have no derivatives; take jax.vmap of jaxdyn.solve, which has them."
+
 
 @check_first
 def run(
@@ -149,6 +151,7 @@ def stream(
       >>> [part.y1.shape for part in ensemble.stream(scene, starts, 1.0)]
       [(1, 4), (1, 4)]
     """
+    _checks.check_on_host("ensemble", (scene, t0, t1, rtol), _NO_DERIVATIVES)
     shared = FixedField(scene.field) if fixed else scene.field
     options = SolverOptions(rtol=rtol, atol=atol, solver=solver, max_steps=max_steps)
     job = _job(scene, shared, options, watch=watch, chunk=chunk, threads=threads, devices=devices)
@@ -203,8 +206,8 @@ def _motions(
     scene: Scene, y0s, t0, t1, params: Scene | None, fixed: bool, rtol
 ) -> tuple[Motions, Any]:
     """The queue, and the field with None in place of the numbers that each motion has itself."""
-    remedy = "Ensembles have no derivatives; take jax.vmap of jaxdyn.solve, which has them."
-    _checks.check_untraced("ensemble", (scene, y0s, t0, t1, params, rtol), remedy)
+    numbers = (scene, y0s, t0, t1, params, rtol)
+    _checks.check_on_host("ensemble", numbers, _NO_DERIVATIVES)
     check_scene(scene, rtol)
     _checks.flag("fixed", fixed)
     given = scene if params is None else params

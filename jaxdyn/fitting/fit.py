@@ -92,9 +92,8 @@ def fit(
       True
     """
     numbers = list(data.values()) if isinstance(data, Mapping) else data
-    _checks.check_untraced(
-        "fit", (guess, numbers, jnp.zeros(())), "Call it outside jit, grad and vmap."
-    )
+    outside = "Call it outside jit, grad and vmap."
+    _checks.check_on_host("fit", (guess, numbers, noise, t0), outside)
     leaves, rest = eqx.partition(guess, _is_number)
     leaves = jax.tree.map(lambda x: _checks.array("guess", x, (...,)), leaves)
     flat, tree = jax.tree.flatten(leaves)
@@ -105,6 +104,7 @@ def fit(
         _checks.check_callable("make", make, "params")
     scene = make(**guess) if by_name else make(guess)
     check_kind("make(guess)", scene, (Scene,))
+    _checks.check_untraced("make(guess)", scene, outside)
     check_scene(scene)
     table = measurements.read_measurements(data, columns)
     found = measurements.columns_of(scene, table.names, observe)

@@ -68,7 +68,7 @@ def simulate_phases(
     """
     _check_names(phases)
     remedy = "Phases are chosen on the host; `follow` goes through a known sequence of them."
-    _checks.check_untraced("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
+    _checks.check_on_host("simulate_phases", (phases, y0, t1, t0, rtol, atol), remedy)
     if not _checks.array("t1", t1, ()) > _checks.array("t0", t0, ()):
         raise _checks.fail("t1", f"a time after t0 = {t0}", t1, "Impacts do not run backwards.")
     if max_phases < 1:
@@ -273,7 +273,13 @@ def follow(
 
 @check_first
 def pieces_of(motion: Trajectory | HybridTrajectory) -> tuple[Trajectory, ...]:
-    """The smooth pieces of a motion: those of its phases, or the motion itself."""
+    """The smooth pieces of a motion: those of its phases, or the motion itself.
+
+    Raises:
+      ValueError: it is a batch, or traced: for pictures, files and the like.
+    """
+    remedy = "Draw, write and check what a compiled function returns."
+    _checks.check_on_host("motion", motion, remedy)
     return motion.pieces if isinstance(motion, HybridTrajectory) else (single(motion),)
 
 

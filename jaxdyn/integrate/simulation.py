@@ -251,7 +251,7 @@ def _solve(
     elif n and not adjoint:
         # NaN is never reached. Derivatives would see it, and traces recompile anyway.
         ts = np.append(ts, np.full(padding(n, y0.size), np.nan))
-    march = _compiled_adjoint_flow if adjoint else flow if traced else _compiled_flow
+    march = _reverse_flow if adjoint else flow if traced else _compiled_flow
     run = functools.partial(march, field, y0, t0, t1, ts)
     out, switched = run_or_switch(run, run_limits, method, default=default and not traced)
     if not switched and len(ts) == n:
@@ -268,6 +268,20 @@ def _solve(
 @functools.partial(jax.jit, static_argnames="method")
 def _compiled_flow(*args, method: Method) -> SolveResult:
     return flow(*args, method=method)
+
+
+def _reverse_flow(*args, method: Method) -> SolveResult:
+    """The result of `_compiled_adjoint_flow`; raises ValueError in forward mode.
+
+    JAX finds out that it is forward mode when it meets the tangents, and names `jax.custom_vjp`.
+    """
+    try:
+        return _compiled_adjoint_flow(*args, method=method)
+    except (TypeError, NotImplementedError) as error:
+        if not any(name in str(error) for name in ("custom_vjp", "custom_lin")):
+            raise
+        wanted, got = "reverse mode, as of jax.grad or jax.jacrev", "forward mode, as of jax.jacfwd"
+        raise _checks.fail("adjoint", wanted, got, "Leave adjoint=True out.") from error
 
 
 @functools.partial(jax.jit, static_argnames="method")

@@ -61,6 +61,7 @@ def live(
       >>> player.live(scenes.pendulum())  # doctest: +ELLIPSIS
       PlayerPage(... kB of HTML): a notebook shows it
     """
+    _checks.check_on_host("scene", scene)
     path = None if path is None else page_path(path)
     scenes = scene if isinstance(scene, Mapping) else {"": scene}
     return write_page(Choices(scenes, choose), path, title=title, motions=motions, asks=asks)

@@ -28,6 +28,8 @@ from jaxdyn.scene import Scene, check_scene
 class NaturalModes:
     """The modes of a scene about an equilibrium, the slowest first.
 
+    Under `jax.vmap` all arrays have further axes, in front.
+
     Attributes:
       eigenvalues: (m,) complex, one of each conjugate pair [1/s]; real for motions that do not
         oscillate.
@@ -66,26 +68,26 @@ class NaturalModes:
 
         If the state is not [q, v], all its entries.
         """
-        x = self.vectors if self.mass is None else self.vectors[: len(self.mass)]
-        top = jnp.argmax(jnp.abs(x), axis=0)
-        return x / jnp.take_along_axis(x, top[None], axis=0)
+        x = self.vectors if self.mass is None else self.vectors[..., : self.mass.shape[-1], :]
+        top = jnp.argmax(jnp.abs(x), axis=-2, keepdims=True)
+        return x / jnp.take_along_axis(x, top, axis=-2)
 
     @property
     def damping(self) -> Array | None:
         """(n, n) matrix C of damping and gyroscopic forces; None if the state is not [q, v]."""
-        return self._times_mass(slice(-1, None))
+        return self._times_mass(of_rates=True)
 
     @property
     def stiffness(self) -> Array | None:
         """(n, n) stiffness matrix K; None if the state is not [q, v]."""
-        return self._times_mass(slice(None, 1))
+        return self._times_mass(of_rates=False)
 
-    def _times_mass(self, side: slice) -> Array | None:
+    def _times_mass(self, *, of_rates: bool) -> Array | None:
         if self.mass is None:
             return None
-        n = len(self.mass)
-        columns = slice(n, None) if side.start == -1 else slice(None, n)
-        return -self.mass @ self.a[n:, columns] + 0.0
+        n = self.mass.shape[-1]
+        columns = slice(n, None) if of_rates else slice(None, n)
+        return -self.mass @ self.a[..., n:, columns] + 0.0
 
     @_text.never_raising
     def __repr__(self) -> str:

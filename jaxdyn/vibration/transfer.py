@@ -24,6 +24,8 @@ from jaxdyn.vibration.inputs import Base, Input, Output, check_input, output
 class TransferFunction(Record):
     """H(s) from an input to an output, a function of complex numbers s (...).
 
+    Several of them, that `jax.vmap` made, are a function whose values have their axes in front.
+
     Attributes:
       a: (k, k) A.
       b: (k, j) B0 and B1.
@@ -36,6 +38,8 @@ class TransferFunction(Record):
 
     def __call__(self, s) -> Array:
         """(..., *outputs) complex H at s (...) [1/s]."""
+        if self.a.ndim > 2:
+            return jax.vmap(lambda one: one(s))(self)
         s = jnp.asarray(s).astype(complex)
         return jnp.vectorize(self._at, signature=_signature(self.c))(s)
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import check_first, check_untraced, fail
+from jaxdyn._checks import check_first, check_on_host, fail
 from jaxdyn.analysis.eigenvalues import (
     ERROR_SAFETY,
     ROUNDING,
@@ -238,7 +238,7 @@ def stability(
     Limits: linear stability only. "stable" for a conservative scene means all non-trivial
       multipliers lie on the unit circle and cannot leave it within their bars.
     """
-    check_untraced("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
+    check_on_host("stability", orbit, "See orbits.differentiable(scene, orbit).multipliers().")
     rtol = orbit.rtol if rtol is None else rtol
     if isinstance(orbit, HybridOrbit):
         if along is not None:

@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import array, array_of_shape, check_untraced, fail, positive
+from jaxdyn._checks import array, array_of_shape, check_on_host, fail, positive
 from jaxdyn.plan import plan_of
 from jaxdyn.plan.plan import without_wrappers
 from jaxdyn.scene import check_scene
 from orbits.closing.closings import EXACT, PLAIN, Closing, Condition, Hold, conditions
 from orbits.closing.sizes import PHASES, SPREAD, alike, rates_at, sizes
 
-_DIFFERENTIATE = (
+DIFFERENTIATE = (
     "Find the orbit outside of the transformation; orbits.differentiable(scene, orbit) has its "
     "derivatives by any number of the scene."
 )
@@ -75,7 +75,7 @@ def pose(
         finite; `period` is not positive, or not a multiple of the drive's; no number lies between
         `lower` and `upper`; a closing condition or a condition does not apply to the scene.
     """
-    check_untraced("find", (scene, y0, period, lower, upper, hold), _DIFFERENTIATE)
+    check_on_host("find", (scene, y0, period, lower, upper, hold), DIFFERENTIATE)
     scene = check_scene(scene if y0 is None else scene.starting(y0))
     period = positive("period", scene.t1 if period is None else period, "It is a time.")
     array("period", period, (), "It is one time.")

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import array, check_untraced, fail, positive, whole
+from jaxdyn._checks import array, check_on_host, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
@@ -147,7 +147,7 @@ def continue_curve(
     Reference: Govaerts, Kuznetsov, Dhooge (2005), SIAM J. Sci. Comput. 27, 231; Kuznetsov (2004),
       Elements of Applied Bifurcation Theory, chapters 9 and 10.
     """
-    check_untraced("continue_curve", (parameters,), "See orbits.differentiable, for each member.")
+    check_on_host("continue_curve", parameters, "See orbits.differentiable, for each member.")
     positive("step", step, "It is a length in the space of the unknowns.")
     members = whole("members", members)
     tolerances(rtol, None)

@@ -102,6 +102,7 @@ def basins(
       >>> [a.kind for a in found.attractors], bool(abs(found.fractions[0] - 0.5) < 1e-9)
       (['equilibrium', 'equilibrium'], True)
     """
+    _checks.check_on_host("basins", (scene, t1, period))
     labels = [name for name, _ in scene.labels()]
     axes = as_axes(grid, labels)
     check_rounds(rounds, refine, axes)

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._records import captures
 from jaxdyn.files.rows import Rows, program_text, rows_in
 from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
 from jaxdyn.system import check_value
@@ -87,8 +88,10 @@ def map_basins(
       >>> sorted(a.points[0].round(9).tolist() for a in found.attractors), found.fractions[2]
       ([[-1.0, 0.0], [1.0, 0.0]], np.float64(0.0))
     """
+    _checks.check_on_host("map_basins", params)
     params = as_params(params)
     check_function("step", step, params, "y")
+    captures("step", step)
     axes = as_axes(grid)
     check_rounds(rounds, refine, axes)
     _checks.whole("steps", steps)

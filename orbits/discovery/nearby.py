@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, fail
+from jaxdyn._checks import check_first, check_on_host, fail
 from jaxdyn._progress import report_progress
 from jaxdyn.status import Status
 from orbits.analysis.same import minimal_period
 from orbits.closing.closings import PLAIN, Closing, Energy, Reversal
-from orbits.closing.given import drive_period, is_driven
+from orbits.closing.given import DIFFERENTIATE, drive_period, is_driven
 from orbits.discovery.seeds import Seed, extents, returns
 from orbits.motion import quick_solve, sample
 from orbits.orbit import Orbit
@@ -80,6 +80,7 @@ def search_near(
       >>> round(cycle.period, 6)
       7.15692
     """
+    check_on_host("search_near", (scene, period, energy), DIFFERENTIATE)
     several = (closing,) if isinstance(closing, Closing) else tuple(closing)
     held = (*hold, *(() if energy is None else (Energy(energy),)))
     near = functools.partial(

@@ -17,7 +17,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from jaxdyn import Scene, _text
-from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
+from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._progress import report_progress
 from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
@@ -128,7 +128,7 @@ def search(
       >>> [round(find.period, 6) for find in found.finds]
       [3.141593]
     """
-    check_untraced(
+    check_on_host(
         "search", scene, "Search outside of the transformation; see orbits.differentiable."
     )
     plan = Plan(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, check_untraced, fail, whole
+from jaxdyn._checks import check_first, check_on_host, fail, whole
 from jaxdyn._progress import report_progress
 from jaxdyn._text import number_of
 from orbits.analysis.same import minimal_period, same_orbit
@@ -67,7 +67,7 @@ def find_all(
       >>> sorted({round(orbit.period, 4) for orbit in found})
       [6.0756, 6.9006, 7.5433]
     """
-    check_untraced("find_all", (scene, y0s, period), "Search outside of the transformation.")
+    check_on_host("find_all", (scene, y0s, period), "Search outside of the transformation.")
     most = whole("most", most)
     starts = np.asarray(y0s, float)
     k = len(scene.y0)

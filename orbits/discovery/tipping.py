@@ -118,6 +118,7 @@ def basin_fractions(
       >>> [(point.begins, point.low, point.high) for point in found.tipping]  # 2 / 27^(1/2) = 0.385
       [(False, 0.3, 0.5)]
     """
+    _checks.check_on_host("basin_fractions", values)
     at = np.asarray(_checks.host_array("values", values, (None,)))
     if not (len(at) and (np.diff(at) > 0).all()):
         raise _checks.fail("values", "ascending ones, at least one", at)

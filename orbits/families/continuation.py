@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
+from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._records import with_captures
 from jaxdyn._text import flag, number_of
 from jaxdyn.continuation.branch import ANYWHERE, BranchProblem, check_bounds, follow, outside
@@ -178,7 +178,7 @@ def continue_family(
       >>> bool((np.diff(family.periods) > 0).all())
       True
     """
-    check_untraced(
+    check_on_host(
         "continue_family", (orbit, parameter), "See orbits.differentiable, for each member."
     )
     _check(orbit, make, parameter, step, members)

@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, System, _text
-from jaxdyn._checks import check_first, check_untraced, fail
+from jaxdyn._checks import check_first, check_on_host, fail
 from jaxdyn._numerics import taylor_coefficients
 from jaxdyn.analysis.monodromy import coarser
 from jaxdyn.continuation.kinds import Kind
@@ -198,7 +198,7 @@ def criticality(point: Member | Orbit, kind: Kind | str | None = None) -> Critic
       >>> orbits.criticality(orbit, "branch point").verdict
       'supercritical'
     """
-    check_untraced("point", point, "Normal forms are computed on the host.")
+    check_on_host("point", point, "Normal forms are computed on the host.")
     orbit = point if isinstance(point, Orbit) else smooth_orbit("point", point.orbit)
     kind = point.kind if kind is None and isinstance(point, Member) else kind
     if kind not in _FORMS:

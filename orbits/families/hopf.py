@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxdyn._checks import check_first, fail, finite
+from jaxdyn._checks import check_first, check_on_host, fail, finite
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.continuation.family import Equilibrium, EquilibriumFamily
 from jaxdyn.continuation.kinds import Kind
@@ -70,6 +70,7 @@ def from_hopf(
       >>> round(mu, 4), round(orbit.period, 3)  # mu = amplitude^2 / 4
       (0.0025, 6.283)
     """
+    check_on_host("from_hopf", amplitude, "See orbits.differentiable, for what it finds.")
     if point.kind != Kind.HOPF:
         raise fail("point", "a Hopf point of family.special", point.kind or "an ordinary member")
     if amplitude is not None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._checks import check_untraced, fail
+from jaxdyn._checks import check_on_host, fail
 from jaxdyn._text import number_of
 from jaxdyn.integrate.events import Event
 from jaxdyn.plan import plan_of
@@ -166,7 +166,7 @@ def find_hybrid(
       >>> round(float(gait.y0[0]), 9)
       0.200310901
     """
-    check_untraced("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
+    check_on_host("find_hybrid", (legs, y0, spans), "Find it outside of the transformation.")
     path: Path = ()
     if isinstance(legs, Mapping):
         path, durations = follow(legs, y0, events)

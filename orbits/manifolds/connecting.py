@@ -80,7 +80,7 @@ def connect(
       >>> orbits.connect(upright, [3.141592653589793, 0.0]).ok
       True
     """
-    _checks.check_untraced("a", (a, b, parameter), "Connections are computed on the host.")
+    _checks.check_on_host("a", (a, b, parameter), "Connections are computed on the host.")
     segments = _checks.whole("segments", segments, 2)
     if isinstance(crossings, tuple) and len(crossings) != 2:
         raise _checks.fail("crossings", "one number, or one for `a` and one for `b`", crossings)

@@ -249,7 +249,7 @@ def manifold(
       >>> len(out), bool(out.ok.all()), out.linear_error <= 1e-8
       (2, True, True)
     """
-    _checks.check_untraced("orbit", orbit, "Manifolds are computed on the host.")
+    _checks.check_on_host("orbit", orbit, "Manifolds are computed on the host.")
     _checks.choice("kind", kind, SENSES)
     _checks.choice("branch", branch, _BRANCHES)
     n, crossings = _checks.whole("strands", strands), _checks.whole("crossings", crossings)

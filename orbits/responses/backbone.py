@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxdyn import Scene, _labelled, _text
-from jaxdyn._checks import check_first, check_untraced, fail, positive, whole
+from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.analysis.scales_at_rest import at_rest
@@ -166,7 +166,7 @@ def backbone(
       >>> float(found.frequencies[0].round(3)), bool(found.frequencies[-1] > 1.2)
       (1.0, True)
     """
-    check_untraced("backbone", scene, "See orbits.differentiable, for each member.")
+    check_on_host("backbone", scene, "See orbits.differentiable, for each member.")
     check_scene(scene)
     whole("mode", mode)
     whole("members", members)

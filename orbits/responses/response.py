@@ -19,7 +19,7 @@ from jaxtyping import Array
 from scipy.optimize import minimize_scalar
 
 from jaxdyn import Scene, _labelled, _text
-from jaxdyn._checks import array, check_callable, check_kind, check_untraced, fail, positive, whole
+from jaxdyn._checks import array, check_callable, check_kind, check_on_host, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn._text import number_of
 from jaxdyn.analysis.linearize import check_equilibrium
@@ -247,7 +247,7 @@ def frequency_response(
       >>> [round(fold.parameter, 5) for fold in found.folds[0]]
       [1.33262, 1.19395]
     """
-    check_untraced("frequency_response", (scene, levels), "See orbits.differentiable.")
+    check_on_host("frequency_response", (scene, levels), "See orbits.differentiable.")
     check_scene(scene)
     low, high = _range(frequencies)
     positive("step", step, "It is a length in the space of the unknowns.")

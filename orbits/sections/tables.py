@@ -10,7 +10,7 @@ import numpy as np
 from rich.progress import Progress
 
 from jaxdyn import Scene, Status, _labelled, _text, ensemble
-from jaxdyn._checks import check_first, check_untraced, fail, finite, numbers, whole
+from jaxdyn._checks import check_first, check_on_host, fail, finite, numbers, whole
 from jaxdyn._labelled import Labelled, Values, entries
 from jaxdyn._progress import report_progress
 from jaxdyn._text import joule, second
@@ -148,7 +148,7 @@ def section(
       >>> found.qp.shape, found.counts.tolist(), bool(found.drift.max() < 1e-10)
       ((2, 8, 2), [8, 8], True)
     """
-    check_untraced("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
+    check_on_host("starts", (scene, starts), "jaxdyn.crossings works under jit, grad and vmap.")
     check_scene(scene)
     (event,) = as_events((event,), len(scene.y0))
     n_wanted = whole("crossings", crossings)

@@ -9,12 +9,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, check_callable, check_untraced, positive, whole
+from jaxdyn._checks import array, check_callable, check_on_host, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -27,6 +26,9 @@ _SETTLED = 1e-12
 _LESS = 1e-12
 #: The search ends if the next step would change the residual by a smaller part of it.
 _LEVEL = 1e-9
+#: Relative decrease of the sum of squares below which residuals that are not linear may spoil it. A
+#: step then counts if the next one would come less far, by this factor.
+_HARDLY, _SHORTER = 1e-9, 0.7
 
 
 class DesignOutcome(Code):
@@ -138,7 +140,7 @@ def design(
       >>> round(float(found.numbers[0]), 9), round(found.found.period, 9)
       (0.874143129, 2.0)
     """
-    check_untraced("design", (guess, jnp.zeros(())), "Call it outside jit, grad and vmap.")
+    check_on_host("design", guess, "Call it outside jit, grad and vmap.")
     numbers = np.asarray(array("guess", guess, (None,)))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)
@@ -166,9 +168,9 @@ class _Search(Search):
                 return self._design(here, n, DesignOutcome.LEAST)
             new = self.shorten(here, step)
             if new is None:
+                level = DesignOutcome.LEAST if _is_level(here, step) else DesignOutcome.LOST
                 over = self.limit.over
-                lost = DesignOutcome.TIME_LIMIT if over else DesignOutcome.LOST
-                return self._design(here, n, lost)
+                return self._design(here, n, DesignOutcome.TIME_LIMIT if over else level)
             here = new
         outcome = DesignOutcome.FOUND if self._is_met(here) else DesignOutcome.STEP_LIMIT
         return self._design(here, steps, outcome)
@@ -189,14 +191,24 @@ class _Search(Search):
                 break
             free &= ~beyond
         moved = np.clip(here.numbers + step * units, self.low, self.high) - here.numbers
-        gained = np.abs(here.slopes @ moved).max()
+        gained = _gain(here, moved)
         if gained <= _LEVEL * np.abs(here.value).max() or np.abs(moved / units).max() < _SETTLED:
             return None
         return moved
 
     def accepts(self, here: At, new: At) -> bool:
+        """Whether the sum of squares is less, or else whether the next step is.
+
+        Near numbers with the least sum of squares this no longer shows how near they are, since its
+        change is of second order; how far the next step would come does.
+        """
         before, after = (float(at.value @ at.value) for at in (here, new))
-        return after < (1 - _LESS) * before or self._is_met(new)
+        if after < (1 - _LESS) * before or self._is_met(new):
+            return True
+        step, further = self._step(here), self._step(new)
+        if step is None or not _is_level(here, step) or after > (1 + _LESS) * before:
+            return False
+        return further is None or _gain(new, further) < _SHORTER * _gain(here, step)
 
     def _is_met(self, here: At) -> bool:
         return bool(np.abs(here.value).max() <= self.goal)
@@ -204,3 +216,14 @@ class _Search(Search):
     @staticmethod
     def _design(here: At, steps: int, outcome: DesignOutcome) -> Design:
         return Design(here.numbers, here.found, here.value, here.slopes, steps, outcome)
+
+
+def _gain(here: At, step: np.ndarray) -> float:
+    """The largest change of a residual by a step, to first order."""
+    return float(np.abs(here.slopes @ step).max())
+
+
+def _is_level(here: At, step: np.ndarray) -> bool:
+    """Whether a step changes the sum of squares hardly at all, if residuals are linear."""
+    after = here.value + here.slopes @ step
+    return bool(after @ after >= (1 - _HARDLY) * (here.value @ here.value))

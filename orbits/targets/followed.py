@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import fail
+from jaxdyn._checks import check_untraced, fail
 from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
@@ -101,6 +101,9 @@ class Followed(abc.ABC):
             return jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
 
         (value, place), (slopes, place_slopes) = value_and_jacfwd(all_of)(jnp.asarray(numbers))
+        outside = "Call it outside jit, grad and vmap."
+        check_untraced("make", place, outside)
+        check_untraced("wanted", value, outside)
         if value.ndim != 1:
             raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
         value, slopes = np.asarray(value), np.asarray(slopes)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene, Status, _text
-from jaxdyn._checks import check_untraced, fail
+from jaxdyn._checks import check_on_host, fail
 from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate import events
 from jaxdyn.scene import check_scene
@@ -222,7 +222,7 @@ def check_throw(scene: Scene) -> Scene:
     Raises:
       ValueError: the scene is traced or of another kind.
     """
-    check_untraced("scene", scene, "Aim outside of jit, grad and vmap.")
+    check_on_host("scene", scene, "Aim outside of jit, grad and vmap.")
     scene = check_scene(scene)
     system = scene.system
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):

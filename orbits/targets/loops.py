@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene, _text, scenes, simulate
-from jaxdyn._checks import array, check_first, check_untraced, fail, positive, whole
+from jaxdyn._checks import array, check_first, check_on_host, fail, positive, whole
 from jaxdyn.analysis._roots import root
 from jaxdyn.effects import CentralForce, PowerLaw
 from orbits.orbit import Orbit, SearchError
@@ -288,7 +288,7 @@ def _check_coprime(turns, loops) -> None:
 
 
 def _check_law(law) -> None:
-    check_untraced("law", law, "Find the orbit outside; see orbits.differentiable.")
+    check_on_host("law", law, "Find the orbit outside; see orbits.differentiable.")
     if not isinstance(law, CentralForce):
         raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")
 

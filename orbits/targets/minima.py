@@ -10,12 +10,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import array, check_callable, check_untraced, fail, positive, whole
+from jaxdyn._checks import array, check_callable, check_on_host, fail, positive, whole
 from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
@@ -122,7 +121,7 @@ def minimise(
       >>> round(float(found.numbers[0]), 6)  # 1 / sqrt(12)
       0.288675
     """
-    check_untraced("minimise", (guess, jnp.zeros(())), "Call it outside jit, grad and vmap.")
+    check_on_host("minimise", guess, "Call it outside jit, grad and vmap.")
     numbers = np.asarray(array("guess", guess, (None,)))
     low, high = bounds(lower, upper, numbers)
     steps = whole("steps", steps)

@@ -329,7 +329,7 @@ def torus(
       >>> found.ok, found.error < 1e-11
       (True, True)
     """
-    _checks.check_untraced("orbit", orbit, "Tori are found on the host.")
+    _checks.check_on_host("orbit", orbit, "Tori are found on the host.")
     amplitude = float(_checks.positive("amplitude", amplitude, "It is the norm of a state."))
     _checks.positive("goal", goal, "It is an error in the sizes of the entries.")
     _checks.whole("max_modes", max_modes, FEWEST_MODES)

@@ -92,6 +92,30 @@ def test_modes_are_differentiable_and_run_under_vmap():
     assert_allclose(jax.grad(stretch)(1.0), (low[1] - low[0]) / 2e-6, rtol=1e-7)
 
 
+def test_what_vmap_made_has_the_numbers_of_each():
+    def car(k):  # of two coordinates, so that axes of the batch can be taken for those of the state
+        def rate(t, y, p):
+            return [y[2], y[3], p * (y[1] - y[0]) - y[2], p * (y[0] - y[1]) - 3.0 * y[1]]
+
+        return jaxdyn.ode(rate, np.zeros(4), names=["a", "b", "u", "v"], params=k)
+
+    ks = np.array([2.0, 5.0])
+    pairs = jax.vmap(lambda k: (vibration.modes(car(k)), seen(car(k))))(ks)
+    alone = [(vibration.modes(car(k)), seen(car(k))) for k in ks]
+    for name in ("frequencies", "damping_ratios", "shapes", "damping", "stiffness"):
+        wanted = [getattr(modes, name) for modes, _ in alone]
+        assert_allclose(getattr(pairs[0], name), wanted, rtol=1e-12, atol=1e-12)
+    assert_allclose(pairs[0].stiffness, [[[k, -k], [-k, k + 3.0]] for k in ks], rtol=1e-14)
+    assert_allclose(pairs[1].at(OMEGA), [h.at(OMEGA) for _, h in alone], rtol=1e-12)
+    by_hand = [np.linalg.inv([[k + 1j - 1, -k], [-k, k + 2]])[:, 0] for k in ks]  # at omega 1
+    assert_allclose(pairs[1].at(1.0), by_hand, rtol=1e-13)
+    assert pairs[1].at(OMEGA).shape == (2, len(OMEGA), 2)
+
+
+def seen(scene):
+    return vibration.transfer_function(scene, "a", lambda t, y: y[:2])
+
+
 def test_what_is_not_known_under_jit_has_no_derivative_and_no_shape():
     def ratio(c):
         return vibration.modes(one(c=c)).damping_ratios[0]

@@ -10,7 +10,7 @@ import pytest
 from cycles import Bautin, cycle
 from harmonics import Balance
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, fsolve, minimize_scalar
+from scipy.optimize import brentq, fsolve, least_squares, minimize_scalar
 from scipy.special import ellipk
 
 import jaxdyn
@@ -62,6 +62,30 @@ def test_what_bounds_do_not_allow_ends_at_the_least(swing):
     assert found.numbers[0] == 0.9
     with pytest.raises(orbits.SearchError, match="The requirement cannot be met near here"):
         design(pendulum, period_of, [1.0], swing, hold="theta", lower=[0.9])
+
+
+@pytest.mark.parametrize(("scales", "low"), [([0.5, 0.4, 1.0], 0.1), ([0.5, 0.4, 0.0], 0.95)])
+def test_requirements_that_contradict_each_other_are_met_in_the_least_squares(scales, low):
+    def turned(numbers):
+        return scenes.pendulum(length=numbers[0], angle=numbers[1])
+
+    def off(period, speed, angle):
+        return [(period - 2.0), (speed - 2.5), (angle - 1.0)]
+
+    def wanted(orbit):
+        speed, angle = orbit.amplitude("theta_dot"), orbit.amplitude("theta")
+        return jnp.array(scales) * jnp.stack(off(orbit.period, speed, angle))
+
+    def known(numbers):  # T = 4 sqrt(l / g) K(sin(angle/2)^2), the speed 2 sqrt(g / l) sin(angle/2)
+        root, half = np.sqrt(numbers[0] / 9.81), np.sin(0.5 * numbers[1])
+        return scales * np.array(off(4 * root * ellipk(half**2), 2 * half / root, numbers[1]))
+
+    first = orbits.find(turned(jnp.ones(2)), period=2.2, hold="theta")
+    found = design(turned, wanted, [1.0, 1.0], first, hold="theta", lower=[low, 0.1], throw=False)
+    exact = least_squares(known, [1.0, 1.0], bounds=([low, 0.1], 9), xtol=1e-15, ftol=1e-15)
+    assert found.outcome == DesignOutcome.LEAST
+    # SciPy ends where the sum of squares is level to rounding, so that half of the digits are left.
+    np.testing.assert_allclose(found.numbers, exact.x, rtol=3e-8)
 
 
 @pytest.fixture(scope="module")
