@@ -5,7 +5,7 @@ lines of the packages for each second of processor time, as many as reach nearly
 tests reach together. It takes what every test reached and cost (pytest-cov, on a quiet machine)::
 
     python -m pytest -m 'not slow and not long' --cov=jaxdyn --cov=orbits --cov-context=test \\
-        --cov-report= --costs costs.json
+        --cov-report= --costs=costs.json
     python tests/references/further.py .coverage costs.json
 
 The first test that needs a program or a fixture pays for it; when it is left out, the next one
