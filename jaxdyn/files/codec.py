@@ -223,8 +223,9 @@ def decode_fields(
     names = {*_field_names(cls)} - {*without}
     needed = names - _optional_fields(cls)
     if not isinstance(value, dict) or not needed <= value.keys() <= names:
-        entries = {*value} if isinstance(value, dict) else set()
-        got = sorted((needed - entries) | (entries - names)) or type(value).__name__
+        got = type(value).__name__
+        if isinstance(value, dict):
+            got = sorted((needed - value.keys()) | (value.keys() - names))
         raise fail(name, f"the entries of {cls.__name__}", f"missing or extra {got}"[:80], remedy)
     return {key: decode(x, hints[key], f"{name}.{key}", remedy) for key, x in value.items()}
 

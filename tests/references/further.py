@@ -36,6 +36,7 @@ def reach(data: CoverageData) -> dict[str, set[tuple[str, int]]]:
 
 def choose(lines: dict[str, set], costs: dict[str, float]) -> set[str]:
     """The tests to keep."""
+    lines = {test: reached for test, reached in lines.items() if test in costs}
     enough = SHARE * len(set().union(*lines.values()))
     kept = {test for test, cost in costs.items() if cost <= QUICK or test.startswith("tests/test_")}
     reached = set().union(*(lines.get(test, set()) for test in kept))
