@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -21,7 +20,7 @@ from jaxdyn.plan import plan_of
 from jaxdyn.scales import at_start
 from jaxdyn.scene import Field, Scene
 from jaxdyn.solvers.perturbed import Noise
-from jaxdyn.system import Record
+from jaxdyn.system import Record, differences
 
 # ---- The record of an error estimate, and differences of states in the units of their entries
 
@@ -153,14 +152,9 @@ def gaps(scene: Scene, ys: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(s, k) differences of states: angles modulo a turn, quaternions up to the sign."""
     plain, rows = ys - others, ((0, padding(*ys.shape)), (0, 0))  # few lengths, few programs
     longer = (np.pad(x, rows, mode="edge") for x in (ys, others))
-    wrapped = np.asarray(_differences(scene.system, *longer))[: len(ys)]
+    wrapped = np.asarray(differences(scene.system, *longer))[: len(ys)]
     # Wrapping an angle rounds it; where nothing is wrapped the plain difference is exact.
     return np.where(np.abs(wrapped - plain) <= _WRAPPED, plain, wrapped)
-
-
-@eqx.filter_jit
-def _differences(system, ys, others):
-    return jax.vmap(system.difference)(ys, others)
 
 
 # ---- The effect of rounding on a motion, from solving it again with each step perturbed at random

@@ -21,6 +21,7 @@ from jaxtyping import Array
 
 from jaxdyn import Scene, Status
 from jaxdyn._checks import as_float
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.analysis.eigenvalues import map_in_units
 from jaxdyn.solvers import RADAU9
 from orbits.closing.closings import Closing, Condition
@@ -335,11 +336,9 @@ def linearize(equations: Equations, x: Array, here: Piece, ends: Array, slopes: 
         by_x = jnp.sum(slopes.start * change.start[:, None, :], axis=-1)
         by_x = by_x + slopes.span * change.span[:, None] + slopes.t0 * change.t0[:, None]
         by_x = by_x + slopes.parameter * change.parameter[:, None]
-        value = errors(equations, x, here.start + change.start, ends + by_x)
-        return value, value
+        return errors(equations, x, here.start + change.start, ends + by_x)
 
-    jacobian, value = jax.jacfwd(residual, has_aux=True)(x)
-    return value, jacobian
+    return value_and_jacfwd(residual)(x)
 
 
 def errors(equations: Equations, x: Array, starts: Array, ends: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.plan import Plan, plan_of
 from jaxdyn.plan.times import hides_in_time
 from jaxdyn.scene import Field, System
@@ -73,12 +74,7 @@ def sizes(system: System, y: Array) -> Array:
 
 def evaluate(field, events: tuple, t: Array, y: Array, size: Array | float = 0.0) -> EventValues:
     """The events of a motion at (t, y); an entry that was once as large as `size` is less exact."""
-
-    def twice(t, y):
-        found = values(events, t, y)
-        return found, found
-
-    (by_time, rows), here = jax.jacfwd(twice, argnums=(0, 1), has_aux=True)(t, y)
+    here, (by_time, rows) = value_and_jacfwd(lambda t, y: values(events, t, y), (0, 1))(t, y)
     terms = jnp.concatenate([by_time[:, None], rows * field.rate(t, y)[None]], axis=-1)
     eps = jnp.finfo(y.dtype).eps
     known = jnp.maximum(sizes(field.system, y), size)
