@@ -21,7 +21,9 @@ from jaxdyn._programs import size
 UNROLLED_ENTRIES = 32
 
 #: Prefix of the names that functions decorated by `smooth` have in programs.
-SMOOTH = "smooth_"
+_SMOOTH = "smooth_"
+#: Functions of JAX whose conditions only choose the formula with the least rounding.
+_SMOOTH_OF_JAX = frozenset({"hypot", "sinc", "softplus", "log_softmax"})
 
 
 def smooth(function: Callable) -> Callable:
@@ -35,8 +37,13 @@ def smooth(function: Callable) -> Callable:
     def named(*args):
         return function(*args)
 
-    named.__name__ = f"{SMOOTH}{function.__name__}"
+    named.__name__ = f"{_SMOOTH}{function.__name__}"
     return functools.wraps(function)(jax.jit(named))
+
+
+def is_smooth(name: str) -> bool:
+    """Whether the function of this name in a program is one of `smooth`, or alike in JAX."""
+    return name.startswith(_SMOOTH) or name in _SMOOTH_OF_JAX
 
 
 def nan_unless(known: Array, x: Array) -> Array:

@@ -2,7 +2,8 @@
 
 `plan` says how the rate depends on time and which conditions it contains. `evaluation` runs its
 program with the outcomes of these conditions given; `branch` has a field that is evaluated in this
-way, also where its motion slides. `bounds` encloses what depends on time alone, `times` uses these
+way, also where its motion slides. `continuity` proves at which of them the rate is continuous, so
+that no motion slides there. `bounds` encloses what depends on time alone, `times` uses these
 bounds to find what a step must not pass over, and `period` reads the period of a drive.
 
 May import: `jaxdyn`, that is the files at the top level.

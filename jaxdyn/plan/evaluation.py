@@ -36,7 +36,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxdyn._numerics import SMOOTH
+from jaxdyn._numerics import is_smooth
 from jaxdyn._programs import CALLS, Loop, bind, inner_program, interpret, is_interp, loop
 
 #: What a value depends on: time and state, so that it moves along a motion, or only outcomes of
@@ -50,8 +50,6 @@ _NOT_EVERYWHERE = 16
 
 _COMPARISONS = ("lt", "le", "gt", "ge", "lt_to", "le_to")
 _TABLE = "searchsorted"
-#: Functions of JAX whose conditions only choose the formula with the least rounding.
-_SMOOTH_OF_JAX = frozenset({"hypot", "sinc", "softplus", "log_softmax"})
 #: Largest number of rounds for which a loop with conditions is unrolled.
 _LONGEST_LOOP = 100
 #: Largest number of entries in a sort that is read.
@@ -127,6 +125,7 @@ class BranchEvaluation:
       branch: (e,) outcomes; None for those that hold at the point.
       time_only: leave out what depends on the state.
       state_only: leave out the margins of conditions on time alone.
+      continuous: ids of the comparisons at which the results are continuous.
       every_call: enter every function that is called, though its own rule for derivatives is lost.
       waves: note sines of time as well among the parts that a step may pass over.
 
@@ -147,10 +146,12 @@ class BranchEvaluation:
         every_call: bool = False,
         waves: bool = False,
         state_only: bool = False,
+        continuous: frozenset[int] = frozenset(),
     ):
         self.branch, self.time_only, self.waves = branch, time_only, waves
         self.state_only = state_only
         self.every_call = every_call or time_only
+        self.continuous = continuous
         self.conditions: list[Condition] = []
         self._found: list[tuple[Array, Array, Array]] = []
         self.unread: set[str] = set()
@@ -202,21 +203,20 @@ class BranchEvaluation:
                     return [self._table(*args[:2])]
                 inner = inner_program(eqn)
                 # Calls are entered also to follow nothing but the degrees of polynomials in time.
-                enter = _may_switch(inner) or (self.every_call and on & BY_TIME)
-                name = str(params.get("name", ""))
-                if enter and not (name.startswith(SMOOTH) or name in _SMOOTH_OF_JAX):
+                enter = may_switch(inner) or (self.every_call and on & BY_TIME)
+                if enter and not is_smooth(str(params.get("name", ""))):
                     outside, self._continuous = self._continuous, is_interp(eqn) or self._continuous
                     found = self.program(inner, args)
                     self._continuous = outside
                     return found
-            elif name == "cond" and _may_switch(*params["branches"]):
+            elif name == "cond" and may_switch(*params["branches"]):
                 return self._choose(params["branches"], args)
-            elif name == "scan" and _may_switch(params["jaxpr"]):
+            elif name == "scan" and may_switch(params["jaxpr"]):
                 known = loop(eqn)
                 if known is not None and known.length <= _LONGEST_LOOP:
                     return self._unroll(eqn, known, args)
                 self.unread.add("a loop of many rounds with conditions")
-            elif name == "while" and _may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
+            elif name == "while" and may_switch(params["body_jaxpr"], params["cond_jaxpr"]):
                 self.unread.add("a loop of unknown length")
             elif name == "eq" and (taken := self._is_chosen(*args)) is not None:
                 return [Value(taken, on, math.inf)]
@@ -508,7 +508,7 @@ def _is_readable(eqn) -> bool:
     return len(shape) == 1 and shape[0] <= _LONGEST_ROW and eqn.params["num_keys"] == 1
 
 
-def _may_switch(*programs) -> bool:
+def may_switch(*programs) -> bool:
     """Whether programs contain operations that may be conditions."""
     return any(_switches(getattr(p, "jaxpr", p)) for p in programs)
 
@@ -516,7 +516,8 @@ def _may_switch(*programs) -> bool:
 def _compare(evaluation: BranchEvaluation, eqn, args: list[Value]) -> Value:
     name = eqn.primitive.name
     a, b = args if name[0] == "l" else args[::-1]
-    found, on = evaluation.holds(a, b, strict=name[:2] in ("lt", "gt"))
+    bends = id(eqn) in evaluation.continuous
+    found, on = evaluation.holds(a, b, strict=name[:2] in ("lt", "gt"), bends=bends)
     evaluation.note_comparison(a, b)
     return Value(None if found is None else found > 0.5, on)
 

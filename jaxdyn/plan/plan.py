@@ -15,7 +15,8 @@ from jaxtyping import Array, PyTree
 
 from jaxdyn.intervals import Interval
 from jaxdyn.plan.bounds import as_interval, enclose_program
-from jaxdyn.plan.evaluation import OF_TIME, BranchEvaluation, Condition, Conditions
+from jaxdyn.plan.continuity import continuous_comparisons
+from jaxdyn.plan.evaluation import OF_TIME, BranchEvaluation, Condition, Conditions, may_switch
 from jaxdyn.plan.period import period_of
 
 #: Largest number of conditions on whose surfaces a motion may slide.
@@ -44,7 +45,9 @@ class Plan:
         self._program, self._leaves, self._tree, self._state = program, leaves, tree, y
         self._time = jax.ShapeDtypeStruct((), y.dtype)
         self._waves = waves
-        whole, deep = BranchEvaluation(None), BranchEvaluation(None, every_call=True)
+        continuous = continuous_comparisons(program) if may_switch(program) else frozenset()
+        whole = BranchEvaluation(None, continuous=continuous)
+        deep = BranchEvaluation(None, every_call=True)
         part = BranchEvaluation(None, time_only=True, waves=waves)
         found = []
 
