@@ -10,6 +10,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,8 +46,10 @@ class Rows:
       chunk: number of rows of a chunk.
     """
 
-    def __init__(self, journal: Journal | None, chunk: int):
+    def __init__(self, journal: Journal | None, chunk: int, executor: Executor | None = None):
         self._journal, self.chunk = journal, chunk
+        self._map = map if executor is None else executor.map
+        self._whole = journal is None and executor is None
         found = [] if journal is None else journal.records
         self._known = [decode(record, Chunk, "path", DAMAGED).rows for record in found]
         self._next = 0
@@ -57,29 +60,31 @@ class Rows:
         Calls must come in the same order whenever a file is continued.
         """
         n = len(jax.tree.leaves(inputs)[0])
-        if self._journal is None:
+        if self._whole:
             return function(inputs)
-        parts = []
-        for first in range(0, n, self.chunk):
-            some = jax.tree.map(lambda x, first=first: x[first : first + self.chunk], inputs)
-            parts.append(self._chunk(some, min(self.chunk, n - first), function))
-        return np.concatenate(parts)
-
-    def _chunk(self, inputs: Any, count: int, function: Callable[[Any], np.ndarray]) -> np.ndarray:
-        if self._next < len(self._known):
-            rows = self._known[self._next]
+        counts = [min(self.chunk, n - first) for first in range(0, n, self.chunk)]
+        known = self._known[self._next : self._next + len(counts)]
+        self._next += len(known)
+        for rows, count in zip(known, counts, strict=False):
             if rows.ndim != 2 or len(rows) != count:
                 raise fail("path", f"{count} rows in a line", str(rows.shape), DAMAGED)
-        else:
-            assert self._journal is not None
-            rows = np.asarray(function(inputs), float)
+        left = [
+            jax.tree.map(lambda x, first=first: x[first : first + self.chunk], inputs)
+            for first in range(len(known) * self.chunk, n, self.chunk)
+        ]
+        return np.concatenate([*known, *map(self._keep, self._map(function, left))])
+
+    def _keep(self, found: Any) -> np.ndarray:
+        rows = np.asarray(found, float)
+        if self._journal is not None:
             self._journal.add(encode(Chunk(rows)))
-        self._next += 1
         return rows
 
 
 @contextlib.contextmanager
-def rows_in(path: str | Path | None, layout: Layout, of: Any, chunk: int) -> Iterator[Rows]:
+def rows_in(
+    path: str | Path | None, layout: Layout, of: Any, chunk: int, executor: Executor | None = None
+) -> Iterator[Rows]:
     """A context in which rows are computed, and kept in a file that no other program can write.
 
     Args:
@@ -87,19 +92,20 @@ def rows_in(path: str | Path | None, layout: Layout, of: Any, chunk: int) -> Ite
       layout: the layout of the file.
       of: arrays, numbers and texts on which the rows depend; a file of others is refused.
       chunk: number of rows of a line.
+      executor: computes the chunks; by default they are computed here, one after the other.
     Raises:
       ValueError: the file belongs to another computation, was edited, cannot be written, or another
         program writes it.
     """
     if path is None:
-        yield Rows(None, chunk)
+        yield Rows(None, chunk, executor)
         return
     about = {"of": _digest(of), "chunk": chunk}
     journal = Journal(path, layout, about, _PATIENCE)
     if journal.header != json.loads(json.dumps(layout.header | about)):
         raise fail("path", "the file of this call", f"'{path}', of another", _ANOTHER)
     with journal.alone():
-        yield Rows(journal, chunk)
+        yield Rows(journal, chunk, executor)
 
 
 def program_text(function: Callable, *args: Any) -> tuple[str, list[np.ndarray]]:

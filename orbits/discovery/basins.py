@@ -8,15 +8,18 @@ it does not reach one in time. A driven scene is sampled once in each period of 
 """
 
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 import jaxdyn
 from jaxdyn import Scene, _checks, _text
 from jaxdyn._checks import check_first
+from jaxdyn._config import configure_worker
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.chaos.lyapunov import lyapunov_exponents
 from jaxdyn.ensemble import engine
@@ -66,6 +69,7 @@ def basins(
     period: float | None = None,
     rtol: float = _RTOL,
     path: str | Path | None = None,
+    executor: Executor | None = None,
     progress: bool = False,
 ) -> Basins:
     """The basins of attraction of a scene over a grid of starts.
@@ -83,7 +87,10 @@ def basins(
       rtol: relative tolerance of a step.
       path: file (.jsonl) to which the ends of motions are written as they are computed; the same
         call resumes from it where it was interrupted, with the same result.
-      progress: show a bar.
+      executor: runs the motions of a round, 16 384 at a time: processes, or Dask's, on several
+        machines. It is sent the scene, whose functions must then be module-level. By default they
+        run here, on all cores.
+      progress: show a bar of the motions that run here.
     Returns:
       Labels, verified attractors, fractions with bars.
     Raises:
@@ -113,7 +120,7 @@ def basins(
     title, start = _text.title_of(scene), np.asarray(scene.y0)
     program = program_text(lambda scene, t, y: scene.rate(t, y), scene, 0.0, scene.y0)
     of = (program, scene, axes, entries, span, rounds, refine, rtol)
-    with rows_in(path, LAYOUT, of, CHUNK) as kept:
+    with rows_in(path, LAYOUT, of, CHUNK, executor) as kept:
         motions = _Motions(scene, span, turn, rounds, rtol, kept, progress)
         return over_grid(motions, axes, start, entries, refine, scene=scene, title=title)
 
@@ -128,6 +135,21 @@ def _period(scene: Scene, period: float | None) -> float | None:
     return found
 
 
+class _Round(NamedTuple):
+    """A round of motions, as it is sent to an executor."""
+
+    scene: Scene
+    span: float
+    rtol: float
+    progress: bool
+
+    def __call__(self, y0s: np.ndarray) -> np.ndarray:
+        configure_worker()
+        scene = jax.tree.map(jnp.asarray, self.scene)
+        done = engine.run(scene, y0s, self.span, rtol=self.rtol, progress=self.progress)
+        return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
+
+
 class _Motions(Settling):
     """The motions of a scene; for a driven one, the states once in each period of the forcing."""
 
@@ -140,9 +162,10 @@ class _Motions(Settling):
     def is_curve(self):
         return self.turn is None
 
-    def ends(self, y0s):
-        done = engine.run(self.scene, y0s, self.span, rtol=self.rtol, progress=self.progress)
-        return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
+    @property
+    def ends(self):
+        scene = jax.tree.map(np.asarray, self.scene)
+        return _Round(scene, float(self.span), self.rtol, self.progress)
 
     def largest(self, y0s):
         # From some motions, since motions that end at rest have moved before.

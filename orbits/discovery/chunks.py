@@ -14,9 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jaxdyn
 from jaxdyn import Scene
 from jaxdyn._checks import fail, host_array
+from jaxdyn._config import configure_worker
 from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
@@ -141,8 +141,7 @@ class Plan(NamedTuple):
 
 def work(plan: Plan, number: int) -> Chunk:
     """The result of one chunk; called by an executor."""
-    if not jax.config.jax_enable_x64:  # a fresh process
-        jaxdyn.configure()
+    configure_worker()
     plan = plan._replace(scene=jax.tree.map(jnp.asarray, plan.scene))
     numbers = np.arange(number * plan.chunk, min((number + 1) * plan.chunk, plan.samples))
     starts = plan.sampler(numbers, plan.seed)

@@ -7,8 +7,9 @@ positive Lyapunov exponent.
 """
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,6 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
+from jaxdyn._config import configure_worker
 from jaxdyn._records import captures
 from jaxdyn.files.rows import Rows, program_text, rows_in
 from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
@@ -57,6 +59,7 @@ def map_basins(
     rounds: int = 3,
     refine: int = 0,
     path: str | Path | None = None,
+    executor: Executor | None = None,
 ) -> Basins:
     """The basins of attraction of a map over a grid of starts.
 
@@ -70,6 +73,7 @@ def map_basins(
       rounds: largest number of rounds for starts that have not yet reached an attractor.
       refine: see `basins`.
       path: see `basins`.
+      executor: see `basins`.
     Returns:
       Labels, verified attractors, fractions with bars. Starts that diverge or become NaN have the
       label -1.
@@ -109,7 +113,7 @@ def map_basins(
         rounds,
         refine,
     )
-    with rows_in(path, LAYOUT, of, CHUNK) as kept:
+    with rows_in(path, LAYOUT, of, CHUNK, executor) as kept:
         settling = _Iterates(iterated, steps, rounds, len(axes), far, kept)
         return over_grid(settling, axes, start, entries, refine, scene=None, title=title)
 
@@ -167,6 +171,21 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
     return jax.lax.scan(one, (y, jnp.eye(len(y))), length=count)[1]
 
 
+class _Round(NamedTuple):
+    """A round of iterates, as it is sent to an executor."""
+
+    step: _Map
+    count: int
+    far: float
+
+    def __call__(self, y0s: np.ndarray) -> np.ndarray:
+        configure_worker()
+        step = jax.tree.map(jnp.asarray, self.step)
+        ys = np.asarray(_after(step, jnp.asarray(y0s), self.count))
+        stays = (np.abs(ys) < self.far).all(axis=1, keepdims=True)
+        return np.where(stays, ys, np.nan)
+
+
 class _Iterates(Settling):
     """The iterates of a map."""
 
@@ -176,10 +195,9 @@ class _Iterates(Settling):
         super().__init__(steps, rounds, k, kept)
         self.step, self.far = step, far
 
-    def ends(self, y0s):
-        ys = np.asarray(_after(self.step, jnp.asarray(y0s), self.span))
-        stays = (np.abs(ys) < self.far).all(axis=1, keepdims=True)
-        return np.where(stays, ys, np.nan)
+    @property
+    def ends(self):
+        return _Round(jax.tree.map(np.asarray, self.step), self.span, self.far)
 
     def largest(self, y0s):
         sizes = np.abs(y0s).max(axis=0, initial=0.0)

@@ -235,9 +235,10 @@ class Settling(abc.ABC):
         """Whether the points of an orbit form a curve."""
         return False
 
+    @property
     @abc.abstractmethod
-    def ends(self, y0s: np.ndarray) -> np.ndarray:
-        """(n, k) states after a round; NaN where a motion stops."""
+    def ends(self) -> Callable[[np.ndarray], np.ndarray]:
+        """The function from starts (n, k) to states after a round, NaN where a motion stops."""
 
     @abc.abstractmethod
     def largest(self, y0s: np.ndarray) -> np.ndarray:

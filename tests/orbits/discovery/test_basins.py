@@ -1,5 +1,8 @@
 """Basins: symmetric wells, the fractions that Attractors.jl's tests state, resuming, messages."""
 
+import multiprocessing
+from concurrent import futures
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -108,6 +111,30 @@ def test_it_resumes(scene, found, tmp_path, monkeypatch):
     assert "of another" in refusal(lambda: orbits.basins(scene, other, path=path))
     faster = jaxdyn.ode(unstable_wells, [0.0, 0.0], 40.0, names=["x", "v"])
     assert "of another" in refusal(lambda: orbits.basins(faster, grid, path=path))
+
+
+@pytest.mark.slow
+def test_an_executor_runs_the_chunks(scene, found, tmp_path, monkeypatch):
+    monkeypatch.setattr("orbits.discovery.basins.CHUNK", 50)
+    grid, path = {"x": SIDE, "v": SIDE}, tmp_path / "basins.jsonl"
+    with futures.ThreadPoolExecutor(2) as pool:
+        again = orbits.basins(scene, grid, path=path, executor=pool)
+    assert np.array_equal(again.labels, found.labels)
+    here = orbits.basins(scene, grid, path=path)  # all chunks are known
+    assert np.array_equal(here.labels, found.labels)
+
+
+@pytest.mark.slow
+def test_processes_find_the_same(scene, found, monkeypatch):
+    monkeypatch.setattr("orbits.discovery.basins.CHUNK", 100)
+    monkeypatch.setattr("orbits.discovery.map_basins.CHUNK", 100)
+    side = np.linspace(-2, 2, 18)[:-1]
+    grid = {"x": side, "y": side}
+    with futures.ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        again = orbits.basins(scene, {"x": SIDE, "v": SIDE}, executor=pool)
+        mapped = orbits.map_basins(henon, grid, params=1.4, executor=pool)
+    assert np.array_equal(again.labels, found.labels)
+    assert np.array_equal(mapped.labels, orbits.map_basins(henon, grid, params=1.4).labels)
 
 
 def test_basins_of_a_map_resume_bit_for_bit(tmp_path, monkeypatch):
