@@ -340,3 +340,51 @@ def test_isolas_need_a_drive_with_a_level():
         orbits.frequency_response(scene, alone, (0.7, 1.4), isolas=2)
     with pytest.raises(ValueError, match="isolas: expected a whole number"):
         orbits.frequency_response(scene, "x", (0.7, 1.4), isolas=-1)
+
+
+def forced_nerve(t, y, p):
+    """The demo frc of AUTO: the equations of FitzHugh and Nagumo with a periodic current."""
+    (v, w), (omega, level) = y, p
+    return [(v * (v - 0.5) * (1 - v) - w) / 0.005, v - w - 0.5 - level * jnp.sin(omega * t)]
+
+
+def periodic(omega, level):
+    """The response at time 0 by collocation in SciPy, from weaker forcing on."""
+    from scipy.integrate import solve_bvp
+
+    ts = np.linspace(0, 2 * np.pi / omega, 401)
+    ys = np.tile([[0.5], [0.0]], len(ts))
+    for part in np.linspace(0.1, 1.0, 10):
+        run = solve_bvp(
+            lambda t, y, r=part * level: np.array(forced_nerve(t, y, (omega, r)), float),
+            lambda start, end: end - start,
+            ts,
+            ys,
+            tol=1e-9,
+            max_nodes=100_000,
+        )
+        ts, ys = run.x, run.y
+    assert run.success
+    return run.y[:, 0]
+
+
+@pytest.mark.slow
+def test_the_forced_nerve_of_autos_demo_responds_without_folds():
+    """AUTO follows it from a frequency of 100 to the period 5, though it is very unstable: near the
+    rest disturbances grow by exp(50 t)."""
+
+    def driven(omega, level):
+        numbers = jnp.stack([jnp.asarray(omega, float), jnp.asarray(level, float)])
+        return jaxdyn.ode(
+            forced_nerve, [0.5, 0.0], 2 * jnp.pi / omega, names=["v", "w"], params=numbers
+        )
+
+    ends = 2 * np.pi / 5, 100.0
+    found = orbits.frequency_response(driven(1.0, 0.0), driven, ends, levels=0.2, step=0.5)
+    (curve,) = found.curves
+    assert len(found.folds[0]) == 0
+    places = [member.parameter for member in curve.members]
+    assert min(places) < ends[0]
+    assert max(places) > ends[1] - 1e-9
+    for member in curve.members[:: len(curve.members) // 3]:
+        assert_allclose(member.orbit.y0, periodic(member.parameter, 0.2), atol=1e-6)
