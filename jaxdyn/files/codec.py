@@ -23,7 +23,7 @@ import math
 import reprlib
 import types
 import typing
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -126,8 +126,7 @@ def _unencodable(value: Any) -> ValueError:
         "record",
         "numbers, strings and modules",
         f"{type(value).__name__} {value!r}",
-        "A scene that holds a function cannot be written to a file; make a class of it in a "
-        "module: a System with the function as its method `rate`, or an Effect.",
+        "Files hold no functions; make a class in a module, with the function as its method.",
     )
 
 
@@ -280,16 +279,62 @@ def _check_array(numbers: np.ndarray, shape: tuple[int, ...], name: str, remedy:
     return numbers.reshape(shape)
 
 
-def decode_scene(value: Any, remedy: str) -> Scene:
+# ---- Scenes, and the numbers of those that hold functions
+
+
+class SceneNumbers(NamedTuple):
+    """What a file has of a scene that holds functions: not the functions, but all its numbers.
+
+    Attributes:
+      name: name of the scene.
+      entries: names of the entries of its state.
+      numbers: its leaves, in the order of `jax.tree.leaves`.
+      rates: (2, k) its rate at the start and at another state, by which its functions are known.
+    """
+
+    name: str
+    entries: list[str]
+    numbers: list[np.ndarray]
+    rates: np.ndarray
+
+
+def encode_scene(scene: Scene) -> dict[str, Any]:
+    """A scene as JSON, for `decode_scene`; of one that holds a function, its numbers.
+
+    Raises:
+      ValueError: a number is not finite.
+    """
+    if _is_of_parts(scene):
+        return _encode_part(scene)
+    numbers = [np.asarray(x) for x in jax.tree.leaves(scene)]
+    for x in numbers:
+        if x.dtype.kind not in "biuf":
+            raise _unencodable(x)
+        if not np.isfinite(x).all():
+            raise fail("record", "finite numbers", repr(x))
+    entries = [name for name, _ in scene.labels()]
+    # Rounded, since files are compared and the last digits differ between machines.
+    rates = np.vectorize(lambda x: float(f"{x:.10e}"), otypes=[float])(_probe(scene))
+    return encode(SceneNumbers(scene.name, entries, numbers, rates))
+
+
+def decode_scene(value: Any, remedy: str, given: Scene | None = None) -> Scene:
     """The scene that an object of JSON describes, checked to have a rate.
 
     Args:
       value: the object, from a file.
       remedy: what to do if it is not a scene, for the message.
+      given: a scene with the functions of the file's, if these are not in the file; its numbers are
+        replaced by those of the file.
     Raises:
-      ValueError: it does not describe a scene, names an unknown class, or has invalid numbers.
+      ValueError: it does not describe a scene, names an unknown class, or has invalid numbers; or
+        it needs a scene that is not given, or is another one.
     """
-    scene = decode_part(value, Scene, "scene", remedy=remedy)
+    if isinstance(value, dict) and "numbers" in value:
+        known = SceneNumbers(**decode_fields(value, SceneNumbers, "scene", remedy))
+        scene = _with_numbers(known, given)
+    else:
+        scene = decode_part(value, Scene, "scene", remedy=remedy)
     if not scene.name.isprintable():
         raise fail("name", "a printable text", repr(scene.name)[:40], remedy)
     if np.shape(scene.t1):
@@ -299,6 +344,52 @@ def decode_scene(value: Any, remedy: str) -> Scene:
     if rate.shape != scene.y0.shape:
         raise fail("scene", f"a rate of shape {scene.y0.shape}", f"shape {rate.shape}", remedy)
     return scene
+
+
+def _with_numbers(known: SceneNumbers, given: Scene | None) -> Scene:
+    """A given scene with the numbers of a file, if it has the same equations."""
+    title = known.name or "of the file"
+    if given is None:
+        remedy = "Pass it as scene=, or --scene on the command line: files hold no functions."
+        raise fail("scene", f"the scene {title}, with any values of its numbers", "none", remedy)
+    leaves, tree = jax.tree.flatten(given)
+    entries = [name for name, _ in given.labels()]
+    shapes, wanted = [[np.shape(x) for x in each] for each in (leaves, known.numbers)]
+    if entries != known.entries or shapes != wanted:
+        expected = f"one with the entries {', '.join(known.entries)} and the numbers of the file"
+        got = f"{', '.join(entries)}, with numbers of shapes {shapes} in place of {wanted}"
+        raise fail("scene", expected, got)
+    pairs = zip(known.numbers, leaves, strict=True)
+    numbers = [jnp.asarray(x, jnp.asarray(leaf).dtype) for x, leaf in pairs]
+    scene = jax.tree.unflatten(tree, numbers)
+    rates, size = _probe(scene), np.abs(known.rates).max(initial=0.0, where=~np.isnan(known.rates))
+    if rates.shape != known.rates.shape or not np.allclose(
+        rates, known.rates, rtol=_SAME_RATE, atol=_SAME_RATE * size, equal_nan=True
+    ):
+        remedy = "Numbers that its function captures are not in the file: make it with the same."
+        raise fail("scene", f"the equations of {title}", "others", remedy)
+    return scene
+
+
+#: Largest difference of rates of the same equations, relative to their size.
+_SAME_RATE = 1e-9
+
+
+def _probe(scene: Scene) -> np.ndarray:
+    """(2, k) the rate at the start and at another state and time; NaN where it has no value."""
+    y, t = np.asarray(scene.y0), float(np.ravel(scene.t1)[0])
+    aside = y + 0.1 * (np.abs(y) + np.max(np.abs(y), initial=0.0)) * np.cos(np.arange(len(y)))
+    states = (0.0, y), (0.3 * t, aside)
+    return np.stack([np.asarray(scene.rate(jnp.asarray(t), jnp.asarray(y))) for t, y in states])
+
+
+def _is_of_parts(value: Any) -> bool:
+    """Whether all parts of a scene can be written: numbers, texts, and parts in which they are."""
+    if isinstance(value, eqx.Module) or _is_named_tuple(value):
+        return all(_is_of_parts(getattr(value, name)) for name in _field_names(type(value)))
+    if isinstance(value, tuple | list):
+        return all(map(_is_of_parts, value))
+    return value is None or isinstance(value, bool | int | float | str | np.ndarray | jax.Array)
 
 
 def decode_part(

@@ -41,7 +41,9 @@ def load(path: str | Path, *of: Any, **options: Any) -> Any:
       of: what the file does not hold. Files of continuations hold only numbers and need the
         function that makes the scenes, as it was given to the continuation; files of chains need
         the legs.
-      options: options of the reader; that of chains takes `closes`.
+      options: options of the reader: `closes` for chains; `scene` for motions, orbits and families
+        of a scene that holds functions, such as `jaxdyn.ode`. It is a scene with these functions,
+        and its numbers are replaced by those of the file.
     Returns:
       A motion or a chain of phases; for a continuation, families of equilibria and curves, or a
       diagram if it has orbits; an orbit or a chain, with the file's claims, as described in

@@ -5,6 +5,7 @@ entry "motion.json" has the scene (for a batch, that of its first motion) and al
 an array.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from jaxdyn import _checks, solvers
 from jaxdyn._checks import check_first, fail
 from jaxdyn.files import archives
-from jaxdyn.files.codec import decode_scene, encode
+from jaxdyn.files.codec import decode_scene, encode_scene
 from jaxdyn.files.layout import Layout
 from jaxdyn.integrate.errors import Estimate
 from jaxdyn.integrate.phases import HybridTrajectory
@@ -77,13 +78,18 @@ def save(path: str | Path, motion: Trajectory | HybridTrajectory) -> None:
     archives.write(path, RECORD, LAYOUT.header | record, arrays)
 
 
-def load(path: str | Path) -> Trajectory | HybridTrajectory:
+def load(
+    path: str | Path, scene: Scene | Mapping[str, Scene] | None = None
+) -> Trajectory | HybridTrajectory:
     """The motion in a file that `motion.save` wrote, with its scene.
 
     Classes of the scene are looked up among those that are imported; nothing in a file is executed.
 
     Args:
       path: path of the .npz file.
+      scene: for a scene that holds functions, such as `jaxdyn.ode`, a scene with these functions;
+        its numbers are replaced by those of the file. For a chain of phases, scenes by the names of
+        their phases.
     Returns:
       The motion, or the chain of phases, equal to the saved one to the bit.
     Raises:
@@ -96,7 +102,7 @@ def load(path: str | Path) -> Trajectory | HybridTrajectory:
     if not digested and record["version"] not in LAYOUT.older:
         raise _refusal("a digest at its end", "none")
     try:
-        motion = _decode(record, arrays)
+        motion = _decode(record, arrays, scene)
     except (KeyError, TypeError, AttributeError, IndexError) as error:
         raise _refusal("a complete motion", f"{type(error).__name__} {error}"[:80]) from error
     if arrays:
@@ -108,18 +114,21 @@ def _refusal(expected: str, got: Any) -> ValueError:
     return fail("path", f"a motion file with {expected}", got, _REMEDY)
 
 
-def _decode(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory | HybridTrajectory:
+def _decode(
+    record: dict[str, Any], arrays: dict[str, np.ndarray], given: Any
+) -> Trajectory | HybridTrajectory:
     """The motion of a record; its arrays are taken out of `arrays`."""
     pieces, chain = record["pieces"], record["chain"]
     if chain is None:
         if len(pieces) != 1:
             raise _refusal("one motion, or a chain", f"{len(pieces)} motions")
-        return _piece(pieces[0], arrays)
+        return _piece(pieces[0], arrays, given)
     found = []
     for i, piece in enumerate(pieces):
         own = {name: arrays.pop(name) for name in [*arrays] if name.startswith(f"{i}/")}
         own = {name.removeprefix(f"{i}/"): x for name, x in own.items()}
-        found.append(_piece(piece, own))
+        one = given.get(chain["names"][i]) if isinstance(given, Mapping) else given
+        found.append(_piece(piece, own, one))
         arrays |= {f"{i}/{name}": x for name, x in own.items()}  # what no motion has
     return _chain(chain, tuple(found), arrays)
 
@@ -141,7 +150,7 @@ def _record(piece: Trajectory) -> dict[str, Any]:
         remedy = "Save dataclasses.replace(motion, method=None), which only loses a warning."
         raise fail("method", "one of jaxdyn.solvers", piece.method.name, remedy)
     return {
-        "scene": encode(_first(piece).scene),
+        "scene": encode_scene(_first(piece).scene),
         "method": piece.method and piece.method.name,
         "error": piece.error and {word: getattr(piece.error, word) for word in _WORDS},
     }
@@ -194,14 +203,16 @@ def _take(arrays: dict[str, np.ndarray], scene: Scene, estimated: bool) -> dict[
     return found
 
 
-def _piece(record: dict[str, Any], arrays: dict[str, np.ndarray]) -> Trajectory:
+def _piece(
+    record: dict[str, Any], arrays: dict[str, np.ndarray], given: Scene | None
+) -> Trajectory:
     """One motion, or a batch, from its record and its arrays, which are taken out."""
     if record.keys() != {"scene", "method", "error"}:
         raise _refusal("scene, method and error of each motion", sorted(record))
     method, words = record["method"], record["error"]
     if method is not None and method not in _METHODS:
         raise _refusal("a method of jaxdyn.solvers", repr(method)[:40])
-    scene = decode_scene(record["scene"], _REMEDY)
+    scene = decode_scene(record["scene"], _REMEDY, given)
     found = {name: jnp.asarray(x) for name, x in _take(arrays, scene, words is not None).items()}
     if method is not None and "dt" not in found:
         raise _refusal("the step dt of a method of fixed step", "none")

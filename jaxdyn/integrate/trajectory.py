@@ -50,12 +50,13 @@ class Motion:
         """Write the motion with its scene to a file, atomically; `jaxdyn.load` reads it.
 
         Every number comes back to the bit. NumPy reads the file too: ``numpy.load(path)["ys"]``.
+        Files hold no functions: give `jaxdyn.load` the scene again if it holds one, as `ode` does.
 
         Args:
           path: path of the .npz file.
         Raises:
-          ValueError: `path` cannot be written, the scene holds a function, or the method of fixed
-            step is none of `jaxdyn.solvers`.
+          ValueError: `path` cannot be written, or the method of fixed step is none of
+            `jaxdyn.solvers`.
         """
         from jaxdyn.files import motion_files
 

@@ -92,8 +92,6 @@ def find_command(
     chosen = scene_settings(name, settings)
     with screen(f"looking for an orbit of {name}", as_object) as out:
         scene = jaxdyn.scenes.catalogue.build(name, chosen)
-        if save_to:
-            jaxdyn.files.codec.encode(scene)  # refuse an unsavable scene before the search
         orbit = orbits.discovery.nearby.search_near(
             scene,
             period,
@@ -101,7 +99,7 @@ def find_command(
             energy=energy,
             hold=hold or (),
             segments=segments,
-            strategy=_strategy(rough, collocation, unlike or ()),
+            strategy=_strategy(rough, collocation, unlike or (), scene),
             report=printer(out),
         )
         if not orbit.ok:
@@ -124,7 +122,10 @@ def find_command(
 
 
 def _strategy(
-    rough: bool, collocation: bool | None, unlike: "Sequence[Path]"
+    rough: bool,
+    collocation: bool | None,
+    unlike: "Sequence[Path]",
+    scene: "jaxdyn.Scene",
 ) -> "orbits.shooting.strategy.Strategy":
     """The strategy that the flags ask for."""
     flags = {"--rough": rough, "--collocation": collocation, "--unlike": unlike}
@@ -132,7 +133,7 @@ def _strategy(
     if len(given) > 1:
         raise fail("find", f"one of {', '.join(flags)}", " and ".join(given))
     if unlike:
-        return orbits.Deflated([orbits.load(file)[0] for file in unlike])
+        return orbits.Deflated([orbits.load(file, scene=scene)[0] for file in unlike])
     if collocation:
         return orbits.Collocation()
     first = orbits.Descent() if rough else orbits.Shooting()

@@ -9,8 +9,16 @@ import jaxdyn
 import orbits
 from jaxdyn._text import choice, whole
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import JsonOption, PlotOption, TitleOption, check_title, number, read
-from orbits.cli.shared import setting
+from jaxdyn.cli.shared import (
+    JsonOption,
+    PlotOption,
+    SetOption,
+    TitleOption,
+    check_title,
+    number,
+    read,
+)
+from orbits.cli.shared import SceneOfFile, scene_of_file, setting
 
 STOPPED = 1  # exit code: no strand reached its end
 _KINDS = {"stable": ("stable",), "unstable": ("unstable",), "both": ("unstable", "stable")}
@@ -20,6 +28,8 @@ def manifold_command(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="An orbit that --save wrote.", callback=read)
     ],
+    scene: SceneOfFile = None,
+    settings: SetOption = None,
     kind: Annotated[str, typer.Option(help="stable, unstable or both.")] = "both",
     until: Annotated[
         str | None, typer.Option(metavar="NAME=LEVEL", help="End where an entry has this value.")
@@ -40,7 +50,7 @@ def manifold_command(
     whole("--strands", strands)
     choice("--kind", kind, _KINDS)
     with screen("following the manifolds", as_object) as out:
-        orbit = orbits.load(file)[0]
+        orbit = orbits.load(file, scene=scene_of_file(scene, settings))[0]
         options = {"until": _section(orbit.scene, until), "time": time, "strands": strands}
         found = [
             orbits.manifold(orbit, each, branch=branch, error=error, **options)

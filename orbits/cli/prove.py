@@ -7,19 +7,21 @@ import typer
 
 import orbits
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption
-from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption
+from jaxdyn.cli.shared import JsonOption, SetOption
+from orbits.cli.shared import NOT_FOUND, OrbitFile, SaveOption, SceneOfFile, scene_of_file
 
 
 def prove_command(
     file: OrbitFile,
     digits: Annotated[int, typer.Option(help="Decimal digits of the enclosures, roughly.")] = 30,
+    scene: SceneOfFile = None,
+    settings: SetOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Prove that the orbit of a file exists, is locally unique, and is stable or unstable."""
     with screen(f"proving the orbit of {file}", as_object) as out:
-        orbit, _ = orbits.load(file)
+        orbit, _ = orbits.load(file, scene=scene_of_file(scene, settings))
         proof = orbits.prove(orbit, digits)
         _print_and_save(proof, save_to, as_object, out)
         if not proof.proved:
@@ -29,12 +31,14 @@ def prove_command(
 def refine_command(
     file: OrbitFile,
     digits: Annotated[int, typer.Option(help="Decimal digits, 15 to 1000.")] = 50,
+    scene: SceneOfFile = None,
+    settings: SetOption = None,
     save_to: SaveOption = None,
     as_object: JsonOption = False,
 ) -> None:
     """Start, period and multipliers of an orbit to many digits."""
     with screen(f"refining the orbit of {file}", as_object) as out:
-        orbit, _ = orbits.load(file)
+        orbit, _ = orbits.load(file, scene=scene_of_file(scene, settings))
         _print_and_save(orbits.refine(orbit, digits), save_to, as_object, out)
 
 

@@ -11,6 +11,7 @@ import jaxdyn
 import orbits
 from jaxdyn import _arithmetic as arithmetic
 from jaxdyn._text import brief, fail, whole
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen
 from jaxdyn.cli.shared import output_option, read
 from jaxdyn.files.output_files import writable
@@ -19,10 +20,25 @@ NOT_FOUND = 1  # exit code: no orbit was found
 _FRAMES = 180
 
 OrbitFile = Annotated[Path, typer.Argument(help="An orbit file written by --save.", callback=read)]
+SceneOfFile = Annotated[
+    str | None,
+    typer.Option(
+        "--scene", metavar="SCENE", help="For a file of a scene of yours: FILE.py:NAME, or FILE.py."
+    ),
+]
 QuantityOption = Annotated[
     str, typer.Option(metavar="WHAT", help="To draw: energy, amplitude x, max x, mean x, phase x.")
 ]
 SaveOption = Annotated[Path | None, output_option(writable, "Write a file (.json).", "--save")]
+
+
+def scene_of_file(name: str | None, settings: list[str] | None) -> "jaxdyn.Scene | None":
+    """The scene of the user whose functions an orbit file lacks, by --scene and --set."""
+    if name is None:
+        if settings:
+            raise fail("--set", "none without --scene", ", ".join(settings))
+        return None
+    return jaxdyn.scenes.catalogue.build(name, scene_settings(name, settings))
 
 
 def printer(screen: Screen) -> Callable[["orbits.shooting.newton.Iteration"], None]:

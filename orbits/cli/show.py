@@ -12,16 +12,25 @@ from jaxdyn import _scene_files, _text
 from jaxdyn._text import choice, fail
 from jaxdyn.cli.docstrings import scene_settings, scenes
 from jaxdyn.cli.screen import Screen, screen
-from jaxdyn.cli.shared import JsonOption, LiveOption, PlotOption, TitleOption, check_title
+from jaxdyn.cli.shared import (
+    JsonOption,
+    LiveOption,
+    PlotOption,
+    SetOption,
+    TitleOption,
+    check_title,
+)
 from orbits.cli.bifurcations.curve import as_json as curves_as_json
 from orbits.cli.bifurcations.diagram import as_json as diagram_as_json
 from orbits.cli.bifurcations.shared import Noted
 from orbits.cli.printed import print_family, print_reports
-from orbits.cli.shared import OrbitFile, QuantityOption, draw
+from orbits.cli.shared import OrbitFile, QuantityOption, SceneOfFile, draw, scene_of_file
 
 
 def show_command(
     file: OrbitFile,
+    scene: SceneOfFile = None,
+    settings: SetOption = None,
     plot: PlotOption = None,
     quantity: QuantityOption = "period",
     title: TitleOption = None,
@@ -40,7 +49,7 @@ def show_command(
                 raise _text.fail("--live", "a file of an orbit or a family", "another", remedy)
             show_continuation(file, plot, title, out)
             return
-        found = orbits.files.contents.contents(file)
+        found = orbits.files.contents.contents(file, scene_of_file(scene, settings))
         if as_object:
             out.result(json.loads(file.read_text()))
         if isinstance(found, orbits.files.family_files.Listing):

@@ -3,9 +3,9 @@
 import orbits
 from jaxdyn._text import fail
 from jaxdyn.cli.screen import screen
-from jaxdyn.cli.shared import JsonOption
+from jaxdyn.cli.shared import JsonOption, SetOption
 from orbits.cli.printed import print_reports
-from orbits.cli.shared import OrbitFile
+from orbits.cli.shared import OrbitFile, SceneOfFile, scene_of_file
 
 #: Messages about the records of a file that are computed again, besides its claims.
 _REPEATED = {
@@ -14,11 +14,17 @@ _REPEATED = {
 }
 
 
-def verify_command(file: OrbitFile, as_object: JsonOption = False) -> None:
+def verify_command(
+    file: OrbitFile,
+    scene: SceneOfFile = None,
+    settings: SetOption = None,
+    as_object: JsonOption = False,
+) -> None:
     """Recompute every claim of an orbit file, from its scene, start and period alone."""
     with screen(f"recomputing the claims of {file}", as_object) as out:
-        derived, mismatches = orbits.verify(file)
-        orbit, claims = orbits.load(file)
+        given = scene_of_file(scene, settings)
+        derived, mismatches = orbits.verify(file, scene=given)
+        orbit, claims = orbits.load(file, scene=given)
         again = [name for name in _REPEATED if claims.get(name, {}).get("proved", name in claims)]
         if as_object:
             wrong = [

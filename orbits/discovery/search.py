@@ -21,7 +21,7 @@ from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._progress import report_progress
 from jaxdyn._text import number_of
 from jaxdyn.ensemble.batches import cores
-from jaxdyn.files.codec import encode
+from jaxdyn.files.codec import encode, encode_scene
 from jaxdyn.integrate.spans import tolerances
 from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.given import pose
@@ -225,7 +225,7 @@ def _check(plan: Plan) -> None:
 def _header(plan: Plan) -> dict[str, Any]:
     """The description that identifies a search."""
     names = ("samples", "chunk", "seed", "shortest", "longest", "windows", "close", "rtol")
-    encoded = {"scene": encode(plan.scene), "closing": encode(plan.closing)}
+    encoded = {"scene": encode_scene(plan.scene), "closing": encode(plan.closing)}
     first = plan.sampler(np.arange(min(plan.samples, plan.chunk)), plan.seed)
     return {
         **encoded,

@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
 from jaxdyn.files.layout import format_of
@@ -31,11 +32,12 @@ class Claimed:
     certificate: Certificate | None
 
 
-def contents(path: str | Path) -> Claimed | Listing:
+def contents(path: str | Path, scene: Scene | None = None) -> Claimed | Listing:
     """The orbit or the family in a file, with its claims, none of which is recomputed.
 
     Args:
       path: path of the JSON file.
+      scene: see `orbits.load`.
     Raises:
       ValueError: it is neither an orbit file nor a family file of this version, or its data is
         invalid.
@@ -43,11 +45,11 @@ def contents(path: str | Path) -> Claimed | Listing:
     orbit, family = orbit_files.LAYOUT, family_files.LAYOUT
     found = format_of(path, orbit.remedy)
     if found == family.format:
-        return family_files.load(path)
+        return family_files.load(path, scene)
     if found != orbit.format:
         wanted = f"format {orbit.format!r} or {family.format!r}"
         raise fail("file", wanted, repr(found)[:40], orbit.remedy)
-    orbit, claims = orbit_files.load(path)
+    orbit, claims = orbit_files.load(path, scene=scene)
     refined, certificate = (
         claims.pop(name, None) for name in (orbit_files.REFINED, orbit_files.CERTIFICATE)
     )

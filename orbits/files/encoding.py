@@ -3,8 +3,9 @@
 import math
 from typing import Any, NamedTuple
 
+from jaxdyn import Scene
 from jaxdyn._checks import fail
-from jaxdyn.files.codec import decode_fields, decode_part, decode_scene, encode
+from jaxdyn.files.codec import decode_fields, decode_part, decode_scene, encode, encode_scene
 from jaxdyn.files.digests import DAMAGED
 from orbits.closing.closings import Closing, Symmetry
 from orbits.closing.given import check_drive, is_driven
@@ -32,17 +33,21 @@ def encode_orbit(orbit: Orbit | HybridOrbit) -> dict[str, Any]:
     """The orbit as numbers, strings, lists and dictionaries.
 
     Raises:
-      ValueError: the scene holds a function, or it is a chain of legs, which hold functions.
+      ValueError: the closing holds a function, or it is a chain of legs, which hold functions.
     """
     orbit = smooth_orbit("orbit", orbit)
-    return {name: encode(getattr(orbit, name)) for name in _FIELDS}
+    others = {name: encode(getattr(orbit, name)) for name in _FIELDS[1:]}
+    return {"scene": encode_scene(orbit.scene)} | others
 
 
-def decode_orbit(record: Any) -> Orbit:
+def decode_orbit(record: Any, given: Scene | None = None) -> Orbit:
     """The orbit of a record; whether it closes is not checked.
 
+    Args:
+      record: what `encode_orbit` returned.
+      given: its scene, if that holds functions; see `decode_scene`.
     Raises:
-      ValueError: the record is not of an orbit, or its data is invalid.
+      ValueError: the record is not of an orbit, or its data is invalid; or see `decode_scene`.
     """
     if not isinstance(record, dict) or record.keys() != {*_FIELDS}:
         got = sorted({*_FIELDS} ^ record.keys()) if isinstance(record, dict) else repr(record)[:40]
@@ -55,7 +60,7 @@ def decode_orbit(record: Any) -> Orbit:
     if not (mesh is None or (len(mesh) > 1 and min(mesh) > 0 and abs(sum(mesh) - 1) < _WHOLE)):
         raise fail("file", "lengths > 0 of intervals, of sum 1, or null", "others", DAMAGED)
     try:
-        scene = decode_scene(record["scene"], DAMAGED)
+        scene = decode_scene(record["scene"], DAMAGED, given)
         if not (0 < known.rtol < 1 and float(scene.t1) > 0 and math.isfinite(known.angle)):
             raise fail("file", "a period > 0 and 0 < rtol < 1", "others", DAMAGED)
         if is_driven(scene):

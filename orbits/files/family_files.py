@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxdyn import Scene
 from jaxdyn._checks import check_first, fail
 from jaxdyn.continuation.kinds import Kind
 from jaxdyn.files.codec import decode_fields, encode
@@ -89,7 +90,7 @@ def save(path: str | Path, family: Listing) -> None:
       path: path of the JSON file.
       family: result of `listing`.
     Raises:
-      ValueError: the folder does not exist, or a scene holds a function.
+      ValueError: the folder does not exist, or `family` is one of chains, which hold functions.
     """
     LAYOUT.write(path, as_json(family))
 
@@ -101,15 +102,19 @@ def as_json(family: Listing) -> dict[str, Any]:
     return encode(FamilyFile(family.parameter, family.end, members, special))
 
 
-def load(path: str | Path) -> Listing:
+def load(path: str | Path, scene: Scene | None = None) -> Listing:
     """The family in a file; each orbit can be reported on, and continued, like a new one.
 
+    Args:
+      path: path of the JSON file.
+      scene: for scenes that hold functions, one of the family; see `orbits.load`.
     Raises:
-      ValueError: the file is not a readable family file of this version, or its data is invalid.
+      ValueError: the file is not a readable family file of this version, its data is invalid, or
+        its equations are not those of `scene`.
     """
     known = FamilyFile(**decode_fields(LAYOUT.read(path), FamilyFile, "file", DAMAGED))
     members, special = (
-        tuple(_decode(record, known.parameter) for record in each)
+        tuple(_decode(record, known.parameter, scene) for record in each)
         for each in (known.members, known.special)
     )
     if not members:
@@ -131,8 +136,8 @@ def _record(entry: Entry) -> dict[str, Any]:
     return {"orbit": encode_orbit(entry.orbit)} | encode(entry, ("orbit",))
 
 
-def _decode(record: dict, parameter: str | None) -> Entry:
-    orbit = decode_orbit(record.get("orbit"))
+def _decode(record: dict, parameter: str | None, scene: Scene | None) -> Entry:
+    orbit = decode_orbit(record.get("orbit"), scene)
     rest = {name: x for name, x in record.items() if name != "orbit"}
     entry = Entry(orbit, **decode_fields(rest, Entry, "file", DAMAGED, ("orbit",)))
     if parameter is None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 from jaxtyping import Array
 
+from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files.codec import decode_fields, encode
 from jaxdyn.files.digests import DAMAGED
@@ -117,12 +118,11 @@ def save(
     Args:
       path: path of the JSON file.
       orbit: what `find`, `find_hybrid`, `refine` or `prove` returned; the digits or the certificate
-        are claims. For a chain of legs the file has only the numbers, since events and changes are
-        functions. Or a family, as `continue_family` returns it.
+        are claims. Files hold no functions: of a chain of legs, and of a scene with functions such
+        as `jaxdyn.ode`, they have the numbers. Or a family, as `continue_family` returns it.
       claims: the report about the orbit; made here by default. Families have none.
     Raises:
-      ValueError: `orbit` is something else, the folder does not exist, or the scene holds a
-        function.
+      ValueError: `orbit` is something else, or the folder does not exist.
     """
     if isinstance(orbit, Family):
         family_files.save(path, family_files.listing(orbit, family_files.parameter_name(orbit)))
@@ -145,12 +145,12 @@ def save(
 
 
 @overload
-def load(path: str | Path) -> tuple[Orbit, dict[str, Any]]: ...
+def load(path: str | Path, *, scene: Scene | None = None) -> tuple[Orbit, dict[str, Any]]: ...
 @overload
 def load(
     path: str | Path, legs: Sequence[Leg] | Phases, *, closes: Closes | None = None
 ) -> tuple[HybridOrbit, dict[str, Any]]: ...
-def load(path, legs=None, *, closes=None):
+def load(path, legs=None, *, closes=None, scene=None):
     """The orbit in a file, and the file's claims about it.
 
     Args:
@@ -158,9 +158,11 @@ def load(path, legs=None, *, closes=None):
       legs: for a chain of legs, the legs or the phases that were given to `find_hybrid`, since its
         file has only numbers.
       closes: the closing of a chain, if one was given to `find_hybrid`.
+      scene: for an orbit of a scene that holds functions, such as `jaxdyn.ode`, a scene with these
+        functions; its numbers are replaced by those of the file.
     Raises:
-      ValueError: the file is not a readable orbit file of this version, its data is invalid, or the
-        chain does not close by these legs.
+      ValueError: the file is not a readable orbit file of this version, its data is invalid, the
+        chain does not close by these legs, or the equations are not those of `scene`.
     """
     if legs is not None:
         return _load_chain(path, legs, closes)
@@ -171,4 +173,4 @@ def load(path, legs=None, *, closes=None):
     claims = record.pop("claims", None)
     if not isinstance(claims, dict):
         raise fail("file", "claims by name", type(claims).__name__, DAMAGED)
-    return encoding.decode_orbit(record), claims
+    return encoding.decode_orbit(record, scene), claims

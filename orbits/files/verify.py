@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from jaxdyn import Scene
 from jaxdyn._checks import fail
 from jaxdyn.files.digests import DAMAGED
 from orbits.analysis.evidence import after, closure
@@ -49,6 +50,7 @@ def verify(
     legs: Sequence[Leg] | Phases | None = None,
     *,
     closes: Closes | None = None,
+    scene: Scene | None = None,
 ) -> tuple[Report, list[Mismatch]]:
     """All claims of an orbit file recomputed, and those that do not hold.
 
@@ -56,10 +58,14 @@ def verify(
       path: path of the JSON file.
       legs: see `load`.
       closes: see `load`.
+      scene: see `load`.
     Raises:
       ValueError: see `load`; or the motion of the file's orbit ends before its period.
     """
-    orbit, claims = load(path) if legs is None else load(path, legs, closes=closes)
+    if legs is None:
+        orbit, claims = load(path, scene=scene)
+    else:
+        orbit, claims = load(path, legs, closes=closes)
     if not np.isfinite(closure(orbit)):
         got = "one that ends before it"
         raise fail("file", "a motion that lasts for its period", got, DAMAGED)

@@ -80,7 +80,8 @@ def curve_command(
             begin = equilibrium_start(name, values, start)
             curves = list(_of_equilibria(make, both, begin, options, out))
         else:
-            starts = list(_starts(from_orbit, (first, second), both, kind))
+            scene = make(*both)
+            starts = list(_starts(from_orbit, scene, (first, second), both, kind))
             curves = list(_of_orbits(make, starts, options, out))
         if as_object:
             out.result({"scene": name, "parameters": [first, second]} | as_json(curves))
@@ -121,9 +122,11 @@ def _of_equilibria(make, both, begin: list[float], options: dict, out: Screen) -
             yield curve
 
 
-def _starts(file: Path, names: tuple[str, str], both, kind: str | None) -> Iterator[Any]:
+def _starts(
+    file: Path, scene: "jaxdyn.Scene", names: tuple[str, str], both, kind: str | None
+) -> Iterator[Any]:
     """(orbit, kind, parameters) of the orbit, or of the special points of the family, in a file."""
-    found = orbits.files.contents.contents(file)
+    found = orbits.files.contents.contents(file, scene)
     if not isinstance(found, orbits.files.family_files.Listing):
         if kind is None:
             raise fail("--kind", f"the kind of the orbit, one of {', '.join(_KINDS)}", None)

@@ -83,7 +83,7 @@ def family_command(
         values = jaxdyn.scenes.catalogue.numbers(name, chosen)
         make, value = _maker(name, values, parameter, limits)
         orbit = _first(name, values, period, from_orbit, out)
-        _check_outputs(orbit, quantity if plot else None, save_to)
+        _check_quantity(orbit, quantity if plot else None)
         if not orbit.ok:
             raise not_found(orbit, _REMEDY, {"scene": name}, as_object, out)
         found = orbits.continue_family(
@@ -125,15 +125,11 @@ def _maker(name: str, values: dict, parameter: str | None, limits: tuple[float, 
     return make, value
 
 
-def _check_outputs(
-    orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None, save_to: Path | None
-) -> None:
-    """Refuse outputs that cannot be drawn or saved before the family is followed."""
+def _check_quantity(orbit: "orbits.Orbit | orbits.HybridOrbit", quantity: str | None) -> None:
+    """Refuse a quantity that cannot be drawn before the family is followed."""
     scene = orbit.legs[0].scene if isinstance(orbit, orbits.HybridOrbit) else orbit.scene
     if quantity is not None:
         orbits.analysis.quantities.check_quantity(quantity, scene)
-    if save_to:
-        jaxdyn.files.codec.encode(scene)
 
 
 def _first(
@@ -142,7 +138,7 @@ def _first(
     """The first orbit of the family."""
     scene = jaxdyn.scenes.catalogue.entry(name).make(**values)
     if from_orbit is not None:
-        orbit = orbits.load(from_orbit)[0]
+        orbit = orbits.load(from_orbit, scene=scene)[0]
         if orbit.scene.labels() != scene.labels():
             got = f"one of {orbit.scene.name or 'another scene'}, whose state has other entries"
             raise fail("--from-orbit", f"an orbit of {name}", got)

@@ -92,15 +92,29 @@ def test_a_lambda_is_a_function_and_an_annotation_or_def_chooses_one(folder, com
     assert json.loads(out)["y"][-1][0] == pytest.approx(np.exp(-k), abs=1e-9)
 
 
-def test_an_orbit_of_it_is_found_and_what_no_file_holds_is_said_before(folder, command):
-    words = ("orbits", "find", "mine.py", "--set", "c=2.5", "--set", "t1=100")
+def test_an_orbit_of_it_is_found_saved_and_read_with_the_scene(folder, command):
+    words = (
+        "orbits",
+        "find",
+        "mine.py",
+        "--set",
+        "c=2.5",
+        "--set",
+        "t1=100",
+        "--save",
+        "cycle.json",
+    )
     code, out, err = command(*words, "--json")
     assert code == 0, err
     assert json.loads(out)["period"] == pytest.approx(5.7489911833, abs=1e-9)  # by DOP853 of SciPy
-    code, out, err = command(*words, "--save", str(folder / "cycle.json"))
+    code, out, err = command("orbits", "verify", "cycle.json", "--scene", "mine.py", "--json")
+    assert (code, json.loads(out)["ok"]) == (0, True)
+    code, out, err = command("orbits", "show", "cycle.json")
     assert code == 2
-    assert out == ""
-    assert "A scene that holds a function cannot be written to a file" in err
+    assert "Pass it as scene=, or --scene on the command line" in err
+    code, out, err = command("orbits", "show", "cycle.json", "--set", "c=3")
+    assert code == 2
+    assert "--set: expected none without --scene, got c=3" in err
 
 
 def test_its_text_is_listed_without_running_it(folder, command):

@@ -102,7 +102,7 @@ def test_what_is_read_is_not_compiled_again():
 def test_a_function_cannot_be_written():
     with pytest.raises(ValueError, match=r"record: expected numbers, strings and modules, got "):
         encode(WithFunction(np.sin))
-    with pytest.raises(ValueError, match=r"got set set.*make a class of it in a module"):
+    with pytest.raises(ValueError, match=r"got set set.*make a class in a module"):
         encode(WithFunction(set()))
 
 

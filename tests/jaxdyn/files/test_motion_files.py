@@ -140,14 +140,46 @@ def test_the_same_motion_gives_the_same_file(path):
     assert path.read_bytes() == before
 
 
-def law(t, y):
-    return [-y[0]]
+def decay(rate, y0=1.0):
+    """A scene with a function, which no file holds."""
+    return jaxdyn.ode(lambda t, y, p: [-p * y[0]], [y0], 1.0, params=rate)
+
+
+def test_a_motion_of_a_scene_with_functions_comes_back_with_the_scene(path):
+    motion = made(decay(2.0))
+    motion.save(path)
+    back = jaxdyn.load(path, scene=decay(3.0, 5.0))  # its numbers are those of the file
+    assert_equal_to_the_bit(back, dataclasses.replace(motion, scene=back.scene))
+    assert back.scene.y0.tolist() == [1.0]
+    assert simulate(back.scene, 1.0).ys[-1, 0] == pytest.approx(np.exp(-2.0), abs=1e-12)
+    several = jax.vmap(lambda rate: simulate(decay(rate), samples=3))(jnp.array([1.0, 2.0]))
+    several.save(path)
+    back = jaxdyn.load(path, scene=decay(3.0))
+    assert np.array_equal(back.ys, several.ys)
+    assert np.array_equal(back.scene.system.params, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (None, "scene: expected the scene .*, with any values of its numbers, got none. Pass it"),
+        (jaxdyn.ode(lambda t, y, p: [p * y[0]], [1.0], 1.0, params=2.0), "got others. Numbers"),
+        (
+            jaxdyn.ode(lambda t, y, p: [-p[0] * y[0]], [1.0], 1.0, params=jnp.array([2.0])),
+            r"expected one with the entries y0 and the numbers of the file, got y0, .*\(1,\)",
+        ),
+        (scenes.pendulum(), "expected one with the entries y0"),
+    ],
+)
+def test_a_scene_with_other_functions_is_refused(path, given, message):
+    made(decay(2.0)).save(path)
+    with pytest.raises(ValueError, match=message):
+        jaxdyn.load(path, scene=given)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda m: made(jaxdyn.ode(law, [1.0], 1.0)), r"record: .*A scene that holds a function"),
         (
             lambda m: dataclasses.replace(m, scene=m.scene.starting([1.0, jnp.nan])),
             "record: expected finite numbers, got Array",
