@@ -9,8 +9,8 @@ from rich.markup import escape
 import jaxdyn
 import orbits
 from jaxdyn import _scene_files, _text
-from jaxdyn._text import choice, fail
-from jaxdyn.cli.docstrings import scene_settings, scenes
+from jaxdyn._text import fail
+from jaxdyn.cli.docstrings import scene_settings
 from jaxdyn.cli.screen import Screen, screen
 from jaxdyn.cli.shared import (
     JsonOption,
@@ -47,7 +47,10 @@ def show_command(
             if live:
                 remedy = "In Python each family of it has `live(path)`."
                 raise _text.fail("--live", "a file of an orbit or a family", "another", remedy)
-            show_continuation(file, plot, title, out)
+            if settings:
+                remedy = "A file of a diagram or of curves has its own."
+                raise _text.fail("--set", "none for this file", ", ".join(settings), remedy)
+            show_continuation(file, scene, plot, title, out)
             return
         found = orbits.files.contents.contents(file, scene_of_file(scene, settings))
         if as_object:
@@ -127,7 +130,9 @@ def is_continuation(file: Path) -> bool:
         return jaxdyn.continuation.checkpoint.LAYOUT.format.encode() in opened.readline(200)
 
 
-def show_continuation(file: Path, plot: Path | None, title: str | None, out: Screen) -> None:
+def show_continuation(
+    file: Path, scene: str | None, plot: Path | None, title: str | None, out: Screen
+) -> None:
     """Print the curves or the diagram of a file, and draw them if requested."""
     kinds = (*jaxdyn.continuation.checkpoint.WHATS, orbits.families.checkpoint.ORBITS)
     kinds = (*kinds, orbits.curves.checkpoint.ORBIT_CURVE)
@@ -138,25 +143,22 @@ def show_continuation(file: Path, plot: Path | None, title: str | None, out: Scr
         raise fail("file", "a file of `orbits curve` or `orbits diagram`", got, _REMEDY)
     note = jaxdyn.files.codec.decode(found, Noted, "file", jaxdyn.continuation.checkpoint.OTHER)
     settings = [f"{key}={value}" for key, value in note.settings.items()]
-    own = _scene_files.is_in_file(note.scene)
-    if own and not note.scene.endswith(_scene_files.TEXT):
+    name = note.scene if scene is None else scene
+    if scene is None and _scene_files.is_in_file(name) and not name.endswith(_scene_files.TEXT):
         # A file must not name code to be executed.
-        remedy = (
-            "Read it in Python, by orbits.families.load with the function that makes its scenes."
-        )
-        raise fail("file", "one of a scene of `jaxdyn list`", f"one of {note.scene}", remedy)
-    chosen = scene_settings(note.scene if own else choice("scene", note.scene, scenes()), settings)
-    values = jaxdyn.scenes.catalogue.numbers(note.scene, chosen)
+        got, remedy = f"one of {name}", "Name the function that makes it: --scene FILE.py:NAME."
+        raise fail("file", "one of a scene of `jaxdyn list`", got, remedy)
+    values = jaxdyn.scenes.catalogue.numbers(name, scene_settings(name, settings))
     whats = {walk.begin.what for walk in walks}
     if len(note.parameters) == 1:
         (parameter,) = note.parameters
-        make, _ = orbits.families.parameters.maker(note.scene, values, parameter)
+        make, _ = orbits.families.parameters.maker(name, values, parameter)
         _show_diagram(orbits.families.load(file, make), note, plot, title, out)
     else:
         both = jaxdyn.files.codec.decode(
             note.parameters, tuple[str, str], "file", jaxdyn.continuation.checkpoint.OTHER
         )
-        make, _ = orbits.families.parameters.maker_of_two(note.scene, values, both)
+        make, _ = orbits.families.parameters.maker_of_two(name, values, both)
         curves: list[Any] = []
         if jaxdyn.continuation.checkpoint.CURVE in whats:
             curves += jaxdyn.continuation.load(file, make)

@@ -243,3 +243,28 @@ def test_an_error_of_a_line_of_the_file_names_the_line(folder, command, function
 def test_an_error_of_this_library_keeps_its_traceback():
     with pytest.raises(ZeroDivisionError), _scene_files.locate_errors():
         _ = 1 / 0
+
+
+TILTED = """
+import jaxdyn
+
+
+def tilted(a=0.5):
+    return jaxdyn.ode(lambda t, y, p: [p * y[0] - y[0] ** 3 + 0.05], [0.7], 10.0, params=a)
+"""
+
+
+def test_a_diagram_of_it_is_shown_if_the_scene_is_named(folder, command):
+    (folder / "tilted.py").write_text(TILTED)
+    words = ("--parameter", "a", "--within", "-1,1", "--save", "tilted.jsonl")
+    code, first, err = command("orbits", "diagram", "tilted.py", *words, "--json")
+    assert code == 0, err
+    code, _, err = command("orbits", "show", "tilted.jsonl")
+    assert code == 2
+    assert "Name the function that makes it: --scene FILE.py:NAME" in err
+    code, out, err = command("orbits", "show", "tilted.jsonl", "--scene", "tilted.py", "--json")
+    assert code == 0, err
+    assert json.loads(out)["equilibria"] == json.loads(first)["equilibria"]
+    code, _, err = command("orbits", "show", "tilted.jsonl", "--scene", "tilted.py", "--set", "a=1")
+    assert code == 2
+    assert "--set: expected none for this file, got a=1" in err
