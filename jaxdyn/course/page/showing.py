@@ -61,7 +61,7 @@ def _display(played: PlayedMotions, asks: Sequence[player.Ask]) -> Display:
     if played.inexact:
         return Display(played.look, computed, runs=False)
     try:
-        running = fragment(of_motions(played.motions, played.choose, ends=played.ends), asks=asks)
+        running = fragment(of_motions(played.motions, played.choose, played.ends), asks=asks)
     except ValueError:  # its phases, its kinds of scenes or its formulas do not suit a page
         running = None
     if running is None or len(running) > len(computed):
