@@ -202,6 +202,16 @@ def array_of_shape(name: str, x: Any, shape: tuple, remedy: str = "") -> Array:
     return x
 
 
+def grid(first: Any, second: Any) -> tuple[np.ndarray, np.ndarray, Array, Array]:
+    """The axes (a,) and (b,) of a grid, and both of its numbers (a b,) at each of its points."""
+    given = ("first", first), ("second", second)
+    first, second = (np.asarray(array(name, x, (None,))) for name, x in given)
+    if not len(first) or not len(second):
+        raise fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
+    xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
+    return first, second, xs, ys
+
+
 def check_shape(name: str, got: tuple, shape: tuple, remedy: str = "") -> None:
     """Raise unless the shape fits: None allows any length, and a final ... any further axes."""
     if got == shape:

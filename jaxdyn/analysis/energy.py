@@ -95,11 +95,16 @@ def angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
 @jax.jit
 def _angular_momentum(scene: Scene | Field, t, y: Array) -> Array:
     r, v, m = scene.points(t, y)
-    if r.shape[1] == 1:
+    return moment(r, m[:, None] * v)
+
+
+def moment(arms: Array, vectors: Array) -> Array:
+    """Sum of arm x vector, both (n, d): () in the plane and 0 on a line, (3,) in space."""
+    if arms.shape[1] == 1:
         return jnp.zeros(())
-    if r.shape[1] == 2:
-        return jnp.sum(m * (r[:, 0] * v[:, 1] - r[:, 1] * v[:, 0]))
-    return jnp.sum(m[:, None] * jnp.cross(r, v), axis=0)
+    if arms.shape[1] == 2:
+        return jnp.sum(arms[:, 0] * vectors[:, 1] - arms[:, 1] * vectors[:, 0])
+    return jnp.sum(jnp.cross(arms, vectors), axis=0)
 
 
 @check_first

@@ -113,16 +113,10 @@ def chart(
     Raises:
       ValueError: no numbers, `rtol` out of range, or a motion that does not repeat.
     """
-    first, second = (
-        np.asarray(_checks.array(name, x, (None,)))
-        for name, x in (("first", first), ("second", second))
-    )
-    if not len(first) or not len(second):
-        raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
+    first, second, xs, ys = _checks.grid(first, second)
     corner, period = make(jnp.asarray(first[0]), jnp.asarray(second[0]))
     check_scene(corner)
     _checks.positive("period", period, "It is that of the drive, in seconds.")
-    xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
     shape = len(first), len(second)
     lanes = jax.tree.map(
         lambda x: np.asarray(x).reshape(*shape, *x.shape[1:]),

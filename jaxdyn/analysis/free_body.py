@@ -284,10 +284,7 @@ def _body(part: Part, points: Points, a: np.ndarray, terms: np.ndarray) -> FreeB
         r, v, acc = (x[index] for x in (points.r, points.v, a))
         centre, velocity, acceleration = (weights @ x for x in (r, v, acc))
         arm, swing, turn = r - centre, v - velocity, acc - acceleration
-        spins = [
-            _cross_rows(arm, mass_times) for mass_times in (m[:, None] * swing, m[:, None] * turn)
-        ]
-        spin, rate = (x.sum(axis=0) for x in spins)
+        spin, rate = (_cross(arm, m[:, None] * moved).sum(axis=0) for moved in (swing, turn))
         sizes = np.abs(m) * np.linalg.norm(terms[index], axis=1)
         inertial = float(sizes.sum()), float(sizes @ np.linalg.norm(arm, axis=1))
     else:
@@ -348,7 +345,7 @@ def _force_on_body(
     none = np.zeros_like(body.angular_rate)
     if len(acted) == 1:
         return Force("", total, points.r[index][acted[0]], none, EFFECT)
-    moments = _cross_rows(arms, f)
+    moments = _cross(arms, f)
     couple = moments.sum(axis=0)
     # For a force in proportion to mass, the couple is the rounding of the places of the points.
     reach = np.abs(points.r[index]).sum(axis=1) + np.abs(body.centre).sum()
@@ -481,12 +478,9 @@ def _residual(bodies: list[FreeBody]) -> tuple[float, float]:
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Moment: () in the plane and 0 on a line, (3,) in space."""
-    if len(a) == 3:
+    """(...) moments of (..., d) forces in the plane, and 0 on a line; (..., 3) in space."""
+    if a.shape[-1] == 3:
         return np.cross(a, b)
-    return np.asarray(a[0] * b[1] - a[1] * b[0] if len(a) == 2 else 0.0)
-
-
-def _cross_rows(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(p, ...) moments of the rows of two arrays (p, d)."""
-    return np.stack([_cross(*rows) for rows in zip(a, b, strict=True)])
+    if a.shape[-1] == 2:
+        return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    return np.zeros(a.shape[:-1])

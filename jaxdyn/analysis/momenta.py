@@ -28,6 +28,7 @@ from jaxtyping import Array
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
+from jaxdyn.analysis.energy import moment
 from jaxdyn.integrate.spans import of_samples
 from jaxdyn.integrate.trajectory import Trajectory, each_motion
 from jaxdyn.scene import Effect, Field, Points, Scene
@@ -72,7 +73,7 @@ def angular_momentum_about(scene: Scene | Field, t, y, c: MovingPoint, definitio
     _checks.choice("definition", definition, DEFINITIONS)
     points, _, c_now, c_rate = _motion_about(scene, t, y, c)
     v = points.v - c_rate[None] if definition == "relative" else points.v
-    return _moment(points.r - c_now[None], points.m[:, None] * v)
+    return moment(points.r - c_now[None], points.m[:, None] * v)
 
 
 @check_first
@@ -82,7 +83,7 @@ def moment_about(scene: Scene | Field, t, y, c: MovingPoint) -> Array:
     For free points this is the moment of the forces; with constraints, reactions count too.
     """
     points, a, c_now, _ = _motion_about(scene, t, y, c)
-    return _moment(points.r - c_now[None], points.m[:, None] * a)
+    return moment(points.r - c_now[None], points.m[:, None] * a)
 
 
 @check_first
@@ -124,7 +125,7 @@ def _moment_balances(motion: Trajectory, c: MovingPoint) -> list[Balance]:
         v = jnp.abs(points.v) + jnp.abs(c_rate[None])
         size = jnp.sum(m * jnp.abs(arm)) * jnp.max(jnp.abs(a)) + jnp.sum(m * v) * jnp.max(v)
         rates = [angular_momentum_rate(scene, t, y, c, name) for name in DEFINITIONS]
-        return _moment(arm, m * a), jnp.stack(rates), size
+        return moment(arm, m * a), jnp.stack(rates), size
 
     moments, rates, sizes = jax.vmap(sides)(motion.ts, motion.ys)
     return [_balance(moments, rates[:, i], sizes) for i in range(len(DEFINITIONS))]
@@ -202,10 +203,3 @@ def _motion_about(scene: Scene | Field, t, y, c: MovingPoint) -> tuple[Points, A
 
     (points, c_now), (rates, c_rate) = _along(scene, t, y, look)
     return points, rates.v, c_now, c_rate
-
-
-def _moment(arm: Array, vector: Array) -> Array:
-    """Sum of arm x vector, both (n, d): () in the plane, (3,) in space."""
-    if arm.shape[1] == 2:
-        return jnp.sum(arm[:, 0] * vector[:, 1] - arm[:, 1] * vector[:, 0])
-    return jnp.sum(jnp.cross(arm, vector), axis=0)

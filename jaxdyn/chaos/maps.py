@@ -6,7 +6,6 @@ from typing import Annotated, Any, ClassVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -111,13 +110,7 @@ def chaos_map(
       >>> bool(abs(found.mean - 2.0).max() < 0.1)
       True
     """
-    first, second = (
-        np.asarray(_checks.array(name, x, (None,)))
-        for name, x in (("first", first), ("second", second))
-    )
-    if not len(first) or not len(second):
-        raise _checks.fail("grid", "at least one number each way", f"{len(first)} x {len(second)}")
-    xs, ys = (jnp.asarray(x.ravel()) for x in np.meshgrid(first, second, indexing="ij"))
+    first, second, xs, ys = _checks.grid(first, second)
     every = _scenes(make, xs, ys)
     finite = np.isfinite(np.asarray(every.y0)).all(axis=1)
     if not finite.any():

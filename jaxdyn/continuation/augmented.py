@@ -102,7 +102,7 @@ def tangent(
 
 
 def first_unknowns(
-    kind: Kind, make: MakeOfTwo, x: np.ndarray, other: float | None = None
+    kind: Kind, make: MakeOfTwo, x: np.ndarray, other: float | None
 ) -> np.ndarray | None:
     """(n,) the unknowns near a state and parameters; None without a pair of eigenvalues.
 

@@ -127,9 +127,7 @@ def _coefficient(make: Make, x: Array, curves: Array, *, order: int) -> Array:
 _DEFECTIVE = 1e-8
 
 
-def null_form(
-    make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray | float = 1.0
-) -> tuple[float, float]:
+def null_form(make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray) -> tuple[float, float]:
     """The quadratic and the cubic coefficient at a simple eigenvalue 0; NaN at a multiple one.
 
     Args:
@@ -160,9 +158,7 @@ def solve_bordered(a: np.ndarray, q: np.ndarray, p: np.ndarray, right: np.ndarra
     return np.linalg.solve(bordered, np.append(right, 0.0))[:-1]
 
 
-def double_zero(
-    make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray | float = 1.0
-) -> tuple[float, float]:
+def double_zero(make: Make, x: np.ndarray, a: np.ndarray, each: np.ndarray) -> tuple[float, float]:
     """The coefficients a and b at a double eigenvalue 0 with one eigenvector.
 
     With A q = 0, A r = q, A^T w = 0, A^T u = w, w r = u q = 1, w q = u r = 0 and |q| = 1 they are

@@ -57,11 +57,7 @@ def equilibria(
     index, label = entry_of(families, entry)
     figure = blank(6.8, 4.6)
     ax: Any = figure.add_subplot()
-    for family in families:
-        for verdict, points, shown in equilibrium_stretches(family):
-            line = np.array([(x.parameter, x.state[index]) for x in points])
-            name = verdict if shown else "_"
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
+    draw_equilibria(ax, families, index)
     for (kind, marker), colour in zip(EQUILIBRIUM_MARKERS.items(), PALETTE[1:], strict=False):
         special = [x for family in families for x in family.special if x.kind == kind]
         there = np.array([(x.parameter, x.state[index]) for x in special])
@@ -168,9 +164,15 @@ def _criticality(one, two) -> str:
     return getattr(one, "criticality", "") or getattr(two, "criticality", "")
 
 
-def equilibrium_stretches(family: EquilibriumFamily) -> list[tuple[str, list, bool]]:
-    """The `stretches` of a family of equilibria."""
-    return stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
+def draw_equilibria(ax, families: Sequence[EquilibriumFamily], index: int, of: str = "") -> None:
+    """Draw the `stretches` of families of equilibria; `of` begins their names in the legend."""
+    for family in families:
+        for verdict, points, shown in stretches(
+            family.members, family.special, lambda x: x.verdict, lambda x: x.x
+        ):
+            line = np.array([(x.parameter, x.state[index]) for x in points])
+            name = f"{of}{verdict}" if shown else "_"
+            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
 
 
 def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:

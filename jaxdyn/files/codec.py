@@ -201,7 +201,12 @@ def decode(value: Any, hint: Any, name: str, remedy: str, *, lines: bool = False
 
 
 def decode_fields(
-    value: Any, cls: Any, name: str, remedy: str, without: tuple[str, ...] = ()
+    value: Any,
+    cls: Any,
+    name: str,
+    remedy: str,
+    without: tuple[str, ...] = (),
+    raw: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """The values of the fields of a dataclass or a named tuple, from an object of JSON.
 
@@ -213,12 +218,13 @@ def decode_fields(
       name: see `decode`.
       remedy: see `decode`.
       without: fields that the object does not have.
+      raw: fields that stay JSON: what they hold is less than the field, which is made from it.
     Returns: the values of the entries that the object has.
     Raises:
       ValueError: it is not an object, lacks an entry without a default, has other entries, or has
         one of another type.
     """
-    hints = typing.get_type_hints(cls)
+    hints = typing.get_type_hints(cls) | dict.fromkeys(raw, Any)
     names = {*_field_names(cls)} - {*without}
     needed = names - _optional_fields(cls)
     if not isinstance(value, dict) or not needed <= value.keys() <= names:

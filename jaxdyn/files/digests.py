@@ -33,7 +33,7 @@ def json_text(record: dict[str, Any], indent: int | None = None) -> bytes:
     return with_digest(text + b"\n", text.rindex(b'"'))
 
 
-def plain_text(record: Any, indent: int | None = None) -> bytes:
+def plain_text(record: Any, indent: int | None) -> bytes:
     """A value as JSON text.
 
     Raises:

@@ -140,7 +140,7 @@ class RigidBody(System):
 
     def rate(self, t, y, effects):
         _, a, v, omega = self._parts(y)
-        force, torque = self._loads(t, y, effects)
+        force, torque = self.load(t, y, effects)
         inertia = inertia_matrix(self.matter)
         torque = torque - gyroscopic_torque(inertia, omega)
         turning = self.attitude.rate(a, omega), solve_spd(inertia, torque)
@@ -221,7 +221,7 @@ class RigidBody(System):
                 f"The nearest one is {[float(f'{x:.12g}') for x in nearest]}.",
             )
 
-    def _loads(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:
+    def load(self, t: Array, y: Array, effects: tuple[Effect, ...]) -> tuple[Array, Array]:
         """Net force (3,) in the world's axes, and torque (3,) in the body's."""
         _, a, _, _ = self._parts(y)
         total = jnp.zeros((2, 3))

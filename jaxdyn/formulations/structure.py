@@ -54,7 +54,7 @@ class Structure:
         return jnp.concatenate([x.ravel() for x in arrays])
 
 
-def flatten_start(y0: Any, names: Any = None) -> tuple[Any, Any, Structure | None]:
+def flatten_start(y0: Any, names: Any) -> tuple[Any, Any, Structure | None]:
     """The start as an array, names of its entries, its structure.
 
     Names are those given, or the keys that lead to an entry; what is an array or a list of numbers

@@ -99,15 +99,13 @@ def complete(choices: Choices) -> Scene:
     return whole
 
 
-def starts_together(
-    whole: Scene, scenes: Mapping[str, Scene], notes: Sequence[str] = ()
-) -> list[dict]:
+def starts_together(whole: Scene, scenes: Mapping[str, Scene]) -> list[dict]:
     """The initial states of scenes that run side by side.
 
     Raises:
       ValueError: one is not of the kind of `whole`, or they lack different effects.
     """
-    found = starts(whole, scenes, notes)
+    found = starts(whole, scenes)
     if any(one["off"] != found[0]["off"] for one in found):
         remedy = "Name the parameter in which they differ: choose=."
         wanted = "scenes with the same effects, to run together"
@@ -216,25 +214,19 @@ def _captured(scene: Scene) -> dict[str, list[bytes]]:
     return found
 
 
-def of_motions(
-    motions: Mapping[str, Any],
-    choose: str = "",
-    notes: Sequence[str] = (),
-    ends: Event | None = None,
-) -> Choices:
+def of_motions(motions: Mapping[str, Any], choose: str, ends: Event | None) -> Choices:
     """The scenes of computed motions, with their initial states and spans.
 
     Args:
       motions: results of `simulate` or `simulate_phases`, by name.
       choose: as in `Choices`.
-      notes: as in `Choices`.
       ends: as in `Choices`.
     Raises:
       ValueError: a motion cannot run on a page: it is a batch, ended early, began at a time other
         than 0, was integrated with equal steps, or has phases that no ready-made scene has.
     """
     scenes = {name: _scene_of(one) for name, one in motions.items()}
-    return Choices(scenes, choose, notes, ends=ends)
+    return Choices(scenes, choose, ends=ends)
 
 
 def _scene_of(motion: Any) -> Scene:

@@ -68,12 +68,7 @@ def live(
 
 
 def write_page(
-    choices: Choices,
-    path: Path | None,
-    *,
-    title: str = "",
-    motions: int = 1,
-    asks: Sequence[Ask] = (),
+    choices: Choices, path: Path | None, *, title: str, motions: int, asks: Sequence[Ask] = ()
 ) -> PlayerPage:
     """The page for a choice of scenes, also written as a file."""
     shown = fragment(choices, motions=motions, asks=asks)

@@ -61,10 +61,9 @@ from .pendula import triple_pendulum as triple_pendulum
 from .restricted import hill as hill
 from .restricted import jacobi_constant as jacobi_constant
 from .restricted import libration_point as libration_point
+from .restricted import libration_points as libration_points
+from .restricted import restricted_three_body as restricted_three_body
 from .restricted import restricted_three_body_in_space as restricted_three_body_in_space
-from .sections import henon_heiles as henon_heiles
-from .sections import libration_points as libration_points
-from .sections import restricted_three_body as restricted_three_body
 from .sideways import sideways_edge as sideways_edge
 from .sideways import sideways_pendulum as sideways_pendulum
 from .skates import one_skate as one_skate
@@ -74,6 +73,7 @@ from .springs import oscillator as oscillator
 from .springs import spring_mass as spring_mass
 from .springs import two_masses as two_masses
 from .springs import two_springs as two_springs
+from .triangular_well import henon_heiles as henon_heiles
 from .walkers import rimless_wheel as rimless_wheel
 from .walkers import simplest_walker as simplest_walker
 from .wheels import braking as braking

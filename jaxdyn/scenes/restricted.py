@@ -1,12 +1,12 @@
-"""Massless bodies in rotating frames: the restricted three-body problem in space, Hill's problem.
+"""Massless bodies in rotating frames: the restricted three-body problem, Hill's problem.
 
-The restricted three-body problem in the plane is in `sections`. `SYSTEMS` has the numbers of pairs
-of bodies to which spacecraft fly, in kilometres and seconds.
+`SYSTEMS` has the numbers of pairs of bodies to which spacecraft fly, in kilometres and seconds.
 """
 
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -15,55 +15,91 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import as_float, check_first
 from jaxdyn.scene import Scene, System
 from jaxdyn.scenes.ready_made import ready_made
-from jaxdyn.scenes.sections import DRAWN, RestrictedThreeBody, libration_points
 from jaxdyn.sketch import Shape, circle
 from jaxdyn.system import Points
 
+#: Radius of attracting masses in drawings; in the equations they are points.
+DRAWN = 0.02
 _MOON = 0.01215  # share of the Moon in the mass of Earth and Moon
 #: Largest entry of a start relative to the units of a pair: kilometres are beyond it.
 _MOST = 1e3
 
 
-class RestrictedThreeBodyInSpace(System):
+class RestrictedProblem(System):
     """A massless body near two on circles, in the frame that rotates with them about z.
 
-    The masses are 1 - mu at (-mu, 0, 0) and mu at (1 - mu, 0, 0); units are such that the distance
-    of the two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C
-    (without the term mu (1 - mu) that some authors add).
+    The masses are 1 - mu at x = -mu and mu at x = 1 - mu; units are such that the distance of the
+    two and their angular velocity are 1. The energy is -C / 2 with Jacobi's constant C (without the
+    term mu (1 - mu) that some authors add).
     """
 
     mu: Array = eqx.field(converter=as_float, default=_MOON)
     singular: ClassVar[str] = "The attraction is infinite at the two masses."
 
-    def labels(self):
-        return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
+    @property
+    def units(self) -> Array:
+        """(k,) units of the state, the distance and its product with the angular velocity."""
+        return jnp.ones(len(self.labels()))
+
+    @property
+    def unit_of_time(self) -> Array:
+        """() 1 over the angular velocity."""
+        return jnp.ones(())
 
     def points(self, t, y):
         del t  # energies are per mass
-        return Points(y[None, :3], y[None, 3:], jnp.ones(1))
+        d = len(y) // 2
+        return Points(y[None, :d], y[None, d:], jnp.ones(1))
 
     def rate(self, t, y, effects):
         del t, effects
-        x, y_, z, vx, vy, vz = y
+        (x, y_, *z), (vx, vy, *vz) = _halves(y)
         mu, far = self.mu, 1 - self.mu
-        off = y_ * y_ + z * z
+        off = sum((c * c for c in z), y_ * y_)
         one = far / ((x + mu) ** 2 + off) ** 1.5
         two = mu / ((x - far) ** 2 + off) ** 1.5
         ax = 2 * vy + x - one * (x + mu) - two * (x - far)
-        return jnp.stack([vx, vy, vz, ax, y_ - 2 * vx - (one + two) * y_, -(one + two) * z])
+        az = (-(one + two) * c for c in z)
+        return jnp.stack([vx, vy, *vz, ax, y_ - 2 * vx - (one + two) * y_, *az])
 
     def energies(self, t, y, effects):
         del t, effects
-        x, y_, z, vx, vy, vz = y
+        (x, y_, *z), (vx, vy, *vz) = _halves(y)
         mu, far = self.mu, 1 - self.mu
-        off = y_ * y_ + z * z
+        off = sum((c * c for c in z), y_ * y_)
         near = far / jnp.sqrt((x + mu) ** 2 + off) + mu / jnp.sqrt((x - far) ** 2 + off)
-        return 0.5 * (vx * vx + vy * vy + vz * vz), -0.5 * (x * x + y_ * y_), -near
+        square = sum((v * v for v in vz), vx * vx + vy * vy)
+        return 0.5 * square, -0.5 * (x * x + y_ * y_), -near
 
     def check(self, t, y):
         del t, y
         if not 0 < float(self.mu) < 1:
             raise _checks.fail("mu", "between 0 and 1", float(self.mu), "It is a share of mass.")
+
+
+def _halves(y: Array) -> tuple[list[Array], list[Array]]:
+    """The coordinates, and the velocities."""
+    entries = [*y]
+    return entries[: len(y) // 2], entries[len(y) // 2 :]
+
+
+class RestrictedThreeBody(RestrictedProblem):
+    """The restricted three-body problem in the plane."""
+
+    def labels(self):
+        return tuple((name, "1") for name in ("x", "y", "vx", "vy"))
+
+    def sketch(self, t, y):
+        del t, y
+        centres = (jnp.stack([x, 0.0 * x]) for x in (-self.mu, 1 - self.mu))
+        return tuple(Shape("solid", circle(centre, DRAWN)) for centre in centres)
+
+
+class RestrictedThreeBodyInSpace(RestrictedProblem):
+    """The restricted three-body problem in space."""
+
+    def labels(self):
+        return tuple((name, "1") for name in ("x", "y", "z", "vx", "vy", "vz"))
 
 
 class Pair(NamedTuple):
@@ -109,10 +145,13 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
         return (*((x, "km") for x in names), *((f"v{x}", "km/day") for x in names))
 
     @property
-    def units(self) -> Array:
-        """(6,) units of the state, the distance and its product with the angular velocity."""
+    def units(self):
         speed = self.distance / self.time
         return jnp.stack([*[self.distance] * 3, *[speed] * 3])
+
+    @property
+    def unit_of_time(self):
+        return self.time
 
     def rate(self, t, y, effects):
         return super().rate(t, y / self.units, effects) * self.units / self.time
@@ -125,6 +164,23 @@ class RestrictedThreeBodyInKilometres(RestrictedThreeBodyInSpace):
         super().check(t, y)
         for name in ("distance", "time"):
             _checks.positive(name, getattr(self, name))
+
+
+@ready_made()
+def restricted_three_body(*, mu=_MOON, x=0.5, y=0.0, vx=0.0, vy=0.8, t1=20.0) -> Scene:
+    """A massless body near two that circle each other, in the frame that rotates with them.
+
+    The equilibria are the `libration_points`.
+
+    Args:
+      mu: mass of the second body as a share of the mass of both [1]; 0.01215 for the Moon.
+      x: initial x [1], the masses being at -mu and 1 - mu.
+      y: initial y [1].
+      vx: initial vx, in the rotating frame [1].
+      vy: initial vy, in the rotating frame [1].
+      t1: span [1]; the two masses turn once in 2 pi.
+    """
+    return Scene(RestrictedThreeBody(mu), y0=jnp.stack([x, y, vx, vy]), t1=t1)
 
 
 @ready_made(but=("system",))
@@ -168,6 +224,66 @@ def restricted_three_body_in_space(
     return Scene(made, y0=y0 * made.units, t1=t1 * days)
 
 
+_HALVINGS = 60  # bisections of intervals shorter than 2, to the last bit
+_POLISHING_STEPS = 2  # steps of Newton's method: they carry derivatives up to the third
+
+
+def libration_points(mu) -> Array:
+    """(5, 2) positions of the equilibria L1 to L5 of the restricted three-body problem.
+
+    On the axis through the masses L1 is between them, L2 beyond the one at 1 - mu and L3 beyond the
+    other; L4 and L5 form equilateral triangles with them, L4 with y > 0.
+
+    Args:
+      mu: mass of the second body as a share of the mass of both, between 0 and 1 [1].
+    Returns:
+      x and y of each [1]; the velocities there are 0. They are differentiable in mu, also under
+      jit.
+    Raises:
+      ValueError: `mu` is not between 0 and 1.
+    Reference: Szebehely (1967), Theory of Orbits, section 4.4.
+    Example:
+      >>> from jaxdyn import scenes
+      >>> print(scenes.libration_points(0.01215)[:3, 0].round(5))
+      [ 0.83692  1.15568 -1.00506]
+    """
+    mu = _checks.array("mu", mu, ())
+    if not _checks.is_traced(mu):
+        RestrictedThreeBody(mu).check(0.0, None)
+    return _compiled_points(mu)
+
+
+@jax.jit  # a loop outside a program captures mu, and is compiled for each value of it
+def _compiled_points(mu: Array) -> Array:
+    system = RestrictedThreeBody(mu)
+    far, zero = 1 - mu, jnp.zeros_like(mu)
+
+    @jax.vmap
+    def pull(x):
+        return system.rate(zero, jnp.stack([x, zero, zero, zero]), ())[2]
+
+    def halved(_, bounds):
+        low, high = bounds
+        middle = 0.5 * (low + high)
+        above = pull(middle) > 0
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    # The force along the axis increases from mass to mass, and beyond them to infinity.
+    bounds = jnp.stack([-mu, far, zero - 2]), jnp.stack([far, zero + 2, -mu])
+    x = jax.lax.fori_loop(0, _HALVINGS, halved, jax.lax.stop_gradient(bounds))[0]
+    for _ in range(_POLISHING_STEPS):
+        value, slope = jax.jvp(pull, (x,), (jnp.ones(3),))
+        x = x - value / slope
+    side, height = 0.5 - mu, jnp.sqrt(0.75) + zero
+    return jnp.stack(
+        [
+            jnp.append(x, jnp.stack([side, side])),
+            jnp.stack([zero, zero, zero, height, -height]),
+        ],
+        axis=1,
+    )
+
+
 @check_first
 def libration_point(scene: Scene, name: str) -> Array:
     """(k,) the state at rest in a libration point of a restricted three-body scene, in its units.
@@ -188,7 +304,7 @@ def libration_point(scene: Scene, name: str) -> Array:
     which = _NAMES.index(_checks.choice("name", name, _NAMES))
     place, k = libration_points(system.mu)[which], len(scene.y0)
     still = jnp.concatenate([place, jnp.zeros(k - 2, place.dtype)])
-    return still * getattr(system, "units", 1.0)
+    return still * system.units
 
 
 @check_first
@@ -209,18 +325,17 @@ def jacobi_constant(scene: Scene, y=None) -> Array:
       3.188341
     """
     system = restricted(scene)
-    y = jnp.asarray(scene.y0 if y is None else y, float) / getattr(system, "units", 1.0)
-    kind = RestrictedThreeBody if len(y) == 4 else RestrictedThreeBodyInSpace
-    return -2.0 * sum(kind(system.mu).energies(jnp.zeros(()), y, ()), jnp.zeros(()))
+    y = jnp.asarray(scene.y0 if y is None else y, float) / system.units
+    return -2.0 * sum(RestrictedProblem.energies(system, jnp.zeros(()), y, ()), jnp.zeros(()))
 
 
-def restricted(scene: Scene) -> RestrictedThreeBody | RestrictedThreeBodyInSpace:
+def restricted(scene: Scene) -> RestrictedProblem:
     """The system of a restricted three-body scene.
 
     Raises:
       ValueError: `scene` is another one.
     """
-    if not isinstance(scene.system, RestrictedThreeBody | RestrictedThreeBodyInSpace):
+    if not isinstance(scene.system, RestrictedProblem):
         wanted = "a restricted three-body scene"
         remedy = "scenes.restricted_three_body_in_space makes one."
         raise _checks.fail("scene", wanted, type(scene.system).__name__, remedy)

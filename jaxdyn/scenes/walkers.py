@@ -16,6 +16,7 @@ References: McGeer (1990), Int. J. Robotics Research 9(2), 62; Garcia, Chatterje
 (1998), J. Biomech. Eng. 120, 281.
 """
 
+import abc
 import math
 from typing import ClassVar
 
@@ -44,29 +45,64 @@ def _ground(slope: Array, l: Array) -> Shape:  # noqa: E741
     return Shape("ground", jnp.stack([-along, along]))
 
 
-def _weight(points: Points, g: Array) -> tuple[Load, ...]:
-    """The weight of the only point, as a load."""
-    force = jnp.stack([jnp.zeros_like(g), -g * points.m[0]])
-    return (Load("weight", 0, force, points.r[0]),)
+class StandsOnFoot(System):
+    """A mass on a leg, whose foot is at the origin: an inverted pendulum.
+
+    Attributes:
+      slope: angle of the ground below the horizontal, falling towards +x [rad].
+      l: length of a leg [m].
+      g: gravity [m/s^2].
+    """
+
+    slope: Array = eqx.field(converter=as_float)
+    l: Array = eqx.field(converter=as_float)  # noqa: E741
+    g: Array = eqx.field(converter=as_float)
+    #: What the mass and the leg are called.
+    mass_called: ClassVar[str]
+    leg_called: ClassVar[str]
+
+    @abc.abstractmethod
+    def lean(self, y: Array) -> tuple[Array, Array]:
+        """The angle of the leg from straight up, clockwise [rad], and its rate."""
+
+    def points(self, t, y):
+        del t  # energies are per mass
+        angle, rate = self.lean(y)
+        across = jnp.stack([jnp.cos(angle), -jnp.sin(angle)])
+        return Points(self.l * _along(angle)[None], self.l * rate * across[None], jnp.ones(1))
+
+    def bodies(self, t, y):
+        return particles(self.points(t, y).m, (self.mass_called,))
+
+    def joints(self, t, y):
+        return (rod(self.leg_called, 0, None, (jnp.zeros(2), self.points(t, y).r[0])),)
+
+    def loads(self, t, y):
+        r, _, m = self.points(t, y)
+        return (Load("weight", 0, jnp.stack([jnp.zeros_like(self.g), -self.g * m[0]]), r[0]),)
+
+    def energies(self, t, y, effects):
+        del effects
+        return self.kinetic(t, y), self.g * self.l * jnp.cos(self.lean(y)[0])
+
+    def check(self, t, y):
+        del t, y
+        _checks.positive("length", self.l)
 
 
 # ---- The rimless wheel
 
 
-class RimlessWheel(System):
+class RimlessWheel(StandsOnFoot):
     """A wheel of equal spokes without a rim, with its mass at the hub, standing on one spoke.
 
     Attributes:
       spokes: number of spokes.
-      slope: angle of the ground below the horizontal, falling towards +x [rad].
-      l: length of a spoke [m].
-      g: gravity [m/s^2].
     """
 
     spokes: int = eqx.field(static=True)
-    slope: Array = eqx.field(converter=as_float)
-    l: Array = eqx.field(converter=as_float)  # noqa: E741
-    g: Array = eqx.field(converter=as_float)
+    mass_called = "hub"
+    leg_called = "spoke"
 
     def labels(self):
         return ("theta", "rad"), ("omega", "rad/s")
@@ -85,24 +121,8 @@ class RimlessWheel(System):
         theta, omega = y
         return jnp.stack([omega, self.g / self.l * jnp.sin(theta)])
 
-    def bodies(self, t, y):
-        return particles(self.points(t, y).m, ("hub",))
-
-    def joints(self, t, y):
-        hub = self.points(t, y).r[0]
-        return (rod("spoke", 0, None, (jnp.zeros(2), hub)),)
-
-    def loads(self, t, y):
-        return _weight(self.points(t, y), self.g)
-
-    def points(self, t, y):
-        del t  # energies are per mass
-        across = jnp.stack([jnp.cos(y[0]), -jnp.sin(y[0])])
-        return Points(self.l * _along(y[0])[None], self.l * y[1] * across[None], jnp.ones(1))
-
-    def energies(self, t, y, effects):
-        del effects
-        return self.kinetic(t, y), self.g * self.l * jnp.cos(y[0])
+    def lean(self, y):
+        return y[0], y[1]
 
     def sketch(self, t, y):
         hub = self.points(t, y).r[0]
@@ -116,9 +136,8 @@ class RimlessWheel(System):
         return {"the impact of the next spoke": self.half - jnp.abs(y[0] - self.slope)}
 
     def check(self, t, y):
-        del t, y
+        super().check(t, y)
         _checks.whole("spokes", self.spokes, least=5, remedy="With fewer no spoke lets it roll on.")
-        _checks.positive("length", self.l)
 
 
 class SpokeLands(Event):
@@ -167,7 +186,7 @@ def rimless_wheel(*, spokes=8, slope=0.08, length=1.0, g=1.0, omega=0.4, t1=5.0)
       t1: span [s].
     """
     spokes = _checks.whole("spokes", spokes, least=5, remedy="With fewer it does not roll on.")
-    wheel = RimlessWheel(spokes, slope, length, g)
+    wheel = RimlessWheel(slope, length, g, spokes)
     return Scene(wheel, y0=jnp.stack([slope - wheel.half, as_float(omega)]), t1=t1)
 
 
@@ -182,21 +201,15 @@ def roll_phases(scene: Scene) -> dict[str, Phase]:
 # ---- The simplest walker
 
 
-class SimplestWalker(System):
+class SimplestWalker(StandsOnFoot):
     """Two legs with a mass at the hip and feet of no mass, one foot on the ground.
 
     Angles are counterclockwise, that of the stance leg from the normal of the ground and that of
     the swing leg from the stance leg, so that both decrease in a step towards +x.
-
-    Attributes:
-      slope: angle of the ground below the horizontal, falling towards +x [rad].
-      length: length of a leg [m].
-      g: gravity [m/s^2].
     """
 
-    slope: Array = eqx.field(converter=as_float)
-    l: Array = eqx.field(converter=as_float)  # noqa: E741
-    g: Array = eqx.field(converter=as_float)
+    mass_called = "hip"
+    leg_called = "stance leg"
 
     def labels(self):
         names = "stance", "swing"
@@ -210,25 +223,8 @@ class SimplestWalker(System):
         hang = stance_rate**2 - pull * jnp.cos(stance - self.slope)
         return jnp.stack([stance_rate, swing_rate, turn, turn + hang * jnp.sin(swing)])
 
-    def bodies(self, t, y):
-        return particles(self.points(t, y).m, ("hip",))
-
-    def joints(self, t, y):
-        hip = self.points(t, y).r[0]
-        return (rod("stance leg", 0, None, (jnp.zeros(2), hip)),)
-
-    def loads(self, t, y):
-        return _weight(self.points(t, y), self.g)
-
-    def points(self, t, y):
-        del t  # energies are per mass
-        up = self.slope - y[0]
-        across = jnp.stack([jnp.cos(up), -jnp.sin(up)])
-        return Points(self.l * _along(up)[None], -self.l * y[2] * across[None], jnp.ones(1))
-
-    def energies(self, t, y, effects):
-        del effects
-        return self.kinetic(t, y), self.g * self.l * jnp.cos(y[0] - self.slope)
+    def lean(self, y):
+        return self.slope - y[0], -y[2]
 
     def sketch(self, t, y):
         hip = self.points(t, y).r[0]
@@ -244,10 +240,6 @@ class SimplestWalker(System):
     def bounds(self, t, y, effects):
         del t, effects
         return {"the strike of the other foot": 2 * y[0] - y[1]}
-
-    def check(self, t, y):
-        del t, y
-        _checks.positive("length", self.l)
 
 
 class HeelStrikes(Event):

@@ -17,14 +17,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
-import jax.extend
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._programs import CALLS, bind, inner_program
+from jaxdyn._programs import CALLS, bind, inner_program, interpret
 from jaxdyn.solvers.formulas.formulas import rearrange
 
 #: Elementwise operations, all arguments of one shape.
@@ -109,19 +108,7 @@ class _Lanes:
 
     def interpret(self, closed, inputs: list[_Value]) -> list[_Value]:
         """The results of a program."""
-        jaxpr = closed.jaxpr
-        values: dict[Any, _Value] = dict(zip(jaxpr.constvars, closed.consts, strict=True))
-        values |= dict(zip(jaxpr.invars, inputs, strict=True))
-
-        def read(atom) -> _Value:
-            if isinstance(atom, jax.extend.core.Literal):
-                return jnp.asarray(atom.val, atom.aval.dtype)
-            return values[atom]
-
-        for eqn in jaxpr.eqns:
-            found = self._apply(eqn, [read(a) for a in eqn.invars])
-            values |= dict(zip(eqn.outvars, found, strict=True))
-        return [read(a) for a in jaxpr.outvars]
+        return interpret(closed, inputs, self._apply, lambda x: jnp.asarray(x, x.dtype))
 
     def wide(self, x: _Value) -> Array:
         """x with the lanes as last axes."""

@@ -31,9 +31,8 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.formulations.newton_euler import NewtonEuler
 from jaxdyn.formulations.polar import PolarParticle, polar_basis
 from jaxdyn.formulations.prescribed import Prescribed
-from jaxdyn.formulations.rigid import RigidBody, inertia_matrix, rotate
+from jaxdyn.formulations.rigid import RigidBody, inertia_matrix
 from jaxdyn.geometry.inertia import MaterialPoints
-from jaxdyn.geometry.vectors import cross
 from jaxdyn.mechanisms.cylinders import SLIPS, Cylinder
 from jaxdyn.mechanisms.euler_body import EulerBody
 from jaxdyn.mechanisms.skates import LagrangeSkates
@@ -61,7 +60,7 @@ from jaxdyn.symbolic.reading import read
 from jaxdyn.symbolic.sections import Note
 from jaxdyn.symbolic.simplifying import simplify
 from jaxdyn.symbolic.symbols import Symbols, halves, symbols
-from jaxdyn.system import generalized_forces, potential_energy, total_force
+from jaxdyn.system import potential_energy, total_force
 
 
 class DerivedEquations(NamedTuple):
@@ -639,23 +638,16 @@ def _loads(
         potential = potential + weight * height
 
     def others(field, t, y):
-        """The loads of all other effects, from the points on which they act."""
+        """The load of all other effects, and its potential energy."""
         system = field.system
         effects = tuple(e for e, yes in zip(field.effects, heavy, strict=True) if not yes)
-        r, v, m = system.points(t, y)
-        forces = total_force(effects, t, r, v, m)
-        inside = rotate(system.attitude.matrix(_attitude(field, y)).T, forces)
-        s = system.matter.r
-        moments = cross(s.T, inside.T).T
-        whole = jnp.concatenate([jnp.sum(forces, axis=0), jnp.sum(moments, axis=0)])
-        for f in generalized_forces(effects, t, *system.coordinates(y)):
-            whole = whole + jnp.concatenate([jnp.zeros(6 - len(f)), f])
-        return whole, potential_energy(effects, t, r, m)
+        r, _, m = system.points(t, y)
+        return *system.load(t, y, effects), potential_energy(effects, t, r, m)
 
     if all(heavy):
         return R, force, torque, potential
-    more, energy = read(scene, found, others)
-    return R, force + more[:3], torque + more[3:], potential + energy.item()
+    more_force, more_torque, energy = read(scene, found, others)
+    return R, force + more_force, torque + more_torque, potential + energy.item()
 
 
 _H = as_expression(Symbol("H", "short"))

@@ -71,24 +71,17 @@ def _angles(terms: dict[Monomial, Coefficient]) -> Iterator[_Found]:
     """The sine and cosine of a sum or difference."""
     for m, c in terms.items():
         for a, part in _without(m, "sin", 1):
-            for b, rest in _without(part, "cos", 1):
-                if a.args == b.args:
-                    continue
-                # sin a cos b and cos a sin b
-                other = _with(_with(rest, Call("cos", *a.args), 1), Call("sin", *b.args), 1)
-                d = terms.get(other)
-                if d is not None and abs(d) == abs(c):
-                    angle = a.args[0] + b.args[0] * (1 if c == d else -1)
-                    yield (m, other), Expression({rest: c}) * function("sin", angle)
-            for b, rest in _without(part, "sin", 1):
-                if a.args == b.args:
-                    continue
-                # sin a sin b and cos a cos b
-                other = _with(_with(rest, Call("cos", *a.args), 1), Call("cos", *b.args), 1)
-                d = terms.get(other)
-                if d is not None and abs(d) == abs(c):
-                    angle = a.args[0] + b.args[0] * (-1 if c == d else 1)
-                    yield (m, other), Expression({rest: d}) * function("cos", angle)
+            # c sin a cos b + d cos a sin b, or c sin a sin b + d cos a cos b
+            for of_b, op in (("cos", "sin"), ("sin", "cos")):
+                for b, rest in _without(part, of_b, 1):
+                    if a.args == b.args:
+                        continue
+                    other = _with(_with(rest, Call("cos", *a.args), 1), Call(op, *b.args), 1)
+                    d = terms.get(other)
+                    if d is not None and abs(d) == abs(c):
+                        angle = a.args[0] + b.args[0] * (1 if (c == d) == (op == "sin") else -1)
+                        size = c if op == "sin" else d
+                        yield (m, other), Expression({rest: size}) * function(op, angle)
 
 
 def _without(m: Monomial, op: str, power: int) -> Iterator[tuple[Call, Monomial]]:

@@ -48,15 +48,13 @@ def codec(extended: Extended) -> Codec:
         return encode(point, ("orbit",)) | {"orbit": known}
 
     def unpack(record: Any) -> OrbitCurvePoint:
-        if not isinstance(record, dict) or "orbit" not in record:
-            raise fail("file", "a point with an orbit", type(record).__name__, OTHER)
-        rest = {name: x for name, x in record.items() if name != "orbit"}
-        fields = decode_fields(rest, OrbitCurvePoint, "file", OTHER, ("orbit",))
+        fields = decode_fields(record, OrbitCurvePoint, "file", OTHER, raw=("orbit",))
         if fields["unknowns"].shape != (extended.size,):
             got = f"shape {fields['unknowns'].shape}"
             raise fail("file", f"{extended.size} unknowns", got, OTHER)
-        known = decode(record["orbit"], _Closing, "file", OTHER)
-        return OrbitCurvePoint(**fields, orbit=orbit_of(extended, fields["unknowns"], *known))
+        known = decode(fields["orbit"], _Closing, "file", OTHER)
+        fields["orbit"] = orbit_of(extended, fields["unknowns"], *known)
+        return OrbitCurvePoint(**fields)
 
     return Codec(pack, unpack)
 

@@ -21,12 +21,12 @@ from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
 from orbits.analysis.identity import scale_free_period
-from orbits.analysis.same import minimal_period
 from orbits.analysis.stability import stability
-from orbits.closing.closings import PLAIN, Closing
+from orbits.closing.closings import Closing
 from orbits.closing.sizes import sizes
 from orbits.discovery.journal import Chunk, Find
 from orbits.discovery.screening import Guesses, close_returns, refine
+from orbits.discovery.several import over_shortest_period
 from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
@@ -227,31 +227,24 @@ def _guess(plan: Plan, guesses: Guesses, i: int) -> Orbit:
 
 def _polish(plan: Plan, y0, period) -> Orbit | None:
     """The orbit at a guess, in normal form and over its shortest period; None if there is none."""
-    orbit = _close(plan, y0, period, plan.closing)
-    if orbit is None:
-        return None
-    period, times = minimal_period(orbit)
-    if times > 1:
-        again = (_close(plan, orbit.y0, period, closing) for closing in (plan.closing, PLAIN))
-        orbit = next((shorter for shorter in again if shorter is not None), None)
+
+    def closest(y0, period, closing: Closing) -> Orbit:
+        return find(
+            plan.scene,
+            y0,
+            period,
+            closing=closing,
+            goal=_GOAL,
+            rtol=plan.rtol,
+            max_iterations=_ITERATIONS,
+            throw=False,
+        )
+
+    orbit = over_shortest_period(closest(y0, period, plan.closing), closest)
     if orbit is None:
         return None
     orbit = plan.normal(orbit)
     return orbit if plan.shortest <= orbit.period <= plan.longest else None
-
-
-def _close(plan: Plan, y0, period, closing: Closing) -> Orbit | None:
-    orbit = find(
-        plan.scene,
-        y0,
-        period,
-        closing=closing,
-        goal=_GOAL,
-        rtol=plan.rtol,
-        max_iterations=_ITERATIONS,
-        throw=False,
-    )
-    return orbit if orbit.ok else None
 
 
 def _verify(plan: Plan, sample: int, orbit: Orbit) -> Find | None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import array, check_first, choice, fail, positive, whole
-from jaxdyn.scenes.restricted import libration_point, restricted
+from jaxdyn.scenes.restricted import RestrictedProblem, libration_point, restricted
 from orbits.discovery.seeds import Seed
 
 _FLAT, _ACROSS = 0.05, 0.1  # amplitudes relative to the distance of the point from the nearest body
@@ -98,7 +98,7 @@ def near_libration_point(
             raise fail("amplitude", f"none for {family} orbits", amplitude, "Follow the family.")
     if k == 4 and not kind.planar:
         raise fail("family", "a planar one in a scene of the plane", family)
-    units = np.asarray(getattr(system, "units", np.ones(k)))
+    units = np.asarray(system.units)
     place = np.asarray(libration_point(scene, point))[:2] / units[:2]
     size = None if amplitude is None else amplitude / float(units[0])
     if size is not None and not size < 1:
@@ -109,7 +109,7 @@ def near_libration_point(
         remedy = "Begin with a smaller orbit, and follow the family."
         raise fail("amplitude", "one for which the series has a period > 0", amplitude, remedy)
     mirrored = [1, 1, -1, 1, 1, -1] if southern else [1] * 6
-    return _seed(scene, np.array(guess.start) * mirrored, guess.period)
+    return _seed(system, np.array(guess.start) * mirrored, guess.period)
 
 
 @check_first
@@ -143,7 +143,8 @@ def resonant(
       >>> bool(abs(found.period / (2 * math.pi) - 1) < 0.01)
       True
     """
-    mu = float(restricted(scene).mu)
+    system = restricted(scene)
+    mu = float(system.mu)
     p, q = whole("turns", turns), whole("per", per)
     if math.gcd(p, q) > 1:
         reduced = f"{p // math.gcd(p, q)}, {q // math.gcd(p, q)}"
@@ -158,15 +159,14 @@ def resonant(
     speed = math.sqrt((1 - mu) * (1 + e) / near)
     side = 1.0 if towards else -1.0
     start = (side * near - mu, 0.0, 0.0, 0.0, side * (speed - near), 0.0)
-    return _seed(scene, np.array(start), 2 * math.pi * q)
+    return _seed(system, np.array(start), 2 * math.pi * q)
 
 
-def _seed(scene: Scene, start: np.ndarray, period: float) -> Seed:
+def _seed(system: RestrictedProblem, start: np.ndarray, period: float) -> Seed:
     """A seed in the units of a scene, from a start (6,) and a period in those of the two bodies."""
-    k, system = len(scene.y0), scene.system
-    y = start if k == 6 else start[[0, 1, 3, 4]]
-    units = np.asarray(getattr(system, "units", np.ones(k)))
-    return Seed(y * units, period * float(getattr(system, "time", 1.0)))
+    units = np.asarray(system.units)
+    y = start if len(units) == 6 else start[[0, 1, 3, 4]]
+    return Seed(y * units, period * float(system.unit_of_time))
 
 
 class _Linear(NamedTuple):

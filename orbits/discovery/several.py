@@ -97,7 +97,9 @@ def find_all(
     for i, (y0, span) in enumerate(zip(starts, np.broadcast_to(spans, len(starts)), strict=True)):
         while len(found) < most:
             report_progress(f"looking for orbits: {number_of(len(found), 'orbit')}", i, len(starts))
-            orbit = _over_shortest_period(closest(y0, span, known=tuple(found)), closest)
+            orbit = closest(y0, span, known=tuple(found))
+            shorter = over_shortest_period(orbit, closest)
+            orbit = orbit if shorter is None else shorter
             if not orbit.ok or any(same_orbit(known, orbit) for known in found):
                 break
             found.append(orbit)
@@ -105,11 +107,9 @@ def find_all(
     return found
 
 
-def _over_shortest_period(orbit: Orbit, closest: Callable[..., Orbit]) -> Orbit:
-    """The orbit over its shortest period."""
+def over_shortest_period(orbit: Orbit, closest: Callable[..., Orbit]) -> Orbit | None:
+    """The orbit over its shortest period, found by ``closest(y0, period, closing)``; or None."""
     shortest, times = minimal_period(orbit) if orbit.ok else (orbit.period, 1)
-    if times == 1:
-        return orbit
     # The shortest period may close plainly only.
     again = (closest(orbit.y0, shortest, closing) for closing in (orbit.closing, PLAIN))
-    return next((shorter for shorter in again if shorter.ok), orbit)
+    return next((x for x in (again if times > 1 else (orbit,)) if x.ok), None)

@@ -9,8 +9,8 @@ from jaxdyn._checks import check_first, choice
 from jaxdyn.drawing.bifurcations import (
     EQUILIBRIUM_MARKERS,
     STRETCHES,
+    draw_equilibria,
     entry_of,
-    equilibrium_stretches,
 )
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import readable
@@ -46,11 +46,7 @@ def diagram(
     index, label = _entry(found, entry)
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot()
-    for family in found.equilibria:
-        for verdict, points, shown in equilibrium_stretches(family):
-            line = np.array([(x.parameter, x.state[index]) for x in points])
-            equilibria = f"equilibria, {verdict}" if shown else "_"
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=equilibria)
+    draw_equilibria(ax, found.equilibria, index, "equilibria, ")
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
         for verdict, points, shown in orbit_stretches(family.members, family.special):

@@ -23,7 +23,6 @@ from orbits.shooting.strategy import GOAL
 
 #: What the file of a continuation calls a family: one of orbits, or one of chains of legs.
 ORBITS, CHAINS = "orbits", "chains"
-_POINT = ("orbit", "point")  # fields of a member that are made again from a point of the surface
 _UNITS = ("sizes", "units")  # fields of a point that files of earlier versions do not have
 _NOT_NUMBERS = ("equations", "jacobian", "growth")  # fields of a point that are not written
 #: Entry of a point whose orbit was cut into other segments than the first orbit.
@@ -46,14 +45,11 @@ def codec(surface: Surface) -> Codec:
         cuts = member.point.equations
         if cuts is not surface.equations:
             point |= encode({_CUTS: _Segmentation(cuts.shares, cuts.s_spans)})
-        return encode(member, _POINT) | {"point": point}
+        return encode(member, ("orbit", "point")) | {"point": point}
 
     def unpack(record: Any) -> Member:
-        if not isinstance(record, dict) or "point" not in record:
-            raise fail("file", "a member with a point", type(record).__name__, OTHER)
-        rest = {name: x for name, x in record.items() if name != "point"}
-        fields = decode_fields(rest, Member, "file", OTHER, _POINT)
-        numbers, cuts = record["point"], surface.equations
+        fields = decode_fields(record, Member, "file", OTHER, ("orbit",), raw=("point",))
+        numbers, cuts = fields.pop("point"), surface.equations
         if isinstance(numbers, dict) and _CUTS in numbers:
             given = decode(numbers[_CUTS], _Segmentation, "file", OTHER)
             cuts = dataclasses.replace(cuts, shares=given.shares, s_spans=given.s_spans)

@@ -137,9 +137,9 @@ def _record(entry: Entry) -> dict[str, Any]:
 
 
 def _decode(record: dict, parameter: str | None, scene: Scene | None) -> Entry:
-    orbit = decode_orbit(record.get("orbit"), scene)
-    rest = {name: x for name, x in record.items() if name != "orbit"}
-    entry = Entry(orbit, **decode_fields(rest, Entry, "file", DAMAGED, ("orbit",)))
+    fields = decode_fields(record, Entry, "file", DAMAGED, raw=("orbit",))
+    orbit = fields["orbit"] = decode_orbit(fields["orbit"], scene)
+    entry = Entry(**fields)
     if parameter is None:
         entry = dataclasses.replace(entry, parameter=math.nan)
     if not orbit.scene.has_energy:

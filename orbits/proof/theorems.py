@@ -112,7 +112,7 @@ class Theorems:
             total += a * b
         return total
 
-    def returns_to_zero(self, row: list, column: list, turn: np.ndarray | None = None) -> bool:
+    def returns_to_zero(self, row: list, column: list, turn: np.ndarray | None) -> bool:
         """Whether a product of two vectors is a . dy/dt with constant a.
 
         If it is constant along motions, it is then 0 on every periodic motion; on a motion that

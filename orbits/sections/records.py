@@ -1,13 +1,11 @@
 """Crossings of a section as plain data: a record for JSON, and a CSV file."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from jaxdyn._checks import check_first
 from jaxdyn._text import with_null
-from jaxdyn.files.output_files import replace, table_path
+from jaxdyn.files.tables import write_columns
 from jaxdyn.status import Status
 from orbits.sections.coordinates import names_of
 from orbits.sections.tables import SectionPoints
@@ -51,21 +49,16 @@ def write_csv(path: str | Path, tables: Sequence[SectionPoints]) -> Path:
       ValueError: `path` cannot be written.
       OSError: writing failed.
     """
-    path = table_path(path)
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["section", "start", "energy", "t", "direction", *names_of(tables[0].scene)])
-    for number, points in enumerate(tables):
-        for start, n in enumerate(points.counts):
-            energy = with_null(points.energies[start])
-            table.writerows(
-                [number, start, energy, t, way, *y]
-                for t, way, y in zip(
-                    points.ts[start, :n].tolist(),
-                    points.directions[start, :n].tolist(),
-                    points.ys[start, :n].tolist(),
-                    strict=True,
-                )
-            )
-    replace(path, text.getvalue())
-    return path
+    names = ["section", "start", "energy", "t", "direction", *names_of(tables[0].scene)]
+    rows = (
+        [number, start, with_null(points.energies[start]), t, way, *y]
+        for number, points in enumerate(tables)
+        for start, n in enumerate(points.counts)
+        for t, way, y in zip(
+            points.ts[start, :n].tolist(),
+            points.directions[start, :n].tolist(),
+            points.ys[start, :n].tolist(),
+            strict=True,
+        )
+    )
+    return write_columns(path, names, rows)

@@ -20,6 +20,7 @@ from orbits.shooting import gauss_steps
 from orbits.shooting.equations import Equations, InUnits, boundary, equation_units, pieces, sizes_at
 from orbits.shooting.newton import Iteration, Result
 from orbits.shooting.outcomes import Trouble, orbit_at, outcome_of
+from orbits.shooting.segmentation import divide
 from orbits.shooting.strategy import Effort, Search, Strategy
 
 # ---- The mesh of collocation: first along a guess, then where the errors of its steps require it
@@ -154,10 +155,10 @@ def _first_mesh(
         if not np.isfinite(path).all():
             return None
         even = _BY_TIME * np.diff(ts) / span + (1 - _BY_TIME) * path / max(path.sum(), 1e-300)
-        ts = _divide(ts, even, _SAMPLES - 1)
+        ts = divide(ts, even, _SAMPLES - 1)
         if effort.over:
             break
-    ts = _divide(ts, np.ones(_SAMPLES - 1), _FIRST)
+    ts = divide(ts, np.ones(_SAMPLES - 1), _FIRST)
     for _ in range(_SAMPLINGS):
         mesh = Mesh(shares=np.diff(ts) / span, states=_states_at(equations, scene, ts)[:-1])
         here = on_mesh(equations, mesh)
@@ -167,7 +168,7 @@ def _first_mesh(
         good = found.errors.max() <= tolerance and found.growth.max() <= _GROWTH_MOST  # no NaN
         if good or effort.over:
             break
-        ts = _divide(ts, *found.density(tolerance))
+        ts = divide(ts, *found.density(tolerance))
     return mesh
 
 
@@ -235,16 +236,8 @@ def refine(equations: Equations, x: np.ndarray, tolerance: float) -> Mesh | None
     if found.errors.max() <= max(tolerance, _SPACING):
         return None
     old = np.append(0.0, np.cumsum(equations.shares))
-    new = _divide(old / old[-1], *found.density(tolerance))
+    new = divide(old / old[-1], *found.density(tolerance))
     return Mesh(shares=np.diff(new), states=equations.states_at(x, new[:-1]))
-
-
-def _divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
-    """(number + 1,) times that divide (n + 1,) times into parts of equal weight (n,)."""
-    grown = np.append(0.0, np.cumsum(weights))
-    new = np.interp(np.linspace(0.0, grown[-1], number + 1), grown, ts)
-    new[0], new[-1] = ts[0], ts[-1]
-    return new
 
 
 def _smooth(density: np.ndarray) -> np.ndarray:

@@ -214,16 +214,14 @@ class Equations(eqx.Module):
             between.append(np.asarray(y))
         return between
 
-    def transitions(self, y0, period, rtol, parameter=0.0) -> np.ndarray:
+    def transitions(self, y0, period, rtol) -> np.ndarray:
         """(segments, k, k) derivatives of ends of segments in their starts, along one motion."""
         if self.collocated:
-            return np.asarray(
-                self(self.spread(y0, period, rtol, parameter=parameter), rtol).transitions
-            )
+            return np.asarray(self(self.spread(y0, period, rtol), rtol).transitions)
         y, t, maps = jnp.asarray(y0, float), 0.0, []
         for share, s in zip(self.shares, self._spans, strict=True):
             span = share * period / self.closing.parts
-            piece = Piece(start=y, t0=t * self.driven, span=span, parameter=parameter, s=s)
+            piece = Piece(start=y, t0=t * self.driven, span=span, parameter=0.0, s=s)
             found = linearize_end(self.scene, piece, rtol, make=self.make)
             y = found.y1
             maps.append(np.asarray(found.slopes.start))

@@ -153,10 +153,15 @@ def with_segments(equations: Equations, x: np.ndarray, rtol, segments: int) -> E
     fastest = np.asarray(_fastest(scene, ts, ys, sizes(scene))) + 1 / part
     if not np.isfinite(fastest).all():
         return dataclasses.replace(equations, shares=(1 / segments,) * segments, s_spans=None)
-    grown = np.append(0.0, np.cumsum(0.5 * (fastest[1:] + fastest[:-1]) * np.diff(ts)))
-    ends = np.interp(np.linspace(0.0, grown[-1], segments + 1), grown, ts)
+    ends = divide(ts, 0.5 * (fastest[1:] + fastest[:-1]) * np.diff(ts), segments)
     shares = tuple((np.diff(ends) / part).tolist())
     return dataclasses.replace(equations, shares=shares, s_spans=None)
+
+
+def divide(ts: np.ndarray, weights: np.ndarray, number: int) -> np.ndarray:
+    """(number + 1,) times that divide (n + 1,) times into parts of equal weight, from (n,) > 0."""
+    grown = np.append(0.0, np.cumsum(weights))
+    return np.interp(np.linspace(0.0, grown[-1], number + 1), grown, ts)
 
 
 def _sample(equations: Equations, x: np.ndarray, rtol) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ from jaxdyn import _checks, _text
 from jaxdyn._checks import check_first
 from jaxdyn.continuation.branch import BranchProblem, Chart, Correction, Place, follow
 from jaxdyn.continuation.checkpoint import OTHER, Codec, Log
-from jaxdyn.files.codec import decode, decode_fields, encode
+from jaxdyn.files.codec import decode_fields, encode
 from orbits.tori import circle
 from orbits.tori.invariance import Metric, Unknowns
 from orbits.tori.torus import GOAL, MOST_MODES, AcrossTangent, Torus, refine
@@ -140,14 +140,6 @@ class _Place(NamedTuple):
     guessed: bool
 
 
-class _Record(NamedTuple):
-    """A `_Place` as a file has it."""
-
-    torus: dict
-    tangent: Unknowns
-    guessed: bool
-
-
 class _Chart(Chart[_Place]):
     """A family of tori near one of them, in the units of the first one."""
 
@@ -202,9 +194,10 @@ class _Problem(BranchProblem[_Place]):
             return encode(member._replace(torus=encode(member.torus, _SAME)))
 
         def unpack(record: Any) -> _Place:
-            torus, *rest = decode(record, _Record, "file", OTHER)
-            known = decode_fields(torus, Torus, "file", OTHER, _SAME)
-            return _Place(dataclasses.replace(self.first, **known), *rest)
+            fields = decode_fields(record, _Place, "file", OTHER, raw=("torus",))
+            known = decode_fields(fields["torus"], Torus, "file", OTHER, _SAME)
+            fields["torus"] = dataclasses.replace(self.first, **known)
+            return _Place(**fields)
 
         return Codec(pack, unpack)
 

@@ -2,9 +2,9 @@
 
 `content` has `Page`, which a page fills with numbers, checks, pictures and motions; `register`
 reads titles, statements and the names that are used from the pages' files, without running them;
-`motions` has the equations of the motions that are played; `extremes` finds the largest value of a
-quantity along a motion; `running` runs a page and reports its results; `showing` shows its motions
-in a browser, and writes the page as a single file.
+`extremes` finds the largest value of a quantity along a motion; `running` runs a page and reports
+its results; `showing` has the motions that are played with their equations, shows them in a
+browser, and writes the page as a single file.
 """
 
 import lazy_loader

@@ -7,7 +7,6 @@ from .content import Page as Page
 from .content import PlayedMotions as PlayedMotions
 from .extremes import Largest as Largest
 from .extremes import largest as largest
-from .motions import equations_of as equations_of
 from .register import TOPICS as TOPICS
 from .register import Problem as Problem
 from .register import problems as problems
@@ -19,5 +18,6 @@ from .running import run as run
 from .running import show as show
 from .showing import Display as Display
 from .showing import displays as displays
+from .showing import equations_of as equations_of
 from .showing import formulas as formulas
 from .showing import one_file as one_file

@@ -10,14 +10,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
+
 from jaxdyn import player
 from jaxdyn.course.page.content import Page, PlayedMotions
-from jaxdyn.course.page.motions import equations_of
 from jaxdyn.course.page.register import Problem
 from jaxdyn.files.output_files import replace
+from jaxdyn.formulations.prescribed import Prescribed
+from jaxdyn.integrate.trajectory import Trajectory
 from jaxdyn.player.choices import of_motions
 from jaxdyn.player.live_pages import SCRIPTS, fragment
 from jaxdyn.player.pages import look, page, script
+from jaxdyn.symbolic.equations import Equations, equations
 
 _STYLE = """
 .folded { margin: 1rem 0; }
@@ -61,12 +65,32 @@ def _display(played: PlayedMotions, asks: Sequence[player.Ask]) -> Display:
     if played.inexact:
         return Display(played.look, computed, runs=False)
     try:
-        running = fragment(of_motions(played.motions, played.choose, ends=played.ends), asks=asks)
+        running = fragment(of_motions(played.motions, played.choose, played.ends), asks=asks)
     except ValueError:  # its phases, its kinds of scenes or its formulas do not suit a page
         running = None
     if running is None or len(running) > len(computed):
         return Display(played.look, computed, runs=False)
     return Display(played.look, running, runs=True)
+
+
+def equations_of(page: Page) -> list[Equations]:
+    """The equations of the motions that are played, in order, once for each system.
+
+    Prescribed motions are left out, as are systems that have no formulas or whose equations would
+    fill pages.
+    """
+    motions = [one for played in page.played for one in played.motions.values()]
+    scenes = [one.scene for one in motions if isinstance(one, Trajectory)]
+    moved = [scene for scene in scenes if not isinstance(scene.system, Prescribed)]
+    kinds = {str(jax.tree.structure(scene.field)): scene for scene in reversed(moved)}
+    found = {}
+    for scene in reversed(kinds.values()):
+        try:
+            printed = equations(scene)
+        except ValueError:
+            continue
+        found.setdefault(printed.text("motion"), printed)
+    return list(found.values())
 
 
 def formulas(page: Page) -> list[str]:
@@ -94,9 +118,9 @@ def one_file(problem: Problem, found: Page, path: Path) -> player.PlayerPage:
         *(f"{_paragraphs(one.look)}\n{one.html}" for one in motions),
         _fold("Answer", answer),
     ]
-    equations = formulas(found)
-    if equations:
-        each = (f'<div class="formulas">{one}</div>' for one in equations)
+    written = formulas(found)
+    if written:
+        each = (f'<div class="formulas">{one}</div>' for one in written)
         parts.append(_fold("The equations", "\n".join(each)))
     kinds = [*SCRIPTS] * any(one.runs for one in motions)
     kinds += ["player"] * any(not one.runs for one in motions)

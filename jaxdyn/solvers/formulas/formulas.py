@@ -25,7 +25,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, PyTree
 
-from jaxdyn._programs import CALLS, Loop, inner_program, live_operations, loop, programs
+from jaxdyn._programs import CALLS, Loop, inner_program, interpret, loop, programs
 from jaxdyn.solvers.formulas import alternatives
 from jaxdyn.solvers.formulas.graph import (
     COMPARISONS,
@@ -381,8 +381,7 @@ def trace(graph: Graph, function: Callable, *inputs: np.ndarray) -> list[np.ndar
     shapes = [jax.ShapeDtypeStruct(x.shape, float) for x in inputs]
     program = jax.make_jaxpr(function)(*shapes)
     _check_program(program)
-    consts = [_inputs(graph, c) for c in program.consts]
-    return _interpret(graph, program.jaxpr, consts, list(inputs))
+    return _interpret(graph, program, inputs)
 
 
 def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()) -> Formulas:
@@ -390,8 +389,7 @@ def _formulas_of(graph: Graph, program, t: Array, y: Array, known: Sequence = ()
     time = graph.input(t, moving=True)
     states = [graph.input(y[i], moving=True) for i in range(len(y))]
     inputs = [objects([time], ()), objects(states, y.shape), *known]
-    consts = [_inputs(graph, c) for c in program.consts]
-    (rates,) = _interpret(graph, program.jaxpr, consts, inputs)
+    (rates,) = _interpret(graph, program, inputs)
     return Formulas(graph=graph, time=time, states=states, rates=rates.tolist())
 
 
@@ -423,10 +421,10 @@ def _as_known(graph: Graph, x: np.ndarray) -> np.ndarray:
 _Values = dict[Any, np.ndarray]
 
 
-def _interpret(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
-    values: _Values = dict(zip(jaxpr.constvars, consts, strict=True))
-    values |= dict(zip(jaxpr.invars, inputs, strict=True))
-    return _results(graph, jaxpr, live_operations(jaxpr), values)
+def _interpret(graph: Graph, closed, inputs: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The results of a program."""
+    apply, known = (functools.partial(part, graph) for part in (_apply, _inputs))
+    return interpret(closed, inputs, apply, known)
 
 
 def _results(graph: Graph, jaxpr, eqns: Sequence, values: _Values) -> list[np.ndarray]:
@@ -458,10 +456,8 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         if called == _SEARCH and any(x.dtype == object for x in args):
             return [_search(graph, eqn, *args)]
         inner = inner_program(eqn)
-        consts = [_inputs(graph, c) for c in inner.consts]
-        if graph.written and called == _TABLE:
-            return _by_pieces(graph, inner.jaxpr, consts, args)
-        return _interpret(graph, inner.jaxpr, consts, args)
+        by = _by_pieces if graph.written and called == _TABLE else _interpret
+        return by(graph, inner, args)
     moved = MOVES.get(name, slice(0))
     if alternatives.occur(x for i, x in enumerate(args) if i not in range(len(args))[moved]):
         apply = functools.partial(_apply, graph, eqn)
@@ -473,9 +469,7 @@ def _apply(graph: Graph, eqn, args: list[np.ndarray]) -> list[np.ndarray]:
         return _unroll(graph, eqn, known, args)
     if name == "cond" and args[0].dtype != object:
         # This occurs where a program depends on the platform.
-        inner = params["branches"][int(args[0])]
-        consts = [_inputs(graph, c) for c in inner.consts]
-        return _interpret(graph, inner.jaxpr, consts, args[1:])
+        return _interpret(graph, params["branches"][int(args[0])], args[1:])
     if name in MOVES:
         return move(eqn, args)
     if name in _SAME:
@@ -518,19 +512,20 @@ def _search(
     return alternatives.place(graph, knots, x, equal=bool(example.flat[0]))
 
 
-def _by_pieces(graph: Graph, jaxpr, consts: list, inputs: list) -> list[np.ndarray]:
+def _by_pieces(graph: Graph, closed, inputs: list) -> list[np.ndarray]:
     """The program of `jnp.interp`, or of its derivative, once for each result of its search.
 
     With a known result it is one piece of the table, or what holds beyond one of its ends;
     comparisons with the knots decide which. The knots may be known only at run time, but must
     increase, as for the search.
     """
-    values: _Values = dict(zip(jaxpr.constvars, consts, strict=True))
-    values |= dict(zip(jaxpr.invars, inputs, strict=True))
+    jaxpr = closed.jaxpr
     searches = [i for i, eqn in enumerate(jaxpr.eqns) if eqn.params.get("name") == _SEARCH]
     if len(searches) != 1:
-        return _results(graph, jaxpr, live_operations(jaxpr), values)
+        return _interpret(graph, closed, inputs)
     (i,) = searches
+    consts = (_inputs(graph, c) for c in closed.consts)
+    values: _Values = dict(zip((*jaxpr.constvars, *jaxpr.invars), (*consts, *inputs), strict=True))
     search, after = jaxpr.eqns[i], jaxpr.eqns[i + 1 :]
     for eqn in jaxpr.eqns[:i]:
         if eqn.primitive.name == "sort" and any(
@@ -598,14 +593,13 @@ def _unroll(graph: Graph, eqn, known: Loop, args: list[np.ndarray]) -> list[np.n
     consts, carry, xs = args[:n], args[n : n + m], args[n + m :]
     if length > _LONGEST_LOOP:
         raise NotElementary(f"a loop of {length} rounds")
-    inner = [_inputs(graph, c) for c in body.consts]
     if not length:
         return [*carry, *(np.zeros(a.aval.shape, a.aval.dtype) for a in eqn.outvars[m:])]
     rows = []
     for i in range(length):
         at = length - 1 - i if known.reverse else i
         row = [np.asarray(x[at]) for x in xs]
-        found = _interpret(graph, body.jaxpr, inner, [*consts, *carry, *row])
+        found = _interpret(graph, body, [*consts, *carry, *row])
         carry = found[:m]
         rows.append(found[m:])
     if known.reverse:
