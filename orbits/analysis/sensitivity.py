@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, fail, is_traced
+from jaxdyn._checks import check_first, check_kind, fail, is_traced
 from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
@@ -206,6 +206,7 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
       1.570796327
     """
+    check_kind("orbit", orbit, (Orbit, HybridOrbit))
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
     if isinstance(orbit, HybridOrbit) == isinstance(scene, Scene):

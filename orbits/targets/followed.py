@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_untraced, fail
+from jaxdyn._checks import check_shape, check_untraced, fail
+from jaxdyn._checks import numbers as floats
 from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
@@ -65,6 +66,19 @@ class TimeLimit:
         return self._clock.computing > self._seconds
 
 
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """A function of what is followed.
+
+    Attributes:
+      name: the argument by which it was given, for messages.
+      function: returns numbers, or one.
+    """
+
+    name: str
+    function: Callable[[Any], Any]
+
+
 class Followed(abc.ABC):
     """What is followed, as a function of the parameters (n,) of its scene."""
 
@@ -84,32 +98,34 @@ class Followed(abc.ABC):
           SearchError, ValueError: there is none near the guess.
         """
 
-    def move(self, here: "At", numbers: np.ndarray, wanted: Callable[[Any], Any]) -> "At | None":
+    def move(self, here: "At", numbers: np.ndarray, asked: Asked) -> "At | None":
         """The state at other parameters; None if nothing is found there, or has no derivatives."""
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:
-            return self.at(numbers, self.again(numbers, here.found, guess), wanted)
+            return self.at(numbers, self.again(numbers, here.found, guess), asked)
         except (SearchError, ValueError):
             return None
 
-    def at(self, numbers: np.ndarray, found: Any, wanted: Callable[[Any], Any]) -> "At":
+    def at(self, numbers: np.ndarray, found: Any, asked: Asked) -> "At":
         """What is followed at some parameters, and a function of it, with all derivatives."""
 
         def all_of(x: Array) -> tuple[Any, Any]:
             thing = self.differentiable(x, found)
-            return jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
+            return jnp.atleast_1d(jnp.asarray(asked.function(thing), float)), self.place(thing)
 
         (value, place), (slopes, place_slopes) = value_and_jacfwd(all_of)(jnp.asarray(numbers))
         outside = "Call it outside jit, grad and vmap."
         check_untraced("make", place, outside)
-        check_untraced("wanted", value, outside)
+        check_untraced(asked.name, value, outside)
         if value.ndim != 1:
-            raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
+            raise fail(asked.name, "a number or numbers (m,)", f"shape {value.shape}")
         value, slopes = np.asarray(value), np.asarray(slopes)
         if not (np.isfinite(value).all() and np.isfinite(slopes).all()):
             remedy = "A multiplier that meets another one has no derivative; see orbits.stability."
-            raise fail("wanted", "finite numbers with derivatives", "NaN or infinite ones", remedy)
+            raise fail(
+                asked.name, "finite numbers with derivatives", "NaN or infinite ones", remedy
+            )
         return At(numbers, found, value, slopes, (place, place_slopes))
 
 
@@ -145,7 +161,7 @@ class Search(abc.ABC):
     """A search within bounds, whose steps are halved until one is accepted."""
 
     followed: Followed
-    wanted: Callable[[Any], Any]
+    asked: Asked
     low: np.ndarray
     high: np.ndarray
     goal: float
@@ -161,7 +177,7 @@ class Search(abc.ABC):
             if self.limit.over:
                 break
             numbers = np.clip(here.numbers + step, self.low, self.high)
-            new = self.followed.move(here, numbers, self.wanted)
+            new = self.followed.move(here, numbers, self.asked)
             if new is not None and self.accepts(here, new):
                 return new
             step = 0.5 * step
@@ -305,14 +321,20 @@ def bounds(lower, upper, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) lower and upper bounds of parameters; infinite where none are given.
 
     Raises:
-      ValueError: the parameters are not within them.
+      ValueError: the parameters are not within them, or there are more or fewer.
     """
-    low, high = (
-        np.full(len(numbers), end)
-        if given is None
-        else np.broadcast_to(np.asarray(given, float), numbers.shape)
-        for given, end in ((lower, -np.inf), (upper, np.inf))
-    )
+    low = _bound("lower", lower, -np.inf, numbers.shape)
+    high = _bound("upper", upper, np.inf, numbers.shape)
     if not ((low <= numbers) & (numbers <= high)).all():
         raise fail("guess", "within its bounds", numbers.tolist(), "See lower and upper.")
     return low, high
+
+
+def _bound(name: str, given: Any, none: float, shape: tuple[int, ...]) -> np.ndarray:
+    if given is None:
+        return np.full(shape, none)
+    check_untraced(name, given)
+    bound = np.asarray(floats(name, given))
+    if bound.shape:
+        check_shape(name, bound.shape, shape)
+    return np.broadcast_to(bound, shape)

@@ -476,3 +476,20 @@ def test_misuse(swing, hopf):
         design(pendulum, lambda orbit: jnp.zeros((2, 2)), [1.0], swing, hold="theta")
     with pytest.raises(ValueError, match="wanted: expected finite numbers with derivatives"):
         design(pendulum, lambda orbit: jnp.nan * orbit.period, [1.0], swing, hold="theta")
+    with pytest.raises(ValueError, match=r"lower: expected shape \(1,\), got shape \(2,\)"):
+        design(pendulum, period_of, [1.0], swing, lower=[0.1, 0.2])
+
+
+def test_what_is_traced_is_named(swing):
+    def least(x):
+        return minimise(pendulum, lambda orbit: x * orbit.period, [1.0], swing, hold="theta").value
+
+    def nearest(x):
+        return design(pendulum, lambda orbit: orbit.period - x, [1.0], swing).numbers[0]
+
+    def bounded(x):
+        return design(pendulum, period_of, [1.0], swing, lower=x).numbers[0]
+
+    for of_x, name in ((least, "quantity"), (nearest, "wanted"), (bounded, "lower")):
+        with pytest.raises(ValueError, match=f"{name}: expected numbers, got values traced by"):
+            jax.grad(of_x)(0.5)
