@@ -425,6 +425,18 @@ def test_every_outcome_says_what_to_do():
             "scene: expected numbers, got values traced",
         ),
         (
+            lambda s: jax.grad(lambda v: aim.farthest(s, v).x)(20.0),
+            "speed: expected numbers, got values traced",
+        ),
+        (
+            lambda s: jax.vmap(lambda x: aim.slowest(s, x).speed)(jnp.ones(2)),
+            "x: expected numbers, got values traced",
+        ),
+        (
+            lambda s: jax.grad(lambda x: aim.hit(s, x, 20.0).angles[0])(5.0),
+            "x: expected numbers, got values traced",
+        ),
+        (
             lambda s: aim.farthest(scenes.three_body(), 1.0),
             "scene: expected one free point in the plane",
         ),
