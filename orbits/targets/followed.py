@@ -21,12 +21,14 @@ from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
 from jaxdyn.continuation.kinds import Kind
+from orbits.analysis.same import minimal_period
 from orbits.analysis.sensitivity import (
     DifferentiableChain,
     DifferentiableOrbit,
     differentiable,
 )
 from orbits.closing.closings import Hold
+from orbits.closing.sizes import sizes
 from orbits.families.family import Member
 from orbits.families.relocation import find_again
 from orbits.families.special_orbits import (
@@ -43,6 +45,10 @@ from orbits.shooting.finding import find
 #: Newton steps to find an orbit again: one that takes more is too far for its prediction.
 _ITERATIONS = 30
 _HALVINGS = 12  # of a step before a search gives up
+#: What is found follows what is known if it is as near to its prediction as this, relative to the
+#: way to that, but for rounding. Long steps of a parameter, relative to its size, count as `_LONG`:
+#: they may lead to an orbit of another kind.
+_OFF, _LONG, _ROUNDING = 0.25, 0.3, 1e-6
 
 #: What can be followed.
 Near = Orbit | HybridOrbit | Equilibrium | Member | SpecialOrbit
@@ -103,9 +109,17 @@ class Followed(abc.ABC):
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:
-            return self.at(numbers, self.again(numbers, here.found, guess), asked)
+            new = self.at(numbers, self.again(numbers, here.found, guess), asked)
         except (SearchError, ValueError):
             return None
+        off, ahead = (self.distance(here.found, guess, at.places[0]) for at in (new, here))
+        way = max(ahead, min(float(np.abs(step / here.units).max(initial=0.0)), _LONG))
+        return new if off <= _OFF * way + _ROUNDING else None
+
+    def distance(self, known: Any, place: Any, other: Any) -> float:
+        """The distance of two places in the sizes of the known one; 0 if any may follow another."""
+        del known, place, other
+        return 0.0
 
     def at(self, numbers: np.ndarray, found: Any, asked: Asked) -> "At":
         """What is followed at some parameters, and a function of it, with all derivatives."""
@@ -224,10 +238,13 @@ class _OfOrbits(Followed):
     def place(self, found: DifferentiableOrbit):
         return found.y0, found.period
 
+    def distance(self, known: Orbit, place, other):
+        return _distance(known.scene, known.period, place, other)
+
     def again(self, numbers, known: Orbit, guess):
         y0, period = guess
         scene = self.make(jnp.asarray(numbers))
-        return find(
+        found = find(
             scene,
             y0,
             period,
@@ -236,6 +253,8 @@ class _OfOrbits(Followed):
             rtol=known.rtol,
             max_iterations=_ITERATIONS,
         )
+        _check_turns(known, found)
+        return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -250,12 +269,16 @@ class _OfChains(Followed):
     def place(self, found: DifferentiableChain):
         return found.y0, found.spans
 
+    def distance(self, known: HybridOrbit, place, other):
+        return _distance(known.legs[0].scene, known.period, place, other)
+
     def again(self, numbers, known: HybridOrbit, guess):
         y0, spans = guess
         legs = legs_of(self.make(jnp.asarray(numbers)), known.path)
         found = find_hybrid(
             legs, y0, spans, closes=known.closes, rtol=known.rtol, max_iterations=_ITERATIONS
         )
+        _check_turns(known, found)
         return dataclasses.replace(found, path=known.path)
 
 
@@ -296,7 +319,28 @@ class _OfSpecialOrbits(Followed):
     def again(self, numbers, known: SpecialOrbit, guess):
         parameter, y0, period = guess
         made = self.make(jnp.asarray(numbers))
-        return find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
+        found = find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
+        _check_turns(known.orbit, found.orbit)
+        return found
+
+
+def _distance(scene: Scene, period: float, place: tuple, other: tuple) -> float:
+    """The distance of two starts and durations, in the sizes of a scene and the period."""
+    start, times = (
+        np.abs(np.asarray(a) - np.asarray(b)) for a, b in zip(place, other, strict=True)
+    )
+    return max(float(np.max(start / sizes(scene))), float(np.max(times)) / period)
+
+
+def _check_turns(known: Orbit | HybridOrbit, found: Orbit | HybridOrbit) -> None:
+    """Raise SearchError unless both go round equally often in their periods.
+
+    Two periods of an orbit close as well, and after a long step they may be nearer to its
+    prediction than one.
+    """
+    before, after = (minimal_period(orbit)[1] for orbit in (known, found))
+    if before != after:
+        raise SearchError(f"The orbit goes round {after} times, the known one {before}.")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -311,6 +355,10 @@ class _Several(Followed):
 
     def place(self, found):
         return tuple(one.place(thing) for one, thing in zip(self.each, found, strict=True))
+
+    def distance(self, known, place, other):
+        every = zip(self.each, known, place, other, strict=True)
+        return max(one.distance(thing, a, b) for one, thing, a, b in every)
 
     def again(self, numbers, known, guess):
         every = zip(self.each, known, guess, strict=True)

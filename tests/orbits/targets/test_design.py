@@ -47,6 +47,14 @@ def test_the_length_of_a_pendulum_of_a_wanted_period(swing):
     assert found.found.y0[0] == pytest.approx(1.0, abs=1e-14)
 
 
+def test_a_far_period_is_not_that_of_several_swings_nor_of_wider_ones(swing):
+    found = design(pendulum, lambda orbit: orbit.period - 20.0, [1.0], swing, hold="theta")
+    assert found.numbers[0] == pytest.approx(
+        9.81 * (20.0 / (4 * ellipk(np.sin(0.5) ** 2))) ** 2, rel=1e-10
+    )
+    assert found.found.y0 == pytest.approx([1.0, 0.0], abs=1e-10)
+
+
 @pytest.mark.parametrize("unit", [1e13, 1e-13])
 def test_a_parameter_of_zero_has_the_size_that_its_slope_gives(swing, unit):
     def longer(numbers):
