@@ -249,6 +249,32 @@ def _from_start(
     return tuple(found)
 
 
+def with_held_entries(
+    guess: np.ndarray, orbit: Orbit, hold: Hold, before: Scene, scene: Scene
+) -> np.ndarray:
+    """(k,) the guess of an orbit of another scene, with the entries that a name holds.
+
+    As in `differentiable`, a name stands for the value at the start of a scene where the known
+    orbit has that of its own.
+
+    Args:
+      guess: (k,) the guess.
+      orbit: the known orbit.
+      hold: conditions.
+      before: the scene for which the orbit is known, with its own start.
+      scene: the other one.
+    """
+    given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
+    held = conditions(orbit.scene, hold, (orbit.closing,))
+    near = _CLOSES * np.asarray(sizes(orbit.scene))
+    same = np.abs(np.asarray(before.y0) - np.asarray(orbit.y0)) <= near
+    y0 = np.array(guess)
+    for one, name in zip(held, given, strict=True):
+        if isinstance(one, Section) and isinstance(name, str) and same[one.entry]:
+            y0[one.entry] = scene.y0[one.entry]
+    return y0
+
+
 def _of_these_numbers(found):
     """The result, if it is not known to be NaN."""
     if not is_traced(found.y0) and np.isnan(found.y0).any():

@@ -26,6 +26,7 @@ from orbits.analysis.sensitivity import (
     DifferentiableChain,
     DifferentiableOrbit,
     differentiable,
+    with_held_entries,
 )
 from orbits.closing.closings import Hold
 from orbits.closing.sizes import sizes
@@ -97,9 +98,14 @@ class Followed(abc.ABC):
         """The numbers of the differentiable one that predict the next one."""
 
     @abc.abstractmethod
-    def again(self, numbers: np.ndarray, known: Any, guess: Any) -> Any:
+    def again(self, before: np.ndarray, numbers: np.ndarray, known: Any, guess: Any) -> Any:
         """The one for other parameters, from a guess of its `place`.
 
+        Args:
+          before: (n,) the parameters of the known one.
+          numbers: (n,) the other ones.
+          known: the known one.
+          guess: the guess.
         Raises:
           SearchError, ValueError: there is none near the guess.
         """
@@ -109,7 +115,7 @@ class Followed(abc.ABC):
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:
-            new = self.at(numbers, self.again(numbers, here.found, guess), asked)
+            new = self.at(numbers, self.again(here.numbers, numbers, here.found, guess), asked)
         except (SearchError, ValueError):
             return None
         off, ahead = (self.distance(here.found, guess, at.places[0]) for at in (new, here))
@@ -241,12 +247,12 @@ class _OfOrbits(Followed):
     def distance(self, known: Orbit, place, other):
         return _distance(known.scene, known.period, place, other)
 
-    def again(self, numbers, known: Orbit, guess):
+    def again(self, before, numbers, known: Orbit, guess):
         y0, period = guess
-        scene = self.make(jnp.asarray(numbers))
+        old, scene = (self.make(jnp.asarray(x)) for x in (before, numbers))
         found = find(
             scene,
-            y0,
+            with_held_entries(y0, known, self.hold, old, scene),
             period,
             closing=known.closing,
             hold=self.hold,
@@ -272,7 +278,8 @@ class _OfChains(Followed):
     def distance(self, known: HybridOrbit, place, other):
         return _distance(known.legs[0].scene, known.period, place, other)
 
-    def again(self, numbers, known: HybridOrbit, guess):
+    def again(self, before, numbers, known: HybridOrbit, guess):
+        del before
         y0, spans = guess
         legs = legs_of(self.make(jnp.asarray(numbers)), known.path)
         found = find_hybrid(
@@ -294,7 +301,8 @@ class _OfEquilibria(Followed):
     def place(self, found: points.DifferentiablePoint):
         return found.state, found.parameter
 
-    def again(self, numbers, known: Equilibrium, guess):
+    def again(self, before, numbers, known: Equilibrium, guess):
+        del before
         state, parameter = guess
         return points.find_again(self.make(jnp.asarray(numbers)), known, state, float(parameter))
 
@@ -316,7 +324,8 @@ class _OfSpecialOrbits(Followed):
         orbit = found.orbit
         return found.parameter, orbit.y0, orbit.period
 
-    def again(self, numbers, known: SpecialOrbit, guess):
+    def again(self, before, numbers, known: SpecialOrbit, guess):
+        del before
         parameter, y0, period = guess
         made = self.make(jnp.asarray(numbers))
         found = find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
@@ -360,9 +369,9 @@ class _Several(Followed):
         every = zip(self.each, known, place, other, strict=True)
         return max(one.distance(thing, a, b) for one, thing, a, b in every)
 
-    def again(self, numbers, known, guess):
+    def again(self, before, numbers, known, guess):
         every = zip(self.each, known, guess, strict=True)
-        return tuple(one.again(numbers, thing, place) for one, thing, place in every)
+        return tuple(one.again(before, numbers, thing, place) for one, thing, place in every)
 
 
 def bounds(lower, upper, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
