@@ -114,7 +114,8 @@ def design(
         instance the two ends of an interval of stable orbits.
       lower: (n,) lower bounds of the parameters; -inf for none.
       upper: (n,) upper bounds.
-      hold: conditions on the orbit, as for `find`; they select a member of a family.
+      hold: conditions on the orbit, as for `find`; they select a member of a family. The name of
+        an entry stands for its value at the start of the scene, if `near` begins with that.
       goal: largest residual at which the requirement is met.
       steps: largest number of steps.
       seconds: time limit, without that of compiling; what is being computed then is completed.
