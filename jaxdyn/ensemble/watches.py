@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxdyn._checks import as_float, floats
+from jaxdyn._checks import as_float, fail, floats
 from jaxdyn.integrate.march import Watch
 from jaxdyn.scene import Field, Scene, System
 
@@ -181,8 +181,24 @@ class Until(Watch):
     def see(self, keep, t0, y0, t1, y1, memory):
         """Remembers whether it has stopped the motion."""
         del t0, y0
-        stop = memory | (keep & self.condition(self.direction * t1, y1))
+        stop = memory | (keep & self._holds(self.direction * t1, y1))
         return stop, stop
+
+    def _holds(self, t: Array, y: Array) -> Array:
+        """() whether the condition holds.
+
+        Raises:
+          ValueError: it is no condition.
+        """
+        if not callable(self.condition):
+            given = type(self.condition).__name__
+            remedy = "jaxdyn.until finds the times of events."
+            raise fail("condition", "a module with __call__(self, t, y)", given, remedy)
+        holds = jnp.asarray(self.condition(t, y))
+        if holds.shape or holds.dtype != bool:
+            given = f"{holds.dtype} of shape {holds.shape}"
+            raise fail("condition", "one True or False", given, "Compare: return y[0] > 1.0.")
+        return holds
 
 
 class Together(Watch):

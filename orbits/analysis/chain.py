@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -154,11 +155,12 @@ def differentiable_return_map(
     for i, leg in enumerate(legs):
         y, step, *_ = _pass(leg, legs[(i + 1) % len(legs)].scene, y, spans[i], rtol)
         m = step @ m
-    each = np.asarray(sizes(known.legs[0].scene))
-    by_end, by_first = (x * each[None] for x in closing_error(known.closes, y, start)[1])
     # What the closing leaves out may change with the numbers. The map on the quotient does not
     # depend on the basis that represents it.
-    q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, each)[1])
+    with jax.ensure_compile_time_eval():
+        each = np.asarray(sizes(known.legs[0].scene))
+        q, _ = _compared(closing_in_sizes(known.closes, known.y0, known.y0, each)[1])
+    by_end, by_first = (x * each[None] for x in closing_error(known.closes, y, start)[1])
     back = jnp.linalg.pinv(by_first @ q)
     return -back @ by_end @ (m * each[None] / each[:, None]) @ q
 

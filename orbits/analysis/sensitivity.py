@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_first, fail, is_traced
+from jaxdyn._checks import check_first, check_kind, fail, is_traced
 from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.integrate.phase import Phase
 from jaxdyn.integrate.simulation import solve
@@ -206,6 +206,7 @@ def differentiable(scene: Scene | Sequence[Leg] | Mapping[str, Phase], orbit, *,
       >>> round(float(eqx.filter_grad(period)(swing.scene).system.m[0]), 9)  # T = pi sqrt(m)
       1.570796327
     """
+    check_kind("orbit", orbit, (Orbit, HybridOrbit))
     if not orbit.ok:
         raise fail("orbit", "an orbit that closes", orbit.message, "find() one first.")
     if isinstance(orbit, HybridOrbit) == isinstance(scene, Scene):
@@ -246,6 +247,32 @@ def _from_start(
             one = Section(one.entry, one.level + jnp.where(same, change, 0.0))
         found.append(one)
     return tuple(found)
+
+
+def with_held_entries(
+    guess: np.ndarray, orbit: Orbit, hold: Hold, before: Scene, scene: Scene
+) -> np.ndarray:
+    """(k,) the guess of an orbit of another scene, with the entries that a name holds.
+
+    As in `differentiable`, a name stands for the value at the start of a scene where the known
+    orbit has that of its own.
+
+    Args:
+      guess: (k,) the guess.
+      orbit: the known orbit.
+      hold: conditions.
+      before: the scene for which the orbit is known, with its own start.
+      scene: the other one.
+    """
+    given = tuple(hold) if isinstance(hold, list | tuple) else (hold,)
+    held = conditions(orbit.scene, hold, (orbit.closing,))
+    near = _CLOSES * np.asarray(sizes(orbit.scene))
+    same = np.abs(np.asarray(before.y0) - np.asarray(orbit.y0)) <= near
+    y0 = np.array(guess)
+    for one, name in zip(held, given, strict=True):
+        if isinstance(one, Section) and isinstance(name, str) and same[one.entry]:
+            y0[one.entry] = scene.y0[one.entry]
+    return y0
 
 
 def _of_these_numbers(found):

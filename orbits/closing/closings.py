@@ -23,7 +23,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxdyn import Scene, System
-from jaxdyn._checks import array, as_float, check_first, choice, fail, positive, whole
+from jaxdyn._checks import (
+    array,
+    as_float,
+    check_first,
+    check_on_host,
+    choice,
+    fail,
+    positive,
+    whole,
+)
 from jaxdyn._doors import renamed
 from jaxdyn._records import Record
 from jaxdyn.analysis import energy as energies
@@ -506,12 +515,17 @@ def mirror(scene: Scene, across: str = "xz") -> Reversal:
     return reversal(point_symmetry(range(n), signs, reversing=True))
 
 
+@check_first
 def symmetric_closing(scene: Scene) -> str:
     """How to write a closing by reversal that suits the start of a scene; "" if there is none.
 
     It is a mirror that the start crosses at a right angle, for example, or the time reversal for a
     motion that starts at rest and swings back.
+
+    Raises:
+      ValueError: the numbers of the scene are traced by `jax.jit` or `jax.grad`.
     """
+    check_on_host("scene", scene)
     d = scene.points(jnp.zeros(()), scene.y0).r.shape[1] if scene.has_points else 0
     axes = [name for n in range(d - 1, 0, -1) for name in itertools.combinations("xyz"[:d], n)]
     for across in map("".join, axes):

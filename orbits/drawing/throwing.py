@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn import Scene, simulate
-from jaxdyn._checks import check_first
+from jaxdyn._checks import check_first, check_kind, fail
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
@@ -32,8 +32,13 @@ def throws(
       path: file to write, .png, .pdf or .svg.
       title: its title; the scene with its numbers and the speed by default, "" for none.
     Raises:
-      ValueError: `path` cannot be written.
+      ValueError: `path` cannot be written, or `best` has several throws.
     """
+    check_kind("best", best, (Throws,))
+    if np.ndim(best.speed):
+        raise fail("best", "one throw", f"{len(best.speed)} throws", "Pass a single speed to aim.")
+    if hits is not None:
+        check_kind("hits", hits, (Hits,))
     path = picture_path(path)
     figure = blank(_WIDTH, 6.2)
     paths: Any = figure.add_subplot(2, 1, 1)

@@ -215,7 +215,8 @@ def hit(scene: Scene, x, speed) -> Hits:
         which land at once, do not count.
       speed: () launch speed [m/s].
     Raises:
-      ValueError: `scene` is not a thrown point, `x` is not finite, or `speed` is not positive.
+      ValueError: `scene` is not a thrown point, `x` is not finite, or `speed` is not positive;
+        or one of them is traced.
     Limits: angles so flat that drag has no time to act are not sampled; two extremes of the range
       between neighbouring sampled angles (up to 28 degrees apart) would be missed. For a point at
       another height, solve for the angle with which the throw passes through it, as below.
@@ -237,7 +238,7 @@ def hit(scene: Scene, x, speed) -> Hits:
       >>> round(float(np.degrees(angle)), 6)
       27.328126
     """
-    scene = check_throw(scene)
+    scene = check_throw(scene, x=x, speed=speed)
     x, speed = float(array("x", x, ())), float(positive("speed", array("speed", speed, ())))
     (samples,) = courses(scene, np.array([speed]))
     look = landings(scene, samples, speed, LOOK)
@@ -299,7 +300,7 @@ def farthest(scene: Scene, speed) -> Throws:
       >>> np.round(np.degrees(best.angle), 3)
       array([45.   , 32.554, 14.994])
     """
-    scene = check_throw(scene)
+    scene = check_throw(scene, speed=speed)
     speeds = positive("speed", speed, "It is a speed; the angle gives the direction.")
     shape = np.shape(speeds)
     if len(shape) > 1 or 0 in shape:
@@ -326,7 +327,7 @@ def slowest(scene: Scene, x) -> Throws:
       >>> round(float(best.speed), 6), round(float(np.degrees(best.angle)), 4)
       (7.176481, 37.8694)
     """
-    scene = check_throw(scene)
+    scene = check_throw(scene, x=x)
     x = float(positive("x", array("x", x, ()), "Mirror the scene for throws to the left."))
     rest = jnp.concatenate([scene.y0[:2], jnp.zeros(2)])
     pull = float(jnp.linalg.norm(scene.rate(jnp.zeros(()), rest)[2:]))

@@ -18,7 +18,7 @@ from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.shooting.strategy import SECONDS
-from orbits.targets.followed import At, Near, Search, TimeLimit, bounds, follow
+from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, follow
 
 #: The search ends if the next step is shorter, relative to the units of the parameters.
 _SETTLED = 1e-12
@@ -114,7 +114,8 @@ def design(
         instance the two ends of an interval of stable orbits.
       lower: (n,) lower bounds of the parameters; -inf for none.
       upper: (n,) upper bounds.
-      hold: conditions on the orbit, as for `find`; they select a member of a family.
+      hold: conditions on the orbit, as for `find`; they select a member of a family. The name of
+        an entry stands for its value at the start of the scene, if `near` begins with that.
       goal: largest residual at which the requirement is met.
       steps: largest number of steps.
       seconds: time limit, without that of compiling; what is being computed then is completed.
@@ -149,7 +150,8 @@ def design(
     check_callable("make", make, "numbers")
     check_callable("wanted", wanted, "found")
     followed, known = follow(make, near, hold)
-    found = _Search(followed, wanted, low, high, goal, limit).run(numbers, known, steps)
+    search = _Search(followed, Asked("wanted", wanted), low, high, goal, limit)
+    found = search.run(numbers, known, steps)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -159,7 +161,7 @@ class _Search(Search):
     """The Gauss-Newton method; steps are halved until they come closer."""
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Design:
-        here = self.followed.at(numbers, near, self.wanted)
+        here = self.followed.at(numbers, near, self.asked)
         for n in range(steps):
             if self._is_met(here):
                 return self._design(here, n, DesignOutcome.FOUND)

@@ -14,18 +14,22 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import Scene
-from jaxdyn._checks import check_untraced, fail
+from jaxdyn._checks import check_shape, check_untraced, fail
+from jaxdyn._checks import numbers as floats
 from jaxdyn._numerics import value_and_jacfwd
 from jaxdyn.accuracy.timing import Clock
 from jaxdyn.continuation import Equilibrium
 from jaxdyn.continuation import sensitivity as points
 from jaxdyn.continuation.kinds import Kind
+from orbits.analysis.same import minimal_period
 from orbits.analysis.sensitivity import (
     DifferentiableChain,
     DifferentiableOrbit,
     differentiable,
+    with_held_entries,
 )
 from orbits.closing.closings import Hold
+from orbits.closing.sizes import sizes
 from orbits.families.family import Member
 from orbits.families.relocation import find_again
 from orbits.families.special_orbits import (
@@ -42,6 +46,10 @@ from orbits.shooting.finding import find
 #: Newton steps to find an orbit again: one that takes more is too far for its prediction.
 _ITERATIONS = 30
 _HALVINGS = 12  # of a step before a search gives up
+#: What is found follows what is known if it is as near to its prediction as this, relative to the
+#: way to that, but for rounding. Long steps of a parameter, relative to its size, count as `_LONG`:
+#: they may lead to an orbit of another kind.
+_OFF, _LONG, _ROUNDING = 0.25, 0.3, 1e-6
 
 #: What can be followed.
 Near = Orbit | HybridOrbit | Equilibrium | Member | SpecialOrbit
@@ -65,6 +73,19 @@ class TimeLimit:
         return self._clock.computing > self._seconds
 
 
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """A function of what is followed.
+
+    Attributes:
+      name: the argument by which it was given, for messages.
+      function: returns numbers, or one.
+    """
+
+    name: str
+    function: Callable[[Any], Any]
+
+
 class Followed(abc.ABC):
     """What is followed, as a function of the parameters (n,) of its scene."""
 
@@ -77,39 +98,54 @@ class Followed(abc.ABC):
         """The numbers of the differentiable one that predict the next one."""
 
     @abc.abstractmethod
-    def again(self, numbers: np.ndarray, known: Any, guess: Any) -> Any:
+    def again(self, before: np.ndarray, numbers: np.ndarray, known: Any, guess: Any) -> Any:
         """The one for other parameters, from a guess of its `place`.
 
+        Args:
+          before: (n,) the parameters of the known one.
+          numbers: (n,) the other ones.
+          known: the known one.
+          guess: the guess.
         Raises:
           SearchError, ValueError: there is none near the guess.
         """
 
-    def move(self, here: "At", numbers: np.ndarray, wanted: Callable[[Any], Any]) -> "At | None":
+    def move(self, here: "At", numbers: np.ndarray, asked: Asked) -> "At | None":
         """The state at other parameters; None if nothing is found there, or has no derivatives."""
         step = numbers - here.numbers
         guess = jax.tree.map(lambda x, slope: np.asarray(x + slope @ step), *here.places)
         try:
-            return self.at(numbers, self.again(numbers, here.found, guess), wanted)
+            new = self.at(numbers, self.again(here.numbers, numbers, here.found, guess), asked)
         except (SearchError, ValueError):
             return None
+        off, ahead = (self.distance(here.found, guess, at.places[0]) for at in (new, here))
+        way = max(ahead, min(float(np.abs(step / here.units).max(initial=0.0)), _LONG))
+        return new if off <= _OFF * way + _ROUNDING else None
 
-    def at(self, numbers: np.ndarray, found: Any, wanted: Callable[[Any], Any]) -> "At":
+    def distance(self, known: Any, place: Any, other: Any) -> float:
+        """The distance of two places in the sizes of the known one; 0 if any may follow another."""
+        del known, place, other
+        return 0.0
+
+    def at(self, numbers: np.ndarray, found: Any, asked: Asked) -> "At":
         """What is followed at some parameters, and a function of it, with all derivatives."""
 
         def all_of(x: Array) -> tuple[Any, Any]:
             thing = self.differentiable(x, found)
-            return jnp.atleast_1d(jnp.asarray(wanted(thing), float)), self.place(thing)
+            return jnp.atleast_1d(jnp.asarray(asked.function(thing), float)), self.place(thing)
 
         (value, place), (slopes, place_slopes) = value_and_jacfwd(all_of)(jnp.asarray(numbers))
         outside = "Call it outside jit, grad and vmap."
         check_untraced("make", place, outside)
-        check_untraced("wanted", value, outside)
+        check_untraced(asked.name, value, outside)
         if value.ndim != 1:
-            raise fail("wanted", "a number or numbers (m,)", f"shape {value.shape}")
+            raise fail(asked.name, "a number or numbers (m,)", f"shape {value.shape}")
         value, slopes = np.asarray(value), np.asarray(slopes)
         if not (np.isfinite(value).all() and np.isfinite(slopes).all()):
             remedy = "A multiplier that meets another one has no derivative; see orbits.stability."
-            raise fail("wanted", "finite numbers with derivatives", "NaN or infinite ones", remedy)
+            raise fail(
+                asked.name, "finite numbers with derivatives", "NaN or infinite ones", remedy
+            )
         return At(numbers, found, value, slopes, (place, place_slopes))
 
 
@@ -145,7 +181,7 @@ class Search(abc.ABC):
     """A search within bounds, whose steps are halved until one is accepted."""
 
     followed: Followed
-    wanted: Callable[[Any], Any]
+    asked: Asked
     low: np.ndarray
     high: np.ndarray
     goal: float
@@ -161,7 +197,7 @@ class Search(abc.ABC):
             if self.limit.over:
                 break
             numbers = np.clip(here.numbers + step, self.low, self.high)
-            new = self.followed.move(here, numbers, self.wanted)
+            new = self.followed.move(here, numbers, self.asked)
             if new is not None and self.accepts(here, new):
                 return new
             step = 0.5 * step
@@ -208,18 +244,23 @@ class _OfOrbits(Followed):
     def place(self, found: DifferentiableOrbit):
         return found.y0, found.period
 
-    def again(self, numbers, known: Orbit, guess):
+    def distance(self, known: Orbit, place, other):
+        return _distance(known.scene, known.period, place, other)
+
+    def again(self, before, numbers, known: Orbit, guess):
         y0, period = guess
-        scene = self.make(jnp.asarray(numbers))
-        return find(
+        old, scene = (self.make(jnp.asarray(x)) for x in (before, numbers))
+        found = find(
             scene,
-            y0,
+            with_held_entries(y0, known, self.hold, old, scene),
             period,
             closing=known.closing,
             hold=self.hold,
             rtol=known.rtol,
             max_iterations=_ITERATIONS,
         )
+        _check_turns(known, found)
+        return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,12 +275,17 @@ class _OfChains(Followed):
     def place(self, found: DifferentiableChain):
         return found.y0, found.spans
 
-    def again(self, numbers, known: HybridOrbit, guess):
+    def distance(self, known: HybridOrbit, place, other):
+        return _distance(known.legs[0].scene, known.period, place, other)
+
+    def again(self, before, numbers, known: HybridOrbit, guess):
+        del before
         y0, spans = guess
         legs = legs_of(self.make(jnp.asarray(numbers)), known.path)
         found = find_hybrid(
             legs, y0, spans, closes=known.closes, rtol=known.rtol, max_iterations=_ITERATIONS
         )
+        _check_turns(known, found)
         return dataclasses.replace(found, path=known.path)
 
 
@@ -255,7 +301,8 @@ class _OfEquilibria(Followed):
     def place(self, found: points.DifferentiablePoint):
         return found.state, found.parameter
 
-    def again(self, numbers, known: Equilibrium, guess):
+    def again(self, before, numbers, known: Equilibrium, guess):
+        del before
         state, parameter = guess
         return points.find_again(self.make(jnp.asarray(numbers)), known, state, float(parameter))
 
@@ -277,10 +324,32 @@ class _OfSpecialOrbits(Followed):
         orbit = found.orbit
         return found.parameter, orbit.y0, orbit.period
 
-    def again(self, numbers, known: SpecialOrbit, guess):
+    def again(self, before, numbers, known: SpecialOrbit, guess):
+        del before
         parameter, y0, period = guess
         made = self.make(jnp.asarray(numbers))
-        return find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
+        found = find_again(known, made, float(parameter), (y0, float(period)), hold=self.hold)
+        _check_turns(known.orbit, found.orbit)
+        return found
+
+
+def _distance(scene: Scene, period: float, place: tuple, other: tuple) -> float:
+    """The distance of two starts and durations, in the sizes of a scene and the period."""
+    start, times = (
+        np.abs(np.asarray(a) - np.asarray(b)) for a, b in zip(place, other, strict=True)
+    )
+    return max(float(np.max(start / sizes(scene))), float(np.max(times)) / period)
+
+
+def _check_turns(known: Orbit | HybridOrbit, found: Orbit | HybridOrbit) -> None:
+    """Raise SearchError unless both go round equally often in their periods.
+
+    Two periods of an orbit close as well, and after a long step they may be nearer to its
+    prediction than one.
+    """
+    before, after = (minimal_period(orbit)[1] for orbit in (known, found))
+    if before != after:
+        raise SearchError(f"The orbit goes round {after} times, the known one {before}.")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -296,23 +365,33 @@ class _Several(Followed):
     def place(self, found):
         return tuple(one.place(thing) for one, thing in zip(self.each, found, strict=True))
 
-    def again(self, numbers, known, guess):
+    def distance(self, known, place, other):
+        every = zip(self.each, known, place, other, strict=True)
+        return max(one.distance(thing, a, b) for one, thing, a, b in every)
+
+    def again(self, before, numbers, known, guess):
         every = zip(self.each, known, guess, strict=True)
-        return tuple(one.again(numbers, thing, place) for one, thing, place in every)
+        return tuple(one.again(before, numbers, thing, place) for one, thing, place in every)
 
 
 def bounds(lower, upper, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n,) lower and upper bounds of parameters; infinite where none are given.
 
     Raises:
-      ValueError: the parameters are not within them.
+      ValueError: the parameters are not within them, or there are more or fewer.
     """
-    low, high = (
-        np.full(len(numbers), end)
-        if given is None
-        else np.broadcast_to(np.asarray(given, float), numbers.shape)
-        for given, end in ((lower, -np.inf), (upper, np.inf))
-    )
+    low = _bound("lower", lower, -np.inf, numbers.shape)
+    high = _bound("upper", upper, np.inf, numbers.shape)
     if not ((low <= numbers) & (numbers <= high)).all():
         raise fail("guess", "within its bounds", numbers.tolist(), "See lower and upper.")
     return low, high
+
+
+def _bound(name: str, given: Any, none: float, shape: tuple[int, ...]) -> np.ndarray:
+    if given is None:
+        return np.full(shape, none)
+    check_untraced(name, given)
+    bound = np.asarray(floats(name, given))
+    if bound.shape:
+        check_shape(name, bound.shape, shape)
+    return np.broadcast_to(bound, shape)

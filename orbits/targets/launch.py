@@ -216,13 +216,14 @@ def _in_chunks(fn: Callable, *columns: np.ndarray):
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *parts)
 
 
-def check_throw(scene: Scene) -> Scene:
+def check_throw(scene: Scene, **numbers) -> Scene:
     """The scene, if it is a single point in the plane with a force at rest.
 
     Raises:
-      ValueError: the scene is traced or of another kind.
+      ValueError: the scene, or one of the numbers, is traced; or the scene is of another kind.
     """
-    check_on_host("scene", scene, "Aim outside of jit, grad and vmap.")
+    for name, x in {"scene": scene, **numbers}.items():
+        check_on_host(name, x, "Aim outside of jit, grad and vmap.")
     scene = check_scene(scene)
     system = scene.system
     if not (isinstance(system, FreePoints) and system.d == 2 and len(system.m) == 1):

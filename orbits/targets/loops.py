@@ -159,7 +159,7 @@ def fewest(n) -> FewestLoops:
     Args:
       n: () or (m,) exponents of the attraction k r^n.
     Raises:
-      ValueError: `n` is not finite.
+      ValueError: `n` is not finite, or traced.
     Limits: it takes long for exponents within 1e-7 of 1 or -2, where the number diverges.
     Example:
       >>> from orbits.targets import loops
@@ -167,6 +167,7 @@ def fewest(n) -> FewestLoops:
       >>> found.loops.tolist(), found.turns.tolist()
       ([0, 1, 3, 2, 7, 3], [0, 1, 2, 1, 3, 1])
     """
+    check_on_host("n", n)
     n = np.atleast_1d(np.asarray(array("n", np.atleast_1d(n), (None,))))
     moves = n > -3
     circle, line = scenes.apsidal_limits(n)
@@ -208,7 +209,7 @@ def closed(law: CentralForce, turns: int, loops: int, *, r=1.0, m=1.0) -> Orbit:
       ((2, 3), True)
     """
     _check_coprime(turns, loops)
-    _check_law(law)
+    _check_law(law, r=r, m=m)
     r, m = (float(positive(name, array(name, x, ()))) for name, x in (("r", r), ("m", m)))
     depth = depth_of(law, turns, loops, r)
     scene, half = _start(law, depth, r, m)
@@ -244,7 +245,7 @@ def rosette(law: CentralForce, ratio=0.4, *, r=1.0, m=1.0, loops: int = 40) -> S
       >>> round(float(r.min()), 4), round(float(r.max()), 4)
       (0.5, 1.0)
     """
-    _check_law(law)
+    _check_law(law, ratio=ratio, r=r, m=m)
     ratio, r, m = (
         float(positive(name, array(name, x, ())))
         for name, x in (("ratio", ratio), ("r", r), ("m", m))
@@ -267,8 +268,10 @@ def count(orbit: Orbit) -> tuple[int, int]:
     A motion between two radii moves outwards for half of its time, which samples cannot miss.
 
     Raises:
+      ValueError: the orbit has traced numbers.
       SearchError: the turns differ from a whole number by 0.01 or more.
     """
+    check_on_host("orbit", orbit)
     turns = abs(float(scenes.swept_angle(orbit.scene, rtol=orbit.rtol))) / (2 * np.pi)
     if not abs(turns - round(turns)) < _WHOLE:
         raise SearchError(
@@ -287,8 +290,9 @@ def _check_coprime(turns, loops) -> None:
         raise fail("turns", f"no common factor with loops = {loops}", turns, remedy)
 
 
-def _check_law(law) -> None:
-    check_on_host("law", law, "Find the orbit outside; see orbits.differentiable.")
+def _check_law(law, **numbers) -> None:
+    for name, x in {"law": law, **numbers}.items():
+        check_on_host(name, x, "Find the orbit outside; see orbits.differentiable.")
     if not isinstance(law, CentralForce):
         raise fail("law", "a CentralForce", repr(law), "Pass PowerLaw(1.0, -1.0), for example.")
 

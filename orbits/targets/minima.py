@@ -19,7 +19,7 @@ from jaxdyn.status import Code, Ended
 from orbits.closing.closings import Hold
 from orbits.orbit import SearchError
 from orbits.shooting.strategy import SECONDS
-from orbits.targets.followed import At, Near, Search, TimeLimit, bounds, follow
+from orbits.targets.followed import Asked, At, Near, Search, TimeLimit, bounds, follow
 
 _LONGEST = 0.3  # longest step, in units of the parameters
 _DECREASE = 1e-4  # least decrease, relative to that of the linear part
@@ -130,7 +130,8 @@ def minimise(
     check_callable("make", make, "numbers")
     check_callable("quantity", quantity, "found")
     followed, known = follow(make, near, hold)
-    found = _Search(followed, quantity, low, high, goal, limit).run(numbers, known, steps)
+    search = _Search(followed, Asked("quantity", quantity), low, high, goal, limit)
+    found = search.run(numbers, known, steps)
     if throw and not found.ok:
         raise SearchError(found.message)
     return found
@@ -144,7 +145,7 @@ class _Search(Search):
     """
 
     def run(self, numbers: np.ndarray, near: Any, steps: int) -> Optimum:
-        here = self.followed.at(numbers, near, self.wanted)
+        here = self.followed.at(numbers, near, self.asked)
         if len(here.value) != 1:
             raise fail("quantity", "one number", f"{len(here.value)} numbers")
         units = here.units

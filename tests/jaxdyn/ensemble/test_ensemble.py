@@ -17,6 +17,7 @@ from jaxdyn.ensemble import batches, engine, watches
 from jaxdyn.ensemble.batches import _on_one_device
 from jaxdyn.ensemble.lanes import WIDTH
 from jaxdyn.formulations.newton import FreePoints
+from jaxdyn.integrate.events import Reaches
 from jaxdyn.integrate.march import Watch
 from jaxdyn.integrate.simulation import solve
 from jaxdyn.scenes import catalogue
@@ -349,6 +350,11 @@ class Counting(Watch):
         return memory, keep
 
 
+class Position(eqx.Module):
+    def __call__(self, t, y):
+        return y[0]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -360,6 +366,14 @@ class Counting(Watch):
         ({"params": scenes.cannonball}, "params: expected a scene with the same system"),
         ({"watch": "escape"}, "watch: expected a Watch, got 'escape'"),
         ({"watch": Counting(len)}, "watch: expected modules with numbers, got <built-in"),
+        (
+            {"watch": watches.Until(Reaches(0, 1.0))},
+            "condition: expected a module with __call__.*, got Reaches",
+        ),
+        (
+            {"watch": watches.Until(Position())},
+            r"condition: expected one True or False, got float64 of shape \(\)",
+        ),
         ({"y0s": "north"}, "y0s: expected numbers, got 'north'"),
         ({"t1": "late"}, "t1: expected numbers, got 'late'"),
         ({"chunk": 0}, "chunk: expected a whole number, at least 1, got 0"),

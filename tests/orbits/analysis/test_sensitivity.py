@@ -146,6 +146,12 @@ def test_an_orbit_that_does_not_close_has_no_derivative(swing):
         orbits.differentiable(bad.scene, bad)
 
 
+@pytest.mark.parametrize("given", [3.0, jnp.ones(2), None])
+def test_numbers_in_place_of_an_orbit_have_no_derivative(given):
+    with pytest.raises(ValueError, match="orbit: expected an Orbit or a HybridOrbit, got"):
+        orbits.differentiable(scenes.pendulum(), given)
+
+
 def _driven(t, y, k):
     return [y[1], jnp.cos(t) - 0.2 * y[1] - k * y[0]]
 

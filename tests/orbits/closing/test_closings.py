@@ -1,5 +1,6 @@
 """Closing conditions: by symmetry, by reversal, up to a turn, on constraints, with conditions."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -211,6 +212,16 @@ def test_segments_are_chosen_by_growth():
 def test_misuse_of_closings(closing, message):
     with pytest.raises(ValueError, match=message):
         orbits.find(scenes.three_body(), closing=closing)
+
+
+@pytest.mark.parametrize("transform", [jax.jit, jax.grad])
+def test_a_symmetric_closing_of_traced_numbers_is_refused(transform):
+    def angle(x):
+        orbits.closing.symmetric_closing(scenes.pendulum(angle=x))
+        return x
+
+    with pytest.raises(ValueError, match="scene: expected numbers, got values traced by"):
+        transform(angle)(0.5)
 
 
 def test_a_turn_must_be_a_symmetry():

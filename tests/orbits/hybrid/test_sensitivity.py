@@ -102,6 +102,34 @@ def test_multipliers_of_the_rimless_wheel_by_gravity_and_slope():
     np.testing.assert_allclose(jax.jacfwd(multipliers)(numbers), np.zeros((1, 2)), atol=1e-8)
 
 
+@pytest.mark.slow
+def test_multipliers_of_a_bouncing_ball_are_differentiated_under_jit():
+    """Their product is e^2 and their sum 1 + e^2 - (1 + e)^2 A w^2 sin(phase) / g."""
+    numbers = jnp.array([0.8, 0.1, 11.0, 9.81])
+
+    def phases(numbers):
+        e, amplitude, w, g = numbers
+        table = {"amplitude": amplitude, "frequency": w, "velocity": 3.8}
+        return scenes.phases_of(scenes.ball_on_table(restitution=e, g=g, **table))
+
+    flight = phases(numbers)
+    ball = orbits.find_hybrid(flight, flight["fly"].scene.y0)
+
+    def sums(numbers):
+        m = orbits.differentiable(phases(numbers), ball).multipliers().real
+        return jnp.stack([m[0] * m[1], m[0] + m[1]])
+
+    def exact(numbers):
+        e, amplitude, w, g = numbers
+        rise = g * jnp.pi / w**2 * (1 - e) / (1 + e)  # A cos(phase)
+        sine = jnp.sqrt(amplitude**2 - rise**2)
+        return jnp.stack([e**2, 1 + e**2 - (1 + e) ** 2 * w**2 * sine / g])
+
+    np.testing.assert_allclose(jax.jit(sums)(numbers), exact(numbers), rtol=1e-12)
+    by_numbers = jax.jit(jax.jacrev(sums))(numbers)
+    np.testing.assert_allclose(by_numbers, jax.jacfwd(exact)(numbers), rtol=1e-10, atol=1e-10)
+
+
 def _bounce(t, y):
     return y * jnp.array([1.0, 1.0, 1.0, -1.0])
 

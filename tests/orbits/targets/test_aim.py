@@ -425,6 +425,18 @@ def test_every_outcome_says_what_to_do():
             "scene: expected numbers, got values traced",
         ),
         (
+            lambda s: jax.grad(lambda v: aim.farthest(s, v).x)(20.0),
+            "speed: expected numbers, got values traced",
+        ),
+        (
+            lambda s: jax.vmap(lambda x: aim.slowest(s, x).speed)(jnp.ones(2)),
+            "x: expected numbers, got values traced",
+        ),
+        (
+            lambda s: jax.grad(lambda x: aim.hit(s, x, 20.0).angles[0])(5.0),
+            "x: expected numbers, got values traced",
+        ),
+        (
             lambda s: aim.farthest(scenes.three_body(), 1.0),
             "scene: expected one free point in the plane",
         ),
@@ -487,3 +499,17 @@ def test_the_picture_shows_every_throw(drag):
     dots = [line for line in ranges.lines if line.get_marker() == "o"]
     ends = [float(np.asarray(dot.get_ydata())[0]) for dot in dots]
     assert np.abs(np.array(ends) - [float(best.x), 80.0, 80.0]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("best", "message"),
+    [
+        (50.0, r"best: expected a Throws, got 50\.0"),
+        (aim.Throws(*np.zeros((6, 2))), "best: expected one throw, got 2 throws"),
+    ],
+)
+def test_a_picture_needs_a_throw(drag, best, message):
+    with pytest.raises(ValueError, match=message):
+        drawing.throws(drag, best)
+    with pytest.raises(ValueError, match=r"hits: expected a Hits, got 80\.0"):
+        drawing.throws(drag, aim.Throws(*np.zeros(6)), 80.0)

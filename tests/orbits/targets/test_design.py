@@ -47,6 +47,37 @@ def test_the_length_of_a_pendulum_of_a_wanted_period(swing):
     assert found.found.y0[0] == pytest.approx(1.0, abs=1e-14)
 
 
+def test_a_far_period_is_not_that_of_several_swings_nor_of_wider_ones(swing):
+    found = design(pendulum, lambda orbit: orbit.period - 20.0, [1.0], swing, hold="theta")
+    assert found.numbers[0] == pytest.approx(
+        9.81 * (20.0 / (4 * ellipk(np.sin(0.5) ** 2))) ** 2, rel=1e-10
+    )
+    assert found.found.y0 == pytest.approx([1.0, 0.0], abs=1e-10)
+
+
+def _kepler(t, y, mu):
+    return [y[2], y[3], *(-mu * y[:2] / jnp.linalg.norm(y[:2]) ** 3)]
+
+
+@pytest.mark.parametrize(("metre", "second"), [(1.0, 1.0), (1e-3, 1 / 86400)])
+def test_what_a_name_holds_is_the_start_of_the_scene(metre, second):
+    """Kepler's third law: the start is a function of the radius that is not linear."""
+    mu = 3.986004418e14 * metre**3 / second**2
+
+    def circle(numbers):
+        (r,) = numbers
+        y0 = jnp.stack([r, 0.0, 0.0, jnp.sqrt(mu / r)])
+        span = 2 * jnp.pi * jnp.sqrt(r**3 / mu)
+        return jaxdyn.ode(_kepler, y0, span, names=["x", "y", "vx", "vy"], params=mu)
+
+    day, r, hold = 86164.0905 * second, 4e7 * metre, ["x", "vy"]
+    near = orbits.find(circle(jnp.array([r])), hold=hold)
+    found = design(circle, lambda orbit: orbit.period / day - 1, [r], near, hold=hold)
+    exact = (mu * day**2 / (4 * np.pi**2)) ** (1 / 3)
+    assert found.numbers[0] == pytest.approx(exact, rel=1e-10)
+    assert found.found.y0[3] == pytest.approx(np.sqrt(mu / exact), rel=1e-10)
+
+
 @pytest.mark.parametrize("unit", [1e13, 1e-13])
 def test_a_parameter_of_zero_has_the_size_that_its_slope_gives(swing, unit):
     def longer(numbers):
@@ -476,3 +507,20 @@ def test_misuse(swing, hopf):
         design(pendulum, lambda orbit: jnp.zeros((2, 2)), [1.0], swing, hold="theta")
     with pytest.raises(ValueError, match="wanted: expected finite numbers with derivatives"):
         design(pendulum, lambda orbit: jnp.nan * orbit.period, [1.0], swing, hold="theta")
+    with pytest.raises(ValueError, match=r"lower: expected shape \(1,\), got shape \(2,\)"):
+        design(pendulum, period_of, [1.0], swing, lower=[0.1, 0.2])
+
+
+def test_what_is_traced_is_named(swing):
+    def least(x):
+        return minimise(pendulum, lambda orbit: x * orbit.period, [1.0], swing, hold="theta").value
+
+    def nearest(x):
+        return design(pendulum, lambda orbit: orbit.period - x, [1.0], swing).numbers[0]
+
+    def bounded(x):
+        return design(pendulum, period_of, [1.0], swing, lower=x).numbers[0]
+
+    for of_x, name in ((least, "quantity"), (nearest, "wanted"), (bounded, "lower")):
+        with pytest.raises(ValueError, match=f"{name}: expected numbers, got values traced by"):
+            jax.grad(of_x)(0.5)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from helpers import SOLVED, gap
 
+import jaxdyn
 import orbits
 from jaxdyn import scenes, simulate
 from jaxdyn.effects import CentralForce, PowerLaw
+from jaxdyn.formulations.newton import FreePoints
 from orbits import drawing
 from orbits.targets import loops
 
@@ -138,6 +140,12 @@ def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only
         loops.closed(PowerLaw(1.0, n), 2, 3)
 
 
+def _circle(y0):
+    """A circular orbit under Kepler's law from a traced start."""
+    scene = jaxdyn.Scene(FreePoints(jnp.ones(1), 2), (PowerLaw(1.0, -2.0),), y0=y0, t1=2 * np.pi)
+    return orbits.Orbit(scene, orbits.PLAIN, 0.0, orbits.Outcome.FOUND, 1, 1e-12)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -148,6 +156,22 @@ def test_where_every_orbit_closes_there_is_one_choice_of_turns_and_loops(n, only
         (
             lambda: jax.grad(lambda k: loops.closed(PowerLaw(k), 1, 1).period)(1.0),
             "law: expected numbers, got values traced",
+        ),
+        (
+            lambda: jax.grad(lambda r: loops.closed(PowerLaw(), 2, 3, r=r).period)(1.0),
+            "r: expected numbers, got values traced",
+        ),
+        (
+            lambda: jax.grad(lambda x: loops.rosette(PowerLaw(), x).t1)(0.5),
+            "ratio: expected numbers, got values traced",
+        ),
+        (
+            lambda: jax.grad(lambda n: loops.fewest(n).circle[0])(0.5),
+            "n: expected numbers, got values traced",
+        ),
+        (
+            lambda: jax.jit(lambda y0: loops.count(_circle(y0)))(jnp.array([1.0, 0.0, 0.0, 1.0])),
+            "orbit: expected numbers, got values traced",
         ),
         (lambda: loops.closed(PowerLaw(), 2, 3, r=-1.0), "r: expected > 0"),
         (lambda: loops.fewest([1.0, np.nan]), "n: expected finite numbers"),
