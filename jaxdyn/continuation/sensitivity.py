@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _text
-from jaxdyn._checks import fail, is_traced
+from jaxdyn._checks import check_kind, fail, is_traced
 from jaxdyn._numerics import first_only, nan_unless
 from jaxdyn.continuation.defining import Make
 from jaxdyn.continuation.family import Equilibrium
@@ -118,6 +118,7 @@ def find_again(make: Make, point: Equilibrium, state: Array, parameter: float) -
 
 def _check(point: Equilibrium) -> Units:
     """The units of a fold or a Hopf point."""
+    check_kind("point", point, (Equilibrium,))
     if point.kind not in (Kind.FOLD, Kind.HOPF):
         expected = "a fold or a Hopf point"
         raise fail("point", expected, point.kind or "an ordinary member", "See family.special.")

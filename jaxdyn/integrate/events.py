@@ -23,8 +23,9 @@ from jaxdyn._records import Record, check_repeatable
 from jaxdyn._text import number_of
 from jaxdyn.integrate.event_search.event_values import coincident, time_tangent, values
 from jaxdyn.integrate.flow import flow, run_or_switch
-from jaxdyn.integrate.pieces import first_event
+from jaxdyn.integrate.pieces import Arrival, first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
+from jaxdyn.plan.branch import in_branch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
@@ -263,7 +264,7 @@ def stop_of(
         locate, convert = (_locate, jnp.asarray) if traced else (_compiled, np.asarray)
         run_limits = jax.tree.map(convert, run_limits)
         args = (scene.field, events, scene.y0, t0, t1, run_limits)
-        return locate(*args, method=method, sides=sides)
+        return locate(*args, method=method, sides=sides)[0]
 
     return run_or_switch(run, run_limits, method, default=options.solver is None and not traced)[0]
 
@@ -291,7 +292,9 @@ def as_events(events, k: int) -> tuple[Event, ...]:
 # Compiled within the rule of derivatives, as `flow` is.
 @eqx.filter_custom_jvp
 @eqx.filter_jit
-def _locate(field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]) -> Stop:
+def _locate(
+    field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]
+) -> tuple[Stop, Arrival | None]:
     search = functools.partial(_search, method=method, sides=sides)
     args = (field, events, y0, t0, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
@@ -301,34 +304,47 @@ def _locate(field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[i
 def _locate_jvp(primals, tangents, *, method, sides):
     field, events, y0, t0, _, limits = primals
     d_field, d_events, d_y0, d_t0, d_t1, _ = tangents
-    stop = _locate(*primals, method=method, sides=sides)
+    stop, arrival = _locate(*primals, method=method, sides=sides)
     happened = stop.event >= 0
+    advance = functools.partial(flow, method=method)
+
+    def arriving(field):
+        # Where a condition changes just then, as friction that begins to stick does when a speed
+        # reaches 0, the motion that arrives is meant, not the one that goes on.
+        return field if arrival is None else in_branch(field, arrival.branch)
 
     def state(field, y0, t0):
-        return flow(field, y0, t0, stop.t, jnp.zeros(0), limits, method=method).y1
+        start, none = t0, jnp.zeros(0)
+        if arrival is not None:
+            start = jax.lax.stop_gradient(0.5 * (arrival.since + stop.t))
+            y0 = advance(field, y0, t0, start, none, limits).y1
+        return advance(arriving(field), y0, start, stop.t, none, limits).y1
 
     def value(events, t, y):
         return values(events, t, y)[stop.event]
 
     y, dy = eqx.filter_jvp(state, (field, y0, t0), (d_field, d_y0, d_t0))
     dy = jnp.zeros_like(y) if dy is None else dy
-    f = field.rate(stop.t, y)
+    f = arriving(field).rate(stop.t, y)
     dt = time_tangent(value, events, d_events, stop.t, y, dy, f, happened)
     dt = jnp.where(happened, dt, jnp.zeros_like(t0) if d_t1 is None else d_t1)
-    return stop, Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
+    d_stop = Stop(t=dt, y=dy + f * dt, event=None, status=None, coincident=None)
+    return (stop, arrival), (d_stop, jax.tree.map(lambda _: None, arrival))
 
 
 _compiled = eqx.filter_jit(_locate)
 
 
-def _search(field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]) -> Stop:
-    out, found = first_event(field, events, y0, t0, t1, limits, sides, method=method)
+def _search(
+    field, events, y0, t0, t1, limits, *, method: Method, sides: tuple[int, ...]
+) -> tuple[Stop, Arrival | None]:
+    out, found, arrival = first_event(field, events, y0, t0, t1, limits, sides, method=method)
     fine, happened = found.status == Status.OK, jnp.isfinite(found.t)
     t = jnp.where(fine, jnp.where(happened, found.t, t1), jnp.nan)
-    y = jnp.where(fine, jnp.where(happened, found.y, out), jnp.nan)
+    y = jnp.where(fine, jnp.where(happened, found.y, out.y1), jnp.nan)
     event = jnp.where(happened & fine, found.event, -1)
     same = jnp.arange(len(events)) == event
     if len(events) > 1:  # a look costs a fifth of a search's compile time
         direction = jnp.where(t1 > t0, 1.0, -1.0)
         same = same | (event >= 0) & coincident(field, events, y0, t0, t, y, direction)
-    return Stop(t=t, y=y, event=event, status=found.status, coincident=same)
+    return Stop(t=t, y=y, event=event, status=found.status, coincident=same), arrival

@@ -217,6 +217,8 @@ def flow(field, y0, t0, t1, ts, limits: Limits, *, method: Method) -> SolveResul
 
 def _march(field, y0, *rest, method: Method) -> SolveResult:
     *_, limits = rest
+    if isinstance(without_wrappers(field), InBranch):  # a piece, which has no conditions
+        return march(field, y0, *rest, method=method)[0]
     plan = plan_of(field, len(y0))
     # A caller who asks for steps of equal length does not want conditions to cut them.
     if (plan.size or len(limits.breaks)) and method.adaptive:

@@ -41,10 +41,22 @@ _MOST_CROSSED, _SAME = 32, 1e-6
 _MISFIT = 1e-9
 
 
+class Arrival(NamedTuple):
+    """The last piece of a motion that has a length.
+
+    Attributes:
+      since: () the time at which it began.
+      branch: its branch.
+    """
+
+    since: Array
+    branch: Branch
+
+
 def first_event(
     field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Sides, *, method: Method
-) -> tuple[Array, Crossing]:
-    """The state (k,) where the search ended, and the first of some events; without derivatives.
+) -> tuple[SolveResult, Crossing, Arrival | None]:
+    """The motion to where the search ended, and the first of some events; without derivatives.
 
     It calls `run_pieces` where the rate has conditions, or `breaks` are given.
 
@@ -57,13 +69,14 @@ def first_event(
       limits: see `flow`.
       sides: see `first_crossing`.
       method: an adaptive one.
+    Returns:
+      The result, the event, and how the motion arrived there; None where there are no pieces.
     """
     no_times = jnp.zeros(0)
     if plan_of(field, len(y0)).size or len(limits.breaks):
-        found = run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
-    else:
-        found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
-    return found[0].y1, found[1]
+        return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
+    found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
+    return found[0], found[1], None
 
 
 class Margins(eqx.Module):
@@ -120,6 +133,7 @@ class _Run(NamedTuple):
       before: what the motion has shown so far.
       stalled: () number of the last pieces in which it hardly moved.
       kinked: (...) for each tangent, whether the motion has none, see `_Pieces._across`.
+      arrival: how it has come to t.
     """
 
     t: Array
@@ -137,6 +151,7 @@ class _Run(NamedTuple):
     before: History
     stalled: Array
     kinked: Array
+    arrival: Arrival
 
 
 def run_pieces(
@@ -150,7 +165,7 @@ def run_pieces(
     sides: Sides = (),
     *,
     method: Method,
-) -> tuple[SolveResult, Crossing]:
+) -> tuple[SolveResult, Crossing, Arrival]:
     """The motion of a field with conditions, and the first of some events; without derivatives.
 
     Args:
@@ -183,7 +198,7 @@ def run_pieces(
         sizes=state_of(run.before.sizes),
         sides=run.sides,
     )
-    return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing
+    return eqx.tree_at(lambda result: result.y1, run.result, y1), crossing, run.arrival
 
 
 class _Pieces(NamedTuple):
@@ -232,6 +247,7 @@ class _Pieces(NamedTuple):
             before=History(jnp.zeros_like(y0), jnp.zeros(())),
             stalled=zero,
             kinked=jnp.zeros(y0.shape[1:], bool),
+            arrival=Arrival(jnp.asarray(self.t0), branch),
         )
         branch, ambiguous = self._settle(run)
         # The first piece may be too short to show how large the motion becomes. On a surface where
@@ -292,6 +308,11 @@ class _Pieces(NamedTuple):
             before=History(sizes, jnp.maximum(run.before.step, step)),
             stalled=stalled,
             kinked=kinked,
+            arrival=jax.tree.map(
+                lambda new, old: jnp.where(end == run.t, old, new),
+                Arrival(run.t, branch),
+                run.arrival,
+            ),
         )
         # The branch is kept from piece to piece, never found twice: XLA computes a sine anew for
         # each of its uses, in several ways, and at a switch two of them may have different signs.

@@ -210,11 +210,11 @@ def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
         sides = (side,)  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
         run_limits = limits.with_steps(left)
-        end, found = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
+        end, found, _ = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # If there is no other crossing, the remaining rows take no step.
-        t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end)
+        t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end.y1)
         side = jnp.where(there, found.towards, 0.0)
         row = jnp.where(there, t, jnp.nan), jnp.where(there, y, jnp.nan), side.astype(int), there
         status = jnp.where(status == Status.OK, found.status, status)

@@ -74,3 +74,5 @@ def test_points_without_such_derivatives_are_refused():
         continuation.differentiable(lorenz, family.special[0])
     with pytest.raises(ValueError, match="an ordinary member"):
         continuation.differentiable(lorenz, family.members[0])
+    with pytest.raises(ValueError, match=r"point: expected an Equilibrium, got 3\.0"):
+        continuation.differentiable(lorenz, 3.0)

@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import DIFFED, EXACT, SOLVED, central_difference, gap, primitives
+from numpy.testing import assert_allclose
 
+import jaxdyn
 from jaxdyn import Scene, Status, crossings, scenes
 from jaxdyn.effects import LinearDrag, PairGravity, UniformGravity
 from jaxdyn.formulations.newton import FreePoints
@@ -361,3 +363,33 @@ def test_the_time_of_a_stroboscope_does_not_depend_on_the_motion():
     assert jax.grad(lambda k: stop(k).t)(1.0) == 0.0
     # x = cos(sqrt(k) t)
     assert abs(jax.grad(lambda k: stop(k).y[0])(1.0) + 0.25 * np.sin(0.5)) < SOLVED
+
+
+def sliding(t, y, p):
+    return [y[1], -p * jnp.sign(y[1])]
+
+
+def test_derivatives_of_an_event_at_which_friction_begins_to_stick():
+    """A block that slides with speed v stops after v / p at v^2 / (2 p), and stays there: its
+    deceleration up to then counts, not the one of 0 after it."""
+
+    def stop(p):
+        scene = jaxdyn.ode(sliding, [0.0, 3.0], 10.0, params=p)
+        found = until(scene, Reaches(1, 0.0, -1), 10.0)
+        return jnp.stack([found.t, found.y[0]])
+
+    assert_allclose(stop(2.0), [1.5, 2.25], rtol=1e-14)
+    assert_allclose(jax.jacfwd(stop)(2.0), [-0.75, -1.125], rtol=1e-13)
+
+
+@pytest.mark.slow
+def test_second_derivatives_of_an_event_at_which_friction_begins_to_stick():
+    def time(p, v):
+        scene = jaxdyn.ode(sliding, jnp.stack([0.0, v]), 10.0, params=p)
+        return until(scene, Reaches(1, 0.0, -1), 10.0).t
+
+    p, v = 2.0, 3.0
+    expected = [[2 * v / p**3, -1 / p**2], [-1 / p**2, 0.0]]
+    assert_allclose(jax.grad(time, argnums=(0, 1))(p, v), [-v / p**2, 1 / p], rtol=1e-13)
+    found = jax.hessian(lambda x: time(x[0], x[1]))(jnp.array([p, v]))
+    assert_allclose(found, expected, atol=1e-12)
