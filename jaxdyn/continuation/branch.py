@@ -14,6 +14,7 @@ Jarratt (1971), BIT 11, 168, for the Illinois method.
 """
 
 import abc
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -265,10 +266,10 @@ class BranchProblem(abc.ABC, Generic[Member]):
         """The same member, in the form from which the next step starts."""
         return member
 
-    def identity(self, first: Member) -> np.ndarray:
-        """(n,) numbers that distinguish the first member from others: its place, in units."""
+    def identity(self, first: Member, member: Member) -> np.ndarray:
+        """(n,) numbers that distinguish a member from others: its place, in units of the first."""
         chart = self.chart(first)
-        return np.concatenate(chart.place(chart.inward(first)))
+        return np.concatenate(chart.place(chart.inward(member)))
 
     def about(self) -> dict[str, Any]:
         """Further data that distinguish the branch from others, and are needed to read it."""
@@ -304,8 +305,9 @@ def follow(
     A file at `path` saves each member as it is found, and provides those that an earlier run found.
     """
     about = {} if path is None else problem.about()
-    begin = Begin(problem.what, step, problem.identity(first), first, about)
-    with resume(path, begin, problem.codec()) as (first, checkpoint):
+    place = functools.partial(problem.identity, first)
+    begin = Begin(problem.what, step, place(first), first, about)
+    with resume(path, begin, problem.codec(), place) as (first, checkpoint):
         report(first)
         found, end = [], f"the number of members requested, {most}"
         for advance in itertools.islice(_advances(problem, first, step, checkpoint), most - 1):

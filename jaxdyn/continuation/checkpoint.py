@@ -89,13 +89,23 @@ class Begin:
     note: dict = dataclasses.field(default_factory=dict)
     walk: int = 0
 
-    def same(self, other: "Begin") -> bool:
-        """Whether it begins the same walk: its first member and step agree to rounding."""
-        a, b = self.place, other.place
-        alike = (self.what, self.about) == (other.what, other.about)
-        step = math.isclose(self.step, other.step, rel_tol=_SAME)
-        near = a.shape == b.shape and np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max())
-        return alike and step and bool(near)
+    def same(self, other: "Begin", place: Callable[["Begin"], np.ndarray]) -> bool:
+        """Whether it begins the same walk: its first member and step agree to rounding.
+
+        Args:
+          other: the beginning of another walk.
+          place: the place of this first member in the units of the other one, which may have
+            changed since the file was written.
+        """
+        if (self.what, self.about) != (other.what, other.about):
+            return False
+        if not math.isclose(self.step, other.step, rel_tol=_SAME):
+            return False
+        return _is_near(self.place, other.place) or _is_near(place(self), other.place)
+
+
+def _is_near(a: np.ndarray, b: np.ndarray) -> bool:
+    return a.shape == b.shape and bool(np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max()))
 
 
 @dataclasses.dataclass
@@ -141,10 +151,12 @@ class Log:
         other._note = note
         return other
 
-    def resume(self, begin: Begin, codec: Codec) -> "tuple[Any, Checkpoint]":
+    def resume(
+        self, begin: Begin, codec: Codec, place: Callable[[Any], np.ndarray]
+    ) -> "tuple[Any, Checkpoint]":
         """The first member of a walk and the rest of it: from the file, or begun in it."""
         for walk in self.walks:
-            if walk.begin.same(begin):
+            if walk.begin.same(begin, lambda known: place(codec.decode(known.first))):
                 first, advances = walk.read(codec)
                 return first, Checkpoint(self._file, walk.begin.walk, codec, advances, walk.end)
         first = begin.first
@@ -192,15 +204,19 @@ class Checkpoint:
 
 @contextlib.contextmanager
 def resume(
-    path: str | Path | Log | None, begin: Begin, codec: Codec
+    path: str | Path | Log | None,
+    begin: Begin,
+    codec: Codec,
+    place: Callable[[Any], np.ndarray],
 ) -> Iterator[tuple[Any, Checkpoint | None]]:
     """The first member of a walk, and the rest of it in a file, if there is one.
 
-    No other program writes the file meanwhile.
+    No other program writes the file meanwhile. `place` is that of a member in the units of the
+    first one.
     """
     log = open_log(path)
     with lock(log):
-        yield (begin.first, None) if log is None else log.resume(begin, codec)
+        yield (begin.first, None) if log is None else log.resume(begin, codec, place)
 
 
 def lock(log: Log | None) -> contextlib.AbstractContextManager[None]:

@@ -318,8 +318,9 @@ class _Problem(BranchProblem[Member]):
     def about(self) -> dict[str, Any]:
         return checkpoint.about(self.surface)
 
-    def identity(self, first: Member) -> np.ndarray:
-        return np.append(first.point.x, first.tangent)
+    def identity(self, first: Member, member: Member) -> np.ndarray:
+        del first  # its unknowns are in the units of the problem
+        return np.append(member.point.x, member.tangent)
 
     def special(self, chart: OrbitChart, a, b, first: bool) -> list[Member]:
         return special_points(chart.surface, a, b)
