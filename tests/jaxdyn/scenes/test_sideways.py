@@ -38,10 +38,10 @@ def test_sideways_pendulum_ends_with_a_status_at_its_edge():
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_edge_is_where_the_angle_says(margin, tolerance, side):
     numbers = {"length": 0.8, "g": 5.0, "angle": side * 0.4, "rate": side * 6.0}
-    stop = sideways_edge(sideways_pendulum(**numbers), margin=margin, rtol=1e-13)
+    stop = sideways_edge(sideways_pendulum(**numbers), margin=margin, rtol=1e-14)
     assert stop.happened
     level = events.Reaches(0, side * np.arccos(margin), side)
-    by_angle = events.until(pendulum(**numbers), level, rtol=1e-13)
+    by_angle = events.until(pendulum(**numbers), level, rtol=1e-14)
     assert abs(float(stop.t - by_angle.t)) < tolerance
     theta, rate = by_angle.y
     there = 0.8 * jnp.stack([jnp.sin(theta), jnp.cos(theta) * rate])
