@@ -15,6 +15,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -108,13 +109,13 @@ class _Graph:
                 left.append(x)
 
     def _number(self, x: Any) -> _Term:
+        if jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.extended):
+            return _Term("number", scalar=False)  # a key of random numbers
         array = np.asarray(x)
-        first = array.flat[0] if array.size else np.nan
-        same = array.dtype != object and array.dtype.kind in "fiub" and np.all(array == first)
-        if not same:
-            return _Term("number", scalar=not array.shape)
-        key = ("number", float(first))
-        return self._terms.setdefault(key, _Term("number", number=key[1]))
+        if array.size and array.dtype.kind in "fiub" and np.all(array == array.flat[0]):
+            first = float(array.flat[0])
+            return self._terms.setdefault(("number", first), _Term("number", number=first))
+        return _Term("number", scalar=not array.shape)
 
     def _apply(self, eqn: Any, args: list[_Term]) -> list[_Term]:
         name, params = eqn.primitive.name, str(eqn.params)
