@@ -122,9 +122,8 @@ def backbone_command(
             out.print(escape(str(found)))
         _write(table, csv, out)
         if plot:
-            against = "energy" if output is None and scene.has_energy else "amplitude"
             with out.writing(plot, "drawn in"):
-                orbits.drawing.backbone(found, plot, against=against, output=output, title=title)
+                orbits.drawing.backbone(found, plot, output=output, title=title)
 
 
 def _scene(name: str, settings, start: str | None, output: str | None) -> "jaxdyn.Scene":

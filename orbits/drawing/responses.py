@@ -94,7 +94,7 @@ def backbone(
     found: Backbone | Sequence[Backbone],
     path=None,
     *,
-    against: str = "energy",
+    against: str | None = None,
     output: Output | None = None,
     title: str | None = None,
 ) -> Figure:
@@ -107,15 +107,18 @@ def backbone(
       found: result of `orbits.backbone`, one or several of one scene.
       path: file to write, .png, .pdf or .svg.
       against: "energy" for the frequency over the energy, on a logarithmic scale; "amplitude" for
-        the amplitude over the frequency, as response curves are drawn.
+        the amplitude over the frequency, as response curves are drawn. By default the latter if
+        there is an output, or no energy.
       output: the output whose amplitude is drawn; see `frequency_response`.
       title: its title; the scene by default, "" for none.
     Raises:
       ValueError: `path` cannot be written, the scene has no energy, or there is no such output.
     """
     path, many = picture_path(path), [found] if isinstance(found, Backbone) else list(found)
-    choice("against", against, ("energy", "amplitude"))
     scene = many[0].family.members[0].orbit.scene
+    if against is None:
+        against = "energy" if output is None and scene.has_energy else "amplitude"
+    choice("against", against, ("energy", "amplitude"))
     if against == "energy" and not scene.has_energy:
         raise fail("against", "amplitude, in a scene without an energy", against)
     output, label = _output(output, scene)

@@ -45,10 +45,10 @@ def test_response_curves_are_dashed_between_their_folds_and_the_backbone_passes_
     assert label == "amplitude power"
     with pytest.raises(ValueError, match="output: expected"):
         orbits.drawing.frequency_response(found, output="z")
-    picture = orbits.drawing.backbone(backbone, against="amplitude").axes[0]
+    picture = orbits.drawing.backbone(backbone).axes[0]  # it has no energy
     assert picture.get_xlabel() == "frequency"
     with pytest.raises(ValueError, match="against: expected amplitude"):
-        orbits.drawing.backbone(backbone)
+        orbits.drawing.backbone(backbone, against="energy")
     with pytest.raises(ValueError, match="against: expected one of"):
         orbits.drawing.backbone(backbone, against="time")
 
