@@ -143,12 +143,6 @@ def configure(
         _persistent_cache()
 
 
-def configure_worker() -> None:
-    """Make the settings of `configure` in a fresh process of an executor."""
-    if not jax.config.jax_enable_x64:
-        configure()
-
-
 def _backend_is_up() -> bool:
     # A private name: no public function says whether a device is in use. Where it is gone,
     # settings are made as at a start; only the warning that it is too late is lost.

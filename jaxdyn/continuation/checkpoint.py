@@ -94,18 +94,15 @@ class Begin:
 
         Args:
           other: the beginning of another walk.
-          place: the place of this first member in the units of the other one, which may have
-            changed since the file was written.
+          place: the place of this first member in the units of the other one: those of `self.place`
+            may be others, of an earlier version.
         """
         if (self.what, self.about) != (other.what, other.about):
             return False
         if not math.isclose(self.step, other.step, rel_tol=_SAME):
             return False
-        return _is_near(self.place, other.place) or _is_near(place(self), other.place)
-
-
-def _is_near(a: np.ndarray, b: np.ndarray) -> bool:
-    return a.shape == b.shape and bool(np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max()))
+        a, b = place(self), other.place
+        return a.shape == b.shape and bool(np.abs(a - b).max() <= _SAME * (1.0 + np.abs(b).max()))
 
 
 @dataclasses.dataclass

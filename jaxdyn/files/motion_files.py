@@ -89,7 +89,7 @@ def load(
       path: path of the .npz file.
       scene: for a scene that holds functions, such as `jaxdyn.ode`, a scene with these functions;
         its numbers are replaced by those of the file. For a chain of phases, scenes by the names of
-        their phases.
+        their phases. Not used for a scene that is in the file as a whole.
     Returns:
       The motion, or the chain of phases, equal to the saved one to the bit.
     Raises:

@@ -7,19 +7,18 @@ attractor that it has come close to; one that is not close to any continues, and
 it does not reach one in time. A driven scene is sampled once in each period of its forcing.
 """
 
+import functools
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 import jaxdyn
 from jaxdyn import Scene, _checks, _text
 from jaxdyn._checks import check_first
-from jaxdyn._config import configure_worker
 from jaxdyn.analysis.equilibria import equilibrium
 from jaxdyn.chaos.lyapunov import lyapunov_exponents
 from jaxdyn.ensemble import engine
@@ -44,6 +43,7 @@ from orbits.discovery.settling import (
     check_rounds,
     over_grid,
 )
+from orbits.discovery.workers import pack, unpack
 from orbits.orbit import Orbit
 from orbits.shooting.finding import find
 
@@ -135,19 +135,10 @@ def _period(scene: Scene, period: float | None) -> float | None:
     return found
 
 
-class _Round(NamedTuple):
-    """A round of motions, as it is sent to an executor."""
-
-    scene: Scene
-    span: float
-    rtol: float
-    progress: bool
-
-    def __call__(self, y0s: np.ndarray) -> np.ndarray:
-        configure_worker()
-        scene = jax.tree.map(jnp.asarray, self.scene)
-        done = engine.run(scene, y0s, self.span, rtol=self.rtol, progress=self.progress)
-        return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
+def _states_after(scene: Scene, span, rtol: float, progress: bool, y0s: np.ndarray) -> np.ndarray:
+    """(n, k) states after a round from starts; called by an executor, too."""
+    done = engine.run(unpack(scene), y0s, span, rtol=rtol, progress=progress)
+    return np.where(np.asarray(done.ok)[:, None], done.y1, np.nan)
 
 
 class _Motions(Settling):
@@ -164,8 +155,8 @@ class _Motions(Settling):
 
     @property
     def ends(self):
-        scene = jax.tree.map(np.asarray, self.scene)
-        return _Round(scene, float(self.span), self.rtol, self.progress)
+        given = pack(self.scene), float(self.span), self.rtol, self.progress
+        return functools.partial(_states_after, *given)
 
     def largest(self, y0s):
         # From some motions, since motions that end at rest have moved before.

@@ -10,13 +10,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxdyn import Scene
 from jaxdyn._checks import fail, host_array
-from jaxdyn._config import configure_worker
 from jaxdyn.analysis.energy import energy
 from jaxdyn.status import IntegrationError
 from orbits.analysis.evidence import recheck
@@ -27,6 +25,7 @@ from orbits.closing.sizes import sizes
 from orbits.discovery.journal import Chunk, Find
 from orbits.discovery.screening import Guesses, close_returns, refine
 from orbits.discovery.several import over_shortest_period
+from orbits.discovery.workers import unpack
 from orbits.motion import gravitates, quick_solve
 from orbits.orbit import Orbit, Outcome
 from orbits.shooting.finding import find
@@ -141,8 +140,7 @@ class Plan(NamedTuple):
 
 def work(plan: Plan, number: int) -> Chunk:
     """The result of one chunk; called by an executor."""
-    configure_worker()
-    plan = plan._replace(scene=jax.tree.map(jnp.asarray, plan.scene))
+    plan = plan._replace(scene=unpack(plan.scene))
     numbers = np.arange(number * plan.chunk, min((number + 1) * plan.chunk, plan.samples))
     starts = plan.sampler(numbers, plan.seed)
     guesses = close_returns(

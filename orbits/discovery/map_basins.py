@@ -6,10 +6,11 @@ verified by its multipliers, the eigenvalues of the derivative of f^p; a chaotic
 positive Lyapunov exponent.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,7 +19,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxdyn import _checks
-from jaxdyn._config import configure_worker
 from jaxdyn._records import captures
 from jaxdyn.files.rows import Rows, program_text, rows_in
 from jaxdyn.formulations.functions import as_params, call, check_function, name_of, vector
@@ -39,6 +39,7 @@ from orbits.discovery.settling import (
     check_rounds,
     over_grid,
 )
+from orbits.discovery.workers import pack, unpack
 
 _PERIODS = 32  # longest cycle that is searched for
 _RETURNS = 4  # numbers of steps of a return that are tried as the period
@@ -171,19 +172,10 @@ def _exponents(step: _Map, y: Array, count: int) -> tuple[Array, Array]:
     return jax.lax.scan(one, (y, jnp.eye(len(y))), length=count)[1]
 
 
-class _Round(NamedTuple):
-    """A round of iterates, as it is sent to an executor."""
-
-    step: _Map
-    count: int
-    far: float
-
-    def __call__(self, y0s: np.ndarray) -> np.ndarray:
-        configure_worker()
-        step = jax.tree.map(jnp.asarray, self.step)
-        ys = np.asarray(_after(step, jnp.asarray(y0s), self.count))
-        stays = (np.abs(ys) < self.far).all(axis=1, keepdims=True)
-        return np.where(stays, ys, np.nan)
+def _states_after(step: _Map, count: int, far: float, y0s: np.ndarray) -> np.ndarray:
+    """(n, k) states after a round from starts; called by an executor, too."""
+    ys = np.asarray(_after(unpack(step), jnp.asarray(y0s), count))
+    return np.where((np.abs(ys) < far).all(axis=1, keepdims=True), ys, np.nan)
 
 
 class _Iterates(Settling):
@@ -197,7 +189,7 @@ class _Iterates(Settling):
 
     @property
     def ends(self):
-        return _Round(jax.tree.map(np.asarray, self.step), self.span, self.far)
+        return functools.partial(_states_after, pack(self.step), self.span, self.far)
 
     def largest(self, y0s):
         sizes = np.abs(y0s).max(axis=0, initial=0.0)

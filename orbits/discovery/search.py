@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -27,6 +26,7 @@ from orbits.closing.closings import PLAIN, Closing
 from orbits.closing.given import pose
 from orbits.discovery.chunks import MOST, Plan, Sampler, keep, no_label, seed_from, work
 from orbits.discovery.journal import Chunk, File, Find, distinct
+from orbits.discovery.workers import pack
 from orbits.orbit import Orbit
 from orbits.shooting.finding import RTOL
 
@@ -164,7 +164,7 @@ def search(
 
 def _work_through(plan: Plan, file: File, pool: futures.Executor, bar: Progress) -> None:
     """Process the chunks that the file does not have yet."""
-    sent = plan._replace(scene=jax.tree.map(np.asarray, plan.scene))
+    sent = plan._replace(scene=pack(plan.scene))
     todo = iter([i for i in range(plan.chunks) if i not in file.chunks])
     task = bar.add_task("search", total=plan.chunks, completed=len(file.chunks), said="")
     waiting: dict[futures.Future, int] = {}

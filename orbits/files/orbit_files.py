@@ -159,7 +159,8 @@ def load(path, legs=None, *, closes=None, scene=None):
         file has only numbers.
       closes: the closing of a chain, if one was given to `find_hybrid`.
       scene: for an orbit of a scene that holds functions, such as `jaxdyn.ode`, a scene with these
-        functions; its numbers are replaced by those of the file.
+        functions; its numbers are replaced by those of the file. Not used for a scene that is in
+        the file as a whole.
     Raises:
       ValueError: the file is not a readable orbit file of this version, its data is invalid, the
         chain does not close by these legs, or the equations are not those of `scene`.

@@ -50,7 +50,7 @@ def save_walk(what: str) -> Callable[[Path], None]:
         codec = checkpoint.Codec(encode=lambda x: x, decode=lambda x: x)
         log = checkpoint.Log(path)
         begin = checkpoint.Begin(what, 0.1, np.array([1.0, 1e-13]), {"x": [1.0]})
-        with checkpoint.resume(log, begin, codec, lambda member: member) as (_, walk):
+        with checkpoint.resume(log, begin, codec, lambda _: begin.place) as (_, walk):
             assert walk is not None
             for number in range(4):
                 walk.add(checkpoint.Advance({"x": [1e-13, number / 3]}, [], 0.1, ""))

@@ -86,7 +86,7 @@ def walk(path, *whats):
     log = checkpoint.Log(path)
     for number, what in enumerate(whats):
         begin = checkpoint.Begin(what, 0.1, np.array([1.0, number]), {"x": [float(number)]})
-        with checkpoint.resume(log, begin, codec, lambda member: member):
+        with checkpoint.resume(log, begin, codec, lambda _, begin=begin: begin.place):
             pass
     return path
 
