@@ -74,6 +74,8 @@ from .shooting.deflation import Deflated as Deflated
 from .shooting.descent import Descent as Descent
 from .shooting.finding import find as find
 from .shooting.multiple import Shooting as Shooting
+from .targets.designs import design as design
+from .targets.minima import minimise as minimise
 from .tori.continuation import continue_tori as continue_tori
 from .tori.torus import torus as torus
 

@@ -14,7 +14,7 @@ import orbits
 from jaxdyn import chaos, continuation, drawing, ensemble, player, scenes, symbolic, vibration
 from jaxdyn.analysis.free_body import free_body
 from jaxdyn.continuation import EquilibriumFamily
-from orbits import Orbit, Outcome, targets
+from orbits import Orbit, Outcome
 
 OMEGA = np.linspace(1.0, 2.0, 3)
 GRID = {"theta": np.array([-1.0, 1.0]), "theta_dot": np.array([0.0, 1.0])}
@@ -90,13 +90,13 @@ def test_designs_are_sought_outside_of_traces():
         def off(one):
             return one.period - wanted
 
-        return targets.design(lambda p: swing(p[0]), off, [1.0], found, hold="theta").numbers[0]
+        return orbits.design(lambda p: swing(p[0]), off, [1.0], found, hold="theta").numbers[0]
 
     def length(g):
         def make(p):
             return scenes.pendulum(length=p[0], g=g, angle=1.0)
 
-        return targets.design(make, lambda x: x.period - 2.0, [1.0], found, hold="theta").numbers[0]
+        return orbits.design(make, lambda x: x.period - 2.0, [1.0], found, hold="theta").numbers[0]
 
     for name, sought, at in (("wanted", period, 2.0), ("make", length, 9.81)):
         with pytest.raises(ValueError, match=f"^{name}: .*traced by jit, grad.* outside"):

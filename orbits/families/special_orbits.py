@@ -138,7 +138,7 @@ def special_parameter(
     Limits: host only except for the numbers that make the scene; not for chains. Where those
       numbers are traced, and are not those of the point, the result is NaN. A branch point has a
       derivative with respect to numbers that do not break it, because of a symmetry; this is not
-      verified, except by `orbits.targets.design`, which finds it again.
+      verified, except by `orbits.design`, which finds it again.
     Example:
       >>> import jax, orbits
       >>> import jax.numpy as jnp
@@ -179,7 +179,7 @@ def special_parameter(
             "make",
             "a function that makes scenes with the numbers with which the point was found",
             "one with others, for which the point is not special",
-            "Find the point again with these; see orbits.targets.design.",
+            "Find the point again with these; see orbits.design.",
         )
     return value
 

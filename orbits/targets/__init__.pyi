@@ -4,7 +4,5 @@ from . import aim as aim
 from . import loops as loops
 from .designs import Design as Design
 from .designs import DesignOutcome as DesignOutcome
-from .designs import design as design
 from .minima import Optimum as Optimum
 from .minima import OptimumOutcome as OptimumOutcome
-from .minima import minimise as minimise

@@ -135,7 +135,7 @@ def design(
       >>> def make(numbers):  # the length of a pendulum of period 2 s that swings by 1 rad
       ...     return scenes.pendulum(length=numbers[0], angle=1.0)
       >>> swing = orbits.find(make(jnp.array([1.0])), period=2.2, hold="theta")
-      >>> found = orbits.targets.design(
+      >>> found = orbits.design(
       ...     make, lambda orbit: orbit.period - 2.0, [1.0], swing, hold="theta"
       ... )
       >>> round(float(found.numbers[0]), 9), round(found.found.period, 9)

@@ -116,7 +116,7 @@ def minimise(
       >>> def make(numbers):  # a rod that swings about a point at a distance from its middle
       ...     return scenes.oscillator(k=9.81 * numbers[0], m=1 / 12 + numbers[0] ** 2)
       >>> swing = orbits.find(make(jnp.array([0.4])), [1.0, 0.0], 2.0, hold="x")
-      >>> found = orbits.targets.minimise(
+      >>> found = orbits.minimise(
       ...     make, lambda orbit: orbit.period, [0.4], swing, hold="x", lower=[0.1])
       >>> round(float(found.numbers[0]), 6)  # 1 / sqrt(12)
       0.288675

@@ -20,9 +20,9 @@ from jaxdyn.formulations.newton import FreePoints
 from jaxdyn.integrate.phase import Exit, Phase
 from jaxdyn.scenes import nbody
 from jaxdyn.scenes.walkers import HeelStrikes, changes_feet
-from orbits import Kind
+from orbits import Kind, design, minimise
 from orbits.closing.closings import point_symmetry
-from orbits.targets import DesignOutcome, OptimumOutcome, design, minimise
+from orbits.targets import DesignOutcome, OptimumOutcome
 
 
 def pendulum(numbers):
