@@ -53,6 +53,21 @@ class Arrival(NamedTuple):
     branch: Branch
 
 
+def has_pieces(field: Any, k: int, limits: Limits) -> bool:
+    """Whether motions of a state (k,) are integrated piece by piece."""
+    return bool(plan_of(field, k).size or len(limits.breaks))
+
+
+def first_arrival(field: Any, y0: Array, t0: Array, limits: Limits) -> Arrival | None:
+    """How a motion that has not begun has arrived at its start (k,); None if it has no pieces."""
+    if not has_pieces(field, len(y0), limits):
+        return None
+    system = without_wrappers(field)
+    plan = plan_of(system, len(y0))
+    _, first = plan.evaluate(system, t0, y0)
+    return Arrival(jnp.asarray(t0), Branch.of(first.outcomes, plan.most_surfaces))
+
+
 def first_event(
     field: Any, events: tuple, y0, t0, t1, limits: Limits, sides: Sides, *, method: Method
 ) -> tuple[SolveResult, Crossing, Arrival | None]:
@@ -73,7 +88,7 @@ def first_event(
       The result, the event, and how the motion arrived there; None where there are no pieces.
     """
     no_times = jnp.zeros(0)
-    if plan_of(field, len(y0)).size or len(limits.breaks):
+    if has_pieces(field, len(y0), limits):
         return run_pieces(field, events, y0, t0, t1, no_times, limits, sides, method=method)
     found = first_crossing(field, events, y0, t0, t1, limits, no_times, sides, method=method)
     return found[0], found[1], None

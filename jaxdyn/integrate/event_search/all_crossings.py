@@ -23,9 +23,10 @@ from jaxdyn.integrate.event_search.event_values import time_tangent
 from jaxdyn.integrate.events import Event, as_events
 from jaxdyn.integrate.flow import flow, run_or_switch
 from jaxdyn.integrate.march import Limits
-from jaxdyn.integrate.pieces import first_event
+from jaxdyn.integrate.pieces import Arrival, first_arrival, first_event
 from jaxdyn.integrate.spans import MAX_STEPS, RTOL, SolverOptions, limits, span
 from jaxdyn.integrate.trajectory import raise_unless_ok
+from jaxdyn.plan.branch import in_branch
 from jaxdyn.scene import Scene
 from jaxdyn.solvers import Method, Solver
 from jaxdyn.solvers.choice import check_method
@@ -134,7 +135,7 @@ def crossings(
 
         def rest(y, t, side, run_limits: Limits, rows: int) -> tuple[Crossings, Array]:
             args = (scene.field, event, y, t, side, t1, run_limits)
-            return _compiled(*args, method=method, rows=rows)
+            return _compiled(*args, method=method, rows=rows)[:2]
 
         none = np.zeros(())
         if rows is None:
@@ -168,8 +169,8 @@ def _every(rest: Callable[..., tuple[Crossings, Array]], y, t, side, limits: Lim
 @eqx.filter_custom_jvp
 def _find(
     field, event, y0, t0, side, t1, limits, *, method: Method, rows: int
-) -> tuple[Crossings, Array]:
-    """The crossings, and the number of steps that are left until the limit."""
+) -> tuple[Crossings, Array, Arrival | None]:
+    """The crossings, the number of steps that are left until the limit, and (rows,) arrivals."""
     search = functools.partial(_search, method=method, rows=rows)
     args = (field, event, y0, t0, side, t1, limits)
     return in_one_kernel(search, args, unknown=limits.tolerance[0] > 0)
@@ -179,26 +180,40 @@ def _find(
 def _find_jvp(primals, tangents, *, method, rows):
     field, event, y0, t0, _, _, limits = primals
     d_field, d_event, d_y0, d_t0, _, _, _ = tangents
-    found, left = _find(*primals, method=method, rows=rows)
+    found, left, arrivals = _find(*primals, method=method, rows=rows)
     there = jnp.arange(rows) < found.count
     # The motion is followed only as far as the last crossing: it may fail after it.
     end = jnp.where(found.count > 0, found.ts[jnp.maximum(found.count - 1, 0)], t0)
     ts = jnp.where(there, found.ts, end)
 
     def states(field, y0, t0):
-        return flow(field, y0, t0, end, ts, limits, method=method).ys
+        if arrivals is None:
+            return flow(field, y0, t0, end, ts, limits, method=method).ys
+        # As in `events.until`: at a crossing at which a condition changes as well, the motion that
+        # arrives is meant, so the last part of the way to each is in the branch of that motion.
+        starts = jax.lax.stop_gradient(0.5 * (arrivals.since + ts))
+        before = flow(field, y0, t0, starts[-1], starts, limits, method=method).ys
+        return jax.vmap(functools.partial(arrive, field))(arrivals.branch, before, starts, ts)
+
+    def arrive(field, branch, y, start, t):
+        none = jnp.zeros(0)
+        return flow(in_branch(field, branch), y, start, t, none, limits, method=method).y1
+
+    def rate(field, branch, t, y):
+        return (field if branch is None else in_branch(field, branch)).rate(t, y)
 
     def values(event, ts, ys):
         return jax.vmap(event.value)(ts, ys)
 
     ys, dys = eqx.filter_jvp(states, (field, y0, t0), (d_field, d_y0, d_t0))
     dys = jnp.zeros_like(ys) if dys is None else dys
-    rates = jax.vmap(field.rate)(ts, ys)
+    branches = None if arrivals is None else arrivals.branch
+    rates = jax.vmap(functools.partial(rate, field))(branches, ts, ys)
     dts = time_tangent(values, event, d_event, ts, ys, dys, rates, there)
     dts = jnp.where(there, dts, 0.0)
     dys = jnp.where(there[:, None], dys + rates * dts[:, None], 0.0)
     tangents = Crossings(ts=dts, ys=dys, directions=None, count=None, status=None)
-    return (found, left), (tangents, None)
+    return (found, left, arrivals), (tangents, None, jax.tree.map(lambda _: None, arrivals))
 
 
 _compiled = eqx.filter_jit(_find)
@@ -206,22 +221,31 @@ _compiled = eqx.filter_jit(_find)
 
 def _search(field, event, y0, t0, side, t1, limits, *, method: Method, rows: int):
     def following(carry, _):
-        t, y, side, status, left = carry
+        t, y, side, status, left, arrival = carry
         sides = (side,)  # just after the last crossing the side is known without evaluation
         # Each search has the steps that those before it left, so that their sum is bounded.
         run_limits = limits.with_steps(left)
-        end, found, _ = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
+        end, found, new = first_event(field, (event,), y, t, t1, run_limits, sides, method=method)
         right = (status == Status.OK) & (found.status == Status.OK)
         there = right & jnp.isfinite(found.t)
         # If there is no other crossing, the remaining rows take no step.
         t, y = jnp.where(there, found.t, t1), jnp.where(there, found.y, end.y1)
         side = jnp.where(there, found.towards, 0.0)
-        row = jnp.where(there, t, jnp.nan), jnp.where(there, y, jnp.nan), side.astype(int), there
+        # Rows without a crossing have the arrival of the last one, where derivatives are finite.
+        arrival = jax.tree.map(lambda a, b, there=there: jnp.where(there, a, b), new, arrival)
+        row = (
+            jnp.where(there, t, jnp.nan),
+            jnp.where(there, y, jnp.nan),
+            side.astype(int),
+            there,
+            arrival,
+        )
         status = jnp.where(status == Status.OK, found.status, status)
         left = jnp.maximum(left - found.steps, 0)
-        return (t, y, side, status, left), row
+        return (t, y, side, status, left, arrival), row
 
-    start = t0, y0, side, jnp.asarray(int(Status.OK)), limits.max_steps[0]
-    (*_, status, left), (ts, ys, directions, there) = jax.lax.scan(following, start, length=rows)
-    found = Crossings(ts, ys, directions, count=jnp.sum(there), status=status)
-    return found, left
+    arrival = first_arrival(field, y0, t0, limits)
+    start = t0, y0, side, jnp.asarray(int(Status.OK)), limits.max_steps[0], arrival
+    (*_, status, left, _), found = jax.lax.scan(following, start, length=rows)
+    ts, ys, directions, there, arrivals = found
+    return Crossings(ts, ys, directions, count=jnp.sum(there), status=status), left, arrivals

@@ -187,3 +187,35 @@ def test_an_event_at_the_time_of_a_break_happens():
     scene = jaxdyn.ode(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 10.0)
     stop = jaxdyn.until(scene, Every(jnp.asarray(2.0)), 10.0, breaks=[1.0, 2.0])
     assert float(stop.t) == pytest.approx(2.0)
+
+
+def rubbed(t, y, p):
+    k, friction = p
+    return [y[1], -k * y[0] - friction * jnp.sign(y[1])]
+
+
+def turns(x, most):
+    """Times and places at which a block on a spring of stiffness k, with dry friction f, turns."""
+    start, k, friction = x
+    block = jaxdyn.ode(rubbed, jnp.stack([start, 0.0]), 20.0, params=jnp.stack([k, friction]))
+    found = jaxdyn.crossings(block, Reaches(1, 0.0), 20.0, most=most, **TIGHT)
+    return jnp.stack([found.ts, found.ys[:, 0]], 1)
+
+
+def turns_exactly(x, n):
+    """It turns after each half period, nearer by 2 f / k."""
+    start, k, friction = x
+    return jnp.stack(
+        [n * jnp.pi / jnp.sqrt(k), (-1.0) ** n * (start - 2 * n * friction / k)], axis=-1
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev, jax.hessian])
+def test_derivatives_where_the_friction_of_a_block_turns_round_and_sticks(derivative):
+    """The block arrives with one friction and leaves with another, or stays; the derivatives are
+    those of the arrival."""
+    x, n = jnp.array([1.0, 1.0, 0.15]), jnp.array([1.0, 2.0, 3.0])
+    found = derivative(lambda x: turns(x, most=4))(x)
+    assert gap(found[:3], derivative(turns_exactly)(x, n)) < 10 * SOLVED
+    assert (found[3] == 0).all()  # it sticks at the third one
