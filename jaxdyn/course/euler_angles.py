@@ -10,6 +10,7 @@ so on. Rotations about fixed axes multiply from the left, those about the body's
 right, so both sequences give the same product.
 """
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -22,20 +23,19 @@ TOPIC = "vectors and rotations"
 ANGLES = np.array([0.6, -0.9, 1.3])
 
 
-def turning(t, begin):
+class Turns(eqx.Module):
     """Angles about x, y and z, each turned from rest to rest in the second after its beginning."""
-    part = jnp.clip(t - jnp.asarray(begin), 0, 1)
-    return jnp.asarray(ANGLES) * (part - jnp.sin(2 * jnp.pi * part) / (2 * jnp.pi))
+
+    begin: np.ndarray
+
+    def __call__(self, t):
+        """(3,) angles at time t."""
+        part = jnp.clip(t - self.begin, 0, 1)
+        return jnp.asarray(ANGLES) * (part - jnp.sin(2 * jnp.pi * part) / (2 * jnp.pi))
 
 
-def about_fixed_axes(t):
-    """First about x, then y, then z."""
-    return turning(t, [0.0, 1.0, 2.0])
-
-
-def about_its_own_axes(t):
-    """First about z, then y, then x."""
-    return turning(t, [2.0, 1.0, 0.0])
+FIRST_X_THEN_Y_THEN_Z = np.array([0.0, 1.0, 2.0])
+FIRST_Z_THEN_Y_THEN_X = FIRST_X_THEN_Y_THEN_Z[::-1]
 
 
 def solve(page: Page) -> None:
@@ -68,8 +68,14 @@ def solve(page: Page) -> None:
     orders = {"fixed": (np.eye(3), Rx, Ry @ Rx, R), "body's": (np.eye(3), Rz, Rz @ Ry, R)}
     look = "The axes x, y, z (blue, orange, green), turned about fixed axes and (below) its own."
     page.draw(lambda: picture(orders), look)
-    scene = {"about fixed x, y, z": about_fixed_axes, "about its own z, y, x": about_its_own_axes}
-    boxes = {name: simulate(scenes.moved_box(angles=f, t1=3.0)) for name, f in scene.items()}
+    begins = {
+        "about fixed x, y, z": FIRST_X_THEN_Y_THEN_Z,
+        "about its own z, y, x": FIRST_Z_THEN_Y_THEN_X,
+    }
+    boxes = {
+        name: simulate(scenes.moved_box(angles=Turns(begin), t1=3.0))
+        for name, begin in begins.items()
+    }
     page.play(boxes, "The boxes separate at once, and coincide again at the end.")
 
 

@@ -118,7 +118,21 @@ class Given(Angles):
 
     def __call__(self, t: Array) -> Array:
         """(3,) angles at time t."""
-        return jnp.stack([jnp.asarray(angle, float) for angle in self.function(t)])
+        return _stack(self.function(t))
+
+
+class GivenByModule(Angles):
+    """Three angles given by a module, whose arrays are numbers of the scene."""
+
+    module: Any
+
+    def __call__(self, t: Array) -> Array:
+        """(3,) angles at time t."""
+        return _stack(self.module(t))
+
+
+def _stack(angles) -> Array:
+    return jnp.stack([jnp.asarray(angle, float) for angle in angles])
 
 
 class MovedBox(Path):
@@ -226,7 +240,8 @@ def moved_box(
       sequence: Euler angles; "xyz" are those of problem 48, about fixed x, then y, then z.
       t1: span [s].
       angles: t -> (3,) any other angles [rad] in place of the swings, computed with jax.numpy;
-        a named function, since each lambda is compiled again.
+        a named function, since each lambda is compiled again, or an `equinox.Module` with
+        `__call__`, whose arrays are numbers of the scene.
     Example:
       >>> import jax.numpy as jnp
       >>> def faster_and_faster(t):
@@ -242,13 +257,14 @@ def moved_box(
     return _scene_on_path(MovedBox(corners, given, sequence), t1)
 
 
-def _angles(angles) -> Given:
+def _angles(angles) -> Angles:
     if not callable(angles):
         raise _checks.fail("angles", "a function of time", angles, "Such as lambda t: (t, t, t).")
-    shape = jax.eval_shape(Given(angles), jnp.zeros(())).shape
+    given = GivenByModule(angles) if isinstance(angles, eqx.Module) else Given(angles)
+    shape = jax.eval_shape(given, jnp.zeros(())).shape
     if shape != (3,):
         raise _checks.fail("angles", "a function that returns three angles", f"shape {shape}")
-    return Given(angles)
+    return given
 
 
 def _check_pairs(pairs, count: int) -> tuple[tuple[int, int], ...]:

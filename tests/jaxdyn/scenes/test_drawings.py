@@ -1,5 +1,7 @@
 """Problems 7, 47 and 49: drawings that move without distortion, where they should be."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -70,6 +72,26 @@ def test_problem_49_three_functions_of_time():
     motion = simulate(moved_box(angles=_spun, sequence="ZXZ"), 0.8, rtol=1e-12)
     expected = motion.r[0] @ matrix_from_euler(jnp.stack(_spun(jnp.asarray(0.8))), "ZXZ").T
     assert gap(motion.r[-1], expected) < SOLVED * 10
+
+
+class Spun(eqx.Module):
+    """Turns about one axis at a rate."""
+
+    rate: float
+
+    def __call__(self, t):
+        return self.rate * t, 0.0, 0.0
+
+
+def test_the_numbers_of_a_module_of_angles_are_numbers_of_the_scene():
+    def corner(rate):
+        return simulate(moved_box(angles=Spun(rate), t1=2.0), rtol=1e-12).r[-1, 6]
+
+    start = np.asarray(corner(0.0))
+    matrix = plane_rotation(jnp.asarray(0.6))
+    assert gap(corner(0.3)[1:], matrix @ start[1:]) < SOLVED * 10
+    across = np.array([-corner(0.3)[2], corner(0.3)[1]])
+    assert gap(jax.jacfwd(corner)(0.3)[1:], 2.0 * across) < SOLVED * 10
 
 
 def test_problem_7_any_drawing():
