@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.interpolate import PchipInterpolator
 
 from jaxdyn import _checks
 from jaxdyn._checks import check_first
@@ -26,6 +27,8 @@ EQUILIBRIUM_MARKERS = {
 #: Markers of the kinds of points of codimension two, in the order of their first appearance.
 _SHAPES = "^Do*XsvPpd<>"
 _SUBCRITICAL = (0, (4, 2))
+#: Number of straight pieces drawn between two computed points.
+_PIECES = 12
 
 
 @check_first
@@ -148,6 +151,70 @@ def stretches(
     ]
 
 
+def draw_stretches(
+    ax,
+    found: Sequence[tuple[str, list, bool]],
+    place: Callable[[Any], tuple[float, float]],
+    name: str,
+    **look,
+) -> None:
+    """Draw stretches of a line in the styles of their verdicts.
+
+    Args:
+      ax: axes, with their scales.
+      found: result of `stretches`.
+      place: point -> where it is in the picture.
+      name: the name in the legend, with {} for the verdict.
+      look: what they have in common.
+    """
+    lines = smooth(ax, [[place(x) for x in points] for _, points, _ in found])
+    for (verdict, _, shown), line in zip(found, lines, strict=True):
+        label = name.format(verdict) if shown else "_"
+        ax.plot(*line.T, ls=STRETCHES[verdict], label=label, **look)
+
+
+def smooth(ax, lines: Sequence) -> list[np.ndarray]:
+    """Smooth curves through the points of lines (n, 2), in the scales of a picture's axes.
+
+    The points of lines that follow one another, each from where the last one ended, lie on one
+    curve. It is a monotone cubic of Fritsch and Carlson (SIAM J. Numer. Anal. 17, 238, 1980) in
+    each coordinate, over the length of the chords: between two points it stays within their
+    values, so that no extreme is drawn that was not computed.
+    """
+    scale = ax.transScale
+    lines = [scale.transform(np.asarray(line, float)) for line in lines]
+    curves = []
+    for first in (i for i, line in enumerate(lines) if not i or _has_gap(lines[i - 1], line)):
+        last = first + 1
+        while last < len(lines) and not _has_gap(lines[last - 1], lines[last]):
+            last += 1
+        curves += _through(lines[first:last])
+    return [scale.inverted().transform(curve) for curve in curves]
+
+
+def _has_gap(before: np.ndarray, after: np.ndarray) -> bool:
+    return not np.array_equal(before[-1], after[0])
+
+
+def _through(lines: list[np.ndarray]) -> list[np.ndarray]:
+    """The curve through lines without gaps, cut where they are."""
+    points = np.concatenate([lines[0][:1], *(line[1:] for line in lines)])
+    extent = np.ptp(points, axis=0)
+    chords = np.linalg.norm(np.diff(points, axis=0) / np.where(extent > 0, extent, 1.0), axis=1)
+    length = np.concatenate([[0.0], np.cumsum(chords)])
+    apart = np.concatenate([[True], np.diff(length) > 0])
+    if not np.isfinite(points).all() or apart.sum() < 3:
+        return lines
+    curve = PchipInterpolator(length[apart], points[apart])
+    found, first = [], 0
+    for line in lines:
+        ends = length[first : first + len(line)]
+        parts = np.linspace(ends[:-1], ends[1:], _PIECES, endpoint=False, axis=1).ravel()
+        found.append(curve(np.append(parts, ends[-1])))
+        first += len(line) - 1
+    return found
+
+
 def _is_beside(a: np.ndarray, b: np.ndarray, x: np.ndarray) -> bool:
     """Whether x is beside the line from a to b, nearer to it than half its length."""
     along = b - a
@@ -167,12 +234,12 @@ def _criticality(one, two) -> str:
 def draw_equilibria(ax, families: Sequence[EquilibriumFamily], index: int, of: str = "") -> None:
     """Draw the `stretches` of families of equilibria; `of` begins their names in the legend."""
     for family in families:
-        for verdict, points, shown in stretches(
-            family.members, family.special, lambda x: x.verdict, lambda x: x.x
-        ):
-            line = np.array([(x.parameter, x.state[index]) for x in points])
-            name = f"{of}{verdict}" if shown else "_"
-            ax.plot(*line.T, color=PALETTE[0], lw=1.8, ls=STRETCHES[verdict], label=name)
+        found = stretches(family.members, family.special, lambda x: x.verdict, lambda x: x.x)
+
+        def place(x) -> tuple[float, float]:
+            return x.parameter, x.state[index]
+
+        draw_stretches(ax, found, place, f"{of}{{}}", color=PALETTE[0], lw=1.8)
 
 
 def entry_of(families: Sequence[EquilibriumFamily], entry: str | None) -> tuple[int, str]:

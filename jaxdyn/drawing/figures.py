@@ -139,10 +139,11 @@ def path_entries(names: Sequence[str], colours: Sequence) -> list[Line2D]:
 
 
 def legend_entries(*panels) -> list[Artist]:
-    """The legend entries of the panels, each name once."""
-    found = {}
+    """The legend entries of the panels, each name once, with the first look that it has."""
+    found: dict[str, Artist] = {}
     for ax in panels:
-        found |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+        for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(name, handle)
     return list(found.values())
 
 

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, choice
 from jaxdyn.drawing.bifurcations import (
     EQUILIBRIUM_MARKERS,
-    STRETCHES,
     draw_equilibria,
+    draw_stretches,
     entry_of,
 )
 from jaxdyn.drawing.figures import PALETTE, blank, finish, legend_below, legend_entries, style
@@ -49,11 +48,13 @@ def diagram(
     draw_equilibria(ax, found.equilibria, index, "equilibria, ")
     for family in found.orbits:
         rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
-        for verdict, points, shown in orbit_stretches(family.members, family.special):
-            for side in (0, 1):
-                line = np.array([(x.parameter, rows[id(x)][side]) for x in points])
-                label_ = f"orbits, {verdict}" if shown else "_"
-                ax.plot(*line.T, color=PALETTE[1], lw=1.5, ls=STRETCHES[verdict], label=label_)
+        parts = orbit_stretches(family.members, family.special)
+        for side in (0, 1):
+
+            def place(x, rows=rows, side=side) -> tuple[float, float]:
+                return x.parameter, rows[id(x)][side]
+
+            draw_stretches(ax, parts, place, "orbits, {}", color=PALETTE[1], lw=1.5)
         for point in family.special:
             x = [point.parameter] * 2
             ax.plot(

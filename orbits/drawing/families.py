@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from jaxdyn._checks import check_first, fail
 from jaxdyn._text import joule, with_unit
 from jaxdyn.continuation.kinds import Kind
-from jaxdyn.drawing.bifurcations import STRETCHES, stretches
+from jaxdyn.drawing.bifurcations import draw_stretches, stretches
 from jaxdyn.drawing.figures import INK, PALETTE, blank, finish, legend_below, legend_entries, style
 from jaxdyn.drawing.titles import heading
 from jaxdyn.files.output_files import picture_path
@@ -71,23 +71,21 @@ def family(
         across = entry.energy if listed.parameter is None else entry.parameter
         return across, float(of_orbit(entry.orbit))
 
-    passed = [place(entry) for entry in listed.members]
-    seen: set[str] = set()
-    for (one, here), (two, there) in itertools.pairwise(zip(listed.members, passed, strict=True)):
-        verdict = one.verdict if one.verdict == two.verdict else "undecided"
-        label = "_" if verdict in seen else verdict
-        seen.add(verdict)
-        ax.plot(
-            *zip(here, there, strict=True),
-            color=PALETTE[0],
-            lw=1.8,
-            ls=STRETCHES[verdict],
-            label=label,
-        )
+    places = {id(entry): place(entry) for entry in (*listed.members, *listed.special)}
+    extent = np.ptp(list(places.values()), axis=0)
+    scale = np.where(extent > 0, extent, 1.0)
+    found = stretches(
+        listed.members,
+        listed.special,
+        lambda entry: entry.verdict,
+        lambda entry: np.array(places[id(entry)]) / scale,
+    )
+    draw_stretches(ax, found, lambda x: places[id(x)], "{}", color=PALETTE[0], lw=1.8)
+    passed = [places[id(entry)] for entry in listed.members]
     ax.plot(*zip(*passed, strict=True), ".", color=PALETTE[0], ms=4, label="_")
     ax.plot(*passed[0], "o", color=INK, ms=6, zorder=3, label="first")
     for (kind, marker), colour in zip(MARKS.items(), itertools.cycle(PALETTE[1:]), strict=False):
-        there = np.array([place(entry) for entry in listed.special if entry.kind == kind])
+        there = np.array([places[id(entry)] for entry in listed.special if entry.kind == kind])
         if len(there):
             ax.plot(*there.T, marker, color=colour, ms=8, mew=2, zorder=4, label=kind, ls="")
     energy = with_unit("energy", joule(first_scene(listed.members[0].orbit).labels()))

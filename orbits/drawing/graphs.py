@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jaxdyn._checks import check_first
-from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, STRETCHES
+from jaxdyn.drawing.bifurcations import EQUILIBRIUM_MARKERS, STRETCHES, draw_stretches
 from jaxdyn.drawing.figures import INK, blank, finish, legend_below, legend_entries, shades, style
 from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
@@ -47,11 +47,12 @@ def graph(
     ax: Any = figure.add_subplot()
     colours = shades(len(found.families))
     for i, (family, colour) in enumerate(zip(found.families, colours, strict=True)):
-        for verdict, points, _ in orbit_stretches(family.members, family.special):
-            line = np.array([(across(x), x.orbit.period) for x in points])
-            # Each line is thinner than the last, so that families of equal periods are all seen.
-            width = _THIN + _WIDER * (1 - i / len(colours))
-            ax.plot(*line.T, color=colour, lw=width, ls=STRETCHES[verdict], label="_")
+        parts = orbit_stretches(family.members, family.special)
+        # Each line is thinner than the last, so that families of equal periods are all seen.
+        width = _THIN + _WIDER * (1 - i / len(colours))
+        draw_stretches(
+            ax, parts, lambda x: (across(x), x.orbit.period), "_", color=colour, lw=width
+        )
         middle = family.members[int(len(family.members) * (i + 1) / (len(colours) + 1))]
         ax.annotate(
             str(i + 1),

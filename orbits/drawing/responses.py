@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jaxdyn import Scene, _text
 from jaxdyn._checks import check_first, choice, fail
-from jaxdyn.drawing.bifurcations import STRETCHES
+from jaxdyn.drawing.bifurcations import draw_stretches, smooth
 from jaxdyn.drawing.figures import (
     INK,
     PALETTE,
@@ -76,7 +76,7 @@ def frequency_response(
     if backbone is not None:
         line = list(zip(backbone.frequencies, backbone.amplitudes(output), strict=True))
         top = axes[0].get_ylim()[1]
-        axes[0].plot(*np.array(line).T, color=INK, lw=1.2, ls="-.", label="backbone")
+        axes[0].plot(*smooth(axes[0], [line])[0].T, color=INK, lw=1.2, ls="-.", label="backbone")
         axes[0].set_ylim(top=top)
     axes[0].set(ylabel=f"amplitude {label}", xlim=found.frequencies)
     axes[0].set_ylim(bottom=0.0)
@@ -131,6 +131,11 @@ def backbone(
 
     figure = blank(_WIDTH, 5.0)
     ax: Any = figure.add_subplot()
+    if against == "energy":
+        energy = _text.with_unit("energy", _text.joule(scene.labels()))
+        ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
+    else:
+        ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
     kinds: dict[str, Any] = {}
     for one, colour in zip(many, itertools.cycle(PALETTE), strict=False):
         places = {id(m): place(m, one.rest) for m in (*one.family.members, *one.family.special)}
@@ -140,11 +145,6 @@ def backbone(
             ax.plot(x, y, ".", color=INK, ms=5, zorder=5)
             ratio = f"{resonance.ratio.numerator}:{resonance.ratio.denominator}"
             ax.annotate(ratio, (x, y), (3, 4), textcoords="offset points", fontsize=7, color=INK)
-    if against == "energy":
-        energy = _text.with_unit("energy", _text.joule(scene.labels()))
-        ax.set(xscale="log", xlabel=energy, ylabel=_frequency(scene))
-    else:
-        ax.set(xlabel=_frequency(scene), ylabel=f"amplitude {label}")
     ax.set_title(_title(title, scene), fontsize=10)
     style(ax)
     legend_below(figure, [*legend_entries(ax), *kinds.values()])
@@ -173,10 +173,8 @@ def _unwrap(curve: Family, places: dict[int, tuple[float, float]]) -> dict:
 def _curve(ax, curve: Family, places: dict, colour, name: str, kinds: dict) -> None:
     """Draw a curve with its stability, and its special points."""
     members = (*curve.members, curve.members[0]) if curve.closed else curve.members
-    for number, (verdict, points, _) in enumerate(orbit_stretches(members, curve.special)):
-        line = np.array([places[id(m)] for m in points])
-        label = name if not number else "_"
-        ax.plot(*line.T, color=colour, lw=1.6, ls=STRETCHES[verdict], label=label)
+    found = orbit_stretches(members, curve.special)
+    draw_stretches(ax, found, lambda m: places[id(m)], name, color=colour, lw=1.6)
     for m in curve.special:
         ax.plot(*places[id(m)], MARKS[m.kind], color=colour, ms=5, mec=INK, mew=0.6, zorder=4)
         kinds.setdefault(str(m.kind), mark(MARKS[m.kind], str(m.kind)))
