@@ -51,10 +51,10 @@ def diagram(
         parts = orbit_stretches(family.members, family.special)
         for side in (0, 1):
 
-            def place(x, rows=rows, side=side) -> tuple[float, float]:
+            def extreme(x, rows=rows, side=side) -> tuple[float, float]:
                 return x.parameter, rows[id(x)][side]
 
-            draw_stretches(ax, parts, place, "orbits, {}", color=PALETTE[1], lw=1.5)
+            draw_stretches(ax, parts, extreme, "orbits, {}", color=PALETTE[1], lw=1.5)
         for point in family.special:
             x = [point.parameter] * 2
             ax.plot(
