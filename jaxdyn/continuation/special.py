@@ -31,6 +31,7 @@ _HALVINGS = 25  # most halvings of the interval between two members
 _SHARE = 0.47  # part of it to the next test: a symmetric branch point is often exactly half-way
 _OUTSIDE = 1e-4  # part of it: a solution farther beyond its ends belongs to another place
 _ROUNDING = 1e-13  # parameter entry of a tangent below which the parameter does not change
+_KNOWN = 1e-12  # units of the parameter to which a Hopf point is located
 _SAME_PLACE = 1e-6  # relative distance below which a fold and a branch point are the same
 
 
@@ -177,10 +178,22 @@ def _with_coefficients(
         point = dataclasses.replace(point, tangent=before.tangent)
     if kind == Kind.HOPF:
         frequency = float(abs(solution.x[-1]))
-        first = first_lyapunov(make, x, point.jacobian, frequency, np.asarray(make.each))
+        first = _first_lyapunov(make, x, point.jacobian, frequency)
         return dataclasses.replace(point, kind=kind, coefficient=first, frequency=frequency)
     quadratic, cubic = null_form(make, x, point.jacobian, np.asarray(make.each))
     return dataclasses.replace(point, kind=kind, coefficient=quadratic, cubic=cubic)
+
+
+def _first_lyapunov(make: InUnits, x: np.ndarray, a: np.ndarray, frequency: float) -> float:
+    """The first Lyapunov coefficient; 0 if its sign differs at the ends of where the point may be.
+
+    In van der Pol's mu (1 - v^2) it is proportional to mu, and all orbits have the parameter 0.
+    """
+    each, along = np.asarray(make.each), np.eye(len(x))[-1]
+    here, *beside = (
+        first_lyapunov(make, x + off * along, a, frequency, each) for off in (0.0, -_KNOWN, _KNOWN)
+    )
+    return here if np.sign(beside[0]) == np.sign(beside[1]) else 0.0
 
 
 def _inside(a: Equilibrium, b: Equilibrium, x: np.ndarray) -> bool:

@@ -35,6 +35,7 @@ from orbits.shooting.segment import Make
 _SAME = 1e-6  # distance in units of the family below which two special points are one
 _MET = 1e-4  # the same for branch points of orbits, in parameter and period
 _NEAR = 1e-2  # the same for a Hopf point and orbits that have shrunk to it
+_ROUNDING = 1e-12  # units of the parameter below which two values of it are one
 _SAMPLES = 200  # samples of an orbit, for the extremes of an entry
 #: Names in the file of a diagram.
 DOUBLINGS, FAILURE = "doublings", "failure"
@@ -227,6 +228,10 @@ def _coincide(a: Member, b: Member) -> bool:
     return max(apart, abs(a.orbit.period / b.orbit.period - 1)) < _MET
 
 
+def _parameter_unit(point: Equilibrium | Member) -> float:
+    return point.point.units[-2] if isinstance(point, Member) else _units(point)[-1]
+
+
 def _shrunk_to(end: Member, point: Equilibrium) -> bool:
     """Whether the orbits of a family have shrunk to a Hopf point."""
     *each, parameter = _units(point)
@@ -271,8 +276,10 @@ class _Orbits:
     def _follow(self, point, begin: Callable, doublings: int, depth: int) -> None:
         try:
             orbit, value = begin()
-            # Follow the family away from the point, to the side on which the first orbit lies.
-            down = value < point.parameter
+            # Follow the family away from the point, to the side on which the first orbit lies. Where
+            # all orbits have one parameter, the default leads away.
+            apart = (value - point.parameter) / _parameter_unit(point)
+            down = None if abs(apart) <= _ROUNDING else apart < 0
             log = None if self.log is None else self.log.with_note(**{DOUBLINGS: doublings})
             options = self.options | {"down": down, "path": log}
             family = continue_family(orbit, self.make, value, **options)
