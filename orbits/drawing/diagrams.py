@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from jaxdyn._checks import check_first, choice
@@ -16,6 +17,10 @@ from jaxdyn.drawing.titles import readable
 from jaxdyn.files.output_files import picture_path
 from orbits.drawing.families import MARKS, orbit_stretches
 from orbits.families.diagram import Diagram, extremes
+from orbits.families.family import Family
+
+_SAME = 1e-9  # units of the parameter below which two values of it are one
+_MARGIN = 0.1  # part of the height beside the orbits
 
 
 @check_first
@@ -46,27 +51,19 @@ def diagram(
     figure = blank(6.8, 5.0)
     ax: Any = figure.add_subplot()
     draw_equilibria(ax, found.equilibria, index, "equilibria, ")
+    rows = {
+        id(x): extremes(x, index)
+        for family in found.orbits
+        for x in (*family.members, *family.special)
+    }
+    # The orbits about a centre, all with one parameter, are drawn as far as the others reach.
+    others = [family for family in found.orbits if not _is_upright(family)]
+    if others and len(others) < len(found.orbits):
+        ends = [rows[id(x)] for family in others for x in family.members]
+        low, high = np.min(ends), np.max(ends)
+        ax.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
     for family in found.orbits:
-        rows = {id(x): extremes(x, index) for x in (*family.members, *family.special)}
-        parts = orbit_stretches(family.members, family.special)
-        for side in (0, 1):
-
-            def extreme(x, rows=rows, side=side) -> tuple[float, float]:
-                return x.parameter, rows[id(x)][side]
-
-            draw_stretches(ax, parts, extreme, "orbits, {}", color=PALETTE[1], lw=1.5)
-        for point in family.special:
-            x = [point.parameter] * 2
-            ax.plot(
-                x,
-                rows[id(point)],
-                MARKS[point.kind],
-                color=PALETTE[2],
-                ms=6,
-                ls="",
-                zorder=4,
-                label=f"{point.kind} of orbits",
-            )
+        _draw_orbits(ax, family, rows)
     for point in (x for family in found.equilibria for x in family.special):
         place = ([point.parameter], [point.state[index]])
         ax.plot(
@@ -82,6 +79,34 @@ def diagram(
     style(ax)
     legend_below(figure, legend_entries(ax))
     return finish(figure, path)
+
+
+def _is_upright(family: Family) -> bool:
+    """Whether all members have one parameter."""
+    parameters = [x.parameter for x in family.members]
+    return bool(np.ptp(parameters) <= _SAME * min(x.point.units[-2] for x in family.members))
+
+
+def _draw_orbits(ax, family: Family, rows: dict) -> None:
+    """Draw the extremes of an entry along a family, and its special points."""
+    parts = orbit_stretches(family.members, family.special)
+    for side in (0, 1):
+
+        def extreme(x, side=side) -> tuple[float, float]:
+            return x.parameter, rows[id(x)][side]
+
+        draw_stretches(ax, parts, extreme, "orbits, {}", color=PALETTE[1], lw=1.5)
+    for point in family.special:
+        ax.plot(
+            [point.parameter] * 2,
+            rows[id(point)],
+            MARKS[point.kind],
+            color=PALETTE[2],
+            ms=6,
+            ls="",
+            zorder=4,
+            label=f"{point.kind} of orbits",
+        )
 
 
 def _entry(found: Diagram, entry: str | None) -> tuple[int, str]:

@@ -217,10 +217,23 @@ def _through(value: float) -> Test:
     return lambda _, member: float(np.prod(member.stability.nontrivial - value).real)
 
 
+def _branch(surface: Surface, member: Member) -> float:
+    """The multipliers less 1, or where one of them is 1 all along the family, the equations.
+
+    So it is for the orbits about a centre, as those of van der Pol's oscillator at mu = 0: where
+    its limit cycles begin only the equations show it, by the derivative with respect to mu.
+    """
+    if member.alike.shape[1] and surface.equations.make is not None:
+        found = surface.bordered_determinant(member.point, member.tangent)
+        if not np.isnan(found):
+            return found
+    return _through(1.0)(surface, member)
+
+
 #: The multiplier with which a family meets another one.
 _MET = {Kind.BRANCH: 1.0, Kind.DOUBLING: -1.0}
 #: Test functions of a member, which change sign at special points.
-_TESTS = {Kind.FOLD: _fold} | {kind: _through(value) for kind, value in _MET.items()}
+_TESTS = {Kind.FOLD: _fold, Kind.BRANCH: _branch, Kind.DOUBLING: _through(-1.0)}
 
 
 def _known_tests(surface: Surface, a: Member, b: Member) -> set[Kind]:

@@ -276,10 +276,10 @@ class _Orbits:
     def _follow(self, point, begin: Callable, doublings: int, depth: int) -> None:
         try:
             orbit, value = begin()
-            # Follow the family away from the point, to the side on which the first orbit lies. Where
+            # Follow the family away from the point, to the side on which the first orbit lies. If
             # all orbits have one parameter, the default leads away.
             apart = (value - point.parameter) / _parameter_unit(point)
-            down = None if abs(apart) <= _ROUNDING else apart < 0
+            down = None if abs(apart) <= _ROUNDING else bool(apart < 0)
             log = None if self.log is None else self.log.with_note(**{DOUBLINGS: doublings})
             options = self.options | {"down": down, "path": log}
             family = continue_family(orbit, self.make, value, **options)

@@ -23,6 +23,7 @@ _PARTS = (1.0, 0.5, 0.25, 0.125)
 _UNHOLDABLE = 1e12
 _NUDGE = 1e-6  # length along a tangent, for a difference quotient
 _FLAT = 1e-9  # a period or parameter that changes less is constant
+_STILL_FLAT = 1e-5  # the same where it was: near a branch point rounding of directions grows
 
 
 def first_member(surface: Surface, point: Point, sign: float) -> Member:
@@ -102,9 +103,8 @@ class OrbitChart(Chart[Member]):
         old = _orthonormal(last.alike / point.units[:, None])
         alike = old
         if alike.shape[1]:
-            alike = _nearest(
-                _fixed_parameter_directions(self.surface, self.surface.directions(point)), old
-            )
+            ways = self.surface.directions(point)
+            alike = _nearest(_fixed_parameter_directions(self.surface, ways, _STILL_FLAT), old)
         if alike.shape[1] < last.alike.shape[1]:
             return "an integral of the family is lost"
         new = member_at(self.surface, point, tangent * self.units / point.units, alike)
@@ -202,12 +202,14 @@ def member_at(surface: Surface, point: Point, tangent: np.ndarray, alike: np.nda
     )
 
 
-def _fixed_parameter_directions(surface: Surface, ways: np.ndarray) -> np.ndarray:
+def _fixed_parameter_directions(
+    surface: Surface, ways: np.ndarray, flat: float = _FLAT
+) -> np.ndarray:
     """(n, d) orthonormal: the directions along which the parameter is constant."""
     if surface.equations.make is None or not ways.shape[1]:
         return ways
     change = ways[-2]
-    if np.linalg.norm(change) <= _FLAT:
+    if np.linalg.norm(change) <= flat:
         return ways
     _, _, vt = np.linalg.svd(change[None])
     return ways @ vt[1:].T

@@ -297,6 +297,23 @@ class Surface(abc.ABC):
         parameter = 1.0 if self.equations.make is None else float(point.units[-2])
         return UnknownSizes(point.sizes, parameter)
 
+    def bordered_determinant(self, point: Point, along: np.ndarray) -> float:
+        """The determinant of the equations with the known directions, 0 at a crossing.
+
+        NaN if there are more equations than directions that remain, as where an integral of the
+        scene makes some of them redundant.
+
+        Args:
+          point: a point of the surface.
+          along: (n,) the direction of its family.
+        """
+        jacobian = self._in_units(point)
+        ahead = along / point.units
+        known = np.column_stack([self.neutral(point), ahead / np.linalg.norm(ahead)])
+        bordered = np.vstack([jacobian / np.linalg.norm(jacobian, 2), known.T])
+        square = len(bordered) == bordered.shape[1]
+        return float(np.linalg.det(bordered)) if square else math.nan
+
     def other_direction(
         self, x: np.ndarray, along: np.ndarray, sizes: np.ndarray
     ) -> np.ndarray | None:
@@ -443,14 +460,19 @@ class OrbitSurface(Surface):
 
 
 def kept_directions(jacobian: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, r) orthonormal basis of those directions (n,), in units, that keep the equations."""
-    kept = [np.zeros(jacobian.shape[1])]
+    """(n, r) orthonormal basis of those directions (n,), in units, that keep the equations.
+
+    Independent directions have the basis nearest to them, their polar factor, which is continuous
+    along a family: it does not change its orientation, as that of a decomposition may.
+    """
+    kept = [np.zeros((jacobian.shape[1], 0))]
     for column in columns:
         size = np.linalg.norm(column)
         if np.linalg.norm(jacobian @ column) <= _NEUTRAL * np.linalg.norm(jacobian) * size > 0:
-            kept.append(column / size)
-    u, s, _ = np.linalg.svd(np.array(kept).T, full_matrices=False)
-    return u[:, s > _NEUTRAL]
+            kept.append(column[:, None] / size)
+    u, s, vt = np.linalg.svd(np.hstack(kept), full_matrices=False)
+    independent = s > _NEUTRAL
+    return u @ vt if independent.all() else u[:, independent]
 
 
 @jax.jit

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from odes import pitchfork_of_cycles, roessler
+from scipy.integrate import solve_ivp
 
 import jaxdyn
 import orbits
@@ -161,3 +162,47 @@ def test_a_canard_explosion_turns_at_a_fold():
     np.testing.assert_allclose(
         [point.parameter for point in family.special], 0.324178522, atol=1e-8
     )
+
+
+def _textbook(mu):
+    def rate(t, y, mu):
+        return [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]]
+
+    return jaxdyn.ode(rate, [0.0, 0.0], 10.0, params=mu)
+
+
+@pytest.mark.slow
+def test_limit_cycles_of_van_der_pol_are_reached_through_the_orbits_of_the_centre(tmp_path):
+    """At mu = 0 all orbits are circles, and the limit cycles cross them where the radius is 2."""
+    found = orbits.diagram(_textbook, -0.5, [0.0, 0.0], within=(-1, 1), orbit_members=20)
+    hopf = found.equilibria[0].special[0]
+    assert (hopf.criticality, hopf.coefficient) == ("", 0.0)
+    assert not found.failures
+    circles, *sides = found.orbits
+    assert max(abs(x.parameter) for x in circles.members) < 1e-12
+    (crossing,) = circles.special
+    assert crossing.kind == orbits.Kind.BRANCH
+    np.testing.assert_allclose(np.linalg.norm(crossing.orbit.y0), 2.0, rtol=1e-9)
+    # One side is stable, the other, which is it backwards in time, is not.
+    assert [side.members[-1].stability.verdict for side in sides] == ["unstable", "stable"]
+    for side in sides:
+        last = side.members[-1]
+        assert abs(last.parameter) > 0.5
+        period = _period_by_scipy(abs(last.parameter))
+        np.testing.assert_allclose(last.orbit.period, period, rtol=1e-9)
+    ax = orbits.drawing.diagram(found, tmp_path / "diagram.png", parameter="mu").axes[0]
+    assert 2.0 < ax.get_ylim()[1] < 4.0  # not as far as the circles reach
+
+
+def _period_by_scipy(mu):
+    """Of van der Pol's cycle: the time from one of its upper turns to the next."""
+
+    def rate(t, y):
+        return [y[1], mu * (1 - y[0] ** 2) * y[1] - y[0]]
+
+    def turns(t, y):
+        return y[1]
+
+    options = {"events": turns, "rtol": 1e-13, "atol": 1e-13, "method": "DOP853"}
+    times = solve_ivp(rate, (0.0, 100.0), [2.0, 0.0], **options).t_events[0]
+    return times[-1] - times[-3]
