@@ -113,7 +113,7 @@ def four_bar(
     drift="projection",
     t1=20.0,
 ) -> Scene:
-    """Three uniform bars between two fixed hinges: crank, coupler, rocker (problem 43).
+    """A linkage of three uniform bars, crank, coupler, rocker, between two hinges (problem 43).
 
     Args:
       m: masses of crank, coupler and rocker [kg].

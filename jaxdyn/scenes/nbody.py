@@ -66,7 +66,8 @@ def n_body(
       names: (n,) names of the bodies; with "Earth" the label of its x is x_Earth, not x1.
       t1: span [s].
       units: names of the units of length, mass and time in which all these numbers are, such as
-        ("AU", "Msun", "day"), where they are not m, kg and s; see `Scene`.
+        ("AU", "Msun", "day"), where they are not m, kg and s; see `Scene`. G is not derived from
+        them: it is 0.01720209895**2 in these three.
     Reference: Li, Liao (2025), arXiv:2508.08568, O_1(0.3).
     Example:
       >>> from jaxdyn import scenes

@@ -63,8 +63,9 @@ def drive(scene: Scene, input: str | Input, signal: Signal, t1=None) -> Scene:
 
     Args:
       scene: the scene without the input.
-      input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
-        `Base`, `Motion` or `Parameter`.
+      input: where it acts: the name of a coordinate for a force on it (in a plain `ode`, whose
+        masses are not known, a force per mass), or `vibration.Force`, `Base`, `Motion` or
+        `Parameter`.
       signal: how it changes in time: `vibration.Harmonic`, `Step`, `Pulse`, `Sweep`, `Table`.
       t1: () time span; that of the scene by default.
     Returns:

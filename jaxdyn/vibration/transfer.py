@@ -80,8 +80,9 @@ def transfer_function(
 
     Args:
       scene: any scene.
-      input: where it acts: the name of a coordinate for a force on it, or `vibration.Force`,
-        `Base`, `Motion` or `Parameter`.
+      input: where it acts: the name of a coordinate for a force on it (in a plain `ode`, whose
+        masses are not known, a force per mass), or `vibration.Force`, `Base`, `Motion` or
+        `Parameter`.
       to: the output: the name of an entry of the state, or a function (t, y) that returns () or
         (m,).
       y: (k,) an equilibrium; the scene's start by default.
@@ -118,7 +119,8 @@ def receptance(scene: Scene, input: str | Input, to: Output, omega, y=None) -> A
 
     Args:
       scene: any scene.
-      input: see `transfer_function`; a name is a force on that coordinate.
+      input: see `transfer_function`; a name is a force on that coordinate, or a force per mass in
+        a plain `ode`.
       to: see `transfer_function`.
       omega: (...) angular frequencies [rad/s].
       y: (k,) an equilibrium; the scene's start by default.

@@ -19,7 +19,7 @@ from jaxdyn._checks import check_first, check_on_host, fail, positive, whole
 from jaxdyn._labelled import Labelled, Values
 from jaxdyn.analysis.energy import energy as energy_at
 from jaxdyn.analysis.scales_at_rest import at_rest
-from jaxdyn.continuation.branch import ANYWHERE, check_bounds
+from jaxdyn.continuation.branch import ANYWHERE, check_bounds, outside
 from jaxdyn.scales import groups
 from jaxdyn.scene import check_scene
 from jaxdyn.vibration.inputs import Output
@@ -142,7 +142,8 @@ def backbone(
         fiftieth of its size.
       energy: largest energy, above that of the equilibrium.
       frequencies: bounds on the angular frequency [rad/s], around that of the linear mode.
-      step: length of the first step; see `orbits.continue_family`.
+      step: length of the first step; a smaller one draws a smoother curve. See
+        `orbits.continue_family`.
       members: largest number of vibrations.
       order: largest value of the smaller one of p and q in the internal resonances p : q that are
         searched for; the larger one is at most five times that. 0 for none.
@@ -200,6 +201,9 @@ def backbone(
         energies=bounds,
         report=report,
     )
+    beyond = outside(2 * np.pi / family.periods[-1], frequencies, "on the frequency, ")
+    if beyond:  # the family names the bounds on its period
+        family = dataclasses.replace(family, end=beyond)
     linear = np.array([2 * np.pi / seed.period for seed in small])
     others = [n for n in range(1, len(linear) + 1) if n != mode]
     found = resonances(family, np.delete(linear, mode - 1) / linear[mode - 1], others, order)

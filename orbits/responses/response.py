@@ -215,15 +215,17 @@ def frequency_response(
 
     Args:
       scene: the scene without forcing, which starts in equilibrium.
-      drive: where the forcing acts: the name of a coordinate for a force on it, or
-        `vibration.Force`, `Base`, `Motion` or `Parameter`; or a function of (omega, level), or of
-        omega alone, that returns the forced scene, whose rate has the period 2 pi / omega.
+      drive: where the forcing acts: the name of a coordinate for a force on it (in a plain `ode`,
+        whose masses are not known, a force per mass), or `vibration.Force`, `Base`, `Motion` or
+        `Parameter`; or a function of (omega, level), or of omega alone, that returns the forced
+        scene, whose rate has the period 2 pi / omega.
       frequencies: lowest and highest angular frequency [rad/s].
       levels: amplitude of the forcing, or several amplitudes.
       isolas: number of frequencies at which responses are also followed over the level, besides
         that of the peak, to find curves that are detached at a level (isolas). 0 searches for none;
         with 1 only the frequency of the peak is tried.
-      step: length of the first step along a curve; see `orbits.continue_family`.
+      step: length of the first step along a curve; a smaller one draws a smoother curve. See
+        `orbits.continue_family`.
       members: largest number of responses of a curve.
       report: called with each response as it is found.
     Returns:
