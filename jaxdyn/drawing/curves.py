@@ -5,8 +5,9 @@ derivatives of both, and the points follow from it. For uniform circular motion 
 the radius with 6 samples per turn and 2e-3 with 3; fewer are not enough for a meaningful picture.
 """
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -62,10 +63,30 @@ def fine(piece: Trajectory, count: int, pieces: int, entries: Sequence[int] = ()
 def states(piece: Trajectory, count: int, pieces: int) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) and states (s, k) on the curve of `fine`."""
     ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
-    parts = -(-CURVE_SAMPLES // (pieces * max(count - 1, 1)))
-    if parts < 2 or count < 2:
+    parts = _parts(count, pieces)
+    if parts < 2:
         return ts, ys
     return _refine(ts, (ys, *map(np.asarray, _rates(piece.scene, ts, ys))), parts)
+
+
+def quantities(
+    piece: Trajectory, count: int, pieces: int, of: Callable[[Scene, Array, Array], dict]
+) -> dict[str, np.ndarray]:
+    """Quantities (s,) by name at the times of `states`, each a polynomial as the states are.
+
+    Not those of the states on the curve: where forces are large, a conserved energy would differ
+    between the samples by the errors of these.
+    """
+    ts, ys = np.asarray(piece.ts[:count]), np.asarray(piece.ys[:count])
+    found = _derivatives(piece.scene, ts, ys, of)
+    parts, known = _parts(count, pieces), [np.stack([*x.values()], axis=1) for x in found]
+    values = known[0] if parts < 2 else _refine(ts, tuple(known), parts)[1]
+    return dict(zip(found[0], values.T, strict=True))
+
+
+def _parts(count: int, pieces: int) -> int:
+    """The number of parts from sample to sample with which a curve looks smooth."""
+    return -(-CURVE_SAMPLES // (pieces * (count - 1))) if count > 1 else 1
 
 
 def _refine(ts: np.ndarray, known: tuple[np.ndarray, ...], parts: int):
@@ -107,6 +128,19 @@ def _rates(scene: Scene, ts, ys) -> tuple[Array, Array]:
         return jax.jvp(scene.rate, (t, y), (jnp.ones_like(t), rate))
 
     return jax.vmap(at)(ts, ys)
+
+
+@eqx.filter_jit
+def _derivatives(scene: Scene, ts, ys, of: Callable) -> tuple[dict, dict, dict]:
+    """Quantities (s,) by name along a motion, and their first and second time derivatives."""
+
+    def along(fn):
+        return lambda t, y: jax.jvp(fn, (t, y), (jnp.ones_like(t), scene.rate(t, y)))[1]
+
+    value = functools.partial(of, scene)
+    first = along(value)
+    second = along(first)
+    return jax.vmap(lambda t, y: (value(t, y), first(t, y), second(t, y)))(ts, ys)
 
 
 @eqx.filter_jit

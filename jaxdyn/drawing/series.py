@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +13,7 @@ from jaxdyn._checks import check_first
 from jaxdyn._text import joule, second
 from jaxdyn.analysis.energy import NAMES, energies
 from jaxdyn.drawing.contents import why_stopped
-from jaxdyn.drawing.curves import samples_reached, states
+from jaxdyn.drawing.curves import quantities, samples_reached, states
 from jaxdyn.drawing.figures import GRID, PALETTE, blank, finish, style
 from jaxdyn.drawing.panels import WIDTH
 from jaxdyn.drawing.titles import heading
@@ -100,17 +99,13 @@ def _of_energies(scene: Scene) -> str:
 
 def _values(piece: Trajectory, pieces: int, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Times (s,) of a smooth curve and the values (s, n) of what is named there."""
-    ts, ys = states(piece, samples_reached(piece), pieces)
+    count = samples_reached(piece)
+    ts, ys = states(piece, count, pieces)
     found = dict(zip(dict(piece.scene.labels()), ys.T, strict=True))
     if not set(names) <= set(found):
-        found = {name: np.asarray(x) for name, x in _along(piece.scene, ts, ys).items()} | found
+        found = quantities(piece, count, pieces, energies) | found
     return ts, np.stack([found[name] for name in names], axis=1)
 
 
 def _energies(scene: Scene) -> dict[str, Array]:
     return energies(scene, jnp.zeros(()), scene.y0)
-
-
-@eqx.filter_jit
-def _along(scene: Scene, ts: Array, ys: Array) -> dict[str, Array]:
-    return jax.vmap(lambda t, y: energies(scene, t, y))(ts, ys)

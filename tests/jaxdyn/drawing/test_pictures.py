@@ -320,6 +320,16 @@ def test_time_series_say_the_units():
     assert figure.axes[-1].get_xlabel() == "t [s]"
 
 
+def test_a_conserved_energy_is_drawn_flat_however_few_the_samples():
+    motion = simulate(scenes.double_pendulum(), samples=100)
+    (ax,) = drawing.time_series(motion, names=["kinetic", "potential", "total"]).axes
+    drawn = {line.get_label(): np.asarray(line.get_ydata()) for line in ax.lines}
+    assert np.ptp(drawn["total"]) < 1e-9
+    both = drawn["kinetic"] + drawn["potential"]
+    np.testing.assert_allclose(both, drawn["total"], rtol=0, atol=1e-12)
+    assert np.ptp(drawn["kinetic"]) > 10
+
+
 def test_time_series_of_energies_by_name():
     v, angle, g = 10.0, math.pi / 4, 9.81
     motion = simulate(scenes.cannonball(speed=v, angle=angle, m=2.0, g=g), 1.0, samples=3)
